@@ -1,0 +1,2 @@
+//! The `haptograph` command.
+fn main() {}
