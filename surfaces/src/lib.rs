@@ -1,1 +1,21 @@
-//! (see the crate's description)
+//! Data-driven haptic surfaces: what a surface is, its files, its interpolation and resampling, learning it from
+//! recordings, and measuring how well a virtual surface matches a real one. Knows nothing of graphs.
+//!
+//! A [`Surface`] is friction, taps, texture and stiffness with [`Provenance`]. Its texture is a [`TextureModel`]: a
+//! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
+//! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
+
+pub mod hull;
+pub mod lsf;
+pub mod model;
+pub mod provenance;
+pub mod surface;
+pub mod taps;
+pub mod texture;
+pub mod triangulation;
+
+pub use model::{ArmaModel, MAX_ORDER, ModelError};
+pub use provenance::{Origin, Provenance};
+pub use surface::{Friction, Stiffness, Surface, SurfaceError};
+pub use taps::{Tap, Taps};
+pub use texture::{ModelAt, TextureError, TextureModel, VertexKind};

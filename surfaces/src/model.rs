@@ -1,0 +1,395 @@
+//! One autoregressive (AR) or autoregressive moving-average (ARMA) model of a texture's vibration.
+
+use crate::lsf::{self, NotStable};
+use std::f64::consts::PI;
+
+pub use crate::lsf::MAX_ORDER;
+
+/// Line spectral frequencies closer to one another (or to 0 and π) than this are refused, radians. Poles within about
+/// a millionth of the unit circle have such; their direct-form coefficients no longer hold the filter stable in
+/// double precision. Interpolation between sets never makes a smaller gap, so that what holds at the models holds
+/// everywhere between them.
+pub const MIN_LSF_GAP_RAD: f64 = 1e-6;
+
+/// How far stored coefficients may be from those of the stored line spectral frequencies, relative to the largest
+/// coefficient (or 1). The toolkit's files have frequencies of six decimals, which leave 2e-5.
+pub const STORED_LSF_TOLERANCE: f64 = 1e-3;
+
+/// A stable and minimum-phase filter, excited by white noise:
+///
+/// y\[n\] = −Σ a_k y\[n−k\] + gain · (e\[n\] + Σ b_k e\[n−k\]), with e of the model's variance.
+///
+/// Coefficients and line spectral frequencies (LSFs) are both kept as they were given. **The LSFs lead**: rendering
+/// goes through them, at the models as between them. The coefficients serve the work on a single model (spectra,
+/// resampling), where they carry more digits than a toolkit file's LSFs do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArmaModel {
+    ar: Vec<f64>,
+    ar_lsf: Vec<f64>,
+    ma: Vec<f64>,
+    ma_lsf: Vec<f64>,
+    gain: f64,
+    variance: f64,
+}
+
+/// The numbers of a model as a file stores them, yet unchecked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredModel {
+    /// a_1..a_p.
+    pub ar: Vec<f64>,
+    /// LSFs of the AR polynomial, radians.
+    pub ar_lsf: Vec<f64>,
+    /// b_1..b_q of the monic MA polynomial.
+    pub ma: Vec<f64>,
+    /// LSFs of the MA polynomial, radians.
+    pub ma_lsf: Vec<f64>,
+    /// Multiplies the whole MA polynomial.
+    pub gain: f64,
+    /// Variance of the excitation, (m/s²)².
+    pub variance: f64,
+}
+
+impl ArmaModel {
+    /// An AR model of coefficients a_1..a_p and innovation variance in (m/s²)² at the model's own rate.
+    pub fn from_ar(ar: &[f64], variance: f64) -> Result<Self, ModelError> {
+        Self::from_arma(ar, &[], 1.0, variance)
+    }
+
+    /// An ARMA model of coefficients a_1..a_p, b_1..b_q, gain, and excitation variance in (m/s²)².
+    pub fn from_arma(ar: &[f64], ma: &[f64], gain: f64, variance: f64) -> Result<Self, ModelError> {
+        Self::from_stored(StoredModel {
+            ar_lsf: lsf_of(Polynomial::Ar, ar)?,
+            ma_lsf: lsf_of(Polynomial::Ma, ma)?,
+            ar: ar.to_vec(),
+            ma: ma.to_vec(),
+            gain,
+            variance,
+        })
+    }
+
+    /// A model of line spectral frequencies in radians, ascending.
+    pub fn from_lsf(ar_lsf: &[f64], ma_lsf: &[f64], gain: f64, variance: f64) -> Result<Self, ModelError> {
+        Self::from_stored(StoredModel {
+            ar: coefficients_of(Polynomial::Ar, ar_lsf)?,
+            ma: coefficients_of(Polynomial::Ma, ma_lsf)?,
+            ar_lsf: ar_lsf.to_vec(),
+            ma_lsf: ma_lsf.to_vec(),
+            gain,
+            variance,
+        })
+    }
+
+    /// A model exactly as stored, coefficients and LSFs both, checked one against the other.
+    pub fn from_stored(stored: StoredModel) -> Result<Self, ModelError> {
+        let StoredModel {
+            ar,
+            ar_lsf,
+            ma,
+            ma_lsf,
+            gain,
+            variance,
+        } = stored;
+        check_polynomial(Polynomial::Ar, &ar, &ar_lsf)?;
+        check_polynomial(Polynomial::Ma, &ma, &ma_lsf)?;
+        if !(gain.is_finite() && gain > 0.0) {
+            return Err(ModelError::Gain { gain });
+        }
+        if !(variance.is_finite() && variance >= 0.0) {
+            return Err(ModelError::Variance { variance });
+        }
+        Ok(ArmaModel {
+            ar,
+            ar_lsf,
+            ma,
+            ma_lsf,
+            gain,
+            variance,
+        })
+    }
+
+    /// The same filter with another excitation variance, (m/s²)².
+    pub fn with_variance(mut self, variance: f64) -> Result<Self, ModelError> {
+        if !(variance.is_finite() && variance >= 0.0) {
+            return Err(ModelError::Variance { variance });
+        }
+        self.variance = variance;
+        Ok(self)
+    }
+
+    /// a_1..a_p of A(z) = 1 + Σ a_k z⁻ᵏ.
+    pub fn ar(&self) -> &[f64] {
+        &self.ar
+    }
+
+    /// LSFs of A(z), radians, ascending: what rendering uses.
+    pub fn ar_lsf(&self) -> &[f64] {
+        &self.ar_lsf
+    }
+
+    /// b_1..b_q of the monic MA polynomial; empty for an AR model.
+    pub fn ma(&self) -> &[f64] {
+        &self.ma
+    }
+
+    /// LSFs of the MA polynomial, radians, ascending; empty for an AR model.
+    pub fn ma_lsf(&self) -> &[f64] {
+        &self.ma_lsf
+    }
+
+    /// Multiplies the whole MA polynomial; 1 for an AR model.
+    pub fn gain(&self) -> f64 {
+        self.gain
+    }
+
+    /// Variance of the excitation, (m/s²)², at the model's own rate.
+    pub fn variance(&self) -> f64 {
+        self.variance
+    }
+
+    /// Squared magnitude of the filter's response at `frequency_rad` (radians a sample), excitation left out.
+    pub fn power_gain_at(&self, frequency_rad: f64) -> f64 {
+        let numerator = squared_magnitude(&self.ma, frequency_rad);
+        self.gain * self.gain * numerator / squared_magnitude(&self.ar, frequency_rad)
+    }
+
+    /// Whether two models are the same filter to the bit, whatever their variance.
+    pub fn same_filter(&self, other: &ArmaModel) -> bool {
+        self.ar == other.ar
+            && self.ar_lsf == other.ar_lsf
+            && self.ma == other.ma
+            && self.ma_lsf == other.ma_lsf
+            && self.gain == other.gain
+    }
+}
+
+/// |1 + Σ c_k e^(-jwk)|².
+fn squared_magnitude(coefficients: &[f64], frequency_rad: f64) -> f64 {
+    // Horner in e^(-jw): one sine and cosine for all powers.
+    let (sin, cos) = frequency_rad.sin_cos();
+    let (mut re, mut im) = (0.0, 0.0);
+    for &c in coefficients.iter().rev() {
+        (re, im) = ((re + c) * cos + im * sin, im * cos - (re + c) * sin);
+    }
+    (1.0 + re) * (1.0 + re) + im * im
+}
+
+fn lsf_of(polynomial: Polynomial, coefficients: &[f64]) -> Result<Vec<f64>, ModelError> {
+    check_order(polynomial, coefficients.len())?;
+    let mut frequencies = vec![0.0; coefficients.len()];
+    lsf::ar_to_lsf(coefficients, &mut frequencies)
+        .map_err(|NotStable| ModelError::Unstable { polynomial })?;
+    Ok(frequencies)
+}
+
+fn coefficients_of(polynomial: Polynomial, frequencies: &[f64]) -> Result<Vec<f64>, ModelError> {
+    check_order(polynomial, frequencies.len())?;
+    let mut coefficients = vec![0.0; frequencies.len()];
+    lsf::lsf_to_ar(frequencies, &mut coefficients);
+    Ok(coefficients)
+}
+
+fn check_order(polynomial: Polynomial, order: usize) -> Result<(), ModelError> {
+    if order > MAX_ORDER {
+        Err(ModelError::Order { polynomial, order })
+    } else {
+        Ok(())
+    }
+}
+
+fn check_polynomial(
+    polynomial: Polynomial,
+    coefficients: &[f64],
+    frequencies: &[f64],
+) -> Result<(), ModelError> {
+    check_order(polynomial, coefficients.len())?;
+    if coefficients.len() != frequencies.len() {
+        return Err(ModelError::Lengths {
+            polynomial,
+            coefficients: coefficients.len(),
+            lsf: frequencies.len(),
+        });
+    }
+    let mut below = 0.0;
+    for (index, &frequency) in frequencies.iter().chain(&[PI]).enumerate() {
+        // Written so that NaN fails.
+        if !(frequency - below >= MIN_LSF_GAP_RAD && frequency <= PI) {
+            return Err(ModelError::LsfOrder { polynomial, index });
+        }
+        below = frequency;
+    }
+    let unstable = |NotStable| ModelError::Unstable { polynomial };
+    let mut reflection = [0.0; MAX_ORDER];
+    lsf::reflection_coefficients(coefficients, &mut reflection).map_err(unstable)?;
+    let mut from_lsf = [0.0; MAX_ORDER];
+    let from_lsf = &mut from_lsf[..frequencies.len()];
+    lsf::lsf_to_ar(frequencies, from_lsf);
+    lsf::reflection_coefficients(from_lsf, &mut reflection).map_err(unstable)?;
+    let scale = coefficients.iter().fold(1.0_f64, |scale, c| scale.max(c.abs()));
+    for (index, (stored, implied)) in coefficients.iter().zip(from_lsf.iter()).enumerate() {
+        if (stored - implied).abs() > STORED_LSF_TOLERANCE * scale {
+            return Err(ModelError::Disagree {
+                polynomial,
+                index: index + 1,
+                stored: *stored,
+                implied: *implied,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Which of a model's two polynomials an error is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Polynomial {
+    /// The autoregressive denominator.
+    Ar,
+    /// The moving-average numerator.
+    Ma,
+}
+
+impl std::fmt::Display for Polynomial {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Polynomial::Ar => "AR",
+            Polynomial::Ma => "MA",
+        })
+    }
+}
+
+/// Why numbers make no sound model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    /// The order is too high.
+    #[error("the {polynomial} polynomial has order {order}; at most {MAX_ORDER} is supported")]
+    Order {
+        /// Which polynomial.
+        polynomial: Polynomial,
+        /// Its order.
+        order: usize,
+    },
+    /// A different number of coefficients and LSFs.
+    #[error(
+        "the {polynomial} polynomial has {coefficients} coefficients (without the leading 1) but {lsf} LSFs"
+    )]
+    Lengths {
+        /// Which polynomial.
+        polynomial: Polynomial,
+        /// Number of coefficients.
+        coefficients: usize,
+        /// Number of LSFs.
+        lsf: usize,
+    },
+    /// The polynomial has a root on or outside the unit circle.
+    #[error(
+        "the {polynomial} polynomial has a root on or outside the unit circle (or a coefficient that is not finite)"
+    )]
+    Unstable {
+        /// Which polynomial.
+        polynomial: Polynomial,
+    },
+    /// LSFs must ascend strictly within (0, π).
+    #[error(
+        "the {polynomial} LSFs must ascend within (0, pi), at least {MIN_LSF_GAP_RAD} rad apart; number {index} (from 0; the last is pi itself) does not"
+    )]
+    LsfOrder {
+        /// Which polynomial.
+        polynomial: Polynomial,
+        /// The first that breaks the order; the number of LSFs if the last is too close to π.
+        index: usize,
+    },
+    /// Coefficients and LSFs are not of the same polynomial.
+    #[error(
+        "the {polynomial} LSFs do not belong to the coefficients: coefficient {index} is {stored}, but {implied} by the LSFs"
+    )]
+    Disagree {
+        /// Which polynomial.
+        polynomial: Polynomial,
+        /// The coefficient's number, from 1.
+        index: usize,
+        /// As stored.
+        stored: f64,
+        /// As the LSFs have it.
+        implied: f64,
+    },
+    /// The gain is not positive.
+    #[error("the gain is {gain}; it must be a finite number above 0")]
+    Gain {
+        /// The value given.
+        gain: f64,
+    },
+    /// The variance is negative or not finite.
+    #[error("the variance is {variance}; it must be a finite number of at least 0")]
+    Variance {
+        /// The value given.
+        variance: f64,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resonance_has_its_closed_form_response() {
+        let (radius, angle) = (0.95_f64, 0.7_f64);
+        let ar = [-2.0 * radius * angle.cos(), radius * radius];
+        let model = ArmaModel::from_arma(&ar, &[0.5], 3.0, 0.2).unwrap();
+        for w in [0.0_f64, 0.3, 0.7, 2.0, PI] {
+            let pole = |sign: f64| 1.0 + radius * radius - 2.0 * radius * (w - sign * angle).cos();
+            let expected = 9.0 * (1.25 + w.cos()) / (pole(1.0) * pole(-1.0));
+            assert!((model.power_gain_at(w) / expected - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn unsound_models_are_refused_with_the_reason() {
+        assert!(matches!(
+            ArmaModel::from_ar(&[0.0, 1.0], 1.0),
+            Err(ModelError::Unstable { .. })
+        ));
+        assert!(matches!(
+            ArmaModel::from_ar(&[0.5], -1.0),
+            Err(ModelError::Variance { .. })
+        ));
+        assert!(matches!(
+            ArmaModel::from_ar(&[0.5], f64::NAN),
+            Err(ModelError::Variance { .. })
+        ));
+        assert!(matches!(
+            ArmaModel::from_arma(&[0.5], &[2.0], 1.0, 1.0),
+            Err(ModelError::Unstable { .. })
+        ));
+        assert!(matches!(
+            ArmaModel::from_arma(&[0.5], &[0.2], 0.0, 1.0),
+            Err(ModelError::Gain { .. })
+        ));
+        assert!(matches!(
+            ArmaModel::from_ar(&[0.0; 33], 1.0),
+            Err(ModelError::Order { .. })
+        ));
+        let swapped = ArmaModel::from_lsf(&[1.0, 0.5], &[], 1.0, 1.0);
+        assert!(matches!(swapped, Err(ModelError::LsfOrder { index: 1, .. })));
+        assert!(matches!(
+            ArmaModel::from_lsf(&[PI], &[], 1.0, 1.0),
+            Err(ModelError::LsfOrder { index: 1, .. })
+        ));
+        let strange = StoredModel {
+            ar: vec![0.5],
+            ar_lsf: vec![0.5],
+            ma: vec![],
+            ma_lsf: vec![],
+            gain: 1.0,
+            variance: 1.0,
+        };
+        assert!(matches!(
+            ArmaModel::from_stored(strange),
+            Err(ModelError::Disagree { index: 1, .. })
+        ));
+    }
+
+    #[test]
+    fn order_zero_is_white_noise() {
+        let white = ArmaModel::from_ar(&[], 2.0).unwrap();
+        assert_eq!(white.power_gain_at(1.0), 1.0);
+    }
+}

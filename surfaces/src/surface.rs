@@ -1,0 +1,187 @@
+//! A surface: everything a renderer needs to feel like one material, each part optional.
+
+use crate::{Provenance, Taps, TextureModel};
+
+/// Friction, taps, texture and stiffness of one material, with where they come from.
+///
+/// Each part is of a type whose constructor checked it, so that a surface that exists is sound. A part that is
+/// `None` was not measured; a renderer leaves it out rather than guess.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    /// The material's name, for people.
+    pub name: String,
+    /// Sliding friction.
+    pub friction: Option<Friction>,
+    /// Acceleration transients of taps by impact speed.
+    pub taps: Option<Taps>,
+    /// Vibration of sliding by speed and force.
+    pub texture: Option<TextureModel>,
+    /// How far the material yields to a press.
+    pub stiffness: Option<Stiffness>,
+    /// Where it all comes from.
+    pub provenance: Provenance,
+}
+
+impl Surface {
+    /// A surface with no parts yet: fill in its public fields.
+    pub fn new(name: impl Into<String>, provenance: Provenance) -> Self {
+        Surface {
+            name: name.into(),
+            friction: None,
+            taps: None,
+            texture: None,
+            stiffness: None,
+            provenance,
+        }
+    }
+}
+
+/// Coulomb friction of the recording tool on the material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Friction {
+    mu: f64,
+    r_squared: Option<f64>,
+}
+
+impl Friction {
+    /// Friction coefficient `mu` (tangential force over normal force, at least 0), and how well a line through the
+    /// recording fits, as R² (at most 1; negative when worse than a constant), where known.
+    pub fn new(mu: f64, r_squared: Option<f64>) -> Result<Self, SurfaceError> {
+        if !(mu.is_finite() && mu >= 0.0) {
+            return Err(SurfaceError::FrictionCoefficient { mu });
+        }
+        match r_squared {
+            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => Err(SurfaceError::RSquared {
+                what: "friction",
+                r_squared,
+            }),
+            _ => Ok(Friction { mu, r_squared }),
+        }
+    }
+
+    /// The friction coefficient.
+    pub fn mu(&self) -> f64 {
+        self.mu
+    }
+
+    /// How well the line through the recording fits, where known.
+    pub fn r_squared(&self) -> Option<f64> {
+        self.r_squared
+    }
+}
+
+/// Normal stiffness of the material under the recording tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stiffness {
+    n_per_mm: f64,
+    r_squared: Option<f64>,
+}
+
+impl Stiffness {
+    /// Stiffness in N/mm (positive), and the R² of its line, where known.
+    pub fn new(n_per_mm: f64, r_squared: Option<f64>) -> Result<Self, SurfaceError> {
+        if !(n_per_mm.is_finite() && n_per_mm > 0.0) {
+            return Err(SurfaceError::Stiffness { n_per_mm });
+        }
+        match r_squared {
+            Some(r_squared) if !(r_squared.is_finite() && r_squared <= 1.0) => Err(SurfaceError::RSquared {
+                what: "stiffness",
+                r_squared,
+            }),
+            _ => Ok(Stiffness { n_per_mm, r_squared }),
+        }
+    }
+
+    /// In N/mm, as tables print it.
+    pub fn n_per_mm(&self) -> f64 {
+        self.n_per_mm
+    }
+
+    /// In N/m.
+    pub fn n_per_m(&self) -> f64 {
+        self.n_per_mm * 1000.0
+    }
+
+    /// How well the line through the press recording fits, where known.
+    pub fn r_squared(&self) -> Option<f64> {
+        self.r_squared
+    }
+}
+
+/// Why a part of a surface other than its texture is not sound.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SurfaceError {
+    /// The friction coefficient is negative or not finite.
+    #[error("the friction coefficient mu is {mu}; it must be a finite number of at least 0")]
+    FrictionCoefficient {
+        /// The value given.
+        mu: f64,
+    },
+    /// The stiffness is not positive or not finite.
+    #[error("the stiffness is {n_per_mm} N/mm; it must be a finite number above 0 (leave it out if unknown)")]
+    Stiffness {
+        /// The value given.
+        n_per_mm: f64,
+    },
+    /// An R² above one or not finite.
+    #[error("R² of the {what} is {r_squared}; it must be a finite number of at most 1")]
+    RSquared {
+        /// Which line it belongs to.
+        what: &'static str,
+        /// The value given.
+        r_squared: f64,
+    },
+    /// No taps at all.
+    #[error("the list of taps is empty; leave the taps out if there are none")]
+    NoTaps,
+    /// The sample rate of the taps is not a positive number.
+    #[error("the taps' rate is {rate_hz} Hz; it must be a finite number above 0")]
+    TapRate {
+        /// The value given.
+        rate_hz: f64,
+    },
+    /// Impact speeds must be positive and strictly ascending.
+    #[error(
+        "tap {tap} (from 0) has impact speed {speed_m_s} m/s; speeds must be above 0 and strictly ascending"
+    )]
+    TapSpeed {
+        /// The tap's number, from 0.
+        tap: usize,
+        /// Its speed.
+        speed_m_s: f64,
+    },
+    /// All taps must have the same number of samples, at least one.
+    #[error("tap {tap} (from 0) has {length} samples where {expected} are expected, as the first tap has")]
+    TapLength {
+        /// The tap's number, from 0.
+        tap: usize,
+        /// Its number of samples.
+        length: usize,
+        /// The first tap's (or 1, if that is empty).
+        expected: usize,
+    },
+    /// A sample that is not a finite number.
+    #[error("sample {sample} of tap {tap} (both from 0) is not a finite number")]
+    TapSample {
+        /// The tap's number, from 0.
+        tap: usize,
+        /// The sample's number, from 0.
+        sample: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn friction_and_stiffness_refuse_what_is_not_physical() {
+        assert!(Friction::new(0.0, Some(0.9)).is_ok());
+        assert!(Friction::new(-0.1, None).is_err());
+        assert!(Friction::new(f64::NAN, None).is_err());
+        assert!(Friction::new(0.3, Some(1.1)).is_err());
+        assert!(Stiffness::new(0.0, None).is_err());
+        assert!(Stiffness::new(f64::INFINITY, None).is_err());
+        assert_eq!(Stiffness::new(42.2, Some(0.99)).unwrap().n_per_m(), 42_200.0);
+    }
+}

@@ -1,0 +1,185 @@
+//! Taps: the acceleration transients a tool feels when it strikes the material, by impact speed.
+
+use crate::SurfaceError;
+
+/// Tap transients in ascending impact speed, all at one rate and of one length.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Taps {
+    rate_hz: f64,
+    taps: Vec<Tap>,
+}
+
+/// One recorded tap.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tap {
+    /// Speed of the tool into the surface at contact, m/s.
+    pub speed_m_s: f64,
+    /// Acceleration of the tool after contact, m/s².
+    pub acceleration_m_s2: Vec<f64>,
+}
+
+/// Which two recorded taps make the tap at a given speed, and how much of each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TapMix {
+    /// Number of the slower tap.
+    pub lower: usize,
+    /// Number of the faster tap (may equal `lower`).
+    pub upper: usize,
+    /// Gain on the slower tap.
+    pub lower_gain: f64,
+    /// Gain on the faster tap.
+    pub upper_gain: f64,
+}
+
+impl Taps {
+    /// Taps at `rate_hz`, checked: speeds positive and strictly ascending, equal lengths, finite samples.
+    pub fn new(rate_hz: f64, taps: Vec<Tap>) -> Result<Self, SurfaceError> {
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(SurfaceError::TapRate { rate_hz });
+        }
+        let expected = taps
+            .first()
+            .ok_or(SurfaceError::NoTaps)?
+            .acceleration_m_s2
+            .len()
+            .max(1);
+        let mut slower = 0.0;
+        for (index, tap) in taps.iter().enumerate() {
+            if !(tap.speed_m_s.is_finite() && tap.speed_m_s > slower) {
+                return Err(SurfaceError::TapSpeed {
+                    tap: index,
+                    speed_m_s: tap.speed_m_s,
+                });
+            }
+            slower = tap.speed_m_s;
+            let length = tap.acceleration_m_s2.len();
+            if length != expected {
+                return Err(SurfaceError::TapLength {
+                    tap: index,
+                    length,
+                    expected,
+                });
+            }
+            if let Some(sample) = tap.acceleration_m_s2.iter().position(|a| !a.is_finite()) {
+                return Err(SurfaceError::TapSample { tap: index, sample });
+            }
+        }
+        Ok(Taps { rate_hz, taps })
+    }
+
+    /// Samples a second.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// The recorded taps, slowest first.
+    pub fn taps(&self) -> &[Tap] {
+        &self.taps
+    }
+
+    /// Number of samples of each tap.
+    pub fn length(&self) -> usize {
+        self.taps[0].acceleration_m_s2.len()
+    }
+
+    /// The mix for a tap at `speed_m_s`: linear in speed between the bounding taps; below the slowest, the slowest
+    /// scaled by the ratio of speeds; above the fastest, the fastest as it is (thesis 4.3.2). A speed of zero or
+    /// less (or not a number) is silent.
+    pub fn mix(&self, speed_m_s: f64) -> TapMix {
+        let last = self.taps.len() - 1;
+        let slowest = self.taps[0].speed_m_s;
+        if speed_m_s.is_nan() || speed_m_s <= 0.0 {
+            return TapMix {
+                lower: 0,
+                upper: 0,
+                lower_gain: 0.0,
+                upper_gain: 0.0,
+            };
+        }
+        if speed_m_s < slowest {
+            return TapMix {
+                lower: 0,
+                upper: 0,
+                lower_gain: speed_m_s / slowest,
+                upper_gain: 0.0,
+            };
+        }
+        let upper = self.taps.partition_point(|tap| tap.speed_m_s <= speed_m_s);
+        if upper > last {
+            return TapMix {
+                lower: last,
+                upper: last,
+                lower_gain: 1.0,
+                upper_gain: 0.0,
+            };
+        }
+        let (below, above) = (self.taps[upper - 1].speed_m_s, self.taps[upper].speed_m_s);
+        let upper_gain = (speed_m_s - below) / (above - below);
+        TapMix {
+            lower: upper - 1,
+            upper,
+            lower_gain: 1.0 - upper_gain,
+            upper_gain,
+        }
+    }
+
+    /// Sample `index` of a mixed tap, m/s²; zero after its end.
+    pub fn sample(&self, mix: &TapMix, index: usize) -> f64 {
+        let at = |tap: usize| {
+            self.taps[tap]
+                .acceleration_m_s2
+                .get(index)
+                .copied()
+                .unwrap_or(0.0)
+        };
+        mix.lower_gain * at(mix.lower) + mix.upper_gain * at(mix.upper)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn two_taps() -> Taps {
+        let tap = |speed_m_s: f64, peak: f64| Tap {
+            speed_m_s,
+            acceleration_m_s2: vec![peak, -peak / 2.0],
+        };
+        Taps::new(1000.0, vec![tap(0.1, 10.0), tap(0.3, 50.0)]).unwrap()
+    }
+
+    #[test]
+    fn a_tap_between_two_is_linear_in_speed() {
+        let taps = two_taps();
+        let mix = taps.mix(0.25);
+        assert!((taps.sample(&mix, 0) - 40.0).abs() < 1e-12);
+        assert!((taps.sample(&mix, 1) + 20.0).abs() < 1e-12);
+        assert_eq!(taps.sample(&mix, 2), 0.0);
+    }
+
+    #[test]
+    fn slow_taps_scale_down_and_fast_taps_saturate() {
+        let taps = two_taps();
+        assert!((taps.sample(&taps.mix(0.05), 0) - 5.0).abs() < 1e-12);
+        assert_eq!(taps.sample(&taps.mix(0.1), 0), 10.0);
+        assert_eq!(taps.sample(&taps.mix(0.3), 0), 50.0);
+        assert_eq!(taps.sample(&taps.mix(9.0), 0), 50.0);
+        assert_eq!(taps.sample(&taps.mix(0.0), 0), 0.0);
+        assert_eq!(taps.sample(&taps.mix(-1.0), 0), 0.0);
+        assert_eq!(taps.sample(&taps.mix(f64::NAN), 0), 0.0);
+    }
+
+    #[test]
+    fn unsound_taps_are_refused() {
+        let tap = |speed_m_s: f64, samples: usize| Tap {
+            speed_m_s,
+            acceleration_m_s2: vec![0.5; samples],
+        };
+        assert_eq!(Taps::new(1000.0, vec![]), Err(SurfaceError::NoTaps));
+        assert!(Taps::new(0.0, vec![tap(0.1, 2)]).is_err());
+        assert!(Taps::new(1000.0, vec![tap(0.1, 2), tap(0.1, 2)]).is_err());
+        assert!(Taps::new(1000.0, vec![tap(0.1, 2), tap(0.2, 3)]).is_err());
+        assert!(Taps::new(1000.0, vec![tap(0.1, 0)]).is_err());
+        assert!(Taps::new(1000.0, vec![tap(f64::NAN, 2)]).is_err());
+    }
+}

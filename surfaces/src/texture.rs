@@ -1,0 +1,258 @@
+//! A texture: models of sliding vibration over speed and force, triangulated.
+
+use crate::hull::{self, Hull};
+use crate::model::{ArmaModel, ModelError};
+use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
+
+/// Models over (speed, force) at one rate, triangulated from rest to the largest modelled speed and force.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TextureModel {
+    rate_hz: f64,
+    models: Vec<ModelAt>,
+    triangulation: Triangulation,
+}
+
+/// A model and where on the map it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelAt {
+    /// Tool speed, m/s.
+    pub speed_m_s: f64,
+    /// Normal force, N.
+    pub force_n: f64,
+    /// The model.
+    pub model: ArmaModel,
+    /// Whether it was measured there.
+    pub kind: VertexKind,
+}
+
+/// Whether a vertex of the map stands where something was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum VertexKind {
+    /// The model was learned from data of this speed and force.
+    Measured,
+    /// The border of the map: the filter of a measured model elsewhere.
+    Edge,
+}
+
+impl TextureModel {
+    /// A texture of `models` at `rate_hz` with the given triangles (vertex numbers from 0).
+    ///
+    /// Checked: the rate, one order for all, silence at zero speed and force, and that the triangles tile the range
+    /// from zero to the maximum.
+    pub fn new(rate_hz: f64, models: Vec<ModelAt>, triangles: Vec<Triangle>) -> Result<Self, TextureError> {
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(TextureError::Rate { rate_hz });
+        }
+        let orders = |at: &ModelAt| (at.model.ar().len(), at.model.ma().len());
+        let expected = models.first().map(orders).ok_or(TextureError::NoModels)?;
+        for (vertex, at) in models.iter().enumerate() {
+            if orders(at) != expected {
+                return Err(TextureError::Orders {
+                    vertex,
+                    orders: orders(at),
+                    expected,
+                });
+            }
+            if (at.speed_m_s == 0.0 || at.force_n == 0.0) && at.model.variance() != 0.0 {
+                return Err(TextureError::LoudAtRest {
+                    vertex,
+                    variance: at.model.variance(),
+                });
+            }
+        }
+        let triangulation = Triangulation::new(&positions(&models), triangles)?;
+        Ok(TextureModel {
+            rate_hz,
+            models,
+            triangulation,
+        })
+    }
+
+    /// A texture of `models`, border included, with the Delaunay triangulation of their z-scores.
+    pub fn triangulated(rate_hz: f64, models: Vec<ModelAt>) -> Result<Self, TextureError> {
+        let triangles = triangulation::delaunay(&positions(&models))?;
+        Self::new(rate_hz, models, triangles)
+    }
+
+    /// A texture of measured models alone: the border is added ([`hull::extend`]), then all is triangulated.
+    pub fn from_measured(
+        rate_hz: f64,
+        mut measured: Vec<ModelAt>,
+        hull: &Hull,
+    ) -> Result<Self, TextureError> {
+        let edges = hull::extend(&measured, hull)?;
+        measured.extend(edges);
+        Self::triangulated(rate_hz, measured)
+    }
+
+    /// Samples a second for which the models hold.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// The models, which are the vertices of the triangles.
+    pub fn models(&self) -> &[ModelAt] {
+        &self.models
+    }
+
+    /// The triangles, as vertex numbers from 0.
+    pub fn triangles(&self) -> &[Triangle] {
+        self.triangulation.triangles()
+    }
+
+    /// The map.
+    pub fn triangulation(&self) -> &Triangulation {
+        &self.triangulation
+    }
+
+    /// Largest modelled speed, m/s.
+    pub fn max_speed_m_s(&self) -> f64 {
+        self.triangulation.max_speed_m_s()
+    }
+
+    /// Largest modelled force, N.
+    pub fn max_force_n(&self) -> f64 {
+        self.triangulation.max_force_n()
+    }
+
+    /// Order of the AR polynomial, the same for all models.
+    pub fn ar_order(&self) -> usize {
+        self.models[0].model.ar().len()
+    }
+
+    /// Order of the MA polynomial, the same for all models; 0 for AR models.
+    pub fn ma_order(&self) -> usize {
+        self.models[0].model.ma().len()
+    }
+
+    /// The same map at `rate_hz` with each model put through `change`.
+    pub fn map_models<E: From<TextureError>>(
+        &self,
+        rate_hz: f64,
+        mut change: impl FnMut(&ModelAt) -> Result<ArmaModel, E>,
+    ) -> Result<Self, E> {
+        let models = self
+            .models
+            .iter()
+            .map(|at| {
+                Ok(ModelAt {
+                    model: change(at)?,
+                    ..at.clone()
+                })
+            })
+            .collect::<Result<Vec<_>, E>>()?;
+        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?)
+    }
+}
+
+fn positions(models: &[ModelAt]) -> Vec<(f64, f64)> {
+    models.iter().map(|at| (at.speed_m_s, at.force_n)).collect()
+}
+
+/// Why models make no sound texture.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TextureError {
+    /// The rate is not positive.
+    #[error("the models' rate is {rate_hz} Hz; it must be a finite number above 0")]
+    Rate {
+        /// The value given.
+        rate_hz: f64,
+    },
+    /// No models at all.
+    #[error("the texture has no models; leave the texture out if there is none")]
+    NoModels,
+    /// Models of different orders cannot be interpolated.
+    #[error(
+        "model {vertex} (from 0) has orders {orders:?} (AR, MA) where the first has {expected:?}; all must agree"
+    )]
+    Orders {
+        /// The model's number, from 0.
+        vertex: usize,
+        /// Its AR and MA orders.
+        orders: (usize, usize),
+        /// The first model's.
+        expected: (usize, usize),
+    },
+    /// A model that makes sound where the tool rests or is lifted.
+    #[error(
+        "model {vertex} (from 0) stands at zero speed or force with variance {variance}; it must be 0 there"
+    )]
+    LoudAtRest {
+        /// The model's number, from 0.
+        vertex: usize,
+        /// Its variance.
+        variance: f64,
+    },
+    /// A measured model at zero speed or force.
+    #[error(
+        "measured model {vertex} (from 0) stands at {speed_m_s} m/s, {force_n} N; both must be finite and above 0"
+    )]
+    MeasuredAtRest {
+        /// The model's number, from 0.
+        vertex: usize,
+        /// Its speed.
+        speed_m_s: f64,
+        /// Its force.
+        force_n: f64,
+    },
+    /// The asked-for maximum is below a measured model.
+    #[error(
+        "the map's maximum of {max_speed_m_s} m/s, {max_force_n} N must be at least that of the measured models, of which there must be one"
+    )]
+    Hull {
+        /// Maximum speed of the map.
+        max_speed_m_s: f64,
+        /// Maximum force of the map.
+        max_force_n: f64,
+    },
+    /// A model that is not sound.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Triangles that do not make a map.
+    #[error(transparent)]
+    Triangulation(#[from] TriangulationError),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn corner(speed_m_s: f64, force_n: f64, order: usize, variance: f64) -> ModelAt {
+        let model = ArmaModel::from_ar(&vec![0.0; order], variance).unwrap();
+        ModelAt {
+            speed_m_s,
+            force_n,
+            model,
+            kind: VertexKind::Edge,
+        }
+    }
+
+    #[test]
+    fn a_texture_that_sounds_at_rest_is_refused() {
+        let corners = |loud: f64, order: usize| {
+            vec![
+                corner(0.0, 0.0, 2, 0.0),
+                corner(0.2, 0.0, 2, loud),
+                corner(0.0, 2.0, order, 0.0),
+                corner(0.2, 2.0, 2, 1.0),
+            ]
+        };
+        assert!(TextureModel::triangulated(1000.0, corners(0.0, 2)).is_ok());
+        assert!(matches!(
+            TextureModel::triangulated(1000.0, corners(0.1, 2)),
+            Err(TextureError::LoudAtRest { vertex: 1, .. })
+        ));
+        assert!(matches!(
+            TextureModel::triangulated(1000.0, corners(0.0, 3)),
+            Err(TextureError::Orders { vertex: 2, .. })
+        ));
+        assert!(matches!(
+            TextureModel::triangulated(0.0, corners(0.0, 2)),
+            Err(TextureError::Rate { .. })
+        ));
+        assert!(matches!(
+            TextureModel::new(1000.0, vec![], vec![]),
+            Err(TextureError::NoModels)
+        ));
+    }
+}

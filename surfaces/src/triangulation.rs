@@ -1,0 +1,647 @@
+//! The triangulated map over (speed, force), laid out flat to be walked in real time.
+//!
+//! Triangles come from the Delaunay triangulation of the z-scored vertices, or from a file. Either way they are proved
+//! to tile the rectangle from (0, 0) to the maximum exactly before they are used.
+
+use spade::{DelaunayTriangulation, Point2, Triangulation as _};
+use std::collections::HashMap;
+
+/// A triangle by its three vertex numbers, from 0, in the order the file has them.
+pub type Triangle = [u32; 3];
+
+/// Triangles that tile `[0, max_speed] × [0, max_force]`, with what a walk needs precomputed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Triangulation {
+    triangles: Vec<Triangle>,
+    cells: Vec<Cell>,
+    max_speed_m_s: f64,
+    max_force_n: f64,
+}
+
+/// A point of the map in barycentric coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Location {
+    /// The number of the triangle, from 0.
+    pub triangle: u32,
+    /// Weights of its three vertices, in the order of [`Triangulation::triangles`]; none negative, their sum 1.
+    pub weights: [f64; 3],
+}
+
+const NONE: u32 = u32::MAX;
+
+/// A triangle ready to be tested: side `i` lies opposite vertex `i`. A point is to the inner side of side `i` where
+/// `(speed - origin_speed) * normal_speed + (force - origin_force) * normal_force` is positive, and that times
+/// `inverse_height` is the weight of vertex `i`. Both triangles at a side compute it from the same origin with
+/// opposite normals, so that rounding can never put a point on both sides or on neither.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cell {
+    origin_speed: [f64; 3],
+    origin_force: [f64; 3],
+    normal_speed: [f64; 3],
+    normal_force: [f64; 3],
+    inverse_height: [f64; 3],
+    neighbour: [u32; 3],
+}
+
+impl Triangulation {
+    /// The triangulation of `points` (speed m/s, force N) by `triangles`, proved to tile the rectangle from (0, 0) to
+    /// the largest speed and force.
+    pub fn new(points: &[(f64, f64)], triangles: Vec<Triangle>) -> Result<Self, TriangulationError> {
+        let (max_speed_m_s, max_force_n) = check_points(points)?;
+        let mut cells = triangles
+            .iter()
+            .enumerate()
+            .map(|(number, triangle)| cell(points, number, *triangle, max_speed_m_s * max_force_n))
+            .collect::<Result<Vec<_>, _>>()?;
+        connect(points, &triangles, &mut cells, (max_speed_m_s, max_force_n))?;
+        check_cover(points, &triangles, max_speed_m_s * max_force_n)?;
+        Ok(Triangulation {
+            triangles,
+            cells,
+            max_speed_m_s,
+            max_force_n,
+        })
+    }
+
+    /// The triangles' vertex numbers, as given.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
+    /// Largest modelled speed, m/s.
+    pub fn max_speed_m_s(&self) -> f64 {
+        self.max_speed_m_s
+    }
+
+    /// Largest modelled force, N.
+    pub fn max_force_n(&self) -> f64 {
+        self.max_force_n
+    }
+
+    /// Speed and force brought into the modelled range: the nearest modelled value of each; what is not a number is 0.
+    pub fn saturate(&self, speed_m_s: f64, force_n: f64) -> (f64, f64) {
+        // `max` and `min` return the other operand for NaN.
+        (
+            speed_m_s.max(0.0).min(self.max_speed_m_s),
+            force_n.max(0.0).min(self.max_force_n),
+        )
+    }
+
+    /// The triangle around a saturated point, by a visibility walk (thesis 2.4.1) from triangle `start`, and its
+    /// barycentric weights (Eq. 2.4.1).
+    ///
+    /// Which triangle is found does not depend on where the walk began: on a side or vertex that several share, the
+    /// lowest number wins. The walk never visits more triangles than there are, then every triangle is tried.
+    pub fn locate_from(&self, start: u32, speed_m_s: f64, force_n: f64) -> Location {
+        let mut at = if (start as usize) < self.cells.len() {
+            start
+        } else {
+            0
+        };
+        for _ in 0..self.cells.len() {
+            let cell = &self.cells[at as usize];
+            let sides = cell.sides(speed_m_s, force_n);
+            match cell.way_out(&sides) {
+                Way::Through(neighbour) => at = neighbour,
+                Way::Inside => {
+                    return Location {
+                        triangle: at,
+                        weights: cell.weights(&sides),
+                    };
+                }
+                Way::OnSide => break,
+            }
+        }
+        self.locate_by_trying_all(speed_m_s, force_n)
+    }
+
+    /// The lowest-numbered triangle that holds the point; the one it is least outside of if rounding leaves none.
+    fn locate_by_trying_all(&self, speed_m_s: f64, force_n: f64) -> Location {
+        let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
+        for (cell, number) in self.cells.iter().zip(0..) {
+            let sides = cell.sides(speed_m_s, force_n);
+            let inside = (0..3).all(|i| sides[i] >= 0.0 || cell.neighbour[i] == NONE);
+            let least = if inside {
+                0.0
+            } else {
+                (0..3)
+                    .map(|i| sides[i] * cell.inverse_height[i])
+                    .fold(f64::INFINITY, f64::min)
+            };
+            if least > best.0 || (inside && best.0 < 0.0) {
+                best = (least, number, cell.weights(&sides));
+                if inside {
+                    break;
+                }
+            }
+        }
+        Location {
+            triangle: best.1,
+            weights: best.2,
+        }
+    }
+}
+
+enum Way {
+    Inside,
+    OnSide,
+    Through(u32),
+}
+
+impl Cell {
+    #[inline]
+    fn sides(&self, speed: f64, force: f64) -> [f64; 3] {
+        std::array::from_fn(|i| {
+            (speed - self.origin_speed[i]) * self.normal_speed[i]
+                + (force - self.origin_force[i]) * self.normal_force[i]
+        })
+    }
+
+    #[inline]
+    fn way_out(&self, sides: &[f64; 3]) -> Way {
+        if sides[0] > 0.0 && sides[1] > 0.0 && sides[2] > 0.0 {
+            return Way::Inside;
+        }
+        // The border of the map has no other side: a point that seems outside of it is on it.
+        let inner = |i: &usize| self.neighbour[*i] != NONE;
+        if let Some(side) = (0..3).filter(inner).find(|&i| sides[i] < 0.0) {
+            return Way::Through(self.neighbour[side]);
+        }
+        if (0..3).filter(inner).any(|i| sides[i] == 0.0) {
+            Way::OnSide
+        } else {
+            Way::Inside
+        }
+    }
+
+    /// Exactly 1 and 0 at a vertex, exactly 0 for the vertex opposite a side of the map that the point is on.
+    #[inline]
+    fn weights(&self, sides: &[f64; 3]) -> [f64; 3] {
+        let raw: [f64; 3] = std::array::from_fn(|i| (sides[i] * self.inverse_height[i]).max(0.0));
+        let sum = raw[0] + raw[1] + raw[2];
+        raw.map(|weight| weight / sum)
+    }
+}
+
+fn check_points(points: &[(f64, f64)]) -> Result<(f64, f64), TriangulationError> {
+    let (mut max_speed, mut max_force) = (0.0_f64, 0.0_f64);
+    let mut seen = HashMap::new();
+    for (vertex, &(speed, force)) in points.iter().enumerate() {
+        // The upper bound keeps every product below finite.
+        if !((0.0..1e100).contains(&speed) && (0.0..1e100).contains(&force)) {
+            return Err(TriangulationError::Position {
+                vertex,
+                speed_m_s: speed,
+                force_n: force,
+            });
+        }
+        // Adding zero makes one zero of both.
+        if let Some(first) = seen.insert(((speed + 0.0).to_bits(), (force + 0.0).to_bits()), vertex) {
+            return Err(TriangulationError::SamePlace {
+                first,
+                second: vertex,
+            });
+        }
+        max_speed = max_speed.max(speed);
+        max_force = max_force.max(force);
+    }
+    let area = max_speed * max_force;
+    if area > 1e-100 {
+        Ok((max_speed, max_force))
+    } else {
+        Err(TriangulationError::Flat)
+    }
+}
+
+/// Twice the signed area of the triangle a, b, c.
+fn doubled_area(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
+    (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1)
+}
+
+/// Triangles thinner than this part of the map are refused: weights inside would have no digits left.
+const THINNEST: f64 = 1e-12;
+
+fn cell(
+    points: &[(f64, f64)],
+    number: usize,
+    triangle: Triangle,
+    map_area: f64,
+) -> Result<Cell, TriangulationError> {
+    let mut corners = [(0.0, 0.0); 3];
+    for (corner, vertex) in corners.iter_mut().zip(triangle) {
+        *corner = *points
+            .get(vertex as usize)
+            .ok_or(TriangulationError::NoSuchVertex {
+                triangle: number,
+                vertex,
+                vertices: points.len(),
+            })?;
+    }
+    if !(doubled_area(corners[0], corners[1], corners[2]).abs() > THINNEST * map_area) {
+        return Err(TriangulationError::Degenerate { triangle: number });
+    }
+    let mut cell = Cell {
+        origin_speed: [0.0; 3],
+        origin_force: [0.0; 3],
+        normal_speed: [0.0; 3],
+        normal_force: [0.0; 3],
+        inverse_height: [0.0; 3],
+        neighbour: [NONE; 3],
+    };
+    for i in 0..3 {
+        let (mut from, mut to) = ((i + 1) % 3, (i + 2) % 3);
+        if triangle[from] > triangle[to] {
+            std::mem::swap(&mut from, &mut to);
+        }
+        let (from, to) = (corners[from], corners[to]);
+        let normal = (-(to.1 - from.1), to.0 - from.0);
+        let height = (corners[i].0 - from.0) * normal.0 + (corners[i].1 - from.1) * normal.1;
+        let sign = height.signum();
+        cell.origin_speed[i] = from.0;
+        cell.origin_force[i] = from.1;
+        cell.normal_speed[i] = sign * normal.0;
+        cell.normal_force[i] = sign * normal.1;
+        cell.inverse_height[i] = 1.0 / height.abs();
+    }
+    Ok(cell)
+}
+
+/// Finds each side's neighbour, and proves that a side has two triangles, one to each side of it, or lies on the border.
+fn connect(
+    points: &[(f64, f64)],
+    triangles: &[Triangle],
+    cells: &mut [Cell],
+    (max_speed, max_force): (f64, f64),
+) -> Result<(), TriangulationError> {
+    let mut open: HashMap<(u32, u32), (usize, usize)> = HashMap::new();
+    let mut closed: HashMap<(u32, u32), usize> = HashMap::new();
+    for (number, triangle) in triangles.iter().enumerate() {
+        for i in 0..3 {
+            let (a, b) = (triangle[(i + 1) % 3], triangle[(i + 2) % 3]);
+            let side = (a.min(b), a.max(b));
+            if let Some(&first) = closed.get(&side) {
+                return Err(TriangulationError::Overlap {
+                    first,
+                    second: number,
+                });
+            }
+            let Some((other, j)) = open.remove(&side) else {
+                open.insert(side, (number, i));
+                continue;
+            };
+            let opposite = cells[other].normal_speed[j] == -cells[number].normal_speed[i]
+                && cells[other].normal_force[j] == -cells[number].normal_force[i];
+            if !opposite {
+                return Err(TriangulationError::Overlap {
+                    first: other,
+                    second: number,
+                });
+            }
+            cells[other].neighbour[j] = number as u32;
+            cells[number].neighbour[i] = other as u32;
+            closed.insert(side, number);
+        }
+    }
+    let mut loose: Vec<_> = open.into_iter().collect();
+    loose.sort_unstable();
+    for ((a, b), (triangle, _)) in loose {
+        let ((speed_a, force_a), (speed_b, force_b)) = (points[a as usize], points[b as usize]);
+        let on_border = (speed_a == speed_b && (speed_a == 0.0 || speed_a == max_speed))
+            || (force_a == force_b && (force_a == 0.0 || force_a == max_force));
+        if !on_border {
+            return Err(TriangulationError::Gap {
+                triangle,
+                vertices: (a, b),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// With every inner side between two triangles and every outer side on the border, the map is covered a whole number of
+/// times: once if the areas agree.
+fn check_cover(
+    points: &[(f64, f64)],
+    triangles: &[Triangle],
+    map_area: f64,
+) -> Result<(), TriangulationError> {
+    let mut covered = 0.0;
+    let mut used = vec![false; points.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|vertex| points[vertex as usize]);
+        covered += 0.5 * doubled_area(a, b, c).abs() / map_area;
+        triangle.iter().for_each(|&vertex| used[vertex as usize] = true);
+    }
+    if (covered - 1.0).abs() > 1e-9 {
+        return Err(TriangulationError::Cover { covered });
+    }
+    match used.iter().position(|used| !used) {
+        Some(vertex) => Err(TriangulationError::Unused { vertex }),
+        None => Ok(()),
+    }
+}
+
+/// Delaunay triangles of the z-scored points (speed m/s, force N): the metric in which the field triangulates, as
+/// speed and force have nothing else in common (thesis 2.3.5).
+pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationError> {
+    check_points(points)?;
+    let speeds = z_scores(points.iter().map(|point| point.0));
+    let forces = z_scores(points.iter().map(|point| point.1));
+    let mut mesh: DelaunayTriangulation<Point2<f64>> = DelaunayTriangulation::new();
+    for (vertex, (&x, &y)) in speeds.iter().zip(&forces).enumerate() {
+        // Values too small for spade's exact predicates are as good as zero among z-scores.
+        let exact = |value: f64| if value.abs() < 1e-40 { 0.0 } else { value };
+        let (speed_m_s, force_n) = points[vertex];
+        let handle =
+            mesh.insert(Point2::new(exact(x), exact(y)))
+                .map_err(|_| TriangulationError::Position {
+                    vertex,
+                    speed_m_s,
+                    force_n,
+                })?;
+        if handle.index() != vertex {
+            return Err(TriangulationError::SamePlace {
+                first: handle.index(),
+                second: vertex,
+            });
+        }
+    }
+    Ok(mesh
+        .inner_faces()
+        .map(|face| face.vertices().map(|vertex| vertex.index() as u32))
+        .collect())
+}
+
+fn z_scores(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let count = values.clone().count().max(1) as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let variance = values
+        .clone()
+        .map(|value| (value - mean) * (value - mean))
+        .sum::<f64>()
+        / count;
+    let deviation = if variance > 0.0 { variance.sqrt() } else { 1.0 };
+    values.map(|value| (value - mean) / deviation).collect()
+}
+
+/// Why triangles do not make a map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TriangulationError {
+    /// A vertex with a negative or absurd speed or force.
+    #[error(
+        "vertex {vertex} (from 0) lies at {speed_m_s} m/s, {force_n} N; both must be finite and not negative"
+    )]
+    Position {
+        /// Its number, from 0.
+        vertex: usize,
+        /// Its speed.
+        speed_m_s: f64,
+        /// Its force.
+        force_n: f64,
+    },
+    /// Two vertices at one place.
+    #[error("vertices {first} and {second} (from 0) lie at the same speed and force")]
+    SamePlace {
+        /// The one, from 0.
+        first: usize,
+        /// The other, from 0.
+        second: usize,
+    },
+    /// All speeds or all forces are zero.
+    #[error("the largest speed or the largest force is zero, so there is no map to triangulate")]
+    Flat,
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} (from 0) names vertex {vertex}, but there are {vertices}, from 0")]
+    NoSuchVertex {
+        /// The triangle's number, from 0.
+        triangle: usize,
+        /// The vertex named, from 0.
+        vertex: u32,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// A triangle without area.
+    #[error("triangle {triangle} (from 0) has no area")]
+    Degenerate {
+        /// The triangle's number, from 0.
+        triangle: usize,
+    },
+    /// Two triangles cover the same ground.
+    #[error("triangles {first} and {second} (from 0) overlap")]
+    Overlap {
+        /// The one, from 0.
+        first: usize,
+        /// The other, from 0.
+        second: usize,
+    },
+    /// A side with a triangle on one side only, inside the map.
+    #[error(
+        "the map has a gap beside triangle {triangle}: its side between vertices {} and {} (all from 0) is neither shared nor on the border of the range from zero to the maximum",
+        vertices.0, vertices.1
+    )]
+    Gap {
+        /// The triangle's number, from 0.
+        triangle: usize,
+        /// The side's ends, from 0.
+        vertices: (u32, u32),
+    },
+    /// The triangles cover too little or too much.
+    #[error(
+        "the triangles cover {covered} of the range from zero to the maximum speed and force, not all of it once"
+    )]
+    Cover {
+        /// The covered part; 1 would be right.
+        covered: f64,
+    },
+    /// A vertex of no triangle.
+    #[error("vertex {vertex} (from 0) belongs to no triangle")]
+    Unused {
+        /// Its number, from 0.
+        vertex: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    /// A map with corners, border points and `inner` random ones.
+    fn random_points(inner: usize, seed: u64) -> Vec<(f64, f64)> {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let (max_speed, max_force) = (0.2422, 3.17);
+        let mut points = vec![
+            (0.0, 0.0),
+            (max_speed, 0.0),
+            (0.0, max_force),
+            (max_speed, max_force),
+        ];
+        for k in 1..5 {
+            let part = k as f64 / 5.0;
+            points.extend([(part * max_speed, 0.0), (part * max_speed, max_force)]);
+            points.extend([(0.0, part * max_force), (max_speed, part * max_force)]);
+        }
+        points.extend((0..inner).map(|_| {
+            (
+                random.random_range(0.001..0.999) * max_speed,
+                random.random_range(0.001..0.999) * max_force,
+            )
+        }));
+        points
+    }
+
+    fn random_map(inner: usize, seed: u64) -> (Vec<(f64, f64)>, Triangulation) {
+        let points = random_points(inner, seed);
+        let triangulation = Triangulation::new(&points, delaunay(&points).unwrap()).unwrap();
+        (points, triangulation)
+    }
+
+    fn place(points: &[(f64, f64)], map: &Triangulation, location: &Location) -> (f64, f64) {
+        let corners = map.triangles()[location.triangle as usize].map(|vertex| points[vertex as usize]);
+        let mix = |f: fn(&(f64, f64)) -> f64| (0..3).map(|i| location.weights[i] * f(&corners[i])).sum();
+        (mix(|p| p.0), mix(|p| p.1))
+    }
+
+    #[test]
+    fn delaunay_circles_are_empty_among_z_scores() {
+        let points = random_points(30, 5);
+        let (x, y) = (
+            z_scores(points.iter().map(|p| p.0)),
+            z_scores(points.iter().map(|p| p.1)),
+        );
+        for triangle in delaunay(&points).unwrap() {
+            let [a, b, c] = triangle.map(|v| nalgebra::Vector2::new(x[v as usize], y[v as usize]));
+            let (ab, ac) = (b - a, c - a);
+            let twice_area = ab.perp(&ac);
+            let centre = nalgebra::Vector2::new(
+                ac.y * ab.norm_squared() - ab.y * ac.norm_squared(),
+                ab.x * ac.norm_squared() - ac.x * ab.norm_squared(),
+            ) / (2.0 * twice_area);
+            for v in 0..points.len() {
+                let distance = (nalgebra::Vector2::new(x[v], y[v]) - a - centre).norm();
+                assert!(
+                    distance >= centre.norm() * (1.0 - 1e-9),
+                    "vertex {v} inside the circle of {triangle:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_walk_ends_where_trying_all_ends_whatever_its_start() {
+        let (_, map) = random_map(25, 1);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
+        for _ in 0..2000 {
+            let point = (
+                random.random::<f64>() * map.max_speed_m_s(),
+                random.random::<f64>() * map.max_force_n(),
+            );
+            let expected = map.locate_by_trying_all(point.0, point.1);
+            let start = random.random_range(0..map.triangles().len() as u32);
+            assert_eq!(map.locate_from(start, point.0, point.1), expected);
+        }
+    }
+
+    #[test]
+    fn at_a_vertex_its_weight_is_exactly_one_whatever_the_start() {
+        let (points, map) = random_map(25, 3);
+        for (vertex, &(speed, force)) in points.iter().enumerate() {
+            let expected = map.locate_from(0, speed, force);
+            for start in 0..map.triangles().len() as u32 {
+                let location = map.locate_from(start, speed, force);
+                assert_eq!(location, expected);
+                let triangle = map.triangles()[location.triangle as usize];
+                for i in 0..3 {
+                    let weight = if triangle[i] as usize == vertex { 1.0 } else { 0.0 };
+                    assert_eq!(location.weights[i], weight);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn on_the_border_only_border_vertices_weigh() {
+        let (points, map) = random_map(25, 4);
+        let (max_speed, max_force) = (map.max_speed_m_s(), map.max_force_n());
+        for k in 0..=1000 {
+            let part = k as f64 / 1000.0;
+            for (speed, force) in [
+                (0.0, part * max_force),
+                (max_speed, part * max_force),
+                (part * max_speed, 0.0),
+                (part * max_speed, max_force),
+            ] {
+                let (speed, force) = map.saturate(speed, force);
+                let location = map.locate_from(k % 7, speed, force);
+                let triangle = map.triangles()[location.triangle as usize];
+                for i in 0..3 {
+                    let (s, f) = points[triangle[i] as usize];
+                    let shares = (speed == s && (s == 0.0 || s == max_speed))
+                        || (force == f && (f == 0.0 || f == max_force));
+                    assert!(shares || location.weights[i] == 0.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn saturation_takes_anything() {
+        let (_, map) = random_map(3, 4);
+        assert_eq!(map.saturate(f64::NAN, f64::INFINITY), (0.0, map.max_force_n()));
+        assert_eq!(map.saturate(-1.0, f64::NEG_INFINITY), (0.0, 0.0));
+        assert_eq!(map.saturate(9.0, 0.5), (map.max_speed_m_s(), 0.5));
+    }
+
+    #[test]
+    fn a_map_with_a_hole_a_fold_or_a_missing_vertex_is_refused() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)];
+        let good = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+        assert!(Triangulation::new(&square, good.clone()).is_ok());
+        assert!(matches!(
+            Triangulation::new(&square, good[..3].to_vec()),
+            Err(TriangulationError::Gap { .. })
+        ));
+        let twice = [&good[..], &good[..]].concat();
+        assert!(matches!(
+            Triangulation::new(&square, twice),
+            Err(TriangulationError::Overlap { .. })
+        ));
+        let beyond = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 5]];
+        assert!(matches!(
+            Triangulation::new(&square, beyond),
+            Err(TriangulationError::NoSuchVertex { vertex: 5, .. })
+        ));
+        let without_centre = vec![[0, 1, 2], [0, 2, 3]];
+        assert_eq!(
+            Triangulation::new(&square, without_centre),
+            Err(TriangulationError::Unused { vertex: 4 })
+        );
+        assert!(matches!(
+            Triangulation::new(&square, vec![]),
+            Err(TriangulationError::Cover { .. })
+        ));
+        assert!(matches!(
+            Triangulation::new(&[], vec![]),
+            Err(TriangulationError::Flat)
+        ));
+        assert!(matches!(
+            Triangulation::new(&square, vec![[0, 0, 4]]),
+            Err(TriangulationError::Degenerate { triangle: 0 })
+        ));
+    }
+
+    proptest! {
+        #[test]
+        fn weights_give_the_point_back(seed in 0u64..50, inner in 0usize..40, speed in 0.0..1.0f64, force in 0.0..1.0f64, start in 0u32..200) {
+            let (points, map) = random_map(inner, seed);
+            let (speed, force) = (speed * map.max_speed_m_s(), force * map.max_force_n());
+            let location = map.locate_from(start, speed, force);
+            prop_assert!(location.weights.iter().all(|w| (0.0..=1.0).contains(w)));
+            prop_assert!((location.weights.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+            let back = place(&points, &map, &location);
+            prop_assert!((back.0 - speed).abs() < 1e-13 && (back.1 - force).abs() < 1e-12);
+        }
+    }
+}
