@@ -1,5 +1,12 @@
 //! The words and mathematics that all of haptograph shares: quantities and units, exact time, seeded noise,
 //! filters, resampling and spectra. Knows nothing of graphs or of surfaces.
 
+pub mod delay;
+pub mod noise;
+pub mod prediction;
 pub mod quantity;
+pub mod spectrum;
 pub mod time;
+pub mod window;
+
+pub use rustfft::num_complex::Complex64;

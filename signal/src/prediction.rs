@@ -1,0 +1,320 @@
+//! Linear prediction: autoregressive models and the reflection coefficients that tell whether they are stable.
+//!
+//! Polynomials are `A(z) = 1 + sum a_k z^-k`, written `[a_1, ..., a_p]`; the thesis's `A_k` is `-a_k`.
+
+use thiserror::Error;
+
+/// An autoregressive model fitted to a signal or to its autocovariance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prediction {
+    /// `[a_1, ..., a_p]` of `A(z) = 1 + sum a_k z^-k`.
+    pub ar: Vec<f64>,
+    /// Reflection coefficients `[k_1, ..., k_p]`, `k_m` being the last coefficient of the model of order m.
+    pub reflection: Vec<f64>,
+    /// Innovation variance, in the square of the signal's unit.
+    pub variance: f64,
+}
+
+/// Why a model cannot be made or used.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PredictionError {
+    /// A polynomial with a root on or outside the unit circle.
+    #[error(
+        "A(z) is unstable: reflection coefficient k_{order} is {reflection}, and must lie between -1 and 1"
+    )]
+    Unstable {
+        /// Which coefficient, from 1.
+        order: usize,
+        /// Its value.
+        reflection: f64,
+    },
+    /// A numerator or denominator that is not a number.
+    #[error("a coefficient is not a finite number")]
+    NotFinite,
+    /// Fewer lags or samples than the order needs.
+    #[error("order {order} needs {needed} values and only {given} were given")]
+    TooShort {
+        /// The order asked for.
+        order: usize,
+        /// Lags or samples needed.
+        needed: usize,
+        /// Lags or samples given.
+        given: usize,
+    },
+    /// Lags that no signal has.
+    #[error("these lags are not an autocovariance: at lag {lag} the prediction error would become negative")]
+    NotAnAutocovariance {
+        /// The first impossible lag.
+        lag: usize,
+    },
+}
+
+/// Biased autocovariance about zero, `r[m] = 1/n sum x[i] x[i+m]` for m = 0..=max_lag, in unit squared.
+///
+/// "About zero": subtract the mean first where the signal has one. Biased, so that the lags are always those of a
+/// stable model. Lags beyond the signal are zero.
+pub fn autocovariance(x: &[f64], max_lag: usize) -> Vec<f64> {
+    let n = x.len().max(1) as f64;
+    (0..=max_lag)
+        .map(|lag| {
+            let later = x.get(lag..).unwrap_or(&[]);
+            later.iter().zip(x).map(|(a, b)| a * b).sum::<f64>() / n
+        })
+        .collect()
+}
+
+/// The autoregressive model of this order whose autocovariance begins with `r[0..=order]` (Levinson and Durbin).
+///
+/// A silent signal (`r[0] = 0`) gives the zero model. A signal that can be predicted perfectly (constant, periodic)
+/// gives variance 0 and the shortest model that does it, on the edge of stability, its other coefficients zero.
+///
+/// # Errors
+/// [`PredictionError::TooShort`], [`PredictionError::NotAnAutocovariance`], [`PredictionError::NotFinite`].
+pub fn levinson(r: &[f64], order: usize) -> Result<Prediction, PredictionError> {
+    if r.len() <= order {
+        let (needed, given) = (order + 1, r.len());
+        return Err(PredictionError::TooShort { order, needed, given });
+    }
+    if r[..=order].iter().any(|r| !r.is_finite()) {
+        return Err(PredictionError::NotFinite);
+    }
+    if r[0] < 0.0 {
+        return Err(PredictionError::NotAnAutocovariance { lag: 0 });
+    }
+    let mut ar = vec![0.0; order];
+    let mut reflection = vec![0.0; order];
+    let mut variance = r[0];
+    for m in 1..=order {
+        // Below this nothing is left but rounding.
+        if variance <= r[0] * 1e-15 {
+            break;
+        }
+        let lagged: f64 = (1..m).map(|i| ar[i - 1] * r[m - i]).sum();
+        let k = -(r[m] + lagged) / variance;
+        // Rounding may carry a perfectly predictable signal a little too far.
+        if k.abs() > 1.0 + 1e-9 {
+            return Err(PredictionError::NotAnAutocovariance { lag: m });
+        }
+        let k = k.clamp(-1.0, 1.0);
+        raise_order(&mut ar[..m], k);
+        reflection[m - 1] = k;
+        variance *= 1.0 - k * k;
+    }
+    Ok(Prediction {
+        ar,
+        reflection,
+        variance,
+    })
+}
+
+/// The autoregressive model that minimises forward and backward prediction errors inside the record (Burg).
+///
+/// # Errors
+/// [`PredictionError::TooShort`] unless there are more samples than the order, [`PredictionError::NotFinite`].
+pub fn burg(x: &[f64], order: usize) -> Result<Prediction, PredictionError> {
+    let n = x.len();
+    if n <= order {
+        let (needed, given) = (order + 1, n);
+        return Err(PredictionError::TooShort { order, needed, given });
+    }
+    if x.iter().any(|x| !x.is_finite()) {
+        return Err(PredictionError::NotFinite);
+    }
+    let mut forward = x.to_vec();
+    let mut backward = x.to_vec();
+    let mut ar = vec![0.0; order];
+    let mut reflection = vec![0.0; order];
+    let mut variance = x.iter().map(|x| x * x).sum::<f64>() / n as f64;
+    for m in 1..=order {
+        let (mut product, mut energy) = (0.0, 0.0);
+        for i in m..n {
+            product += forward[i] * backward[i - 1];
+            energy += forward[i] * forward[i] + backward[i - 1] * backward[i - 1];
+        }
+        if energy <= 0.0 {
+            break;
+        }
+        let k = -2.0 * product / energy;
+        for i in (m..n).rev() {
+            let (f, b) = (forward[i], backward[i - 1]);
+            forward[i] = f + k * b;
+            backward[i] = b + k * f;
+        }
+        raise_order(&mut ar[..m], k);
+        reflection[m - 1] = k;
+        variance *= 1.0 - k * k;
+    }
+    Ok(Prediction {
+        ar,
+        reflection,
+        variance,
+    })
+}
+
+/// Reflection coefficients of a stable polynomial (step-down recursion).
+///
+/// # Errors
+/// [`PredictionError::Unstable`] when a root lies on or outside the unit circle, [`PredictionError::NotFinite`].
+pub fn ar_to_reflection(ar: &[f64]) -> Result<Vec<f64>, PredictionError> {
+    let mut reflection = ar.to_vec();
+    step_down(&mut reflection)?;
+    Ok(reflection)
+}
+
+/// The polynomial with these reflection coefficients (step-up recursion); stable when all lie between -1 and 1.
+pub fn reflection_to_ar(reflection: &[f64]) -> Vec<f64> {
+    let mut ar = reflection.to_vec();
+    for m in 1..=ar.len() {
+        let k = ar[m - 1];
+        raise_order(&mut ar[..m], k);
+    }
+    ar
+}
+
+/// The power of white noise of variance 1 after `B(z)/A(z)`, both monic: `[b_1, ..., b_q]` over `[a_1, ..., a_p]`.
+///
+/// Exact up to rounding: a sum of squares over the orthogonal backward signals of the lattice (Gray and Markel 1973).
+///
+/// # Errors
+/// [`PredictionError::Unstable`] and [`PredictionError::NotFinite`].
+pub fn power_gain(ar: &[f64], ma: &[f64]) -> Result<f64, PredictionError> {
+    let order = ar.len().max(ma.len());
+    let mut taps = vec![0.0; order + 1];
+    let mut reflection = vec![0.0; order];
+    let mut scratch = vec![0.0; order];
+    ladder(ar, ma, &mut reflection, &mut taps, &mut scratch)?;
+    Ok(taps.iter().map(|v| v * v).sum())
+}
+
+/// Autocovariances at lags 0..=max_lag of white noise of this variance after `B(z)/A(z)`, in unit squared.
+///
+/// # Errors
+/// [`PredictionError::Unstable`] and [`PredictionError::NotFinite`].
+pub fn arma_autocovariance(
+    ar: &[f64],
+    ma: &[f64],
+    variance: f64,
+    max_lag: usize,
+) -> Result<Vec<f64>, PredictionError> {
+    let q = ma.len();
+    let plain = ar_autocovariance(ar, variance, max_lag + q)?;
+    let b = |i: usize| if i == 0 { 1.0 } else { ma[i - 1] };
+    let correlation: Vec<f64> = (0..=q)
+        .map(|lag| (lag..=q).map(|i| b(i) * b(i - lag)).sum())
+        .collect();
+    Ok((0..=max_lag)
+        .map(|lag| {
+            let both_sides = (1..=q).map(|j| correlation[j] * (plain[lag + j] + plain[lag.abs_diff(j)]));
+            correlation[0] * plain[lag] + both_sides.sum::<f64>()
+        })
+        .collect())
+}
+
+/// As [`arma_autocovariance`] with B(z) = 1: Levinson's recursion run from the model to the lags.
+fn ar_autocovariance(ar: &[f64], variance: f64, max_lag: usize) -> Result<Vec<f64>, PredictionError> {
+    let p = ar.len();
+    let reflection = ar_to_reflection(ar)?;
+    let mut error = variance / reflection.iter().map(|k| 1.0 - k * k).product::<f64>();
+    let mut r = vec![error];
+    let mut lower: Vec<f64> = Vec::with_capacity(p);
+    for m in 1..=max_lag.max(p) {
+        let model = if m <= p { &lower[..] } else { ar };
+        let predicted: f64 = model.iter().enumerate().map(|(i, a)| -a * r[m - 1 - i]).sum();
+        let k = reflection.get(m - 1).copied().unwrap_or(0.0);
+        r.push(predicted - k * error);
+        if m <= p {
+            lower.push(0.0);
+            raise_order(&mut lower, k);
+            error *= 1.0 - k * k;
+        }
+    }
+    r.truncate(max_lag + 1);
+    Ok(r)
+}
+
+/// Turns `[a_1, ..., a_p]` into `[k_1, ..., k_p]` in place.
+pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
+    for m in (1..=ar.len()).rev() {
+        lower_order(&mut ar[..m])?;
+    }
+    Ok(())
+}
+
+/// The normalised lattice-ladder of `B(z)/A(z)`: reflection coefficients and the taps on the unit-power backward
+/// signals, `order = reflection.len()`, one tap more than that. `scratch` has `order` values.
+pub(crate) fn ladder(
+    ar: &[f64],
+    ma: &[f64],
+    reflection: &mut [f64],
+    taps: &mut [f64],
+    scratch: &mut [f64],
+) -> Result<(), PredictionError> {
+    let order = reflection.len();
+    if ma.iter().any(|b| !b.is_finite()) {
+        return Err(PredictionError::NotFinite);
+    }
+    let polynomial = scratch;
+    polynomial.fill(0.0);
+    polynomial[..ar.len()].copy_from_slice(ar);
+    taps.fill(0.0);
+    taps[0] = 1.0;
+    taps[1..=ma.len()].copy_from_slice(ma);
+    // Standard deviation of the backward signal of order m, for white noise of variance 1 going in.
+    let mut deviation = 1.0;
+    for m in (1..=order).rev() {
+        // B(z) loses its z^-m term to the backward polynomial z^-m A_m(1/z).
+        let tap = taps[m];
+        for i in 0..m {
+            taps[i] -= tap * polynomial[m - i - 1];
+        }
+        taps[m] = tap * deviation;
+        lower_order(&mut polynomial[..m])?;
+        reflection[m - 1] = polynomial[m - 1];
+        deviation /= (1.0 - reflection[m - 1] * reflection[m - 1]).sqrt();
+    }
+    taps[0] *= deviation;
+    if !deviation.is_finite() {
+        return Err(PredictionError::NotFinite);
+    }
+    Ok(())
+}
+
+/// From the polynomial of order m - 1 in `ar[..m-1]` to that of order m.
+fn raise_order(ar: &mut [f64], k: f64) {
+    let lower = ar.len() - 1;
+    ar[lower] = k;
+    for i in 0..lower / 2 {
+        let (near, far) = (ar[i], ar[lower - 1 - i]);
+        ar[i] = near + k * far;
+        ar[lower - 1 - i] = far + k * near;
+    }
+    if lower % 2 == 1 {
+        ar[lower / 2] *= 1.0 + k;
+    }
+}
+
+/// From the polynomial of order m in `ar` to that of order m - 1 in `ar[..m-1]`; `k_m` stays in `ar[m-1]`.
+fn lower_order(ar: &mut [f64]) -> Result<(), PredictionError> {
+    let lower = ar.len() - 1;
+    let k = ar[lower];
+    if !k.is_finite() {
+        return Err(PredictionError::NotFinite);
+    }
+    if k.abs() >= 1.0 {
+        let (order, reflection) = (ar.len(), k);
+        return Err(PredictionError::Unstable { order, reflection });
+    }
+    let scale = 1.0 / (1.0 - k * k);
+    for i in 0..lower / 2 {
+        let (near, far) = (ar[i], ar[lower - 1 - i]);
+        ar[i] = (near - k * far) * scale;
+        ar[lower - 1 - i] = (far - k * near) * scale;
+    }
+    if lower % 2 == 1 {
+        ar[lower / 2] /= 1.0 + k;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
