@@ -2,6 +2,7 @@
 //! filters, resampling and spectra. Knows nothing of graphs or of surfaces.
 
 pub mod delay;
+pub mod filter;
 pub mod noise;
 pub mod prediction;
 pub mod quantity;

@@ -1,0 +1,294 @@
+//! Classical designs: analog prototype, frequency transform, bilinear transform with prewarping.
+
+use super::{Biquad, Sections};
+use crate::Complex64;
+use std::f64::consts::PI;
+use thiserror::Error;
+
+/// Highest prototype order a design accepts. Beyond it single sections get too resonant to be of use.
+pub const MAX_ORDER: usize = 16;
+
+/// Why a filter cannot be designed.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DesignError {
+    /// Order 0 or too high.
+    #[error("a filter of order {order} cannot be designed; orders 1 to {MAX_ORDER} can")]
+    Order {
+        /// The order asked for.
+        order: usize,
+    },
+    /// A sample rate that is not a positive number.
+    #[error("the sample rate must be a positive number of hertz, not {rate_hz}")]
+    Rate {
+        /// The rate given.
+        rate_hz: f64,
+    },
+    /// A cut-off at or below 0 or at or above half the sample rate.
+    #[error("a cut-off of {cutoff_hz} Hz must lie above 0 and below half the sample rate, {nyquist_hz} Hz")]
+    Cutoff {
+        /// The cut-off given.
+        cutoff_hz: f64,
+        /// Half the sample rate.
+        nyquist_hz: f64,
+    },
+    /// A pass band upside down.
+    #[error("the band's lower edge, {low_hz} Hz, must be below its upper edge, {high_hz} Hz")]
+    EmptyBand {
+        /// The lower edge given.
+        low_hz: f64,
+        /// The upper edge given.
+        high_hz: f64,
+    },
+}
+
+/// Butterworth low-pass, -3 dB at `cutoff_hz`, unit gain at 0.
+///
+/// # Errors
+/// [`DesignError`] for an order, rate or cut-off outside the possible.
+pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
+    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    lowpass(&butterworth_prototype(check(order)?), cutoff)
+}
+
+/// Butterworth high-pass, -3 dB at `cutoff_hz`, unit gain at the Nyquist frequency.
+///
+/// # Errors
+/// As [`butterworth_lowpass`].
+pub fn butterworth_highpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
+    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    let poles = butterworth_prototype(check(order)?);
+    let poles = poles.into_iter().map(|p| bilinear(cutoff / p));
+    Ok(cascade(poles, Zeros::Dc, Complex64::new(-1.0, 0.0)))
+}
+
+/// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the centre.
+///
+/// # Errors
+/// As [`butterworth_lowpass`], and [`DesignError::EmptyBand`].
+pub fn butterworth_bandpass(
+    order: usize,
+    low_hz: f64,
+    high_hz: f64,
+    rate_hz: f64,
+) -> Result<Sections, DesignError> {
+    let (low, high) = (prewarp(low_hz, rate_hz)?, prewarp(high_hz, rate_hz)?);
+    if low_hz >= high_hz {
+        return Err(DesignError::EmptyBand { low_hz, high_hz });
+    }
+    let (width, centre_squared) = (high - low, low * high);
+    let split = |p: Complex64| {
+        // s^2 - p width s + centre^2 = 0
+        let half = p * (width / 2.0);
+        let root = (half * half - centre_squared).sqrt();
+        [half + root, half - root]
+    };
+    let poles = butterworth_prototype(check(order)?);
+    let poles = poles.into_iter().flat_map(split).map(bilinear);
+    let centre = bilinear(Complex64::new(0.0, centre_squared.sqrt()));
+    Ok(cascade(poles, Zeros::DcAndNyquist, centre))
+}
+
+/// Bessel low-pass (flattest group delay), -3 dB at `cutoff_hz`, unit gain at 0.
+///
+/// The bilinear transform keeps the magnitude and bends the delay: it is flat well below the Nyquist frequency only.
+///
+/// # Errors
+/// As [`butterworth_lowpass`].
+pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
+    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    lowpass(&bessel_prototype(check(order)?), cutoff)
+}
+
+/// Two equal real poles at `lambda_rad_s`, by backward differences: `(lambda T)^2 / (1 + lambda T - z^-1)^2`.
+///
+/// The velocity filter of the public haptic texture toolkit, with lambda = 125 rad/s: -6 dB near lambda/2 pi, -3 dB at 0.64 of that,
+/// delay 2/lambda.
+///
+/// # Errors
+/// [`DesignError::Rate`]; [`DesignError::Cutoff`] unless lambda is positive.
+pub fn double_pole(lambda_rad_s: f64, rate_hz: f64) -> Result<Sections, DesignError> {
+    let nyquist_hz = check_rate(rate_hz)? / 2.0;
+    if !(lambda_rad_s.is_finite() && lambda_rad_s > 0.0) {
+        let cutoff_hz = lambda_rad_s / (2.0 * PI);
+        return Err(DesignError::Cutoff {
+            cutoff_hz,
+            nyquist_hz,
+        });
+    }
+    let step = lambda_rad_s / rate_hz;
+    let (gain, pole) = (step / (1.0 + step), 1.0 / (1.0 + step));
+    Ok(Sections {
+        sections: vec![Biquad {
+            b: [gain * gain, 0.0, 0.0],
+            a: [-2.0 * pole, pole * pole],
+        }],
+    })
+}
+
+fn check(order: usize) -> Result<usize, DesignError> {
+    if (1..=MAX_ORDER).contains(&order) {
+        Ok(order)
+    } else {
+        Err(DesignError::Order { order })
+    }
+}
+
+fn check_rate(rate_hz: f64) -> Result<f64, DesignError> {
+    if rate_hz.is_finite() && rate_hz > 0.0 {
+        Ok(rate_hz)
+    } else {
+        Err(DesignError::Rate { rate_hz })
+    }
+}
+
+/// The analog frequency, in units of `2 rate`, that the bilinear transform carries to `cutoff_hz`.
+fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
+    let nyquist_hz = check_rate(rate_hz)? / 2.0;
+    if cutoff_hz > 0.0 && cutoff_hz < nyquist_hz {
+        Ok((PI * cutoff_hz / rate_hz).tan())
+    } else {
+        Err(DesignError::Cutoff {
+            cutoff_hz,
+            nyquist_hz,
+        })
+    }
+}
+
+/// s, in units of `2 rate`, to z.
+fn bilinear(s: Complex64) -> Complex64 {
+    (1.0 + s) / (1.0 - s)
+}
+
+fn lowpass(prototype: &[Complex64], cutoff: f64) -> Result<Sections, DesignError> {
+    let poles = prototype.iter().map(|p| bilinear(p * cutoff));
+    Ok(cascade(poles, Zeros::Nyquist, Complex64::new(1.0, 0.0)))
+}
+
+/// Poles of the order-n Butterworth filter with its -3 dB point at 1 rad/s.
+fn butterworth_prototype(order: usize) -> Vec<Complex64> {
+    let angle = |k: usize| PI * (2 * k + order + 1) as f64 / (2 * order) as f64;
+    (0..order).map(|k| Complex64::from_polar(1.0, angle(k))).collect()
+}
+
+/// Poles of the order-n Bessel filter with its -3 dB point at 1 rad/s.
+fn bessel_prototype(order: usize) -> Vec<Complex64> {
+    // The reverse Bessel polynomial, normalised to a constant term of 1: c_k = c_{k-1} 2 (n-k+1) / (k (2n-k+1)).
+    let mut coefficients = vec![1.0; order + 1];
+    for k in 1..=order {
+        let ratio = 2.0 * (order - k + 1) as f64 / (k * (2 * order - k + 1)) as f64;
+        coefficients[k] = coefficients[k - 1] * ratio;
+    }
+    // This has unit delay; its -3 dB point, where |polynomial(jw)|^2 = 2, is found by bisection.
+    let polynomial = |s: Complex64| {
+        coefficients
+            .iter()
+            .rev()
+            .fold(Complex64::new(0.0, 0.0), |sum, c| sum * s + *c)
+    };
+    let (mut low, mut high) = (0.1, 10.0 * order as f64);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if polynomial(Complex64::new(0.0, middle)).norm_sqr() < 2.0 {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    roots(&coefficients).into_iter().map(|p| p / low).collect()
+}
+
+/// Roots of a polynomial with simple roots, by Aberth's simultaneous iteration; `coefficients[k]` belongs to s^k.
+fn roots(coefficients: &[f64]) -> Vec<Complex64> {
+    let order = coefficients.len() - 1;
+    let evaluate = |s: Complex64| {
+        let zero = Complex64::new(0.0, 0.0);
+        coefficients
+            .iter()
+            .rev()
+            .fold((zero, zero), |(p, d), c| (p * s + *c, d * s + p))
+    };
+    let radius = (coefficients[0] / coefficients[order]).powf(1.0 / order as f64);
+    let mut roots: Vec<Complex64> = (0..order)
+        .map(|k| Complex64::from_polar(radius, PI * (2 * k + order + 1) as f64 / (2 * order) as f64 + 0.1))
+        .collect();
+    for _ in 0..200 {
+        let mut largest_step = 0.0_f64;
+        for i in 0..order {
+            let (p, d) = evaluate(roots[i]);
+            if p.norm() == 0.0 {
+                continue;
+            }
+            let newton = p / d;
+            let repulsion: Complex64 = (0..order)
+                .filter(|j| *j != i)
+                .map(|j| (roots[i] - roots[j]).inv())
+                .sum();
+            let step = newton / (1.0 - newton * repulsion);
+            roots[i] -= step;
+            largest_step = largest_step.max(step.norm() / radius);
+        }
+        if largest_step < 1e-15 {
+            break;
+        }
+    }
+    roots
+}
+
+/// Where a design has its zeros: one for each pole, at z = -1, at z = 1, or shared evenly.
+#[derive(Clone, Copy)]
+enum Zeros {
+    Nyquist,
+    Dc,
+    DcAndNyquist,
+}
+
+impl Zeros {
+    fn pair(self) -> [f64; 3] {
+        match self {
+            Self::Nyquist => [1.0, 2.0, 1.0],
+            Self::Dc => [1.0, -2.0, 1.0],
+            Self::DcAndNyquist => [1.0, 0.0, -1.0],
+        }
+    }
+
+    fn single(self) -> [f64; 3] {
+        match self {
+            Self::Nyquist => [1.0, 1.0, 0.0],
+            Self::Dc => [1.0, -1.0, 0.0],
+            Self::DcAndNyquist => [1.0, 0.0, 0.0],
+        }
+    }
+}
+
+/// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the next.
+fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Complex64) -> Sections {
+    let (mut real, mut complex): (Vec<Complex64>, Vec<Complex64>) = poles.partition(|p| p.im.abs() < 1e-12);
+    complex.retain(|p| p.im > 0.0);
+    complex.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+    real.sort_by(|a, b| a.re.total_cmp(&b.re));
+    // Real poles come in pairs, the leftover of an odd order first.
+    let single = (real.len() % 2 == 1).then(|| real.remove(0));
+    let single = single.map(|p| (zeros.single(), [-p.re, 0.0]));
+    let real = real
+        .chunks_exact(2)
+        .map(|p| (zeros.pair(), [-(p[0].re + p[1].re), p[0].re * p[1].re]));
+    let complex = complex
+        .iter()
+        .map(|p| (zeros.pair(), [-2.0 * p.re, p.norm_sqr()]));
+    let unit_gain = |(b, a)| {
+        let section = Biquad { b, a };
+        let scale = 1.0 / section.gain_at(reference.inv()).norm();
+        Biquad {
+            b: b.map(|b| b * scale),
+            a,
+        }
+    };
+    Sections {
+        sections: single
+            .into_iter()
+            .chain(real)
+            .chain(complex)
+            .map(unit_gain)
+            .collect(),
+    }
+}
