@@ -1,6 +1,7 @@
 //! The words and mathematics that all of haptograph shares: quantities and units, exact time, seeded noise,
 //! filters, resampling and spectra. Knows nothing of graphs or of surfaces.
 
+pub mod arma;
 pub mod delay;
 pub mod filter;
 pub mod noise;

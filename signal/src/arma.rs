@@ -1,0 +1,124 @@
+//! The synthesis filter: white noise through `gain B(z)/A(z)`, its coefficients changing while it runs.
+//!
+//! `A(z) = 1 + sum a_k z^-k`, `B(z) = 1 + sum b_k z^-k`. Two forms compute the same filter as long as the coefficients
+//! stay, and differ in what they carry from one set to the next:
+//!
+//! - [`DirectForm`] carries the past inputs and outputs, as the thesis does (2.4.2). Sets that are stable one by one
+//!   can grow without bound when they alternate.
+//! - [`Lattice`] carries the signals of a normalised lattice, whose energy no stable set can raise. The output is
+//!   bounded however the sets follow one another, and after each switch it has the new set's power and spectrum at once.
+//!
+//! Both give the same bits however the signal is cut into blocks, on every processor. Both fall silent exactly: a
+//! state below [`SILENCE`] is cleared every 64 samples. A state that is no longer finite is cleared at the same
+//! points, so that a bad excitation sample is forgotten; `reset` does it at once.
+
+mod bank;
+mod direct;
+mod lattice;
+
+pub use bank::VoiceBank;
+pub use direct::DirectForm;
+pub use lattice::Lattice;
+
+use crate::prediction::PredictionError;
+use thiserror::Error;
+
+/// Highest order of `A(z)` and of `B(z)`.
+pub const MAX_ORDER: usize = 32;
+
+/// State magnitude that counts as silence.
+pub const SILENCE: f64 = 1e-20;
+
+/// Samples between looks at whether the state has died away.
+const SETTLE: usize = 64;
+
+/// Why coefficients cannot be used. The filter keeps the ones it has.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ArmaError {
+    /// More coefficients than there is room for.
+    #[error("a synthesis filter of order {order} is too long; at most {MAX_ORDER} coefficients fit")]
+    TooLong {
+        /// The order given.
+        order: usize,
+    },
+    /// Coefficients that are not numbers, or a denominator that a lattice cannot realise because it is unstable.
+    #[error(transparent)]
+    Unusable(#[from] PredictionError),
+}
+
+/// Which form a filter takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Form {
+    /// [`DirectForm`].
+    Direct,
+    /// [`Lattice`].
+    #[default]
+    Lattice,
+}
+
+/// A synthesis filter of either form.
+#[derive(Debug, Clone)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a box would be heap in a filter that promises none"
+)]
+pub enum ArmaFilter {
+    /// See [`DirectForm`].
+    Direct(DirectForm),
+    /// See [`Lattice`].
+    Lattice(Lattice),
+}
+
+impl ArmaFilter {
+    /// A filter at rest that passes its excitation on.
+    pub fn new(form: Form) -> Self {
+        match form {
+            Form::Direct => Self::Direct(DirectForm::new()),
+            Form::Lattice => Self::Lattice(Lattice::new()),
+        }
+    }
+
+    /// The coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
+    ///
+    /// # Errors
+    /// [`ArmaError`], keeping the old coefficients; only the lattice refuses unstable ones.
+    pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
+        match self {
+            Self::Direct(filter) => filter.set_coefficients(ar, ma, gain),
+            Self::Lattice(filter) => filter.set_coefficients(ar, ma, gain),
+        }
+    }
+
+    /// Filters `excitation` into `out`, up to the shorter of the two.
+    pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Direct(filter) => filter.process(excitation, out),
+            Self::Lattice(filter) => filter.process(excitation, out),
+        }
+    }
+
+    /// Puts the filter to rest; the coefficients stay.
+    pub fn reset(&mut self) {
+        match self {
+            Self::Direct(filter) => filter.reset(),
+            Self::Lattice(filter) => filter.reset(),
+        }
+    }
+}
+
+/// Refuses what does not fit or is not a number.
+fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
+    let order = ar.len().max(ma.len());
+    if order > MAX_ORDER {
+        return Err(ArmaError::TooLong { order });
+    }
+    let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+    if finite(ar) && finite(ma) && gain.is_finite() {
+        Ok(())
+    } else {
+        Err(PredictionError::NotFinite.into())
+    }
+}
+
+#[cfg(test)]
+mod tests;
