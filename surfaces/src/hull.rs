@@ -90,9 +90,15 @@ pub fn extend(measured: &[ModelAt], hull: &Hull) -> Result<Vec<ModelAt>, Texture
 fn border(hull: &Hull, max_speed: f64, max_force: f64) -> impl Iterator<Item = (f64, f64)> {
     let division = |max: f64, step: usize, steps: usize| {
         if step == steps {
-            max
+            return max;
+        }
+        // Six decimals, as the toolkit's files have, unless the whole map is that small.
+        let exact = max * step as f64 / steps as f64;
+        let rounded = (exact * 1e6).round() / 1e6;
+        if (rounded - exact).abs() < 1e-4 * max / steps as f64 {
+            rounded
         } else {
-            max * step as f64 / steps as f64
+            exact
         }
     };
     let (speed_steps, force_steps) = (hull.speed_steps.max(1), hull.force_steps.max(1));

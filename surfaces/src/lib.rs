@@ -5,6 +5,7 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
 //! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
 
+pub mod files;
 pub mod hull;
 pub mod lsf;
 pub mod model;

@@ -40,7 +40,7 @@ pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
     }
     let (plus, minus): (&mut [f64; MAX_ORDER + 2], &mut [f64; MAX_ORDER + 2]) = (&mut sum, &mut difference);
     for k in (1..=order + 1).rev() {
-        if order % 2 == 0 {
+        if order.is_multiple_of(2) {
             plus[k] += plus[k - 1];
             minus[k] -= minus[k - 1];
         } else if k >= 2 {
@@ -65,8 +65,8 @@ pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
     let mut reflection = [0.0; MAX_ORDER];
     let reflection = &mut reflection[..order];
     reflection_coefficients(ar, reflection)?;
-    for index in 0..order {
-        lsf[index] = by_phase(reflection, index + 1);
+    for (index, frequency) in lsf.iter_mut().enumerate() {
+        *frequency = by_phase(reflection, index + 1);
     }
     let ascending = lsf.windows(2).all(|pair| pair[0] < pair[1]);
     let inside = lsf.iter().all(|&w| w > 0.0 && w < PI);
@@ -84,7 +84,7 @@ pub(crate) fn reflection_coefficients(ar: &[f64], reflection: &mut [f64]) -> Res
     a[..ar.len()].copy_from_slice(ar);
     for m in (0..ar.len()).rev() {
         let k = a[m];
-        if !(k.abs() < 1.0) {
+        if k.is_nan() || k.abs() >= 1.0 {
             return Err(NotStable);
         }
         reflection[m] = k;

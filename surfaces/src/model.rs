@@ -2,6 +2,7 @@
 
 use crate::lsf::{self, NotStable};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 pub use crate::lsf::MAX_ORDER;
 
@@ -24,12 +25,18 @@ pub const STORED_LSF_TOLERANCE: f64 = 1e-3;
 /// resampling), where they carry more digits than a toolkit file's LSFs do.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmaModel {
+    filter: Arc<Filter>,
+    variance: f64,
+}
+
+/// Shared, as the border of a map repeats the filters of its inside.
+#[derive(Debug, PartialEq)]
+struct Filter {
     ar: Vec<f64>,
     ar_lsf: Vec<f64>,
     ma: Vec<f64>,
     ma_lsf: Vec<f64>,
     gain: f64,
-    variance: f64,
 }
 
 /// The numbers of a model as a file stores them, yet unchecked.
@@ -94,17 +101,17 @@ impl ArmaModel {
         if !(gain.is_finite() && gain > 0.0) {
             return Err(ModelError::Gain { gain });
         }
-        if !(variance.is_finite() && variance >= 0.0) {
-            return Err(ModelError::Variance { variance });
+        ArmaModel {
+            filter: Arc::new(Filter {
+                ar,
+                ar_lsf,
+                ma,
+                ma_lsf,
+                gain,
+            }),
+            variance: 0.0,
         }
-        Ok(ArmaModel {
-            ar,
-            ar_lsf,
-            ma,
-            ma_lsf,
-            gain,
-            variance,
-        })
+        .with_variance(variance)
     }
 
     /// The same filter with another excitation variance, (m/s²)².
@@ -118,27 +125,27 @@ impl ArmaModel {
 
     /// a_1..a_p of A(z) = 1 + Σ a_k z⁻ᵏ.
     pub fn ar(&self) -> &[f64] {
-        &self.ar
+        &self.filter.ar
     }
 
     /// LSFs of A(z), radians, ascending: what rendering uses.
     pub fn ar_lsf(&self) -> &[f64] {
-        &self.ar_lsf
+        &self.filter.ar_lsf
     }
 
     /// b_1..b_q of the monic MA polynomial; empty for an AR model.
     pub fn ma(&self) -> &[f64] {
-        &self.ma
+        &self.filter.ma
     }
 
     /// LSFs of the MA polynomial, radians, ascending; empty for an AR model.
     pub fn ma_lsf(&self) -> &[f64] {
-        &self.ma_lsf
+        &self.filter.ma_lsf
     }
 
     /// Multiplies the whole MA polynomial; 1 for an AR model.
     pub fn gain(&self) -> f64 {
-        self.gain
+        self.filter.gain
     }
 
     /// Variance of the excitation, (m/s²)², at the model's own rate.
@@ -148,17 +155,13 @@ impl ArmaModel {
 
     /// Squared magnitude of the filter's response at `frequency_rad` (radians a sample), excitation left out.
     pub fn power_gain_at(&self, frequency_rad: f64) -> f64 {
-        let numerator = squared_magnitude(&self.ma, frequency_rad);
-        self.gain * self.gain * numerator / squared_magnitude(&self.ar, frequency_rad)
+        let Filter { ar, ma, gain, .. } = self.filter.as_ref();
+        gain * gain * squared_magnitude(ma, frequency_rad) / squared_magnitude(ar, frequency_rad)
     }
 
     /// Whether two models are the same filter to the bit, whatever their variance.
     pub fn same_filter(&self, other: &ArmaModel) -> bool {
-        self.ar == other.ar
-            && self.ar_lsf == other.ar_lsf
-            && self.ma == other.ma
-            && self.ma_lsf == other.ma_lsf
-            && self.gain == other.gain
+        self.filter == other.filter
     }
 }
 

@@ -237,7 +237,7 @@ fn cell(
                 vertices: points.len(),
             })?;
     }
-    if !(doubled_area(corners[0], corners[1], corners[2]).abs() > THINNEST * map_area) {
+    if doubled_area(corners[0], corners[1], corners[2]).abs() <= THINNEST * map_area {
         return Err(TriangulationError::Degenerate { triangle: number });
     }
     let mut cell = Cell {
@@ -553,10 +553,8 @@ mod tests {
                 let location = map.locate_from(start, speed, force);
                 assert_eq!(location, expected);
                 let triangle = map.triangles()[location.triangle as usize];
-                for i in 0..3 {
-                    let weight = if triangle[i] as usize == vertex { 1.0 } else { 0.0 };
-                    assert_eq!(location.weights[i], weight);
-                }
+                let expected = triangle.map(|corner| if corner as usize == vertex { 1.0 } else { 0.0 });
+                assert_eq!(location.weights, expected);
             }
         }
     }

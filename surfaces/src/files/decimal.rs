@@ -1,0 +1,101 @@
+//! Numbers between a file's mm/s and m/s inside, exactly: in decimal, a factor of a thousand only moves the point, so
+//! that every bit of either survives. (Multiplying and dividing doubles by 1000 loses some.)
+
+/// A thousandth of the decimal number `text`, correctly rounded.
+pub fn parse_thousandth(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let is_digit = |c: char| c.is_ascii_digit();
+    // Words that `f64::from_str` knows, such as "inf", have no decimal point to move.
+    if !text.contains(is_digit) {
+        return None;
+    }
+    let (digits, exponent) = match text.split_once(['e', 'E']) {
+        // The clamp keeps the sum from overflowing; beyond it all is zero or infinite anyway.
+        Some((digits, exponent)) => (digits, parse_exponent(exponent)?),
+        None => (text, 0),
+    };
+    format!("{digits}e{}", exponent - 3).parse().ok()
+}
+
+fn parse_exponent(text: &str) -> Option<i64> {
+    let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
+    if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let size = digits.parse::<i64>().unwrap_or(i64::MAX).min(1_000_000);
+    Some(if text.starts_with('-') { -size } else { size })
+}
+
+/// A thousand times `value` as a decimal number that [`parse_thousandth`] takes back to the same bits, the shortest
+/// such.
+pub fn format_thousandfold(value: f64) -> String {
+    if value == 0.0 {
+        return format!("{value:?}");
+    }
+    let scientific = format!("{value:e}");
+    let Some((digits, exponent)) = scientific.split_once('e') else {
+        return scientific;
+    };
+    let exponent = exponent.parse::<i32>().unwrap_or(0) + 3;
+    if !(-5..=15).contains(&exponent) {
+        return format!("{digits}e{exponent}");
+    }
+    let (sign, digits) = digits
+        .strip_prefix('-')
+        .map_or(("", digits), |digits| ("-", digits));
+    let digits: String = digits.chars().filter(|&c| c != '.').collect();
+    let point = exponent + 1;
+    if point <= 0 {
+        return format!("{sign}0.{}{digits}", "0".repeat(-point as usize));
+    }
+    let point = point as usize;
+    match digits.len() {
+        short if short <= point => format!("{sign}{digits}{}.0", "0".repeat(point - short)),
+        _ => format!("{sign}{}.{}", &digits[..point], &digits[point..]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_point_moves_by_three() {
+        for (value, text) in [
+            (0.0, "0.0"),
+            (0.2, "200.0"),
+            (0.24226926, "242.26926"),
+            (0.000001, "0.001"),
+            (1234.5, "1234500.0"),
+            (1e-30, "1e-27"),
+            (-0.04, "-40.0"),
+        ] {
+            assert_eq!(format_thousandfold(value), text);
+            assert_eq!(parse_thousandth(text), Some(value));
+        }
+        assert_eq!(parse_thousandth("40"), Some(0.04));
+        assert_eq!(parse_thousandth(" 4.0E1 "), Some(0.04));
+        assert_eq!(parse_thousandth("1e99999999999999999999"), Some(f64::INFINITY));
+        for wrong in ["", "inf", "NaN", "1e", "1e+", "1e2e3", "--1", "1 2", "0x1"] {
+            assert_eq!(parse_thousandth(wrong), None, "{wrong}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_bit_survives(bits in any::<u64>()) {
+            let value = f64::from_bits(bits);
+            prop_assume!(value.is_finite());
+            let back = parse_thousandth(&format_thousandfold(value)).unwrap();
+            prop_assert_eq!(back.to_bits(), value.to_bits());
+        }
+
+        #[test]
+        fn a_files_decimals_come_back_as_written(thousandths in 0u32..10_000_000) {
+            let text = format!("{}.{:03}", thousandths / 1000, thousandths % 1000);
+            let back = format_thousandfold(parse_thousandth(&text).unwrap());
+            prop_assert_eq!(back.parse::<f64>().unwrap(), text.parse::<f64>().unwrap());
+        }
+    }
+}

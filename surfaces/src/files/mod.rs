@@ -1,0 +1,197 @@
+//! Surface files: haptograph's own RON and the Penn Haptic Texture Toolkit's (HaTT) XML, in and out.
+//!
+//! Files are told apart by content. Reading is total: any bytes give a surface or an error that says where and what
+//! to do, in time and memory bounded by the file's size. Writing keeps every bit of every number.
+
+mod decimal;
+pub mod native;
+mod write;
+
+use crate::{ModelError, Surface, SurfaceError, TextureError};
+use std::path::{Path, PathBuf};
+
+pub use write::write_atomically;
+
+/// More models than this in one texture, or samples in one tap, are refused when reading a file.
+pub const MAX_MODELS: usize = 1024;
+/// See [`MAX_MODELS`].
+pub const MAX_TAPS: usize = 1024;
+/// See [`MAX_MODELS`]; 16 s at 1 kHz.
+pub const MAX_TAP_SAMPLES: usize = 16_384;
+/// Larger files are not read, bytes.
+pub const MAX_FILE_BYTES: u64 = 64 << 20;
+
+/// A surface from the bytes of any file that haptograph reads.
+pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let before = String::from_utf8_lossy(&bytes[..error.valid_up_to()]);
+        ReadError {
+            place: Some(Place::after(&before)),
+            problem: Problem::NotText,
+        }
+    })?;
+    native::read(text)
+}
+
+/// A surface from a file.
+pub fn load(path: &Path) -> Result<Surface, FileError> {
+    let failed = |source| FileError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let bytes_long = std::fs::metadata(path).map_err(failed)?.len();
+    if bytes_long > MAX_FILE_BYTES {
+        return Err(FileError::TooLarge {
+            path: path.to_owned(),
+            bytes: bytes_long,
+        });
+    }
+    let bytes = std::fs::read(path).map_err(failed)?;
+    read_surface(&bytes).map_err(|error| FileError::Read {
+        path: path.to_owned(),
+        error,
+    })
+}
+
+/// A place in a text, both counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Line.
+    pub line: usize,
+    /// Column, in characters.
+    pub column: usize,
+}
+
+impl Place {
+    /// The place that follows `before`.
+    fn after(before: &str) -> Place {
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        Place {
+            line: before.bytes().filter(|&byte| byte == b'\n').count() + 1,
+            column: before[line_start..].chars().count() + 1,
+        }
+    }
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "line {}, column {}", self.line, self.column)
+    }
+}
+
+/// Why bytes are not a surface, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadError {
+    /// Where in the text, if it is about one place.
+    pub place: Option<Place>,
+    /// What is wrong.
+    pub problem: Problem,
+}
+
+impl std::fmt::Display for ReadError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.place {
+            Some(place) => write!(f, "{place}: {}", self.problem),
+            None => write!(f, "{}", self.problem),
+        }
+    }
+}
+
+impl std::error::Error for ReadError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        Some(&self.problem)
+    }
+}
+
+/// What may be wrong with a surface file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Problem {
+    /// Not UTF-8.
+    #[error("this is not UTF-8 text; a surface is haptograph's .ron or the toolkit's .xml")]
+    NotText,
+    /// The text does not follow the format.
+    #[error("{message}")]
+    Syntax {
+        /// What the parser found and what it expected.
+        message: String,
+    },
+    /// Another version of the format.
+    #[error(
+        "the file is of format {found}, this haptograph reads format {}; use the haptograph that wrote it, or a newer one",
+        native::FORMAT
+    )]
+    Version {
+        /// The version that the file names.
+        found: u64,
+    },
+    /// A vertex names a filter that does not exist.
+    #[error("vertex {vertex} names filter {filter}, but there are {filters}, numbered from 0")]
+    NoSuchFilter {
+        /// The vertex's number, from 0.
+        vertex: usize,
+        /// The filter it names.
+        filter: usize,
+        /// How many there are.
+        filters: usize,
+    },
+    /// A filter without coefficients and without LSFs.
+    #[error(
+        "filter {filter} (from 0) has neither `ar` nor `ar_lsf`; give one of them (or both, if they agree)"
+    )]
+    EmptyFilter {
+        /// Its number, from 0.
+        filter: usize,
+    },
+    /// A filter's numbers do not make a model.
+    #[error("filter {filter} (from 0): {error}")]
+    Filter {
+        /// Its number, from 0.
+        filter: usize,
+        /// Why.
+        error: ModelError,
+    },
+    /// A vertex's numbers do not make a model.
+    #[error("vertex {vertex} (from 0): {error}")]
+    Vertex {
+        /// Its number, from 0.
+        vertex: usize,
+        /// Why.
+        error: ModelError,
+    },
+    /// The models do not make a texture.
+    #[error(transparent)]
+    Texture(#[from] TextureError),
+    /// Another part is not sound.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+/// Why a surface file could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The file system refuses.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Larger than any surface.
+    #[error("{} has {bytes} bytes; a surface file has at most {MAX_FILE_BYTES}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+    },
+    /// Its content is not a surface.
+    #[error("{}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        error: ReadError,
+    },
+}

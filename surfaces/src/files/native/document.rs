@@ -1,0 +1,217 @@
+//! The file's own model: what may be written, field by field. No internal type carries serde.
+
+use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS, decimal};
+use crate::{MAX_ORDER, Origin};
+use serde::Deserialize;
+use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+
+#[derive(Deserialize)]
+#[serde(rename = "Surface", deny_unknown_fields)]
+pub(super) struct SurfaceDocument {
+    pub format: u64,
+    pub name: String,
+    pub provenance: ProvenanceDocument,
+    pub friction: Option<FrictionDocument>,
+    pub stiffness: Option<StiffnessDocument>,
+    pub taps: Option<TapsDocument>,
+    pub texture: Option<TextureDocument>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProvenanceDocument {
+    pub origin: OriginDocument,
+    pub source: String,
+    pub made_by: String,
+    #[serde(default)]
+    pub settings: Settings,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum OriginDocument {
+    Simulated,
+    Measured,
+    Imported,
+    Procedural,
+}
+
+impl From<OriginDocument> for Origin {
+    fn from(origin: OriginDocument) -> Origin {
+        match origin {
+            OriginDocument::Simulated => Origin::Simulated,
+            OriginDocument::Measured => Origin::Measured,
+            OriginDocument::Imported => Origin::Imported,
+            OriginDocument::Procedural => Origin::Procedural,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FrictionDocument {
+    pub mu: f64,
+    pub r_squared: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StiffnessDocument {
+    pub n_per_mm: f64,
+    pub r_squared: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TapsDocument {
+    pub rate_hz: f64,
+    pub taps: Bounded<TapDocument, MAX_TAPS>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TapDocument {
+    pub speed_mm_s: SpeedMmS,
+    pub acceleration_m_s2: Bounded<f64, MAX_TAP_SAMPLES>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TextureDocument {
+    pub rate_hz: f64,
+    pub filters: Bounded<FilterDocument, MAX_MODELS>,
+    pub vertices: Bounded<VertexDocument, MAX_MODELS>,
+    pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FilterDocument {
+    pub ar: Option<Coefficients>,
+    pub ar_lsf: Option<Coefficients>,
+    pub ma: Option<Coefficients>,
+    pub ma_lsf: Option<Coefficients>,
+    pub gain: Option<f64>,
+}
+
+pub(super) type Coefficients = Bounded<f64, MAX_ORDER>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct VertexDocument {
+    pub speed_mm_s: SpeedMmS,
+    pub force_n: f64,
+    pub filter: usize,
+    pub variance: f64,
+    pub kind: KindDocument,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum KindDocument {
+    Measured,
+    Edge,
+}
+
+/// A list that refuses to grow beyond what any surface needs, so that a hostile file cannot ask for memory.
+pub(super) struct Bounded<T, const MAX: usize>(pub Vec<T>);
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T, MAX> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct List<T, const MAX: usize>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>, const MAX: usize> Visitor<'de> for List<T, MAX> {
+            type Value = Bounded<T, MAX>;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                write!(f, "a list of at most {MAX} entries")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+                let mut list = Vec::new();
+                while let Some(entry) = entries.next_element()? {
+                    if list.len() == MAX {
+                        return Err(A::Error::custom(format!("this list has more than {MAX} entries")));
+                    }
+                    list.push(entry);
+                }
+                list.shrink_to_fit();
+                Ok(Bounded(list))
+            }
+        }
+        deserializer.deserialize_seq(List(PhantomData))
+    }
+}
+
+/// Names and values, each name once.
+#[derive(Default)]
+pub(super) struct Settings(pub BTreeMap<String, String>);
+
+impl<'de> Deserialize<'de> for Settings {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Pairs;
+        impl<'de> Visitor<'de> for Pairs {
+            type Value = Settings;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a map of text to text, such as { \"seed\": \"7\" }")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut pairs: A) -> Result<Settings, A::Error> {
+                let mut settings = BTreeMap::new();
+                while let Some((name, value)) = pairs.next_entry::<String, String>()? {
+                    if settings.contains_key(&name) {
+                        return Err(A::Error::custom(format!("the setting \"{name}\" is given twice")));
+                    }
+                    settings.insert(name, value);
+                }
+                Ok(Settings(settings))
+            }
+        }
+        deserializer.deserialize_map(Pairs)
+    }
+}
+
+/// A speed written in mm/s, kept exactly in m/s.
+pub(super) struct SpeedMmS {
+    pub m_s: f64,
+}
+
+impl<'de> Deserialize<'de> for SpeedMmS {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let raw = <&'de ron::value::RawValue>::deserialize(deserializer)?;
+        // What is not a plain decimal (with a comment beside it, or digits grouped) loses the last bit at most.
+        let grouped = || {
+            raw.into_rust::<f64>()
+                .map(|mm_s| mm_s / 1000.0)
+                .map_err(D::Error::custom)
+        };
+        let m_s = decimal::parse_thousandth(raw.get_ron()).map_or_else(grouped, Ok)?;
+        Ok(SpeedMmS { m_s })
+    }
+}
+
+/// Where filters and vertices begin in the text: read only to tell where an error is.
+#[derive(Deserialize)]
+#[serde(rename = "Surface")]
+pub(super) struct Places<'a> {
+    #[serde(borrow)]
+    pub texture: Option<TexturePlaces<'a>>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct TexturePlaces<'a> {
+    #[serde(borrow)]
+    pub filters: Vec<&'a ron::value::RawValue>,
+    #[serde(borrow)]
+    pub vertices: Vec<&'a ron::value::RawValue>,
+}
+
+/// The version alone, for files of another one.
+#[derive(Deserialize)]
+#[serde(rename = "Surface")]
+pub(super) struct Head {
+    pub format: u64,
+}

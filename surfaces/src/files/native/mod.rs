@@ -1,0 +1,50 @@
+//! haptograph's own surface format: RON that a person can read and write.
+//!
+//! ```ron
+//! Surface(
+//!     format: 1,
+//!     name: "canvas",
+//!     provenance: (
+//!         origin: procedural,              // or simulated, measured, imported
+//!         source: "an example",
+//!         made_by: "haptograph 0.1.0",
+//!         settings: { "seed": "7" },
+//!     ),
+//!     friction: (mu: 0.35, r_squared: 0.86),
+//!     stiffness: (n_per_mm: 10.81),
+//!     taps: (rate_hz: 1000, taps: [
+//!         (speed_mm_s: 100, acceleration_m_s2: [80, -40, 10]),
+//!     ]),
+//!     texture: (
+//!         rate_hz: 10000,
+//!         filters: [                       // A(z) = 1 + sum of a_k z^-k; `ar` or `ar_lsf` or both
+//!             (ar: [-0.9, 0.2]),
+//!         ],
+//!         vertices: [                      // of the map; `filter` counts from 0, variance is in (m/s2)^2
+//!             (speed_mm_s: 0, force_n: 0, filter: 0, variance: 0, kind: edge),
+//!             (speed_mm_s: 200, force_n: 0, filter: 0, variance: 0, kind: edge),
+//!             (speed_mm_s: 200, force_n: 3, filter: 0, variance: 0.5, kind: measured),
+//!             (speed_mm_s: 0, force_n: 3, filter: 0, variance: 0, kind: edge),
+//!         ],
+//!         triangles: [(0, 1, 2), (0, 2, 3)], // left out: Delaunay of the z-scored vertices
+//!     ),
+//! )
+//! ```
+//!
+//! Friction, stiffness, taps and texture may each be left out. A filter may also have `ma` (and `ma_lsf`) and `gain`.
+//! LSFs are in radians. Where a filter has coefficients and LSFs, both are kept and the LSFs lead
+//! ([`crate::ArmaModel`]). Fields that are not known and keys given twice are errors. Numbers are written by the
+//! shortest decimal that reads back to the same bits, speeds included.
+
+mod document;
+mod read;
+mod write;
+
+pub use read::read;
+pub use write::write;
+
+/// The version of the format, in each file's `format` field.
+pub const FORMAT: u64 = 1;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,213 @@
+//! From text to a surface.
+
+use super::FORMAT;
+use super::document::{
+    FilterDocument, Head, KindDocument, Places, SurfaceDocument, TapsDocument, TextureDocument,
+};
+use crate::files::{Place, Problem, ReadError};
+use crate::lsf;
+use crate::model::{ArmaModel, ModelError, StoredModel};
+use crate::{
+    Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
+    texture::TextureError,
+};
+use ron::extensions::Extensions;
+
+/// A surface from the text of a `.ron` file.
+pub fn read(text: &str) -> Result<Surface, ReadError> {
+    // Windows editors put this mark first; RON knows nothing of it.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let document = parse(text)?;
+    surface(document).map_err(|problem| ReadError {
+        place: place_of(&problem, text),
+        problem,
+    })
+}
+
+fn options() -> ron::Options {
+    ron::Options::default()
+        .with_default_extension(Extensions::IMPLICIT_SOME)
+        .with_recursion_limit(32)
+}
+
+fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
+    let document = options().from_str::<SurfaceDocument>(text);
+    let version = match &document {
+        Ok(document) => Some(document.format),
+        // Another version may fail for fields that this one does not know: that it is another is the better message.
+        Err(_) => options().from_str::<Head>(text).ok().map(|head| head.format),
+    };
+    if let Some(found) = version.filter(|&found| found != FORMAT) {
+        return Err(ReadError {
+            place: None,
+            problem: Problem::Version { found },
+        });
+    }
+    document.map_err(|error| ReadError {
+        place: Some(Place {
+            line: error.span.start.line,
+            column: error.span.start.col,
+        }),
+        problem: Problem::Syntax {
+            message: error.code.to_string(),
+        },
+    })
+}
+
+fn surface(document: SurfaceDocument) -> Result<Surface, Problem> {
+    let provenance = Provenance {
+        origin: document.provenance.origin.into(),
+        source: document.provenance.source,
+        settings: document.provenance.settings.0,
+        version: document.provenance.made_by,
+    };
+    let mut surface = Surface::new(document.name, provenance);
+    surface.friction = document
+        .friction
+        .map(|friction| Friction::new(friction.mu, friction.r_squared))
+        .transpose()?;
+    surface.stiffness = document
+        .stiffness
+        .map(|stiffness| Stiffness::new(stiffness.n_per_mm, stiffness.r_squared))
+        .transpose()?;
+    surface.taps = document.taps.map(taps).transpose()?;
+    surface.texture = document.texture.map(texture).transpose()?;
+    Ok(surface)
+}
+
+fn taps(document: TapsDocument) -> Result<Taps, Problem> {
+    let taps = document.taps.0.into_iter();
+    let taps = taps
+        .map(|tap| Tap {
+            speed_m_s: tap.speed_mm_s.m_s,
+            acceleration_m_s2: tap.acceleration_m_s2.0,
+        })
+        .collect();
+    Ok(Taps::new(document.rate_hz, taps)?)
+}
+
+fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
+    let filters = document
+        .filters
+        .0
+        .into_iter()
+        .enumerate()
+        .map(|(number, document)| filter(number, document))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut models = Vec::with_capacity(document.vertices.0.len());
+    for (vertex, document) in document.vertices.0.into_iter().enumerate() {
+        let no_such = Problem::NoSuchFilter {
+            vertex,
+            filter: document.filter,
+            filters: filters.len(),
+        };
+        let filter: &ArmaModel = filters.get(document.filter).ok_or(no_such)?;
+        let model = filter
+            .clone()
+            .with_variance(document.variance)
+            .map_err(|error| Problem::Vertex { vertex, error })?;
+        let kind = match document.kind {
+            KindDocument::Measured => VertexKind::Measured,
+            KindDocument::Edge => VertexKind::Edge,
+        };
+        models.push(ModelAt {
+            speed_m_s: document.speed_mm_s.m_s,
+            force_n: document.force_n,
+            model,
+            kind,
+        });
+    }
+    Ok(match document.triangles {
+        Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
+        None => TextureModel::triangulated(document.rate_hz, models)?,
+    })
+}
+
+/// A filter with whichever of coefficients and LSFs the file leaves out worked out from the other.
+fn filter(number: usize, document: FilterDocument) -> Result<ArmaModel, Problem> {
+    let failed = |error: ModelError| Problem::Filter {
+        filter: number,
+        error,
+    };
+    let list = |list: Option<super::document::Coefficients>| list.map(|list| list.0);
+    let (ar, ar_lsf) = both(
+        list(document.ar),
+        list(document.ar_lsf),
+        crate::model::Polynomial::Ar,
+    )
+    .ok_or(Problem::EmptyFilter { filter: number })?
+    .map_err(failed)?;
+    let (ma, ma_lsf) = both(
+        list(document.ma),
+        list(document.ma_lsf),
+        crate::model::Polynomial::Ma,
+    )
+    .unwrap_or(Ok((Vec::new(), Vec::new())))
+    .map_err(failed)?;
+    let gain = document.gain.unwrap_or(1.0);
+    ArmaModel::from_stored(StoredModel {
+        ar,
+        ar_lsf,
+        ma,
+        ma_lsf,
+        gain,
+        variance: 0.0,
+    })
+    .map_err(failed)
+}
+
+type Both = (Vec<f64>, Vec<f64>);
+
+fn both(
+    coefficients: Option<Vec<f64>>,
+    frequencies: Option<Vec<f64>>,
+    polynomial: crate::model::Polynomial,
+) -> Option<Result<Both, ModelError>> {
+    match (coefficients, frequencies) {
+        (Some(coefficients), Some(frequencies)) => Some(Ok((coefficients, frequencies))),
+        (Some(coefficients), None) => {
+            let mut frequencies = vec![0.0; coefficients.len()];
+            Some(match lsf::ar_to_lsf(&coefficients, &mut frequencies) {
+                Ok(()) => Ok((coefficients, frequencies)),
+                Err(lsf::NotStable) => Err(ModelError::Unstable { polynomial }),
+            })
+        }
+        (None, Some(frequencies)) => {
+            let mut coefficients = vec![0.0; frequencies.len()];
+            lsf::lsf_to_ar(&frequencies, &mut coefficients);
+            Some(Ok((coefficients, frequencies)))
+        }
+        (None, None) => None,
+    }
+}
+
+/// Where in the text the filter or vertex stands that a problem is about.
+fn place_of(problem: &Problem, text: &str) -> Option<Place> {
+    enum At {
+        Filter(usize),
+        Vertex(usize),
+    }
+    let at = match *problem {
+        Problem::Filter { filter, .. } | Problem::EmptyFilter { filter } => At::Filter(filter),
+        Problem::NoSuchFilter { vertex, .. } | Problem::Vertex { vertex, .. } => At::Vertex(vertex),
+        Problem::Texture(
+            TextureError::Orders { vertex, .. }
+            | TextureError::LoudAtRest { vertex, .. }
+            | TextureError::Triangulation(
+                crate::triangulation::TriangulationError::Position { vertex, .. }
+                | crate::triangulation::TriangulationError::SamePlace { second: vertex, .. },
+            ),
+        ) => At::Vertex(vertex),
+        _ => return None,
+    };
+    let texture = options().from_str::<Places>(text).ok()?.texture?;
+    let raw = match at {
+        At::Filter(filter) => texture.filters.get(filter)?,
+        At::Vertex(vertex) => texture.vertices.get(vertex)?,
+    };
+    let raw = raw.get_ron();
+    // The raw value is a slice of the text, whitespace before it included.
+    let blank = raw.len() - raw.trim_start().len();
+    let offset = (raw.as_ptr() as usize).checked_sub(text.as_ptr() as usize)? + blank;
+    text.get(..offset).map(Place::after)
+}

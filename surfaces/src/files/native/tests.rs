@@ -1,0 +1,174 @@
+use super::*;
+use crate::files::{Place, Problem, read_surface};
+use crate::hull::Hull;
+use crate::{
+    ArmaModel, Friction, ModelAt, Origin, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
+};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// A surface of random numbers, all digits in use.
+fn random_surface(seed: u64) -> Surface {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut lsf = |order: usize| {
+        let mut lsf: Vec<f64> = (0..order).map(|_| random.random_range(0.01..3.1)).collect();
+        lsf.sort_by(f64::total_cmp);
+        (1..order).for_each(|k| lsf[k] = lsf[k].max(lsf[k - 1] + 1e-3));
+        lsf
+    };
+    let filters: Vec<_> = (0..6).map(|_| (lsf(7), lsf(4))).collect();
+    let measured = filters
+        .iter()
+        .map(|(ar, ma)| ModelAt {
+            speed_m_s: random.random_range(0.001..0.2),
+            force_n: random.random_range(0.01..3.0),
+            model: ArmaModel::from_lsf(ar, ma, random.random_range(0.5..20.0), random.random()).unwrap(),
+            kind: VertexKind::Measured,
+        })
+        .collect();
+    let tap = |speed_m_s: f64, random: &mut Xoshiro256PlusPlus| Tap {
+        speed_m_s,
+        acceleration_m_s2: (0..30).map(|_| random.random_range(-100.0..100.0)).collect(),
+    };
+    let provenance = Provenance::new(Origin::Simulated, "a \"test\" \\ with\nodd {text} µ \u{7}")
+        .with_setting("seed", seed)
+        .with_setting("naïve \"name\"", "");
+    let mut surface = Surface::new("Prüfstück", provenance);
+    surface.friction = Some(Friction::new(random.random(), Some(random.random())).unwrap());
+    surface.stiffness = Some(Stiffness::new(random.random_range(1.0..50.0), None).unwrap());
+    surface.taps = Some(
+        Taps::new(
+            1000.0,
+            vec![tap(0.0123456789, &mut random), tap(0.3, &mut random)],
+        )
+        .unwrap(),
+    );
+    surface.texture = Some(TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap());
+    surface
+}
+
+const SQUARE: &str = r#"Surface(
+    format: 1,
+    name: "square",
+    provenance: (origin: procedural, source: "a test", made_by: "hand"),
+    texture: (
+        rate_hz: 1000,
+        filters: [(ar: [-0.5, 0.2])],
+        vertices: [
+            (speed_mm_s: 0, force_n: 0, filter: 0, variance: 0, kind: edge),
+            (speed_mm_s: 200 /* as fast as that */, force_n: 0, filter: 0, variance: 0, kind: edge),
+            (speed_mm_s: 200, force_n: 3, filter: 0, variance: 0.5, kind: measured),
+            (speed_mm_s: 0, force_n: 3, filter: 0, variance: 0, kind: edge),
+        ],
+    ),
+)"#;
+
+fn error(text: &str) -> (Option<(usize, usize)>, String) {
+    let error = read_surface(text.as_bytes()).expect_err(text);
+    (
+        error.place.map(|Place { line, column }| (line, column)),
+        error.to_string(),
+    )
+}
+
+#[test]
+fn a_hand_written_file_needs_no_lsfs_and_no_triangles() {
+    let surface = read(SQUARE).unwrap();
+    let texture = surface.texture.as_ref().unwrap();
+    assert_eq!(texture.triangles().len(), 2);
+    assert_eq!((texture.max_speed_m_s(), texture.max_force_n()), (0.2, 3.0));
+    assert_eq!(texture.models()[2].kind, VertexKind::Measured);
+    assert_eq!(read(&format!("\u{feff}{SQUARE}")).unwrap(), surface);
+    assert_eq!(read(&SQUARE.replace('\n', "\r\n")).unwrap(), surface);
+}
+
+#[test]
+fn the_example_in_the_documentation_reads() {
+    let page = include_str!("mod.rs");
+    let lines = page.lines().filter_map(|line| line.strip_prefix("//!"));
+    let example: Vec<_> = lines
+        .skip_while(|line| !line.contains("```ron"))
+        .skip(1)
+        .take_while(|line| !line.contains("```"))
+        .collect();
+    let surface = read(&example.join("\n")).unwrap();
+    assert!(surface.taps.is_some() && surface.texture.is_some() && surface.stiffness.is_some());
+}
+
+#[test]
+fn a_surface_of_nothing_but_a_name_is_a_surface() {
+    let empty = Surface::new("", Provenance::new(Origin::Measured, ""));
+    assert_eq!(read(&write(&empty)).unwrap(), empty);
+}
+
+#[test]
+fn what_is_not_known_or_given_twice_is_refused_where_it_stands() {
+    let (place, message) = error(&SQUARE.replace("rate_hz: 1000", "rate_hz: 1000, rite_hz: 3"));
+    assert_eq!(place.map(|p| p.0), Some(6));
+    assert!(message.contains("rite_hz"), "{message}");
+    let (place, message) = error(&SQUARE.replace("name:", "format: 1, name:"));
+    assert_eq!(place.map(|p| p.0), Some(3));
+    assert!(
+        message.contains("uplicate") && message.contains("format"),
+        "{message}"
+    );
+    let (_, message) = error(&SQUARE.replace("made_by", "settings: { \"a\": \"1\", \"a\": \"2\" }, made_by"));
+    assert!(message.contains("\"a\" is given twice"), "{message}");
+}
+
+#[test]
+fn errors_of_meaning_have_a_line_and_column_too() {
+    let (place, message) = error(&SQUARE.replace("[-0.5, 0.2]", "[-0.5, 1.2]"));
+    assert_eq!(place, Some((7, 19)), "{message}");
+    let (place, message) = error(&SQUARE.replace("force_n: 3, filter: 0", "force_n: 3, filter: 1"));
+    assert_eq!(place, Some((11, 13)), "{message}");
+    let (place, message) = error(&SQUARE.replace(
+        "force_n: 0, filter: 0, variance: 0",
+        "force_n: 0, filter: 0, variance: 1",
+    ));
+    assert_eq!(place, Some((9, 13)), "{message}");
+    assert!(message.contains("zero speed or force"), "{message}");
+    let (place, message) = error(&SQUARE.replace("ar: [-0.5, 0.2]", ""));
+    assert_eq!(place, Some((7, 19)), "{message}");
+    let (_, message) = error(&SQUARE.replace("speed_mm_s: 200", "speed_mm_s: fast"));
+    assert!(message.contains("line 10"), "{message}");
+}
+
+#[test]
+fn another_version_is_named_whatever_else_it_has() {
+    let newer = SQUARE.replace("format: 1", "format: 2, novelty: [1, (2)]");
+    assert_eq!(read(&newer).unwrap_err().problem, Problem::Version { found: 2 });
+}
+
+#[test]
+fn a_list_beyond_all_reason_is_refused() {
+    let orders = "0.01, ".repeat(33);
+    let (_, message) = error(&SQUARE.replace("-0.5, 0.2", &orders));
+    assert!(message.contains("more than 32 entries"), "{message}");
+    assert!(read_surface(&[b'('; 100_000]).is_err());
+    assert!(read_surface(b"").is_err());
+    assert!(
+        read_surface(b"\xff\xfe")
+            .unwrap_err()
+            .to_string()
+            .contains("UTF-8")
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    #[test]
+    fn every_bit_comes_back(seed in any::<u64>()) {
+        let surface = random_surface(seed);
+        let text = write(&surface);
+        prop_assert_eq!(&read(&text).unwrap(), &surface);
+        prop_assert_eq!(write(&read(&text).unwrap()), text);
+    }
+
+    #[test]
+    fn any_name_comes_back(name in any::<String>()) {
+        let surface = Surface::new(name.clone(), Provenance::new(Origin::Imported, name));
+        prop_assert_eq!(read(&write(&surface)).unwrap(), surface);
+    }
+}

@@ -1,0 +1,184 @@
+//! From a surface to text: laid out by hand, as RON's own printer gives each number a line.
+
+use super::FORMAT;
+use crate::files::decimal::format_thousandfold;
+use crate::{ArmaModel, Surface, Taps, TextureModel, VertexKind};
+use std::fmt::Write;
+
+/// The text of a `.ron` file that reads back to an equal surface, bit for bit.
+pub fn write(surface: &Surface) -> String {
+    let mut out = String::from(
+        "// A haptograph surface. Speeds in mm/s, forces in N, accelerations in m/s2, line spectral frequencies in radians.\n",
+    );
+    // Writing to a string cannot fail.
+    let _ = write_surface(&mut out, surface);
+    out
+}
+
+fn write_surface(out: &mut String, surface: &Surface) -> std::fmt::Result {
+    writeln!(
+        out,
+        "Surface(\n    format: {FORMAT},\n    name: {},",
+        quoted(&surface.name)
+    )?;
+    let provenance = &surface.provenance;
+    writeln!(
+        out,
+        "    provenance: (\n        origin: {},",
+        provenance.origin.word()
+    )?;
+    writeln!(out, "        source: {},", quoted(&provenance.source))?;
+    writeln!(out, "        made_by: {},", quoted(&provenance.version))?;
+    if !provenance.settings.is_empty() {
+        writeln!(out, "        settings: {{")?;
+        for (name, value) in &provenance.settings {
+            writeln!(out, "            {}: {},", quoted(name), quoted(value))?;
+        }
+        writeln!(out, "        }},")?;
+    }
+    writeln!(out, "    ),")?;
+    if let Some(friction) = surface.friction {
+        write!(out, "    friction: (mu: {:?}", friction.mu())?;
+        write_r_squared(out, friction.r_squared())?;
+    }
+    if let Some(stiffness) = surface.stiffness {
+        write!(out, "    stiffness: (n_per_mm: {:?}", stiffness.n_per_mm())?;
+        write_r_squared(out, stiffness.r_squared())?;
+    }
+    if let Some(taps) = &surface.taps {
+        write_taps(out, taps)?;
+    }
+    if let Some(texture) = &surface.texture {
+        write_texture(out, texture)?;
+    }
+    writeln!(out, ")")
+}
+
+fn write_r_squared(out: &mut String, r_squared: Option<f64>) -> std::fmt::Result {
+    match r_squared {
+        Some(r_squared) => writeln!(out, ", r_squared: {r_squared:?}),"),
+        None => writeln!(out, "),"),
+    }
+}
+
+fn write_taps(out: &mut String, taps: &Taps) -> std::fmt::Result {
+    writeln!(
+        out,
+        "    taps: (\n        rate_hz: {:?},\n        taps: [",
+        taps.rate_hz()
+    )?;
+    for tap in taps.taps() {
+        writeln!(
+            out,
+            "            (\n                speed_mm_s: {},",
+            format_thousandfold(tap.speed_m_s)
+        )?;
+        write_numbers(out, "                acceleration_m_s2: ", &tap.acceleration_m_s2)?;
+        writeln!(out, "            ),")?;
+    }
+    writeln!(out, "        ],\n    ),")
+}
+
+fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
+    let (filters, filter_of) = distinct_filters(texture);
+    writeln!(
+        out,
+        "    texture: (\n        rate_hz: {:?},\n        filters: [",
+        texture.rate_hz()
+    )?;
+    for filter in filters {
+        writeln!(out, "            (")?;
+        write_numbers(out, "                ar: ", filter.ar())?;
+        write_numbers(out, "                ar_lsf: ", filter.ar_lsf())?;
+        if !filter.ma().is_empty() {
+            write_numbers(out, "                ma: ", filter.ma())?;
+            write_numbers(out, "                ma_lsf: ", filter.ma_lsf())?;
+        }
+        if filter.gain() != 1.0 {
+            writeln!(out, "                gain: {:?},", filter.gain())?;
+        }
+        writeln!(out, "            ),")?;
+    }
+    writeln!(out, "        ],\n        vertices: [")?;
+    for (at, filter) in texture.models().iter().zip(filter_of) {
+        let kind = match at.kind {
+            VertexKind::Measured => "measured",
+            VertexKind::Edge => "edge",
+        };
+        writeln!(
+            out,
+            "            (speed_mm_s: {}, force_n: {:?}, filter: {filter}, variance: {:?}, kind: {kind}),",
+            format_thousandfold(at.speed_m_s),
+            at.force_n,
+            at.model.variance(),
+        )?;
+    }
+    writeln!(out, "        ],\n        triangles: [")?;
+    for row in texture.triangles().chunks(8) {
+        let row: Vec<String> = row.iter().map(|[a, b, c]| format!("({a}, {b}, {c}),")).collect();
+        writeln!(out, "            {}", row.join(" "))?;
+    }
+    writeln!(out, "        ],\n    ),")
+}
+
+/// Each filter once, and which one each vertex has.
+fn distinct_filters(texture: &TextureModel) -> (Vec<&ArmaModel>, Vec<usize>) {
+    let mut filters: Vec<&ArmaModel> = Vec::new();
+    let filter_of = texture
+        .models()
+        .iter()
+        .map(|at| {
+            filters
+                .iter()
+                .position(|filter| filter.same_filter(&at.model))
+                .unwrap_or_else(|| {
+                    filters.push(&at.model);
+                    filters.len() - 1
+                })
+        })
+        .collect();
+    (filters, filter_of)
+}
+
+/// A list of numbers, wrapped.
+fn write_numbers(out: &mut String, head: &str, numbers: &[f64]) -> std::fmt::Result {
+    const WIDTH: usize = 110;
+    let indent = head.len() - head.trim_start().len() + 4;
+    out.push_str(head);
+    out.push('[');
+    let mut column = WIDTH;
+    for number in numbers {
+        let number = format!("{number:?},");
+        if column + 1 + number.len() > WIDTH {
+            write!(out, "\n{:indent$}", "")?;
+            column = indent;
+        } else {
+            out.push(' ');
+            column += 1;
+        }
+        out.push_str(&number);
+        column += number.len();
+    }
+    if !numbers.is_empty() {
+        write!(out, "\n{:width$}", "", width = indent - 4)?;
+    }
+    out.push_str("],\n");
+    Ok(())
+}
+
+/// Text in RON's quotes. Letters of any language stay as they are; quotes, backslashes and control characters are
+/// escaped.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' => quoted.push_str("\\\""),
+            '\\' => quoted.push_str("\\\\"),
+            '\n' => quoted.push_str("\\n"),
+            c if c.is_control() => quoted.push_str(&format!("\\u{{{:x}}}", c as u32)),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
