@@ -1,1 +1,4 @@
-//! (see the crate's description)
+//! The node kinds of haptograph: sensing, texture, friction, tapping, actuators, simulated bodies.
+
+pub mod actuators;
+pub mod vector;

@@ -1,0 +1,297 @@
+//! What an actuator may be given. A [`Limiter`] stands in front of every actuator and its output keeps, whatever
+//! comes in:
+//!
+//! - peak: |y| <= `peak`;
+//! - continuous: the exponentially weighted mean square of y, with time constant `window_s` (the heat of a body with
+//!   one thermal time constant), stays at or below `continuous` squared, so that a short overload is possible and a
+//!   long one is not;
+//! - slew: two successive outputs differ by at most `slew_per_s` / rate;
+//! - faults: NaN or infinity gives exactly zero in the same tick (here the slew limit yields).
+//!
+//! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
+//! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
+//! ([`Rung`]); every admissible state has an admissible successor, the next rung down.
+
+use crate::vector::{add_scaled, dot, norm, scale, sub};
+
+/// Limits of one actuator, in the unit of its drive (A, N or V).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    /// Largest magnitude at any time.
+    pub peak: f64,
+    /// Largest root of the exponentially weighted mean square.
+    pub continuous: f64,
+    /// Time constant of that mean, s.
+    pub window_s: f64,
+    /// Largest rate of change, unit/s; none: not limited.
+    pub slew_per_s: Option<f64>,
+}
+
+/// Why a [`Limit`] cannot be kept.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum LimitError {
+    /// A limit is zero, negative or not finite.
+    #[error("limit {name} is {value}: give a finite number above zero")]
+    NotPositive {
+        /// The setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// More continuous than peak.
+    #[error("the continuous limit {continuous} is above the peak {peak}: lower it to at most the peak")]
+    ContinuousAbovePeak {
+        /// The setting `continuous`.
+        continuous: f64,
+        /// The setting `peak`.
+        peak: f64,
+    },
+    /// A ramp from peak to continuous would take too many ticks to plan.
+    #[error(
+        "at a slew of {slew_per_s} per second the way from peak to continuous takes {ticks:.0} ticks, at most \
+         {most} can be planned: raise the slew limit or lower the peak",
+        most = MOST_RUNGS
+    )]
+    SlewTooSlow {
+        /// The setting `slew_per_s`.
+        slew_per_s: f64,
+        /// Ticks from peak to continuous.
+        ticks: f64,
+    },
+}
+
+/// How often each limit held something back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ClipCounts {
+    /// Ticks in all.
+    pub ticks: u64,
+    /// Ticks whose request was above the peak.
+    pub peak: u64,
+    /// Ticks held back by the heat that was left.
+    pub continuous: u64,
+    /// Ticks held back by the slew limit.
+    pub slew: u64,
+    /// Ticks whose request was not a number or infinite.
+    pub fault: u64,
+}
+
+/// Keeps a [`Limit`] on a drive of `N` axes (magnitudes are Euclidean). Allocates when built only.
+#[derive(Debug, Clone)]
+pub struct Limiter<const N: usize> {
+    peak: f64,
+    /// Largest change in a tick.
+    step: f64,
+    /// Square of the continuous limit.
+    continuous_square: f64,
+    /// Weight of one tick in the mean square.
+    weight: f64,
+    ramp: Box<[Rung]>,
+    previous: [f64; N],
+    /// Heat that is left: the continuous limit's square less the mean square.
+    budget: f64,
+    counts: ClipCounts,
+}
+
+/// A step of the ramp down to the continuous limit: at this magnitude or below, `budget` suffices to come down.
+#[derive(Debug, Clone, Copy)]
+struct Rung {
+    magnitude: f64,
+    budget: f64,
+}
+
+const MOST_RUNGS: f64 = 1e6;
+/// Rounding must not make a limit leak: heat and rungs are planned this fraction inside it.
+const MARGIN: f64 = 1e-9;
+/// The same where a single rounding is at stake.
+const HAIR: f64 = 1.0 - 4.0 * f64::EPSILON;
+
+impl<const N: usize> Limiter<N> {
+    /// A limiter at rest, cold, for ticks at `rate_hz`.
+    pub fn new(limit: &Limit, rate_hz: f64) -> Result<Self, LimitError> {
+        let slew_per_s = limit.slew_per_s.unwrap_or(f64::MAX);
+        for (name, value) in [
+            ("peak", limit.peak),
+            ("continuous", limit.continuous),
+            ("window_s", limit.window_s),
+            ("slew_per_s", slew_per_s),
+            ("rate_hz", rate_hz),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(LimitError::NotPositive { name, value });
+            }
+        }
+        let (peak, continuous) = (limit.peak, limit.continuous);
+        if continuous > peak {
+            return Err(LimitError::ContinuousAbovePeak { continuous, peak });
+        }
+        let step = slew_per_s / rate_hz;
+        let ticks = (peak - continuous) / step;
+        if ticks > MOST_RUNGS {
+            return Err(LimitError::SlewTooSlow { slew_per_s, ticks });
+        }
+        let weight = -(-1.0 / (limit.window_s * rate_hz)).exp_m1();
+        let continuous_square = continuous * continuous * (1.0 - MARGIN);
+        let unlimited_slew = limit.slew_per_s.is_none();
+        Ok(Self {
+            peak,
+            step: if unlimited_slew { f64::INFINITY } else { step },
+            continuous_square,
+            weight,
+            ramp: ramp(peak, continuous_square, step, weight, unlimited_slew),
+            previous: [0.0; N],
+            budget: continuous_square,
+            counts: ClipCounts::default(),
+        })
+    }
+
+    /// The output for this tick: the request, held back as far as the limits ask.
+    pub fn apply(&mut self, request: [f64; N]) -> [f64; N] {
+        self.counts.ticks += 1;
+        if !request.iter().all(|x| x.is_finite()) {
+            self.counts.fault += 1;
+            return self.put_out([0.0; N]);
+        }
+        let wanted = self.within_peak(request);
+        let reachable = self.within_slew(wanted);
+        let sustainable = self.within_heat(reachable);
+        self.put_out(sustainable)
+    }
+
+    /// What was held back since the start.
+    pub fn counts(&self) -> ClipCounts {
+        self.counts
+    }
+
+    /// The weighted mean square as a fraction of its limit, 0 (cold) to 1.
+    pub fn heat(&self) -> f64 {
+        1.0 - self.budget / self.continuous_square
+    }
+
+    /// The latest output.
+    pub fn output(&self) -> [f64; N] {
+        self.previous
+    }
+
+    fn within_peak(&mut self, request: [f64; N]) -> [f64; N] {
+        // Divided by its largest component first: the square of a large request overflows.
+        let largest = request.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let relative = if largest > self.peak {
+            norm(scale(request, 1.0 / largest)) * largest
+        } else {
+            norm(request)
+        };
+        if relative <= self.peak {
+            return request;
+        }
+        self.counts.peak += 1;
+        let shape = scale(request, 1.0 / largest);
+        scale(shape, self.peak / norm(shape) * HAIR)
+    }
+
+    fn within_slew(&mut self, wanted: [f64; N]) -> [f64; N] {
+        let change = sub(wanted, self.previous);
+        let length = norm(change);
+        if length <= self.step {
+            return wanted;
+        }
+        self.counts.slew += 1;
+        add_scaled(self.previous, change, self.step / length * HAIR)
+    }
+
+    fn within_heat(&mut self, reachable: [f64; N]) -> [f64; N] {
+        let most = self.most_magnitude(norm(reachable));
+        if norm(reachable) <= most {
+            return reachable;
+        }
+        self.counts.continuous += 1;
+        // Between the fastest way down and what was asked: both are within the slew, so everything between is.
+        let down = (1.0 - self.step / norm(self.previous)).max(0.0);
+        let safest = scale(self.previous, if down.is_finite() { down } else { 0.0 });
+        furthest_within(safest, reachable, most)
+    }
+
+    /// The largest magnitude up to `asked` that leaves enough heat to come down again.
+    fn most_magnitude(&self, asked: f64) -> f64 {
+        let above = self.ramp.partition_point(|rung| rung.magnitude < asked);
+        let mut most = 0.0_f64;
+        for rung in self.ramp.iter().take(above + 1).rev() {
+            if most >= rung.magnitude {
+                break;
+            }
+            let left = (1.0 - self.weight) * self.budget - rung.budget;
+            let square = self.continuous_square + left / self.weight;
+            if square > 0.0 {
+                most = most.max(rung.magnitude.min(square.sqrt()));
+            }
+        }
+        most
+    }
+
+    fn put_out(&mut self, output: [f64; N]) -> [f64; N] {
+        let excess = dot(output, output) - self.continuous_square;
+        self.budget = (1.0 - self.weight) * self.budget - self.weight * excess;
+        self.previous = output;
+        output
+    }
+}
+
+/// The heat that the way down from each magnitude needs, from the continuous limit up to the peak.
+fn ramp(peak: f64, continuous_square: f64, step: f64, weight: f64, unlimited_slew: bool) -> Box<[Rung]> {
+    if unlimited_slew {
+        return Box::new([Rung {
+            magnitude: peak,
+            budget: 0.0,
+        }]);
+    }
+    let continuous = continuous_square.sqrt();
+    let spacing = step * (1.0 - MARGIN);
+    let mut rungs = vec![Rung {
+        magnitude: continuous.min(peak),
+        budget: 0.0,
+    }];
+    let mut below = rungs[0];
+    while below.magnitude < peak {
+        // budget' = (1 - weight) budget - weight (m^2 - continuous^2), one rung down, must be that rung's own.
+        let spent = weight * (below.magnitude * below.magnitude - continuous_square);
+        below = Rung {
+            magnitude: (continuous + rungs.len() as f64 * spacing).min(peak),
+            budget: (below.budget + spent.max(0.0)) / (1.0 - weight),
+        };
+        rungs.push(below);
+    }
+    rungs.into_boxed_slice()
+}
+
+/// The point of the way from `start` to `end` that is furthest from `start` and within `radius` of the origin.
+fn furthest_within<const N: usize>(start: [f64; N], end: [f64; N], radius: f64) -> [f64; N] {
+    let way = sub(end, start);
+    let room = radius * radius - dot(start, start);
+    if room <= 0.0 {
+        // Rounding only: the start is within the radius by construction. Heat goes before slew.
+        let magnitude = norm(start);
+        return if magnitude > 0.0 {
+            scale(start, radius / magnitude)
+        } else {
+            start
+        };
+    }
+    let (length_square, along) = (dot(way, way), dot(start, way));
+    let root = (along * along + length_square * room).sqrt();
+    let fraction = if along > 0.0 {
+        room / (along + root)
+    } else {
+        (root - along) / length_square
+    };
+    add_scaled(
+        start,
+        way,
+        if fraction.is_finite() {
+            fraction.clamp(0.0, 1.0)
+        } else {
+            0.0
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests;

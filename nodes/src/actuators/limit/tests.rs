@@ -1,0 +1,237 @@
+use super::*;
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+const LIMIT: Limit = Limit {
+    peak: 0.5,
+    continuous: 0.25,
+    window_s: 0.05,
+    slew_per_s: Some(300.0),
+};
+const RATE_HZ: f64 = 10_000.0;
+
+/// An independent account of what an actuator was given.
+struct Judge {
+    limit: Limit,
+    rate_hz: f64,
+    mean_square: f64,
+    previous: f64,
+}
+
+impl Judge {
+    fn new(limit: Limit, rate_hz: f64) -> Self {
+        Self {
+            limit,
+            rate_hz,
+            mean_square: 0.0,
+            previous: 0.0,
+        }
+    }
+
+    fn watch(&mut self, request: f64, output: f64) {
+        assert!(output.abs() <= self.limit.peak, "peak: {output}");
+        let keep = (-1.0 / (self.limit.window_s * self.rate_hz)).exp();
+        self.mean_square = keep * self.mean_square + (1.0 - keep) * output * output;
+        assert!(
+            self.mean_square.sqrt() <= self.limit.continuous,
+            "heat: {}",
+            self.mean_square.sqrt()
+        );
+        if !request.is_finite() {
+            assert_eq!(output, 0.0);
+        } else if let Some(slew_per_s) = self.limit.slew_per_s {
+            let most = slew_per_s / self.rate_hz;
+            let change = (output - self.previous).abs();
+            assert!(
+                change <= most + 1e-15 * self.limit.peak,
+                "slew: {change} of {most}"
+            );
+        }
+        self.previous = output;
+    }
+}
+
+#[test]
+fn no_limit_is_ever_exceeded() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+    let limits = [
+        LIMIT,
+        Limit {
+            slew_per_s: None,
+            ..LIMIT
+        },
+        Limit {
+            slew_per_s: Some(8.0),
+            ..LIMIT
+        },
+        Limit {
+            continuous: 0.5,
+            ..LIMIT
+        },
+        Limit {
+            window_s: 10.0,
+            ..LIMIT
+        },
+        Limit {
+            peak: 3.3,
+            continuous: 0.88,
+            window_s: 1.0,
+            slew_per_s: Some(1e9),
+        },
+    ];
+    for limit in limits {
+        let mut limiter = Limiter::<1>::new(&limit, RATE_HZ).unwrap();
+        let mut judge = Judge::new(limit, RATE_HZ);
+        let mut held = 0.0;
+        for _ in 0..170_000 {
+            let request = match rng.random_range(0..40) {
+                0 => f64::NAN,
+                1 => f64::INFINITY,
+                2 => f64::NEG_INFINITY,
+                3 => f64::MAX,
+                4 => f64::MIN_POSITIVE / 8.0,
+                5 => 0.0,
+                6..=15 => rng.random_range(-2.0..2.0) * limit.peak,
+                16 => {
+                    held = rng.random_range(-2.0..2.0) * limit.peak;
+                    held
+                }
+                _ => held,
+            };
+            let [output] = limiter.apply([request]);
+            judge.watch(request, output);
+        }
+    }
+}
+
+#[test]
+fn no_limit_is_ever_exceeded_in_space() {
+    let limit = Limit {
+        peak: 3.3,
+        continuous: 1.0,
+        window_s: 0.1,
+        slew_per_s: Some(200.0),
+    };
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
+    let mut limiter = Limiter::<3>::new(&limit, 1000.0).unwrap();
+    let (mut mean_square, mut previous) = (0.0, [0.0; 3]);
+    let keep = (-1.0_f64 / 100.0).exp();
+    let mut request = [0.0; 3];
+    for tick in 0..300_000 {
+        if rng.random_range(0..30) == 0 {
+            let size = if tick % 1000 == 0 { f64::MAX } else { 8.0 };
+            request = std::array::from_fn(|_| rng.random_range(-1.0..1.0) * size);
+        }
+        let output = limiter.apply(request);
+        mean_square = keep * mean_square + (1.0 - keep) * dot(output, output);
+        assert!(norm(output) <= 3.3 && mean_square.sqrt() <= 1.0);
+        assert!(norm(sub(output, previous)) <= 0.2 * (1.0 + 1e-12));
+        previous = output;
+    }
+    assert!(
+        limiter.counts().continuous > 1000 && limiter.counts().slew > 1000,
+        "{:?}",
+        limiter.counts()
+    );
+}
+
+proptest! {
+    #[test]
+    fn any_limit_is_kept(
+        peak in 1e-3..1e3_f64, fraction in 0.01..1.0_f64, window_s in 1e-3..100.0_f64, slew in 10.0..1e5_f64,
+        requests in prop::collection::vec(prop_oneof![any::<f64>(), -3.0..3.0_f64], 1..400),
+    ) {
+        let limit = Limit { peak, continuous: fraction * peak, window_s, slew_per_s: Some(slew * peak) };
+        let mut limiter = Limiter::<1>::new(&limit, 1000.0).unwrap();
+        let mut judge = Judge::new(limit, 1000.0);
+        for request in requests {
+            let request = request * peak;
+            let [output] = limiter.apply([request]);
+            judge.watch(request, output);
+        }
+    }
+}
+
+#[test]
+fn what_is_within_the_limits_passes_bit_for_bit() {
+    let mut limiter = Limiter::<1>::new(&LIMIT, RATE_HZ).unwrap();
+    for k in 0..50_000 {
+        let request = 0.249 * (f64::from(k) * 0.05).sin();
+        assert_eq!(limiter.apply([request]), [request]);
+    }
+    let counts = limiter.counts();
+    assert_eq!(
+        counts,
+        ClipCounts {
+            ticks: 50_000,
+            ..ClipCounts::default()
+        }
+    );
+}
+
+#[test]
+fn a_short_overload_passes_and_a_long_one_falls_to_continuous() {
+    let limit = Limit {
+        peak: 5.0,
+        continuous: 3.3,
+        window_s: 0.2,
+        slew_per_s: None,
+    };
+    let mut limiter = Limiter::<1>::new(&limit, 1000.0).unwrap();
+    let outputs: Vec<f64> = (0..2000).map(|_| limiter.apply([5.0])[0]).collect();
+    assert!(
+        outputs[..100].iter().all(|&y| y == 5.0),
+        "the tap of 0.1 s is whole"
+    );
+    assert!((outputs[1999] - 3.3).abs() < 1e-6);
+    assert!(limiter.heat() > 0.999 && limiter.heat() <= 1.0);
+}
+
+#[test]
+fn faults_are_zero_at_once_and_counted() {
+    let mut limiter = Limiter::<1>::new(
+        &Limit {
+            slew_per_s: None,
+            ..LIMIT
+        },
+        RATE_HZ,
+    )
+    .unwrap();
+    assert_eq!(limiter.apply([0.2]), [0.2]);
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(limiter.apply([bad]), [0.0]);
+    }
+    assert_eq!(limiter.apply([0.2]), [0.2]);
+    assert_eq!(limiter.counts().fault, 3);
+}
+
+#[test]
+fn impossible_limits_are_refused() {
+    let refused = |limit: Limit| Limiter::<1>::new(&limit, RATE_HZ).unwrap_err();
+    assert!(matches!(
+        refused(Limit { peak: 0.0, ..LIMIT }),
+        LimitError::NotPositive { name: "peak", .. }
+    ));
+    assert!(matches!(
+        refused(Limit {
+            window_s: f64::NAN,
+            ..LIMIT
+        }),
+        LimitError::NotPositive { .. }
+    ));
+    assert!(matches!(
+        refused(Limit {
+            continuous: 0.6,
+            ..LIMIT
+        }),
+        LimitError::ContinuousAbovePeak { .. }
+    ));
+    assert!(matches!(
+        refused(Limit {
+            slew_per_s: Some(1e-6),
+            ..LIMIT
+        }),
+        LimitError::SlewTooSlow { .. }
+    ));
+}
