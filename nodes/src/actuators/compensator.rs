@@ -7,7 +7,8 @@
 //! (+0.04 dB at 500 Hz and 10 kHz). Magnitudes only: the converters of the chain may invert or delay.
 
 use super::two_mass::{Mode, Response};
-use nalgebra::Complex;
+use haptograph_signal::Complex64;
+use haptograph_signal::filter::{Biquad, Sections, SectionsState};
 use std::f64::consts::TAU;
 
 /// What the compensated actuator should be.
@@ -54,12 +55,12 @@ pub enum CompensatorError {
     },
 }
 
-/// Turns commanded acceleration into current, one sample at a time. Allocates nothing, ever.
+/// Turns commanded acceleration into current. Allocates when designed only.
 #[derive(Debug, Clone)]
 pub struct Compensator {
-    gain: f64,
     corner_hz: f64,
-    sections: [Section; 2],
+    filter: Sections,
+    state: SectionsState,
 }
 
 impl Compensator {
@@ -71,7 +72,7 @@ impl Compensator {
     ) -> Result<Self, CompensatorError> {
         let modes = actuator.modes().ok_or(CompensatorError::NoActuator)?;
         let needed_a_per_m_s2 = 1.0 / actuator.gain.abs();
-        if !(needed_a_per_m_s2 <= settings.most_a_per_m_s2) {
+        if needed_a_per_m_s2 > settings.most_a_per_m_s2 {
             return Err(CompensatorError::Gain { needed_a_per_m_s2 });
         }
         let mut corner_hz = settings.corner_hz;
@@ -82,26 +83,20 @@ impl Compensator {
             return Err(CompensatorError::Corner { corner_hz, rate_hz });
         }
         let [low, high] = butterworth_4(corner_hz);
+        let mut sections = vec![section(modes[0], low, rate_hz), section(modes[1], high, rate_hz)];
+        sections[0].b = sections[0].b.map(|b| b / actuator.gain);
+        let filter = Sections { sections };
+        let state = SectionsState::new(&filter);
         Ok(Self {
-            gain: 1.0 / actuator.gain,
             corner_hz,
-            sections: [
-                Section::new(modes[0], low, rate_hz),
-                Section::new(modes[1], high, rate_hz),
-            ],
+            filter,
+            state,
         })
     }
 
-    /// The current for one sample of commanded acceleration, A for m/s2. Input that is not finite counts as zero.
-    #[inline]
-    pub fn process(&mut self, acceleration_m_s2: f64) -> f64 {
-        let input = if acceleration_m_s2.is_finite() {
-            acceleration_m_s2
-        } else {
-            0.0
-        };
-        let [first, second] = &mut self.sections;
-        second.process(first.process(input * self.gain))
+    /// Commanded accelerations in m/s2 become currents in A, in place.
+    pub fn process(&mut self, samples: &mut [f64]) {
+        self.state.process_in_place(samples);
     }
 
     /// The corner of the high-pass that was reached, Hz.
@@ -109,14 +104,9 @@ impl Compensator {
         self.corner_hz
     }
 
-    /// Current per commanded acceleration at a frequency, A/(m/s2).
-    pub fn response_at(&self, frequency_hz: f64, rate_hz: f64) -> Complex<f64> {
-        let z = Complex::from_polar(1.0, TAU * frequency_hz / rate_hz);
-        self.sections
-            .iter()
-            .map(|s| s.response_at(z))
-            .product::<Complex<f64>>()
-            * self.gain
+    /// The filter, A per m/s2.
+    pub fn filter(&self) -> &Sections {
+        &self.filter
     }
 }
 
@@ -144,42 +134,12 @@ fn most_gain(actuator: &Response, corner_hz: f64) -> f64 {
         .fold(at_rest, f64::max)
 }
 
-/// A quadratic over a quadratic, by the bilinear rule, in transposed direct form II.
-#[derive(Debug, Clone)]
-struct Section {
-    zeros: [f64; 3],
-    poles: [f64; 2],
-    state: [f64; 2],
-}
-
-impl Section {
-    fn new(zeros: Mode, poles: Mode, rate_hz: f64) -> Self {
-        let (zeros, poles) = (bilinear(zeros, rate_hz), bilinear(poles, rate_hz));
-        Self {
-            zeros: zeros.map(|b| b / poles[0]),
-            poles: [poles[1] / poles[0], poles[2] / poles[0]],
-            state: [0.0; 2],
-        }
-    }
-
-    #[inline]
-    fn process(&mut self, input: f64) -> f64 {
-        let [b0, b1, b2] = self.zeros;
-        let [a1, a2] = self.poles;
-        let output = b0 * input + self.state[0];
-        let next = [b1 * input - a1 * output + self.state[1], b2 * input - a2 * output];
-        // Both at once: flushing one alone can sustain a cycle of the other.
-        self.state = if next.iter().all(|s| s.abs() < 1e-30) {
-            [0.0; 2]
-        } else {
-            next
-        };
-        output
-    }
-
-    fn response_at(&self, z: Complex<f64>) -> Complex<f64> {
-        let ([b0, b1, b2], [a1, a2]) = (self.zeros, self.poles);
-        ((z * b0 + b1) * z + b2) / ((z + a1) * z + a2)
+/// A quadratic over a quadratic, by the bilinear rule.
+fn section(zeros: Mode, poles: Mode, rate_hz: f64) -> Biquad {
+    let ([b0, b1, b2], [a0, a1, a2]) = (bilinear(zeros, rate_hz), bilinear(poles, rate_hz));
+    Biquad {
+        b: [b0 / a0, b1 / a0, b2 / a0],
+        a: [a1 / a0, a2 / a0],
     }
 }
 
@@ -210,7 +170,7 @@ mod tests {
         let machine = actuator.machine(RATE_HZ);
         (0..=200)
             .map(|k| 40.0 * 12.5_f64.powf(f64::from(k) / 200.0))
-            .map(|f| compensator.response_at(f, RATE_HZ) * machine.response_at(f))
+            .map(|f| compensator.filter().response(f, RATE_HZ) * machine.response_at(f))
             .map(|h| 20.0 * h.norm().log10().abs())
             .fold(0.0, f64::max)
     }
@@ -283,7 +243,7 @@ mod tests {
         let actuator = TwoMass::PLACEHOLDER;
         let (compensator, machine) = (design(&actuator), actuator.machine(RATE_HZ));
         let db = |f: f64| {
-            20.0 * (compensator.response_at(f, RATE_HZ) * machine.response_at(f))
+            20.0 * (compensator.filter().response(f, RATE_HZ) * machine.response_at(f))
                 .norm()
                 .log10()
         };
@@ -298,8 +258,9 @@ mod tests {
         let mut machine = TwoMass::PLACEHOLDER.machine(RATE_HZ);
         let mut felt = 0.0;
         for k in 0..30_000 {
-            let command = (TAU * 95.0 * f64::from(k) / RATE_HZ).sin();
-            machine.advance(compensator.process(command), 0.0);
+            let mut drive = [(TAU * 95.0 * f64::from(k) / RATE_HZ).sin()];
+            compensator.process(&mut drive);
+            machine.advance(drive[0], 0.0);
             if k >= 20_000 {
                 felt += machine.read().acceleration_m_s2.powi(2) / 10_000.0;
             }
@@ -317,7 +278,7 @@ mod tests {
         let compensator = Compensator::design(&actuator, &settings, RATE_HZ).unwrap();
         assert!(compensator.corner_hz() > 25.0 && compensator.corner_hz() < 80.0);
         for k in 0..5000 {
-            assert!(compensator.response_at(f64::from(k), RATE_HZ).norm() < 0.0602);
+            assert!(compensator.filter().response(f64::from(k), RATE_HZ).norm() < 0.0602);
         }
         let settings = CompensatorSettings {
             most_a_per_m_s2: 0.01,
@@ -325,15 +286,5 @@ mod tests {
         };
         let refused = Compensator::design(&actuator, &settings, RATE_HZ).unwrap_err();
         assert!(matches!(refused, CompensatorError::Gain { .. }));
-    }
-
-    #[test]
-    fn silence_stays_silent_and_faults_are_silence() {
-        let mut compensator = design(&TwoMass::PLACEHOLDER);
-        assert_eq!(compensator.process(0.0), 0.0);
-        assert_eq!(compensator.process(f64::NAN), 0.0);
-        compensator.process(1.0);
-        let tail: Vec<f64> = (0..200_000).map(|_| compensator.process(0.0)).collect();
-        assert_eq!(tail[199_999], 0.0);
     }
 }

@@ -10,7 +10,8 @@
 //!
 //! with four zeros at rest: no current makes a lasting acceleration. (Form: McMahan and Kuchenbecker 2014.)
 
-use nalgebra::{Complex, Matrix4, Matrix6, Vector4};
+use haptograph_signal::Complex64;
+use nalgebra::{Matrix4, Matrix6, Vector4};
 
 /// Parameters of the two masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -171,8 +172,8 @@ impl TwoMass {
 
 impl Response {
     /// Acceleration per current at a frequency, m/s2/A.
-    pub fn at(&self, frequency_hz: f64) -> Complex<f64> {
-        let s = Complex::new(0.0, std::f64::consts::TAU * frequency_hz);
+    pub fn at(&self, frequency_hz: f64) -> Complex64 {
+        let s = Complex64::new(0.0, std::f64::consts::TAU * frequency_hz);
         let [c3, c2, c1, c0] = self.denominator;
         s.powi(4) * self.gain / ((((s + c3) * s + c2) * s + c1) * s + c0)
     }
@@ -223,7 +224,7 @@ fn quadratic_factors([c3, c2, c1, c0]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
         0.0,
     );
     let roots = companion.complex_eigenvalues();
-    let mut upper: Vec<Complex<f64>> = roots.iter().copied().filter(|r| r.im > 0.0).collect();
+    let mut upper: Vec<Complex64> = roots.iter().copied().filter(|r| r.im > 0.0).collect();
     let mut real: Vec<f64> = roots.iter().filter(|r| r.im == 0.0).map(|r| r.re).collect();
     real.sort_by(f64::total_cmp);
     let mut factors = Vec::with_capacity(2);
@@ -285,15 +286,15 @@ impl TwoMassMachine {
 
     /// Acceleration per current at a frequency as the machine plays it: current held over a tick, the tick's mean
     /// acceleration read at its end, m/s2/A.
-    pub fn response_at(&self, frequency_hz: f64) -> Complex<f64> {
-        let z = Complex::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);
-        let a = Matrix4::from_fn(|i, j| Complex::from(self.transition[i][j]));
-        let b = Vector4::from_fn(|i, _| Complex::from(self.transition[i][4]));
+    pub fn response_at(&self, frequency_hz: f64) -> Complex64 {
+        let z = Complex64::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);
+        let a = Matrix4::from_fn(|i, j| Complex64::from(self.transition[i][j]));
+        let b = Vector4::from_fn(|i, _| Complex64::from(self.transition[i][4]));
         let state = (Matrix4::from_diagonal_element(z) - a)
             .lu()
             .solve(&b)
             .unwrap_or_else(Vector4::zeros);
-        state[3] * (Complex::from(1.0) - z.inv()) * self.rate_hz
+        state[3] * (Complex64::from(1.0) - z.inv()) * self.rate_hz
     }
 }
 
@@ -319,9 +320,9 @@ mod tests {
         let (a, b) = actuator.state_space();
         let response = actuator.response();
         for frequency_hz in [1.0, 20.0, 99.0, 104.0, 500.0, 3000.0] {
-            let s = Complex::new(0.0, std::f64::consts::TAU * frequency_hz);
-            let input = Vector4::from_fn(|i, _| Complex::from(b[i][0]));
-            let state = (Matrix4::from_diagonal_element(s) - a.map(Complex::from))
+            let s = Complex64::new(0.0, std::f64::consts::TAU * frequency_hz);
+            let input = Vector4::from_fn(|i, _| Complex64::from(b[i][0]));
+            let state = (Matrix4::from_diagonal_element(s) - a.map(Complex64::from))
                 .lu()
                 .solve(&input)
                 .unwrap();
@@ -354,12 +355,12 @@ mod tests {
         for frequency_hz in [40.0, 100.0, 250.0, 500.0] {
             let mut machine = actuator.machine(RATE_HZ);
             let omega = std::f64::consts::TAU * frequency_hz / RATE_HZ;
-            let (mut seen, mut sum) = (Complex::new(0.0, 0.0), 0.0);
+            let (mut seen, mut sum) = (Complex64::new(0.0, 0.0), 0.0);
             for k in 0..40_000 {
                 machine.advance((omega * f64::from(k)).cos(), 0.0);
                 if k >= 20_000 {
                     // read() belongs to tick k + 1.
-                    let turn = Complex::from_polar(1.0, -omega * f64::from(k + 1));
+                    let turn = Complex64::from_polar(1.0, -omega * f64::from(k + 1));
                     seen += turn * machine.read().acceleration_m_s2 * 2.0;
                     sum += 1.0;
                 }
