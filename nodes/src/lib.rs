@@ -1,4 +1,5 @@
 //! The node kinds of haptograph: sensing, texture, friction, tapping, actuators, simulated bodies.
 
 pub mod actuators;
+pub mod simulated;
 pub mod vector;

@@ -7,7 +7,6 @@
 //! (+0.04 dB at 500 Hz and 10 kHz). Magnitudes only: the converters of the chain may invert or delay.
 
 use super::two_mass::{Mode, Response};
-use haptograph_signal::Complex64;
 use haptograph_signal::filter::{Biquad, Sections, SectionsState};
 use std::f64::consts::TAU;
 

@@ -1,0 +1,132 @@
+//! Recorded paths.
+
+use super::StrokePoint;
+
+/// A path of the tip: positions and forces at increasing times, joined by cubic splines (Catmull and Rom).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    time_s: Vec<f64>,
+    /// x and y in m, force in N.
+    values: Vec<[f64; 3]>,
+}
+
+/// Why a path is none.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TrajectoryError {
+    /// Fewer than two points.
+    #[error("a trajectory needs at least two points, this one has {points}")]
+    TooShort {
+        /// How many there are.
+        points: usize,
+    },
+    /// A point that is not later than the one before it, or not a number.
+    #[error("point {index} of the trajectory (counted from 0) {problem}")]
+    BadPoint {
+        /// Which one.
+        index: usize,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// A file that is not the table expected.
+    #[error("line {line}: {problem} (the file needs the columns time_s, x_mm, y_mm and force_n)")]
+    BadTable {
+        /// Line of the file, counted from 1.
+        line: u64,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+impl Trajectory {
+    /// A path through points of (time in s, x in m, y in m, force in N); the first time is taken as zero.
+    pub fn new(points: &[[f64; 4]]) -> Result<Self, TrajectoryError> {
+        if points.len() < 2 {
+            return Err(TrajectoryError::TooShort { points: points.len() });
+        }
+        for (index, point) in points.iter().enumerate() {
+            let problem = if !point.iter().all(|x| x.is_finite()) {
+                "has a value that is not a finite number"
+            } else if point[3] < 0.0 {
+                "has a negative force"
+            } else if index > 0 && point[0] <= points[index - 1][0] {
+                "is not later than the one before it"
+            } else {
+                continue;
+            };
+            return Err(TrajectoryError::BadPoint { index, problem });
+        }
+        Ok(Self {
+            time_s: points.iter().map(|p| p[0] - points[0][0]).collect(),
+            values: points.iter().map(|p| [p[1], p[2], p[3]]).collect(),
+        })
+    }
+
+    /// Reads a CSV table with a header that holds `time_s`, `x_mm`, `y_mm` and `force_n`, in any order.
+    pub fn from_csv(source: impl std::io::Read) -> Result<Self, TrajectoryError> {
+        let bad = |line: Option<u64>, problem: String| TrajectoryError::BadTable {
+            line: line.unwrap_or(1),
+            problem,
+        };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
+        let headers = reader.headers().map_err(|e| bad(None, e.to_string()))?.clone();
+        let mut columns = [0; 4];
+        for (column, name) in columns.iter_mut().zip(["time_s", "x_mm", "y_mm", "force_n"]) {
+            *column = headers
+                .iter()
+                .position(|header| header == name)
+                .ok_or_else(|| bad(None, format!("there is no column {name}")))?;
+        }
+        let mut points = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|e| bad(e.position().map(csv::Position::line), e.to_string()))?;
+            let line = record.position().map(csv::Position::line);
+            let mut point = [0.0; 4];
+            for (value, column) in point.iter_mut().zip(columns) {
+                let text = record.get(column).unwrap_or_default();
+                *value = text
+                    .parse()
+                    .map_err(|_| bad(line, format!("'{text}' is not a number")))?;
+            }
+            points.push([point[0], point[1] / 1000.0, point[2] / 1000.0, point[3]]);
+        }
+        Self::new(&points)
+    }
+
+    /// Time from the first to the last point, s.
+    pub fn duration_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// The path at a time; before it the first point, after it the last one, lifted.
+    pub fn at(&self, time_s: f64) -> StrokePoint {
+        let last = self.values.len() - 1;
+        let next = self.time_s.partition_point(|&t| t <= time_s);
+        let [x, y, force_n] = match next {
+            0 => self.values[0],
+            next if next > last => [self.values[last][0], self.values[last][1], 0.0],
+            next => self.between(next - 1, time_s),
+        };
+        StrokePoint {
+            position_m: [x, y],
+            force_n: force_n.max(0.0),
+        }
+    }
+
+    /// Cubic Hermite interpolation from point i to the next one.
+    fn between(&self, i: usize, time_s: f64) -> [f64; 3] {
+        let width_s = self.time_s[i + 1] - self.time_s[i];
+        let u = (time_s - self.time_s[i]) / width_s;
+        let (v, w) = (1.0 - u, u * u * (3.0 - 2.0 * u));
+        let (slope, next_slope) = (self.slope(i), self.slope(i + 1));
+        std::array::from_fn(|c| {
+            let (a, b) = (self.values[i][c], self.values[i + 1][c]);
+            a + w * (b - a) + width_s * u * v * (v * slope[c] - u * next_slope[c])
+        })
+    }
+
+    fn slope(&self, i: usize) -> [f64; 3] {
+        let (before, after) = (i.saturating_sub(1), (i + 1).min(self.values.len() - 1));
+        let span_s = self.time_s[after] - self.time_s[before];
+        std::array::from_fn(|c| (self.values[after][c] - self.values[before][c]) / span_s)
+    }
+}
