@@ -7,6 +7,7 @@ pub mod filter;
 pub mod noise;
 pub mod prediction;
 pub mod quantity;
+pub mod resample;
 pub mod spectrum;
 pub mod time;
 pub mod window;

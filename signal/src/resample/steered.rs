@@ -1,0 +1,128 @@
+//! Resampling with a ratio that can be adjusted while it runs.
+
+use super::kernel::{History, Kernel, dot};
+use super::{Progress, Quality, ResampleError};
+use crate::time::Rate;
+
+/// How far the ratio can be steered, in parts per million either way.
+pub const MAX_CORRECTION_PPM: f64 = 500.0;
+
+/// Positions between two inputs for which taps are stored; between them they are interpolated by cubics (error -125 dB).
+const PHASES: usize = 32;
+
+/// Resamples between two clocks that drift: as [`Resampler`](super::Resampler), with a ratio that follows
+/// [`set_correction_ppm`](Self::set_correction_ppm).
+#[derive(Debug, Clone)]
+pub struct SteeredResampler {
+    /// Taps at positions -1/[`PHASES`] to 1 + 1/[`PHASES`], `width` each.
+    phases: Box<[f64]>,
+    width: usize,
+    input: Rate,
+    /// Inputs an output, without correction.
+    nominal_step: f64,
+    /// Inputs from one output to the next, in units of 2^-64.
+    step: u128,
+    /// Where the next output lies after the newest input, likewise.
+    ahead: u128,
+    history: History,
+}
+
+/// One input in units of 2^-64.
+const ONE: u128 = 1 << 64;
+
+impl SteeredResampler {
+    /// A resampler of a signal that was zero before its first sample. Allocates here and never again.
+    ///
+    /// # Errors
+    /// [`ResampleError`] for a quality that makes no filter, or rates too far apart for a table.
+    pub fn new(input: Rate, output: Rate, quality: Quality) -> Result<Self, ResampleError> {
+        let kernel = Kernel::new(input, output, quality)?;
+        kernel.check_table(PHASES as u64 + 3, input, output)?;
+        let position = |i: usize| (i as f64 - 1.0) / PHASES as f64;
+        let phases = (0..PHASES + 3).flat_map(|i| kernel.taps(position(i))).collect();
+        let mut resampler = Self {
+            phases,
+            width: kernel.width(),
+            input,
+            nominal_step: input.hz() / output.hz(),
+            step: 0,
+            ahead: ONE,
+            history: History::new(kernel.width()),
+        };
+        resampler.set_correction_ppm(0.0);
+        Ok(resampler)
+    }
+
+    /// How long the output trails the input, in seconds: half the filter's length, a whole number of input samples.
+    pub fn latency_s(&self) -> f64 {
+        self.width as f64 / 2.0 * self.input.period_s()
+    }
+
+    /// From the next output on, takes this much more input for each output than the nominal rates say, in parts per
+    /// million; clamped to [`MAX_CORRECTION_PPM`] either way, and what is not a number is 0.
+    pub fn set_correction_ppm(&mut self, ppm: f64) {
+        let ppm = if ppm.is_nan() {
+            0.0
+        } else {
+            ppm.clamp(-MAX_CORRECTION_PPM, MAX_CORRECTION_PPM)
+        };
+        let step = self.nominal_step * (1.0 + ppm * 1e-6);
+        // Whole and fractional part apart, so that nothing is lost beyond the rounding of `step`.
+        self.step = ((step.trunc() as u128) << 64) + (step.fract() * ONE as f64) as u128;
+    }
+
+    /// Inputs needed before `outputs` more outputs can be written, at the present correction.
+    pub fn inputs_needed(&self, outputs: usize) -> usize {
+        if outputs == 0 {
+            return 0;
+        }
+        let last = self.ahead + self.step * (outputs as u128 - 1);
+        (last >> 64) as usize
+    }
+
+    /// Takes inputs and writes outputs until the inputs run out or there is no more room. Takes no input before an output
+    /// needs it.
+    pub fn process(&mut self, x: &[f64], y: &mut [f64]) -> Progress {
+        let mut consumed = 0;
+        let mut produced = 0;
+        while let Some(out) = y.get_mut(produced) {
+            let needed = (self.ahead >> 64) as usize;
+            let taken = needed.min(x.len() - consumed);
+            self.history.push(&x[consumed..consumed + taken]);
+            consumed += taken;
+            self.ahead -= (taken as u128) << 64;
+            if taken < needed {
+                break;
+            }
+            *out = self.output(self.ahead as u64);
+            produced += 1;
+            self.ahead += self.step;
+        }
+        Progress { consumed, produced }
+    }
+
+    /// Forgets the past; the correction stays.
+    pub fn reset(&mut self) {
+        self.history.clear();
+        self.ahead = ONE;
+    }
+
+    /// The output that lies `fraction` (in units of 2^-64) of an input after the newest.
+    fn output(&self, fraction: u64) -> f64 {
+        let position = fraction as f64 / ONE as f64 * PHASES as f64;
+        let phase = (position as usize).min(PHASES - 1);
+        let t = position - phase as f64;
+        // Lagrange's cubic through the phases at -1, 0, 1 and 2.
+        let weights = [
+            -t * (t - 1.0) * (t - 2.0) / 6.0,
+            (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
+            -(t + 1.0) * t * (t - 2.0) / 2.0,
+            (t + 1.0) * t * (t - 1.0) / 6.0,
+        ];
+        let rows = weights
+            .iter()
+            .zip(self.phases[phase * self.width..].chunks_exact(self.width));
+        rows.map(|(weight, taps)| weight * dot(taps, self.history.window()))
+            .sum()
+    }
+}
