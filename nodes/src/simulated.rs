@@ -1,6 +1,9 @@
 //! Simulated bodies: hands, tools, devices and objects that run where no hardware is. Whatever comes from here is
 //! labelled simulated wherever it is shown.
 
+pub mod ground;
+pub mod hand;
+pub mod script;
 pub mod stroke;
 pub mod tablet;
 pub mod wobble;

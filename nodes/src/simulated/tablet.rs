@@ -73,12 +73,10 @@ mod tests {
         let stroke = Stroke::new(settings, 5).unwrap();
         for k in 0..1000 {
             let (reading, truth) = (tablet.read(), stroke.at(f64::from(k) * 0.008));
-            for axis in 0..2 {
-                let steps = reading.position_m[axis] / TABLET_STEP_M[axis];
-                assert!((steps - steps.round()).abs() < 1e-6);
-                assert!(
-                    (reading.position_m[axis] - truth.position_m[axis]).abs() <= 0.5001 * TABLET_STEP_M[axis]
-                );
+            let axes = reading.position_m.iter().zip(truth.position_m).zip(TABLET_STEP_M);
+            for ((seen, true_m), step_m) in axes {
+                assert!((seen / step_m - (seen / step_m).round()).abs() < 1e-6);
+                assert!((seen - true_m).abs() <= 0.5001 * step_m);
             }
             assert!((reading.force_n - truth.force_n).abs() <= 0.5001 * TABLET_STEP_N);
             tablet.advance();

@@ -1,0 +1,230 @@
+//! A simulated hand: a mass on a spring and a damper that pull it along an intended path.
+
+use super::script::{Script, ScriptError, ScriptSettings};
+use super::wobble::Wobble;
+use crate::vector::{Vec3, add, add_scaled, norm, scale, sub};
+use nalgebra::Matrix3;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// How a hand holds a tool. The numbers are ours, in the range of what a pen grip is commonly modelled by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grip {
+    /// Mass that moves with the tip, kg.
+    pub mass_kg: f64,
+    /// Stiffness towards the intended path, N/m.
+    pub stiffness_n_per_m: f64,
+    /// Damping towards the intended path, N s/m.
+    pub damping_n_s_per_m: f64,
+    /// Standard deviation of the tremor (8 to 12 Hz) along each axis, m.
+    pub tremor_m: f64,
+}
+
+impl Grip {
+    /// An everyday grip.
+    pub const TYPICAL: Self = Self {
+        mass_kg: 0.05,
+        stiffness_n_per_m: 500.0,
+        damping_n_s_per_m: 5.0,
+        tremor_m: 3e-5,
+    };
+
+    /// The grip of a person: a seed picks mass, stiffness and damping around [`Self::TYPICAL`].
+    pub fn of_person(seed: u64) -> Self {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut around = |value: f64| value * 1.6_f64.powf(rng.random_range(-1.0..1.0));
+        Self {
+            mass_kg: around(Self::TYPICAL.mass_kg),
+            stiffness_n_per_m: around(Self::TYPICAL.stiffness_n_per_m),
+            damping_n_s_per_m: around(Self::TYPICAL.damping_n_s_per_m),
+            tremor_m: around(Self::TYPICAL.tremor_m),
+        }
+    }
+}
+
+/// What the hand carries: added to its own mass, and braked by dry friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    /// Apparent mass, kg.
+    pub mass_kg: f64,
+    /// Dry friction against motion, N.
+    pub dry_friction_n: f64,
+}
+
+impl Load {
+    /// Nothing carried.
+    pub const NONE: Self = Self {
+        mass_kg: 0.0,
+        dry_friction_n: 0.0,
+    };
+}
+
+/// Why a hand cannot be simulated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum HandError {
+    /// A property is out of range.
+    #[error("the hand's {name} is {value}: give {range}")]
+    OutOfRange {
+        /// The property.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// A script that cannot be played.
+    #[error(transparent)]
+    Script(#[from] ScriptError),
+}
+
+/// A hand in motion; one tick is the period it was made for. Labelled simulated wherever it is shown.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    script: Script,
+    grip: Grip,
+    tremor: [Wobble; 3],
+    /// Exact over a tick of held inputs: (position, velocity) from (position, velocity, acceleration by inputs).
+    transition: [[f64; 3]; 2],
+    mass_kg: f64,
+    /// Largest change of speed by dry friction in a tick, m/s.
+    friction_m_s: f64,
+    period_s: f64,
+    tick: u64,
+    intent_m: Vec3,
+    position_m: Vec3,
+    velocity_m_s: Vec3,
+}
+
+/// Where a hand is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandReading {
+    /// Position of the tip, m.
+    pub position_m: Vec3,
+    /// Velocity of the tip, m/s.
+    pub velocity_m_s: Vec3,
+    /// Where the hand means the tip to be, m.
+    pub intent_m: Vec3,
+}
+
+impl Hand {
+    /// A hand at rest where its script begins; the seed is the person and the attempt.
+    pub fn new(
+        grip: Grip,
+        script: &ScriptSettings,
+        load: Load,
+        period_s: f64,
+        seed: u64,
+    ) -> Result<Self, HandError> {
+        check(&grip, &load, period_s)?;
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let script = Script::new(script, grip.stiffness_n_per_m, rng.random())?;
+        let mass_kg = grip.mass_kg + load.mass_kg;
+        let start_m = script.at(0.0);
+        Ok(Self {
+            tremor: [(); 3].map(|()| Wobble::new(8.0, 12.0, &mut rng)),
+            transition: transition(mass_kg, &grip, period_s),
+            mass_kg,
+            friction_m_s: load.dry_friction_n * period_s / mass_kg,
+            period_s,
+            tick: 0,
+            intent_m: start_m,
+            position_m: start_m,
+            velocity_m_s: [0.0; 3],
+            script,
+            grip,
+        })
+    }
+
+    /// Where the hand is at this tick.
+    pub fn read(&self) -> HandReading {
+        HandReading {
+            position_m: self.position_m,
+            velocity_m_s: self.velocity_m_s,
+            intent_m: self.intent_m,
+        }
+    }
+
+    /// One tick under an outer force on the tip, held, N. A force that is not finite counts as none.
+    pub fn advance(&mut self, force_n: Vec3) {
+        let force_n = if force_n.iter().all(|f| f.is_finite()) {
+            force_n
+        } else {
+            [0.0; 3]
+        };
+        self.tick += 1;
+        let next_m = self.intent_at(self.tick as f64 * self.period_s);
+        let pull_n = self.pull(next_m);
+        self.intent_m = next_m;
+        let push = scale(add(force_n, pull_n), 1.0 / self.mass_kg);
+        let [to_position, to_velocity] = self.transition;
+        let all = [self.position_m, self.velocity_m_s, push];
+        let free =
+            |row: [f64; 3]| -> Vec3 { std::array::from_fn(|i| (0..3).map(|j| row[j] * all[j][i]).sum()) };
+        let (position_m, velocity_m_s) = (free(to_position), free(to_velocity));
+        // Dry friction takes its share of the momentum, at most all of it.
+        let speed_m_s = norm(velocity_m_s);
+        if speed_m_s > self.friction_m_s || self.friction_m_s == 0.0 {
+            let lost = if speed_m_s > 0.0 {
+                self.friction_m_s / speed_m_s
+            } else {
+                0.0
+            };
+            self.position_m = add_scaled(position_m, velocity_m_s, -lost * 0.5 * self.period_s);
+            self.velocity_m_s = scale(velocity_m_s, 1.0 - lost);
+        } else {
+            self.position_m = add_scaled(self.position_m, self.velocity_m_s, 0.5 * self.period_s);
+            self.velocity_m_s = [0.0; 3];
+        }
+    }
+
+    fn intent_at(&self, time_s: f64) -> Vec3 {
+        let intent_m = self.script.at(time_s);
+        let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
+        add_scaled(intent_m, tremor, self.grip.tremor_m)
+    }
+
+    /// Spring and damper towards the path between this tick's intent and the next: the part that does not depend on
+    /// the hand's own motion.
+    fn pull(&self, next_m: Vec3) -> Vec3 {
+        let middle_m = scale(add(self.intent_m, next_m), 0.5);
+        let velocity_m_s = scale(sub(next_m, self.intent_m), 1.0 / self.period_s);
+        add_scaled(
+            scale(middle_m, self.grip.stiffness_n_per_m),
+            velocity_m_s,
+            self.grip.damping_n_s_per_m,
+        )
+    }
+}
+
+fn transition(mass_kg: f64, grip: &Grip, period_s: f64) -> [[f64; 3]; 2] {
+    let (k, b) = (grip.stiffness_n_per_m / mass_kg, grip.damping_n_s_per_m / mass_kg);
+    let exact = (Matrix3::new(0.0, 1.0, 0.0, -k, -b, 1.0, 0.0, 0.0, 0.0) * period_s).exp();
+    [0, 1].map(|i| [exact[(i, 0)], exact[(i, 1)], exact[(i, 2)]])
+}
+
+fn check(grip: &Grip, load: &Load, period_s: f64) -> Result<(), HandError> {
+    let out = |name, value, range| Err(HandError::OutOfRange { name, value, range });
+    for (name, value) in [
+        ("mass_kg", grip.mass_kg),
+        ("stiffness_n_per_m", grip.stiffness_n_per_m),
+        ("damping_n_s_per_m", grip.damping_n_s_per_m),
+        ("period_s", period_s),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            return out(name, value, "a finite number above zero");
+        }
+    }
+    for (name, value) in [
+        ("tremor_m", grip.tremor_m),
+        ("load.mass_kg", load.mass_kg),
+        ("load.dry_friction_n", load.dry_friction_n),
+    ] {
+        if !(value >= 0.0 && value.is_finite()) {
+            return out(name, value, "a finite number, zero or more");
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
