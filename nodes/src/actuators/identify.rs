@@ -1,0 +1,419 @@
+//! Fits a voice-coil actuator on its tool to a recorded sweep of current and felt acceleration.
+//!
+//! The recording's answer A/I is estimated in narrow bands and matched by g s^4 / D(s) and a delay: first by a linear
+//! fit (Sanathanan and Koerner 1963), then by least squares of the acceleration's error (Levenberg and Marquardt),
+//! which is maximum likelihood when the accelerometer's noise is white.
+//!
+//! What a sweep can tell are five numbers: g and the four of D. The two masses have seven parameters, of which one
+//! scale (all of them together with K_f) can never be seen; so one known mass does not suffice: six unknown ratios
+//! stand against five numbers. Two must be known, the magnet's mass and either the body's mass or the force per current
+//! ([`Known`]); with nothing known the resonances, their quality and the gain remain.
+
+use super::two_mass::{Mode, Response, TwoMass};
+use haptograph_signal::Complex64;
+use nalgebra::{DMatrix, DVector};
+use rustfft::FftPlanner;
+use std::f64::consts::TAU;
+
+/// What is known of the actuator beside the recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Known {
+    /// Nothing.
+    Nothing,
+    /// Both masses, kg.
+    Masses {
+        /// The magnet's.
+        magnet_kg: f64,
+        /// The body's with tool and hand.
+        body_kg: f64,
+    },
+    /// The magnet's mass, kg, and the force per current, N/A (from the maker).
+    MagnetAndForce {
+        /// The magnet's mass.
+        magnet_kg: f64,
+        /// K_f.
+        force_n_per_a: f64,
+    },
+}
+
+/// A recording of a sweep.
+#[derive(Debug, Clone, Copy)]
+pub struct Sweep<'a> {
+    /// Current, A. It should begin and end at rest ([`sweep_current`]).
+    pub current_a: &'a [f64],
+    /// Felt acceleration, m/s2, at the same times.
+    pub acceleration_m_s2: &'a [f64],
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Band that the sweep covers, Hz.
+    pub band_hz: [f64; 2],
+}
+
+/// An actuator as a recording shows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Identified {
+    /// Acceleration per current.
+    pub response: Response,
+    /// Its resonances, the higher first.
+    pub modes: [Mode; 2],
+    /// Delay of the recording (converters, held current), s.
+    pub delay_s: f64,
+    /// The masses, springs and dampers, where enough was known. The higher resonance is taken for the magnet's.
+    pub parameters: Option<TwoMass>,
+    /// Fraction of the acceleration's power within the band that the fit does not explain.
+    pub unexplained: f64,
+}
+
+/// Why no actuator can be fitted.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum IdentifyError {
+    /// The signals do not fit together.
+    #[error(
+        "{current} samples of current and {acceleration} of acceleration: give as many of one as of the other, at least 1000"
+    )]
+    Lengths {
+        /// Samples of current.
+        current: usize,
+        /// Samples of acceleration.
+        acceleration: usize,
+    },
+    /// Not a band within the rate.
+    #[error(
+        "the band {low_hz} to {high_hz} Hz must rise, start above zero and end below a quarter of the rate {rate_hz} Hz"
+    )]
+    Band {
+        /// Lower end.
+        low_hz: f64,
+        /// Upper end.
+        high_hz: f64,
+        /// Samples per second.
+        rate_hz: f64,
+    },
+    /// A sample that is not finite.
+    #[error("sample {index} of the recording is not a finite number")]
+    NotFinite {
+        /// Which one.
+        index: usize,
+    },
+    /// Nothing recorded in the band.
+    #[error("the recording has no current in the band: record a sweep over it")]
+    NoSignal,
+    /// The fit did not end at an actuator.
+    #[error(
+        "no actuator explains the recording: {unexplained:.0} % of the acceleration's power is left over; check the units, the band and that the sensor sat on the tool"
+    )]
+    NoFit {
+        /// Percent.
+        unexplained: f64,
+    },
+    /// What is said to be known contradicts the recording.
+    #[error(
+        "no springs and dampers above zero give the recorded resonances with what is said to be known: check the masses"
+    )]
+    Contradiction,
+}
+
+/// A sweep of current, its frequency rising by equal factors in equal times, that starts and ends at rest (5 % of the
+/// time each to fade in and out).
+pub fn sweep_current(peak_a: f64, band_hz: [f64; 2], duration_s: f64, rate_hz: f64) -> Vec<f64> {
+    let count = (duration_s * rate_hz) as usize;
+    let growth = (band_hz[1] / band_hz[0]).ln();
+    let fade = |u: f64| 0.5 - 0.5 * (std::f64::consts::PI * (u / 0.05).clamp(0.0, 1.0)).cos();
+    let sample = |k: usize| {
+        let u = k as f64 / count as f64;
+        let phase = TAU * band_hz[0] * duration_s / growth * ((growth * u).exp() - 1.0);
+        peak_a * fade(u) * fade(1.0 - u) * phase.sin()
+    };
+    (0..count).map(sample).collect()
+}
+
+/// Fits an actuator to a recorded sweep.
+pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError> {
+    let bands = measure(sweep)?;
+    let fit = Fit::start(&bands, sweep.rate_hz)
+        .ok_or(IdentifyError::NoFit { unexplained: 100.0 })?
+        .refine(&bands);
+    let unexplained = fit.error(&bands) / bands.iter().map(|b| b.weight * b.answer.norm_sqr()).sum::<f64>();
+    let response = fit.response();
+    let modes = response.modes().filter(|_| unexplained < 0.5);
+    let modes = modes.ok_or(IdentifyError::NoFit {
+        unexplained: 100.0 * unexplained,
+    })?;
+    let parameters = match known {
+        Known::Nothing => None,
+        _ => Some(parameters(&response, known).ok_or(IdentifyError::Contradiction)?),
+    };
+    Ok(Identified {
+        response,
+        modes,
+        delay_s: fit.delay_s(),
+        parameters,
+        unexplained,
+    })
+}
+
+/// The measured answer in one band.
+#[derive(Debug, Clone, Copy)]
+struct Band {
+    omega: f64,
+    answer: Complex64,
+    /// Power of the current in the band: the inverse of the answer's variance under white noise.
+    weight: f64,
+}
+
+fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
+    const PER_OCTAVE: f64 = 32.0;
+    let (current, acceleration) = (sweep.current_a.len(), sweep.acceleration_m_s2.len());
+    if current != acceleration || current < 1000 {
+        return Err(IdentifyError::Lengths {
+            current,
+            acceleration,
+        });
+    }
+    let ([low_hz, high_hz], rate_hz) = (sweep.band_hz, sweep.rate_hz);
+    if !(0.0 < low_hz && low_hz < high_hz && high_hz < rate_hz / 4.0) {
+        return Err(IdentifyError::Band {
+            low_hz,
+            high_hz,
+            rate_hz,
+        });
+    }
+    let bad = |x: &[f64]| x.iter().position(|v| !v.is_finite());
+    if let Some(index) = bad(sweep.current_a).or(bad(sweep.acceleration_m_s2)) {
+        return Err(IdentifyError::NotFinite { index });
+    }
+    let (current, acceleration) = (spectrum(sweep.current_a), spectrum(sweep.acceleration_m_s2));
+    let bin_hz = rate_hz / sweep.current_a.len() as f64;
+    let mut bands = Vec::new();
+    let mut edge_hz = low_hz;
+    while edge_hz < high_hz {
+        let next_hz = (edge_hz * 2_f64.powf(1.0 / PER_OCTAVE)).min(high_hz);
+        let bins = (edge_hz / bin_hz).ceil() as usize..(next_hz / bin_hz).ceil() as usize;
+        edge_hz = next_hz;
+        let (mut cross, mut power, mut middle) = (Complex64::ZERO, 0.0, 0.0);
+        for bin in bins {
+            cross += acceleration[bin] * current[bin].conj();
+            power += current[bin].norm_sqr();
+            middle += current[bin].norm_sqr() * bin as f64 * bin_hz;
+        }
+        if power > 0.0 {
+            bands.push(Band {
+                omega: TAU * middle / power,
+                answer: cross / power,
+                weight: power,
+            });
+        }
+    }
+    if bands.len() < 10 {
+        Err(IdentifyError::NoSignal)
+    } else {
+        Ok(bands)
+    }
+}
+
+fn spectrum(x: &[f64]) -> Vec<Complex64> {
+    let mut bins: Vec<Complex64> = x.iter().map(|&v| Complex64::from(v)).collect();
+    FftPlanner::new().plan_fft_forward(bins.len()).process(&mut bins);
+    bins
+}
+
+/// g s^4 e^(-s delay) / [(s^2 + a_1 s + b_1)(s^2 + a_2 s + b_2)] in a form that cannot leave the actuators: the
+/// logarithms of a and b, gain and delay relative to the start's.
+#[derive(Debug, Clone)]
+struct Fit {
+    /// ln a_1, ln b_1, ln a_2, ln b_2, g / scale, delay in samples.
+    values: [f64; 6],
+    gain_scale: f64,
+    rate_hz: f64,
+}
+
+impl Fit {
+    fn start(bands: &[Band], rate_hz: f64) -> Option<Self> {
+        let candidates = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0]
+            .iter()
+            .filter_map(|&delay| {
+                let response = linear_fit(bands, delay / rate_hz)?;
+                let [first, second] = response.modes()?.map(|mode| {
+                    let omega = TAU * mode.frequency_hz;
+                    [(omega / mode.q).ln(), (omega * omega).ln()]
+                });
+                let values = [first[0], first[1], second[0], second[1], 1.0, delay];
+                Some(Self {
+                    values,
+                    gain_scale: response.gain,
+                    rate_hz,
+                })
+            });
+        candidates.min_by(|a, b| a.error(bands).total_cmp(&b.error(bands)))
+    }
+
+    fn at(&self, omega: f64) -> Complex64 {
+        let [a1, b1, a2, b2, gain, delay] = self.values;
+        let s = Complex64::new(0.0, omega);
+        let quadratic = |a: f64, b: f64| (s + a.exp()) * s + b.exp();
+        let turn = Complex64::from_polar(1.0, -omega * delay / self.rate_hz);
+        s.powi(4) * turn * gain * self.gain_scale / (quadratic(a1, b1) * quadratic(a2, b2))
+    }
+
+    fn error(&self, bands: &[Band]) -> f64 {
+        bands
+            .iter()
+            .map(|b| b.weight * (b.answer - self.at(b.omega)).norm_sqr())
+            .sum()
+    }
+
+    fn residuals(&self, bands: &[Band]) -> DVector<f64> {
+        let parts = bands.iter().flat_map(|b| {
+            let error = (b.answer - self.at(b.omega)) * b.weight.sqrt();
+            [error.re, error.im]
+        });
+        DVector::from_iterator(2 * bands.len(), parts)
+    }
+
+    /// Levenberg-Marquardt with a numerical Jacobian.
+    fn refine(mut self, bands: &[Band]) -> Self {
+        let mut damping = 1e-3;
+        for _ in 0..100 {
+            let residuals = self.residuals(bands);
+            let mut jacobian = DMatrix::zeros(residuals.len(), 6);
+            for column in 0..6 {
+                let mut moved = self.clone();
+                moved.values[column] += 1e-6;
+                jacobian.set_column(column, &((moved.residuals(bands) - &residuals) / 1e-6));
+            }
+            let mut normal = jacobian.transpose() * &jacobian;
+            (0..6).for_each(|i| normal[(i, i)] *= 1.0 + damping);
+            let Some(step) = normal.lu().solve(&(jacobian.transpose() * &residuals)) else {
+                break;
+            };
+            let mut moved = self.clone();
+            moved
+                .values
+                .iter_mut()
+                .zip(step.iter())
+                .for_each(|(value, step)| *value -= step);
+            if moved.error(bands) < self.error(bands) {
+                let done = step.amax() < 1e-10;
+                self = moved;
+                damping *= 0.3;
+                if done {
+                    break;
+                }
+            } else {
+                damping *= 10.0;
+                if damping > 1e9 {
+                    break;
+                }
+            }
+        }
+        self
+    }
+
+    fn response(&self) -> Response {
+        let [a1, b1, a2, b2, gain, _] = self.values;
+        let [a1, b1, a2, b2] = [a1, b1, a2, b2].map(f64::exp);
+        Response {
+            gain: gain * self.gain_scale,
+            denominator: [a1 + a2, b1 + b2 + a1 * a2, a1 * b2 + a2 * b1, b1 * b2],
+        }
+    }
+
+    fn delay_s(&self) -> f64 {
+        self.values[5] / self.rate_hz
+    }
+}
+
+/// Sanathanan and Koerner: g s^4 - H (c_3 s^3 + ... + c_0) = H s^4, reweighted by the last denominator.
+fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
+    let unit = TAU * 100.0;
+    let mut denominator = [0.0; 4];
+    let mut gain = 0.0;
+    for round in 0..20 {
+        let mut rows = DMatrix::zeros(2 * bands.len(), 5);
+        let mut right = DVector::zeros(2 * bands.len());
+        for (k, band) in bands.iter().enumerate() {
+            let s = Complex64::new(0.0, band.omega / unit);
+            let answer = band.answer * Complex64::from_polar(1.0, band.omega * delay_s);
+            let [c3, c2, c1, c0] = denominator;
+            let last = if round == 0 {
+                s.powi(4)
+            } else {
+                (((s + c3) * s + c2) * s + c1) * s + c0
+            };
+            let weight = band.weight.sqrt() / last.norm();
+            let columns = [
+                s.powi(4),
+                -answer * s.powi(3),
+                -answer * s.powi(2),
+                -answer * s,
+                -answer,
+            ];
+            for (j, column) in columns.iter().enumerate() {
+                rows[(2 * k, j)] = column.re * weight;
+                rows[(2 * k + 1, j)] = column.im * weight;
+            }
+            let b = answer * s.powi(4) * weight;
+            right[2 * k] = b.re;
+            right[2 * k + 1] = b.im;
+        }
+        let solution = rows.svd(true, true).solve(&right, 1e-12).ok()?;
+        gain = solution[0];
+        denominator = [solution[1], solution[2], solution[3], solution[4]];
+    }
+    let powers = [unit, unit.powi(2), unit.powi(3), unit.powi(4)];
+    let denominator = std::array::from_fn(|i| denominator[i] * powers[i]);
+    Some(Response { gain, denominator })
+}
+
+/// The springs and dampers that make this response with known masses.
+fn parameters(response: &Response, known: Known) -> Option<TwoMass> {
+    let (magnet_kg, body_kg, force_n_per_a) = match known {
+        Known::Nothing => return None,
+        Known::Masses { magnet_kg, body_kg } => (magnet_kg, body_kg, response.gain.abs() * body_kg),
+        Known::MagnetAndForce {
+            magnet_kg,
+            force_n_per_a,
+        } => (magnet_kg, force_n_per_a / response.gain.abs(), force_n_per_a),
+    };
+    let [c3, c2, c1, c0] = response.denominator;
+    let ratio = 1.0 + magnet_kg / body_kg;
+    // With the magnet's own frequency squared w given, three of the four equations give the rest; the fourth is left.
+    let rest = |w: f64| {
+        let grip = c0 / w;
+        let beta = (c1 - c3 * w) / (grip - ratio * w);
+        let grip_beta = c3 - beta * ratio;
+        ([grip, beta, grip_beta], w * ratio + grip + beta * grip_beta - c2)
+    };
+    let good = |w: f64| rest(w).0.iter().all(|x| *x > 0.0);
+    let steps = 4000;
+    let grid = |k: i32| c2 * 10_f64.powf(-6.0 * f64::from(k) / f64::from(steps));
+    for k in 0..steps {
+        let (mut high, mut low) = (grid(k), grid(k + 1));
+        if !(good(high) && good(low)) || rest(high).1 * rest(low).1 > 0.0 {
+            continue;
+        }
+        for _ in 0..100 {
+            let middle = 0.5 * (high + low);
+            if rest(middle).1 * rest(high).1 > 0.0 {
+                high = middle
+            } else {
+                low = middle
+            }
+        }
+        let [grip, beta, grip_beta] = rest(low).0;
+        let found = TwoMass {
+            force_n_per_a,
+            magnet_kg,
+            suspension_n_per_m: low * magnet_kg,
+            suspension_n_s_per_m: beta * magnet_kg,
+            body_kg,
+            hand_n_per_m: grip * body_kg,
+            hand_n_s_per_m: grip_beta * body_kg,
+        };
+        return found.checked().ok();
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests;
