@@ -7,6 +7,7 @@
 
 pub mod files;
 pub mod hull;
+pub mod interpolation;
 pub mod lsf;
 pub mod model;
 pub mod provenance;
@@ -15,6 +16,7 @@ pub mod taps;
 pub mod texture;
 pub mod triangulation;
 
+pub use interpolation::{Coefficients, Interpolator, Spot};
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
 pub use surface::{Friction, Stiffness, Surface, SurfaceError};

@@ -5,7 +5,11 @@
 //! own inside, and then the zeros' angles in (0, π) alternate, P's first: the p LSFs. Any convex combination of
 //! ascending sets ascends, so that interpolated LSFs always make a stable filter (thesis 2.4.2).
 
-use std::f64::consts::PI;
+mod from_lsf;
+mod to_lsf;
+
+pub use from_lsf::lsf_to_ar;
+pub use to_lsf::ar_to_lsf;
 
 /// Highest order of a polynomial that is converted.
 pub const MAX_ORDER: usize = 32;
@@ -14,68 +18,6 @@ pub const MAX_ORDER: usize = 32;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the polynomial has a root on or outside the unit circle, so it has no line spectral frequencies")]
 pub struct NotStable;
-
-/// Coefficients a_1..a_p of the polynomial whose LSFs (radians, ascending) are given, into `ar` of equal length.
-///
-/// # Panics
-/// If the slices' lengths differ or exceed [`MAX_ORDER`].
-pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
-    let order = lsf.len();
-    assert!(
-        order == ar.len() && order <= MAX_ORDER,
-        "one coefficient per LSF, at most {MAX_ORDER}"
-    );
-    // Both halves as palindromes without their trivial zeros at z = 1 and z = -1.
-    let mut sum = [0.0; MAX_ORDER + 2];
-    let mut difference = [0.0; MAX_ORDER + 2];
-    sum[0] = 1.0;
-    difference[0] = 1.0;
-    for (index, &frequency) in lsf.iter().enumerate() {
-        let half = if index % 2 == 0 { &mut sum } else { &mut difference };
-        let b = -2.0 * frequency.cos();
-        for k in (2..=order + 1).rev() {
-            half[k] += b * half[k - 1] + half[k - 2];
-        }
-        half[1] += b * half[0];
-    }
-    let (plus, minus): (&mut [f64; MAX_ORDER + 2], &mut [f64; MAX_ORDER + 2]) = (&mut sum, &mut difference);
-    for k in (1..=order + 1).rev() {
-        if order.is_multiple_of(2) {
-            plus[k] += plus[k - 1];
-            minus[k] -= minus[k - 1];
-        } else if k >= 2 {
-            minus[k] -= minus[k - 2];
-        }
-    }
-    for (k, a) in ar.iter_mut().enumerate() {
-        *a = 0.5 * (plus[k + 1] + minus[k + 1]);
-    }
-}
-
-/// LSFs (radians, strictly ascending in (0, π)) of the polynomial 1 + Σ a_k z⁻ᵏ, into `lsf` of equal length.
-///
-/// # Panics
-/// If the slices' lengths differ or exceed [`MAX_ORDER`].
-pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
-    let order = ar.len();
-    assert!(
-        order == lsf.len() && order <= MAX_ORDER,
-        "one LSF per coefficient, at most {MAX_ORDER}"
-    );
-    let mut reflection = [0.0; MAX_ORDER];
-    let reflection = &mut reflection[..order];
-    reflection_coefficients(ar, reflection)?;
-    for (index, frequency) in lsf.iter_mut().enumerate() {
-        *frequency = by_phase(reflection, index + 1);
-    }
-    let ascending = lsf.windows(2).all(|pair| pair[0] < pair[1]);
-    let inside = lsf.iter().all(|&w| w > 0.0 && w < PI);
-    if ascending && inside {
-        Ok(())
-    } else {
-        Err(NotStable)
-    }
-}
 
 /// Reflection coefficients of a polynomial by step-down; an error unless all are inside (-1, 1).
 pub(crate) fn reflection_coefficients(ar: &[f64], reflection: &mut [f64]) -> Result<(), NotStable> {
@@ -97,37 +39,10 @@ pub(crate) fn reflection_coefficients(ar: &[f64], reflection: &mut [f64]) -> Res
     Ok(())
 }
 
-/// The `number`-th LSF (from 1), where the phase of the all-pass z^-(p+1) A(1/z) / A(z), built stage by stage of
-/// the lattice and so without ambiguity, has fallen to -number π. The phase falls strictly, so that bisection finds
-/// each of any cluster.
-fn by_phase(reflection: &[f64], number: usize) -> f64 {
-    let target = -(number as f64) * PI;
-    let (mut low, mut high) = (0.0, PI);
-    loop {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            return middle;
-        }
-        if all_pass_phase(reflection, middle) > target {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-}
-
-fn all_pass_phase(reflection: &[f64], frequency: f64) -> f64 {
-    let mut phase = -frequency;
-    for &k in reflection {
-        let (sin, cos) = phase.sin_cos();
-        phase -= 2.0 * (k * sin).atan2(1.0 + k * cos) + frequency;
-    }
-    phase
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     #[test]
     fn an_empty_spectrum_has_evenly_spaced_frequencies() {

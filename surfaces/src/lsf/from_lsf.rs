@@ -1,0 +1,169 @@
+//! From line spectral frequencies to coefficients: the real-time direction, 240 to 1000 times a second for each voice.
+
+use super::MAX_ORDER;
+use std::f64::consts::FRAC_PI_2;
+
+/// Most quadratic factors of the sum or the difference polynomial.
+const MAX_FACTORS: usize = MAX_ORDER / 2;
+
+/// Coefficients a_1..a_p of the polynomial whose LSFs (radians, ascending) are given, into `ar` of equal length.
+///
+/// # Panics
+/// If the slices' lengths differ or exceed [`MAX_ORDER`].
+pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
+    let order = lsf.len();
+    assert!(
+        order == ar.len() && order <= MAX_ORDER,
+        "one coefficient per LSF, at most {MAX_ORDER}"
+    );
+    let mut b = [0.0; MAX_ORDER];
+    for (b, &frequency) in b.iter_mut().zip(lsf) {
+        *b = -2.0 * cos(frequency);
+    }
+    // Either polynomial is palindromic once rid of its zeros at z = 1 and z = -1: the first half is enough. Both are
+    // multiplied up side by side, [sum, difference].
+    let pairs = order / 2;
+    let mut half = [[0.0; 2]; MAX_FACTORS + 1];
+    half[0] = [1.0; 2];
+    for (factors, &pair) in SPREAD[pairs][..pairs].iter().enumerate() {
+        multiply(&mut half, factors, &b.as_chunks::<2>().0[pair as usize]);
+    }
+    if order.is_multiple_of(2) {
+        // P = sum (1 + 1/z), Q = difference (1 - 1/z).
+        for k in 1..=pairs {
+            let p = half[k][0] + half[k - 1][0];
+            let q = half[k][1] - half[k - 1][1];
+            ar[k - 1] = 0.5 * (p + q);
+            ar[order - k] = 0.5 * (p - q);
+        }
+    } else {
+        // P has one factor more, Q = difference (1 - 1/z²), of which the middle coefficient is zero.
+        let difference = half;
+        multiply(&mut half, pairs, &[b[order - 1], 0.0]);
+        for k in 1..=pairs {
+            let p = half[k][0];
+            let q = difference[k][1] - if k >= 2 { difference[k - 2][1] } else { 0.0 };
+            ar[k - 1] = 0.5 * (p + q);
+            ar[order - k] = 0.5 * (p - q);
+        }
+        ar[pairs] = 0.5 * half[pairs + 1][0];
+    }
+}
+
+/// For each number of factors the order in which to multiply them: halves, quarters, eighths of the range, so that
+/// the product at each step has its zeros spread around the circle and stays small. In ascending order it grows by orders
+/// of magnitude before it shrinks again, and takes as many digits with it.
+const SPREAD: [[u8; MAX_FACTORS]; MAX_FACTORS + 1] = {
+    let mut orders = [[0; MAX_FACTORS]; MAX_FACTORS + 1];
+    let mut count = 0;
+    while count <= MAX_FACTORS {
+        let (mut placed, mut k) = (0, 0_u8);
+        while k < MAX_FACTORS as u8 {
+            // Of four bits, in reverse.
+            let reversed = k.reverse_bits() >> 4;
+            if (reversed as usize) < count {
+                orders[count][placed] = reversed;
+                placed += 1;
+            }
+            k += 1;
+        }
+        count += 1;
+    }
+    orders
+};
+
+/// Multiplies palindromes of `factors` quadratic factors, of which `half` holds coefficients 0 to `factors`, by
+/// 1 + b z⁻¹ + z⁻².
+#[inline]
+fn multiply(half: &mut [[f64; 2]; MAX_FACTORS + 1], factors: usize, b: &[f64; 2]) {
+    // A palindrome's coefficient after the middle one is the one before it.
+    let beyond = if factors >= 1 { half[factors - 1] } else { [0.0; 2] };
+    half[factors + 1] = std::array::from_fn(|i| b[i] * half[factors][i] + 2.0 * beyond[i]);
+    for k in (2..=factors).rev() {
+        half[k] = std::array::from_fn(|i| half[k][i] + b[i] * half[k - 1][i] + half[k - 2][i]);
+    }
+    if factors >= 1 {
+        half[1] = std::array::from_fn(|i| half[1][i] + b[i]);
+    }
+}
+
+/// Cosine on [0, π] to within two units in the last place of 1, by a Chebyshev fit of the sine about π/2: without the
+/// system library's branches, so that several go side by side.
+#[inline]
+fn cos(x: f64) -> f64 {
+    const FRAC_PI_2_LOW: f64 = 6.123233995736766e-17;
+    const SINE: [f64; 9] = [
+        1.0,
+        -0.16666666666666666,
+        0.008333333333333186,
+        -0.0001984126984120872,
+        2.755731921123654e-06,
+        -2.5052106891168703e-08,
+        1.6058940907182887e-10,
+        -7.643027273612204e-13,
+        2.7215821926997076e-15,
+    ];
+    let y = (FRAC_PI_2 - x) + FRAC_PI_2_LOW;
+    let t = y * y;
+    let mut sum = SINE[8];
+    for &coefficient in SINE[..8].iter().rev() {
+        sum = sum * t + coefficient;
+    }
+    y * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn the_cosine_is_the_librarys() {
+        let worst = (0..=100_000)
+            .map(|k| PI * f64::from(k) / 100_000.0)
+            .map(|x| (cos(x) - x.cos()).abs());
+        assert!(worst.fold(0.0, f64::max) <= 4.0 * f64::EPSILON / 2.0);
+    }
+
+    #[test]
+    fn it_is_the_product_of_the_factors() {
+        for order in 0..=MAX_ORDER {
+            let lsf: Vec<f64> = (0..order)
+                .map(|k| PI * (k as f64 + 1.0 + 0.3 * (k as f64).sin()) / (order as f64 + 1.0))
+                .collect();
+            let mut ar = vec![0.0; order];
+            lsf_to_ar(&lsf, &mut ar);
+            let expected = by_full_products(&lsf);
+            // The plain product in ascending order loses digits.
+            let tolerance = 1e-14 * f64::powi(2.0, order as i32 / 2);
+            for (a, e) in ar.iter().zip(&expected) {
+                assert!((a - e).abs() < tolerance, "order {order}: {ar:?} {expected:?}");
+            }
+        }
+    }
+
+    /// The definition: A = (P + Q) / 2 with P and Q from their zeros.
+    fn by_full_products(lsf: &[f64]) -> Vec<f64> {
+        let order = lsf.len();
+        let times = |a: &[f64], b: &[f64]| {
+            let mut product = vec![0.0; a.len() + b.len() - 1];
+            for (i, x) in a.iter().enumerate() {
+                for (j, y) in b.iter().enumerate() {
+                    product[i + j] += x * y;
+                }
+            }
+            product
+        };
+        let (mut p, mut q) = if order.is_multiple_of(2) {
+            (vec![1.0, 1.0], vec![1.0, -1.0])
+        } else {
+            (vec![1.0], vec![1.0, 0.0, -1.0])
+        };
+        for (index, frequency) in lsf.iter().enumerate() {
+            let factor = [1.0, -2.0 * frequency.cos(), 1.0];
+            let half = if index % 2 == 0 { &mut p } else { &mut q };
+            *half = times(half, &factor);
+        }
+        (1..=order).map(|k| 0.5 * (p[k] + q[k])).collect()
+    }
+}
