@@ -8,6 +8,7 @@
 pub mod files;
 pub mod hull;
 pub mod interpolation;
+pub mod learning;
 pub mod lsf;
 pub mod model;
 pub mod provenance;
