@@ -4,8 +4,15 @@
 //! `log⁺ m` term alone is no sum over segments, so a point keeps every prefix that may still win: one with fewer segments survives
 //! while it is dearer by less than the logarithm can ever give back. That is one prefix almost always.
 //!
-//! Where the estimator allows it ([`Estimator::SUPERADDITIVE`]) starts are dropped for good as in Killick's PELT: once
-//! (best at s) + (the least the samples s..t can cost) is no better than (best at t), no later end wants s.
+//! Most pairs need no rating where the estimator allows it ([`Estimator::SUPERADDITIVE`]). At any order a segment `s..t` is at least as
+//! surprising as its parts `s..u` and `u..t`, and its penalty at least that of `s..u`; so
+//!
+//! ```text
+//! cost(s..t) >= cost(s..u) + (what u..t costs at the highest order, without penalty)
+//! ```
+//!
+//! and a start whose bound exceeds what is known to reach t need not be looked at. The idea is that of PELT (Killick, Fearnhead
+//! and Eckley 2012), but works as well where nothing ever changes.
 
 use super::objective::{Objective, put_lane};
 use super::variance::{Estimator, LANES, Lanes, Scratch, end_size};
@@ -22,8 +29,8 @@ struct Prefix {
     from_prefix: usize,
 }
 
-/// How many grid points pass between two attempts to drop starts.
-const PRUNING_INTERVAL: usize = 4;
+/// Starts this many grid points before an end are always rated: their least surprise carries the bounds of all others forward.
+const RECENT: usize = 32;
 
 /// The first samples of the second and later segments of the best segmentation whose breaks are multiples of the moments' step.
 pub(super) fn best_on_grid<E: Estimator>(objective: &Objective<'_, E>) -> Vec<usize> {
@@ -47,6 +54,12 @@ struct Search<'a, E> {
     /// What it knows of the end at hand.
     ends: Vec<Lanes>,
     discounts: Discounts,
+    /// Least surprise from each of the last [`RECENT`] grid points, the latest first, to the end at hand.
+    surprise_since: [f64; RECENT + 1],
+    /// The cheapest way known to reach the end at hand: cost and number of segments.
+    incumbent: (f64, usize),
+    /// Starts through which the end at hand was rated, and the cost of reaching it.
+    reached: Vec<(usize, f64)>,
     scratch: Scratch,
     variances: Vec<Lanes>,
 }
@@ -57,12 +70,48 @@ struct Block {
     first_samples: Lanes,
     /// Cost of the cheapest prefix that ends at each start; infinite where there is none.
     before: Lanes,
-    /// Cost of reaching the end at hand through each start.
-    through: Lanes,
-    /// Variance at the highest order between each start and the end at hand.
-    least_variance: Lanes,
-    /// Grid point of the end from which each start is not wanted any more.
-    unwanted_from: [usize; LANES],
+    /// At most the cost of reaching grid point `bounded_at` through each start.
+    bound: Lanes,
+    bounded_at: usize,
+    /// At most the cost of reaching the end at hand through any of them.
+    lowest: f64,
+}
+
+/// Rates all starts that may matter for one end, with the widest vectors the processor has.
+struct RateStarts<'s, 'a, E> {
+    end: usize,
+    search: &'s mut Search<'a, E>,
+}
+
+impl<E: Estimator> pulp::WithSimd for RateStarts<'_, '_, E> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { end, search } = self;
+        let recent = if E::SUPERADDITIVE {
+            end.saturating_sub(RECENT) / LANES
+        } else {
+            0
+        };
+        let mut most_promising = 0;
+        for turn in (0..end.div_ceil(LANES)).rev() {
+            let mut block = turn;
+            if turn < recent {
+                // The most promising one swaps places with the first in turn, because the incumbent is what all are measured by.
+                if turn + 1 == recent {
+                    most_promising = search.carry_bounds(recent, end);
+                    block = most_promising;
+                } else if turn == most_promising {
+                    block = recent - 1;
+                }
+                if !search.may_matter(block) {
+                    continue;
+                }
+            }
+            search.rate(block, end);
+        }
+    }
 }
 
 impl<'a, E: Estimator> Search<'a, E> {
@@ -71,25 +120,33 @@ impl<'a, E: Estimator> Search<'a, E> {
         let mut positions: Vec<usize> = (0..samples).step_by(moments.step).collect();
         positions.push(samples);
         let size = end_size(moments.order);
-        let none = Lanes::splat(f64::INFINITY);
         let block = Block {
             first_samples: Lanes::splat(samples as f64),
-            before: none,
-            through: none,
-            least_variance: none,
-            unwanted_from: [usize::MAX; LANES],
+            before: Lanes::splat(f64::INFINITY),
+            bound: Lanes::splat(f64::NEG_INFINITY),
+            bounded_at: 0,
+            lowest: f64::NEG_INFINITY,
         };
         let mut blocks = vec![block; positions.len().div_ceil(LANES)];
         let mut starts = vec![Lanes::default(); blocks.len() * size];
         let mut described = vec![0.0; size];
         for (point, &position) in positions.iter().enumerate() {
             E::describe_start(moments, position, &mut described);
-            put_lane(&mut starts[point / LANES * size..][..size], point % LANES, &described);
+            put_lane(
+                &mut starts[point / LANES * size..][..size],
+                point % LANES,
+                &described,
+            );
             blocks[point / LANES].first_samples.0[point % LANES] = position as f64;
         }
         blocks[0].before.0[0] = 0.0;
         let mut prefixes = vec![Vec::new(); positions.len()];
-        prefixes[0].push(Prefix { cost: 0.0, segments: 0, from: 0, from_prefix: 0 });
+        prefixes[0].push(Prefix {
+            cost: 0.0,
+            segments: 0,
+            from: 0,
+            from_prefix: 0,
+        });
         Self {
             objective,
             prefixes,
@@ -97,6 +154,9 @@ impl<'a, E: Estimator> Search<'a, E> {
             starts,
             ends: vec![Lanes::default(); size],
             discounts: Discounts::new(objective, &positions),
+            surprise_since: [0.0; RECENT + 1],
+            incumbent: (f64::INFINITY, 1),
+            reached: vec![],
             scratch: Scratch::new(moments.order),
             variances: vec![Lanes::default(); moments.order + 1],
             positions,
@@ -106,86 +166,117 @@ impl<'a, E: Estimator> Search<'a, E> {
     /// Finds the prefixes that end at grid point `end`, given those at all earlier ones.
     fn reach(&mut self, end: usize) {
         let position = self.positions[end];
-        // Starts that leave the segment its minimum span.
-        let early_enough = self.positions[..end].partition_point(|s| s + self.objective.min_span <= position);
-        if early_enough == 0 {
-            return;
-        }
         let mut described = vec![0.0; self.ends.len()];
         E::describe_end(self.objective.moments, position, &mut described);
         for (lanes, value) in self.ends.iter_mut().zip(described) {
             *lanes = Lanes::splat(value);
         }
-        let last_block = early_enough.div_ceil(LANES);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for block in 0..last_block {
-                    self.rate_block(block, end);
-                }
-            },
-        );
-        self.keep_candidates(end, early_enough);
-        if E::SUPERADDITIVE && end.is_multiple_of(PRUNING_INTERVAL) {
-            self.drop_starts(end, early_enough);
+        self.incumbent = (f64::INFINITY, 1);
+        self.reached.clear();
+        pulp::Arch::new().dispatch(RateStarts { end, search: self });
+        self.keep_candidates(end);
+    }
+
+    /// Carries the bounds of the first blocks forward to `end`; returns the block with the lowest one.
+    #[inline(always)]
+    fn carry_bounds(&mut self, blocks: usize, end: usize) -> usize {
+        let mut most_promising = 0;
+        for index in 0..blocks {
+            let block = &mut self.blocks[index];
+            let since = self.surprise_since[end - block.bounded_at];
+            block.lowest = block.bound.0.iter().fold(f64::INFINITY, |least, &b| least.min(b)) + since;
+            if end - block.bounded_at == RECENT {
+                block.bound = block.bound + Lanes::splat(since);
+                block.bounded_at = end;
+            }
+            if block.lowest < self.blocks[most_promising].lowest {
+                most_promising = index;
+            }
         }
+        most_promising
+    }
+
+    /// Whether a start of the block may lead to a prefix worth keeping: one cheaper than the incumbent, or dearer by less than the break term can
+    /// refund for the incumbent's every segment.
+    #[inline(always)]
+    fn may_matter(&self, block: usize) -> bool {
+        let (cost, segments) = self.incumbent;
+        // The last term covers the rounding of the sums that make a bound.
+        self.blocks[block].lowest < cost + (segments as f64).ln() + 1e-9 * (1.0 + cost.abs())
     }
 
     /// The cost of reaching `end` through each of a block's starts.
     #[inline(always)]
-    fn rate_block(&mut self, index: usize, end: usize) {
+    fn rate(&mut self, index: usize, end: usize) {
         let block = &mut self.blocks[index];
-        if block.unwanted_from.iter().all(|&from| from <= end) {
-            block.through = Lanes::splat(f64::INFINITY);
-            return;
-        }
         let spans = Lanes::splat(self.positions[end] as f64) - block.first_samples;
         // Starts too late for this end get any positive span: their discounts are infinite.
-        let positive = Lanes(from_fn(|l| if spans.0[l] > 1.0 { spans.0[l] } else { 1.0 }));
+        let spans = Lanes(from_fn(|l| if spans.0[l] > 1.0 { spans.0[l] } else { 1.0 }));
         let starts = &self.starts[index * self.ends.len()..][..self.ends.len()];
-        E::estimate(starts, &self.ends, positive, &mut self.scratch, &mut self.variances);
+        E::estimate(starts, &self.ends, spans, &mut self.scratch, &mut self.variances);
         let floor = self.objective.floor;
         let mut best = Lanes::splat(f64::INFINITY);
-        for (&variance, discount) in self.variances[1..].iter().zip(self.discounts.of(end, index * LANES)) {
+        for (&variance, discount) in self.variances[1..]
+            .iter()
+            .zip(self.discounts.of(end, index * LANES))
+        {
             best = Lanes(from_fn(|l| {
                 let candidate = (variance.0[l] + floor) * discount[l];
-                if candidate < best.0[l] { candidate } else { best.0[l] }
+                if candidate < best.0[l] {
+                    candidate
+                } else {
+                    best.0[l]
+                }
             }));
         }
+        // Only where every order was allowed does the cost bound what a longer segment costs.
+        let clear = self.objective.min_span.max(2 * self.objective.moments.order) as f64;
+        let least_variance = self.variances[self.variances.len() - 1];
+        block.bounded_at = end;
         for l in 0..LANES {
-            block.through.0[l] = block.before.0[l] + positive.0[l] / 2.0 * (TAU * best.0[l]).ln();
+            let start = index * LANES + l;
+            let cost = block.before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln();
+            block.bound.0[l] = if spans.0[l] >= clear {
+                cost
+            } else {
+                f64::NEG_INFINITY
+            };
+            if cost < f64::INFINITY {
+                self.reached.push((start, cost));
+                if cost < self.incumbent.0 {
+                    self.incumbent = (cost, self.prefixes[start][0].segments + 1);
+                }
+            }
+            if E::SUPERADDITIVE && start < end && end - start <= RECENT {
+                let span = self.positions[end] - self.positions[start];
+                self.surprise_since[end - start] = self.objective.surprise(least_variance.0[l], span);
+            }
         }
-        block.least_variance = self.variances[self.variances.len() - 1];
-    }
-
-    fn through(&self, start: usize) -> f64 {
-        self.blocks[start / LANES].through.0[start % LANES]
     }
 
     /// Keeps the cheapest prefix that ends at `end`, and those with fewer segments that may still overtake it.
-    fn keep_candidates(&mut self, end: usize, starts: usize) {
-        let mut cheapest = f64::INFINITY;
-        let mut from = 0;
-        for start in 0..starts {
-            let cost = self.through(start);
-            if cost < cheapest {
-                (cheapest, from) = (cost, start);
-            }
-        }
-        if cheapest == f64::INFINITY {
-            return;
-        }
-        let most_segments = self.prefixes[from][0].segments + 1;
+    fn keep_candidates(&mut self, end: usize) {
+        let (cheapest, segments) = self.incumbent;
         let is_last = end + 1 == self.positions.len();
-        let limit = cheapest + Self::greatest_refund(most_segments, 1, is_last);
+        let limit = cheapest + (segments as f64).ln();
         let mut candidates = vec![];
-        for start in (0..starts).filter(|&start| start == from || self.through(start) < limit) {
+        for &(start, reached) in self.reached.iter().filter(|(_, cost)| *cost <= limit) {
             for (from_prefix, prefix) in self.prefixes[start].iter().enumerate() {
-                let cost = self.through(start) + (prefix.cost - self.prefixes[start][0].cost);
-                candidates.push(Prefix { cost, segments: prefix.segments + 1, from: start, from_prefix });
+                let cost = reached + (prefix.cost - self.prefixes[start][0].cost);
+                candidates.push(Prefix {
+                    cost,
+                    segments: prefix.segments + 1,
+                    from: start,
+                    from_prefix,
+                });
             }
         }
-        candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.segments.cmp(&b.segments)));
+        candidates.sort_by(|a, b| {
+            a.cost
+                .total_cmp(&b.cost)
+                .then(a.segments.cmp(&b.segments))
+                .then(a.from.cmp(&b.from))
+        });
         let kept = &mut self.prefixes[end];
         for candidate in candidates {
             let may_win = |winner: &Prefix| {
@@ -210,33 +301,12 @@ impl<'a, E: Estimator> Search<'a, E> {
         }
     }
 
-    /// Marks the starts that no end far enough beyond `end` can want, since a break at `end` would do as well.
-    fn drop_starts(&mut self, end: usize, starts: usize) {
-        let Some(winner) = self.prefixes[end].first() else { return };
-        let refund = (winner.segments as f64 + 1.0).ln();
-        let bar = winner.cost + refund + 1e-9 * (1.0 + winner.cost.abs());
-        // The segment after the break must be allowed whatever order the undivided one had.
-        let clear = self.objective.min_span.max(2 * self.objective.moments.order);
-        let from = self.positions.partition_point(|&p| p < self.positions[end] + clear);
-        for start in 0..starts {
-            let block = &mut self.blocks[start / LANES];
-            let lane = start % LANES;
-            if block.unwanted_from[lane] == usize::MAX && block.before.0[lane] < f64::INFINITY {
-                let span = self.positions[end] - self.positions[start];
-                let least = self.objective.surprise(block.least_variance.0[lane], span);
-                if block.before.0[lane] + least >= bar {
-                    block.unwanted_from[lane] = from;
-                }
-            } else if block.before.0[lane] == f64::INFINITY {
-                // Nothing ends here within the minimum span of the signal's start, and nothing ever will.
-                block.unwanted_from[lane] = 0;
-            }
-        }
-    }
-
     fn breaks_of_best(&self, last: usize) -> Vec<usize> {
         let total = |p: &Prefix| p.cost + Objective::<E>::break_penalty(p.segments - 1);
-        let Some(mut prefix) = self.prefixes[last].iter().min_by(|a, b| total(a).total_cmp(&total(b))) else {
+        let Some(mut prefix) = self.prefixes[last]
+            .iter()
+            .min_by(|a, b| total(a).total_cmp(&total(b)))
+        else {
             return vec![];
         };
         let mut breaks = vec![];
@@ -274,7 +344,10 @@ impl Discounts {
                     f64::INFINITY
                 }
             };
-            (1..=objective.moments.order).flat_map(|order| (0..row).map(move |i| (order, i))).map(|(order, i)| entry(order, i)).collect()
+            (1..=objective.moments.order)
+                .flat_map(|order| (0..row).map(move |i| (order, i)))
+                .map(|(order, i)| entry(order, i))
+                .collect()
         };
         let samples = objective.samples();
         Self {
@@ -291,6 +364,8 @@ impl Discounts {
         let is_last = end + 1 == self.points;
         let table = if is_last { &self.last_end } else { &self.other_ends };
         let offset = if is_last { start } else { start + self.points - end };
-        table.chunks_exact(self.row).filter_map(move |row| row.get(offset..)?.first_chunk())
+        table
+            .chunks_exact(self.row)
+            .filter_map(move |row| row.get(offset..)?.first_chunk())
     }
 }

@@ -100,8 +100,8 @@ pub enum VarianceEstimate {
 pub enum SegmentationMethod {
     /// Dynamic programming over every `grid`-th sample, exact there, then breaks refined at single samples.
     Exact {
-        /// Samples between possible breaks, 1 to the minimum span. `None` takes the finest that keeps the work at
-        /// that of 2000 points: 1 for short signals, 50 for ten seconds at 10 kHz.
+        /// Samples between possible breaks, 1 to the minimum span. `None` takes the finest with at most 500 points: 1 for short
+        /// signals, the minimum span from 25 000 samples on.
         grid: Option<usize>,
     },
     /// The island genetic algorithm of the thesis and of Auto-PARM. Much slower, and never better.
@@ -112,18 +112,27 @@ pub enum SegmentationMethod {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum SegmentationError {
-    #[error("sample {index} is {value}: repair or cut the recording there, segmentation needs finite numbers")]
+    #[error(
+        "sample {index} is {value}: repair or cut the recording there, segmentation needs finite numbers"
+    )]
     NotFinite { index: usize, value: f64 },
     #[error("a sample has magnitude {magnitude:e}: too large for second moments, check the units")]
     TooLarge { magnitude: f64 },
-    #[error("{samples} samples are fewer than the minimum span of {min_span}: record longer or lower the minimum span")]
+    #[error(
+        "{samples} samples are fewer than the minimum span of {min_span}: record longer or lower the minimum span"
+    )]
     TooShort { samples: usize, min_span: usize },
     #[error(
         "the signal is {value} at every sample: there is no vibration to model (is the sensor connected, the right column chosen?)"
     )]
     Constant { value: f64 },
     #[error("setting {setting} is {value}, but must lie between {least} and {most}")]
-    Setting { setting: &'static str, value: usize, least: usize, most: usize },
+    Setting {
+        setting: &'static str,
+        value: usize,
+        least: usize,
+        most: usize,
+    },
 }
 
 /// Segments `signal` (any unit, mean removed or high-passed) by minimum description length.
@@ -156,7 +165,9 @@ pub fn description_length(
     }
     let breaks = breaks.to_vec();
     Ok(Some(match settings.variance {
-        VarianceEstimate::ConditionalLeastSquares => rate::<ConditionalLeastSquares>(signal, breaks, settings),
+        VarianceEstimate::ConditionalLeastSquares => {
+            rate::<ConditionalLeastSquares>(signal, breaks, settings)
+        }
         VarianceEstimate::YuleWalker => rate::<YuleWalker>(signal, breaks, settings),
         VarianceEstimate::Burg => rate::<Burg>(signal, breaks, settings),
     }))
@@ -173,20 +184,28 @@ fn search<E: Estimator>(signal: &[f64], settings: &SegmentationSettings) -> Segm
             objective.rate(breaks)
         }
         SegmentationMethod::Genetic(genetic) => {
-            let moments = Moments::new(signal, settings.max_order, affordable_grid(signal.len(), settings.min_span));
-            genetic::best_found(&Objective::<E>::new(&moments, settings), genetic)
+            let moments = Moments::new(
+                signal,
+                settings.max_order,
+                affordable_grid(signal.len(), settings.min_span),
+            );
+            genetic::best_found(&mut Objective::<E>::new(&moments, settings), settings, genetic)
         }
     }
 }
 
 fn rate<E: Estimator>(signal: &[f64], breaks: Vec<usize>, settings: &SegmentationSettings) -> Segmentation {
-    let moments = Moments::new(signal, settings.max_order, affordable_grid(signal.len(), settings.min_span));
+    let moments = Moments::new(
+        signal,
+        settings.max_order,
+        affordable_grid(signal.len(), settings.min_span),
+    );
     Objective::<E>::new(&moments, settings).rate(breaks)
 }
 
-/// The finest grid with about 2000 points at most, and never coarser than the minimum span.
+/// The finest grid with about 500 points, and never coarser than the minimum span.
 fn affordable_grid(samples: usize, min_span: usize) -> usize {
-    samples.div_ceil(2000).clamp(1, min_span)
+    samples.div_ceil(500).clamp(1, min_span)
 }
 
 fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), SegmentationError> {
@@ -194,7 +213,12 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
         if (least..=most).contains(&value) {
             Ok(())
         } else {
-            Err(SegmentationError::Setting { setting, value, least, most })
+            Err(SegmentationError::Setting {
+                setting,
+                value,
+                least,
+                most,
+            })
         }
     };
     within("min_span", settings.min_span, 4, usize::MAX)?;
@@ -211,7 +235,10 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
         return Err(SegmentationError::NotFinite { index, value });
     }
     if signal.len() < settings.min_span {
-        return Err(SegmentationError::TooShort { samples: signal.len(), min_span: settings.min_span });
+        return Err(SegmentationError::TooShort {
+            samples: signal.len(),
+            min_span: settings.min_span,
+        });
     }
     let magnitude = signal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     // A thousand squares of it must stay finite, and of the smallest variance must stay above zero.

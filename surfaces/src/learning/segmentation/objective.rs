@@ -79,11 +79,7 @@ impl<'a, E: Estimator> Objective<'a, E> {
                 E::describe_end(self.moments, end, &mut described);
                 put_lane(&mut ends, lane, &described);
             }
-            let scratch = &mut self.scratch;
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || E::estimate(&starts, &ends, spans, scratch, &mut variances),
-            );
+            E::estimate(&starts, &ends, spans, &mut self.scratch, &mut variances);
             for lane in 0..group.len() {
                 let of_lane: Vec<f64> = variances.iter().map(|v| v.0[lane]).collect();
                 visit(self, batch * LANES + lane, &of_lane);
@@ -96,8 +92,16 @@ impl<'a, E: Estimator> Objective<'a, E> {
         let mut rated = Vec::with_capacity(segments.len());
         self.variances(segments, |this, i, variances| {
             let span = segments[i].1 - segments[i].0;
-            let mut best = Rated { cost: f64::INFINITY, order: 1 };
-            for (order, &variance) in variances.iter().enumerate().take(this.highest_order(span) + 1).skip(1) {
+            let mut best = Rated {
+                cost: f64::INFINITY,
+                order: 1,
+            };
+            for (order, &variance) in variances
+                .iter()
+                .enumerate()
+                .take(this.highest_order(span) + 1)
+                .skip(1)
+            {
                 let cost = this.surprise(variance, span) + this.penalty(order, span);
                 if cost < best.cost {
                     best = Rated { cost, order };
@@ -114,7 +118,11 @@ impl<'a, E: Estimator> Objective<'a, E> {
         let ends = breaks.iter().copied().chain(std::iter::once(self.samples()));
         let rated = self.rated(&starts.zip(ends).collect::<Vec<_>>());
         let mdl = Self::break_penalty(breaks.len()) + rated.iter().map(|r| r.cost).sum::<f64>();
-        Segmentation { breaks, orders: rated.iter().map(|r| r.order).collect(), mdl }
+        Segmentation {
+            breaks,
+            orders: rated.iter().map(|r| r.order).collect(),
+            mdl,
+        }
     }
 }
 

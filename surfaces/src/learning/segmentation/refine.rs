@@ -5,7 +5,11 @@ use super::objective::Objective;
 use super::variance::Estimator;
 
 /// Breaks that no single move within `reach` samples, no removal and no replacement of two close neighbours by one improves.
-pub(super) fn refined<E: Estimator>(objective: &mut Objective<'_, E>, mut breaks: Vec<usize>, reach: usize) -> Vec<usize> {
+pub(super) fn refined<E: Estimator>(
+    objective: &mut Objective<'_, E>,
+    mut breaks: Vec<usize>,
+    reach: usize,
+) -> Vec<usize> {
     loop {
         let mut improved = false;
         let mut i = 0;
@@ -46,13 +50,25 @@ fn best_break<E: Estimator>(
     let lefts = objective.rated(&candidates.iter().map(|&b| (before, b)).collect::<Vec<_>>());
     let rights = objective.rated(&candidates.iter().map(|&b| (b, after)).collect::<Vec<_>>());
     let costs = lefts.iter().zip(&rights).map(|(l, r)| l.cost + r.cost);
-    candidates.into_iter().zip(costs).min_by(|a, b| a.1.total_cmp(&b.1))
+    candidates
+        .into_iter()
+        .zip(costs)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-fn shift<E: Estimator>(objective: &mut Objective<'_, E>, breaks: &mut [usize], i: usize, reach: usize) -> bool {
+fn shift<E: Estimator>(
+    objective: &mut Objective<'_, E>,
+    breaks: &mut [usize],
+    i: usize,
+    reach: usize,
+) -> bool {
     let (before, after) = neighbours(objective, breaks, i);
     let now = breaks[i];
-    let current: f64 = objective.rated(&[(before, now), (now, after)]).iter().map(|r| r.cost).sum();
+    let current: f64 = objective
+        .rated(&[(before, now), (now, after)])
+        .iter()
+        .map(|r| r.cost)
+        .sum();
     let window = (now.saturating_sub(reach), now + reach);
     match best_break(objective, (before, after), window) {
         Some((best, cost)) if worthwhile(current - cost, current) => {
@@ -76,18 +92,34 @@ fn merge<E: Estimator>(objective: &mut Objective<'_, E>, breaks: &mut Vec<usize>
 }
 
 /// Breaks `i` and `i+1` become one. On a grid a sharp change between two points is fenced in by both of them.
-fn replace_pair<E: Estimator>(objective: &mut Objective<'_, E>, breaks: &mut Vec<usize>, i: usize, reach: usize) -> bool {
-    let Some(&next) = breaks.get(i + 1) else { return false };
+fn replace_pair<E: Estimator>(
+    objective: &mut Objective<'_, E>,
+    breaks: &mut Vec<usize>,
+    i: usize,
+    reach: usize,
+) -> bool {
+    let Some(&next) = breaks.get(i + 1) else {
+        return false;
+    };
     let this = breaks[i];
     if next - this > 4 * reach.max(objective.min_span) {
         return false;
     }
     let (before, _) = neighbours(objective, breaks, i);
     let (_, after) = neighbours(objective, breaks, i + 1);
-    let current = objective.rated(&[(before, this), (this, next), (next, after)]).iter().map(|r| r.cost).sum::<f64>()
+    let current = objective
+        .rated(&[(before, this), (this, next), (next, after)])
+        .iter()
+        .map(|r| r.cost)
+        .sum::<f64>()
         + Objective::<E>::break_penalty(breaks.len());
     match best_break(objective, (before, after), (this, next)) {
-        Some((best, cost)) if worthwhile(current - cost - Objective::<E>::break_penalty(breaks.len() - 1), current) => {
+        Some((best, cost))
+            if worthwhile(
+                current - cost - Objective::<E>::break_penalty(breaks.len() - 1),
+                current,
+            ) =>
+        {
             breaks[i] = best;
             breaks.remove(i + 1);
             true

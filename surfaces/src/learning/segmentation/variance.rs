@@ -24,7 +24,13 @@ impl Lanes {
     /// `numerator / self`, or zero where `self` does not exceed `least`.
     #[inline(always)]
     fn guarded_quotient(self, numerator: Self, least: Self) -> Self {
-        Self(from_fn(|l| if self.0[l] > least.0[l] { numerator.0[l] / self.0[l] } else { 0.0 }))
+        Self(from_fn(|l| {
+            if self.0[l] > least.0[l] {
+                numerator.0[l] / self.0[l]
+            } else {
+                0.0
+            }
+        }))
     }
 
     #[inline(always)]
@@ -92,7 +98,13 @@ pub(super) trait Estimator {
 
     /// The innovation variances at order 0, 1, ... of eight segments, into `variances` (its length less one is the highest order).
     /// Past an order at which a segment has become predictable they stay as they are.
-    fn estimate(starts: &[Lanes], ends: &[Lanes], spans: Lanes, scratch: &mut Scratch, variances: &mut [Lanes]);
+    fn estimate(
+        starts: &[Lanes],
+        ends: &[Lanes],
+        spans: Lanes,
+        scratch: &mut Scratch,
+        variances: &mut [Lanes],
+    );
 }
 
 fn write_sums(sums: &[LongSum], out: &mut [f64]) {
@@ -125,12 +137,21 @@ impl Estimator for ConditionalLeastSquares {
     /// Eliminates the regressors x[u-1], x[u-2], ... one by one from their matrix of products, bordered by the target x[u]: what is left of the
     /// target's own product after k of them is the residual sum of squares at order k.
     #[inline(always)]
-    fn estimate(starts: &[Lanes], ends: &[Lanes], spans: Lanes, scratch: &mut Scratch, variances: &mut [Lanes]) {
+    fn estimate(
+        starts: &[Lanes],
+        ends: &[Lanes],
+        spans: Lanes,
+        scratch: &mut Scratch,
+        variances: &mut [Lanes],
+    ) {
         let order = variances.len() - 1;
         let columns = &mut scratch.square[..(order + 1) * (order + 2) / 2];
         let products = &mut scratch.lagged[..=order];
         lagged_products(starts, ends, products);
-        let (before, last) = (&starts[2 * (order + 1)..][..order], &ends[2 * (order + 1)..][..order]);
+        let (before, last) = (
+            &starts[2 * (order + 1)..][..order],
+            &ends[2 * (order + 1)..][..order],
+        );
         // Lower triangle by columns: column j holds rows j..=order; the target is the last row.
         let column = |j: usize| j * (order + 1) - j * (j + 1) / 2 + j;
         for lag in 0..=order {
@@ -147,23 +168,46 @@ impl Estimator for ConditionalLeastSquares {
         let energy = products[0];
         columns[column(order)] = energy;
         variances[0] = energy.max(0.0) / spans;
-        for k in 0..order {
-            let (left, right) = columns.split_at_mut(column(k + 1));
-            let pivots = &left[column(k)..];
-            // A pivot within rounding of zero is a regressor that the earlier ones predict: it explains nothing more.
-            let scale = pivots[0].guarded_quotient(Lanes::splat(1.0), energy * Lanes::splat(1e-14));
-            let mut rest = right;
-            for j in 1..pivots.len() {
-                let factor = pivots[j] * scale;
-                let (target, others) = rest.split_at_mut(pivots.len() - j);
-                for (cell, &pivot) in target.iter_mut().zip(&pivots[j..]) {
-                    *cell = *cell - factor * pivot;
-                }
-                rest = others;
+        // Two regressors at a time, which halves the traffic to memory. A pivot within rounding of zero is a regressor that
+        // the earlier ones predict: it explains nothing more.
+        let least = energy * Lanes::splat(1e-14);
+        let mut k = 0;
+        while k + 1 < order {
+            let (first, rest) = columns[column(k)..].split_at_mut(order + 1 - k);
+            let (second, rest) = rest.split_at_mut(order - k);
+            let first_scale = first[0].guarded_quotient(Lanes::splat(1.0), least);
+            let factor = first[1] * first_scale;
+            for (cell, &pivot) in second.iter_mut().zip(&first[1..]) {
+                *cell = *cell - factor * pivot;
             }
-            variances[k + 1] = columns[column(order)].max(0.0) / spans;
+            let second_scale = second[0].guarded_quotient(Lanes::splat(1.0), least);
+            let target = order - k;
+            let after_first = columns_target(rest) - first[target] * first_scale * first[target];
+            let mut cells = rest;
+            for j in 2..=target {
+                let (first_factor, second_factor) = (first[j] * first_scale, second[j - 1] * second_scale);
+                let (now, later) = cells.split_at_mut(target + 1 - j);
+                for ((cell, &a), &b) in now.iter_mut().zip(&first[j..]).zip(&second[j - 1..]) {
+                    *cell = (*cell - first_factor * a) - second_factor * b;
+                }
+                cells = later;
+            }
+            variances[k + 1] = after_first.max(0.0) / spans;
+            variances[k + 2] = columns[column(order)].max(0.0) / spans;
+            k += 2;
+        }
+        if k < order {
+            let (pivot, target) = (columns[column(k)], columns[column(k) + 1]);
+            let explained = target * pivot.guarded_quotient(Lanes::splat(1.0), least) * target;
+            variances[order] = (columns[column(order)] - explained).max(0.0) / spans;
         }
     }
+}
+
+/// The target's own product: the last cell of the triangle.
+#[inline(always)]
+fn columns_target(columns: &[Lanes]) -> Lanes {
+    columns[columns.len() - 1]
 }
 
 /// Yule-Walker: the biased autocovariance of the segment alone, by the Schur recursion.
@@ -177,7 +221,13 @@ impl Estimator for YuleWalker {
     }
 
     #[inline(always)]
-    fn estimate(starts: &[Lanes], ends: &[Lanes], spans: Lanes, scratch: &mut Scratch, variances: &mut [Lanes]) {
+    fn estimate(
+        starts: &[Lanes],
+        ends: &[Lanes],
+        spans: Lanes,
+        scratch: &mut Scratch,
+        variances: &mut [Lanes],
+    ) {
         let order = variances.len() - 1;
         let (forward, backward) = scratch.lagged.split_at_mut(order + 1);
         lagged_products(starts, ends, forward);
@@ -207,7 +257,13 @@ impl Estimator for Burg {
     }
 
     #[inline(always)]
-    fn estimate(starts: &[Lanes], ends: &[Lanes], spans: Lanes, scratch: &mut Scratch, variances: &mut [Lanes]) {
+    fn estimate(
+        starts: &[Lanes],
+        ends: &[Lanes],
+        spans: Lanes,
+        scratch: &mut Scratch,
+        variances: &mut [Lanes],
+    ) {
         let order = variances.len() - 1;
         let two = Lanes::splat(2.0);
         let (products, rest) = scratch.lagged.split_at_mut(order + 1);
@@ -215,7 +271,10 @@ impl Estimator for Burg {
         let (r, rest) = rest.split_at_mut(order + 1);
         let (g, old) = rest.split_at_mut(order + 2);
         lagged_products(starts, ends, products);
-        let (first, last) = (&starts[2 * (order + 1)..][..order], &ends[2 * (order + 1)..][..order]);
+        let (first, last) = (
+            &starts[2 * (order + 1)..][..order],
+            &ends[2 * (order + 1)..][..order],
+        );
         variances[0] = products[0].max(0.0) / spans;
         let least = products[0] * Lanes::splat(1e-14);
         a.fill(Lanes::splat(0.0));
