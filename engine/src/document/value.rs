@@ -1,0 +1,80 @@
+//! A value as written in a graph file: RON's shapes with the place of each, before anything is known of its meaning.
+
+use crate::diagnostic::Span;
+
+/// A value and where it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Value {
+    /// Where it stands.
+    pub span: Span,
+    /// What it is.
+    pub shape: Shape,
+}
+
+/// The shapes of RON.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// `()`
+    Unit,
+    /// `true`
+    Bool(bool),
+    /// A number, with its text (exact rates are read from it).
+    Number(f64, String),
+    /// `"text"`
+    String(String),
+    /// `[a, b]`
+    List(Vec<Value>),
+    /// `{ "a": b }`, repeated keys kept.
+    Map(Vec<(Value, Value)>),
+    /// `Name`, `Name(a, b)`, `Name(x: a)`, `(x: a)` or `(a, b)`; `None` and `Some(a)` are names like any other.
+    Tagged(Tagged),
+}
+
+/// A possibly named structure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tagged {
+    /// The name before the bracket, with its place.
+    pub name: Option<Name>,
+    /// What the brackets hold.
+    pub body: Body,
+}
+
+/// What the brackets of a structure hold.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Body {
+    /// No brackets: `Name`.
+    Bare,
+    /// `(a, b)`.
+    Tuple(Vec<Value>),
+    /// `(x: a, y: b)`, repeated names kept.
+    Fields(Vec<(Name, Value)>),
+}
+
+/// An identifier or key and where it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Name {
+    /// Where it stands.
+    pub span: Span,
+    /// The text.
+    pub text: String,
+}
+
+impl Value {
+    /// What it is, in a person's words: `a number`, `a list`.
+    pub fn describe(&self) -> &'static str {
+        match &self.shape {
+            Shape::Unit => "()",
+            Shape::Bool(_) => "a boolean",
+            Shape::Number(..) => "a number",
+            Shape::String(_) => "a string",
+            Shape::List(_) => "a list",
+            Shape::Map(_) => "a map",
+            Shape::Tagged(tagged) => match (&tagged.name, &tagged.body) {
+                (Some(_), Body::Bare) => "a name",
+                (Some(_), _) => "a named structure",
+                (None, Body::Fields(_)) => "a structure",
+                (None, _) => "a tuple",
+            },
+        }
+    }
+}

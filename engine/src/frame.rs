@@ -1,0 +1,257 @@
+//! Kinds of frames and how each lies in memory: every frame is a fixed number of f64 lanes, so that one arena of
+//! aligned numbers holds every signal, and copying a frame copies its lanes.
+
+use std::fmt;
+
+/// The shape of one frame of a signal.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum Kind {
+    /// One number.
+    Scalar,
+    /// Three numbers, x y z.
+    Vector,
+    /// Force x y z (N), then torque x y z (N m).
+    Wrench,
+    /// A contact of a tool with an object: see [`Contact`].
+    Contact,
+    /// Where a (speed, force) point lies in a triangulation: see [`Weights`].
+    Weights,
+    /// A synthesis filter: see [`Coefficients`].
+    Coefficients,
+    /// Something that happens at a tick: see [`Event`].
+    Event,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 7] = [
+        Self::Scalar,
+        Self::Vector,
+        Self::Wrench,
+        Self::Contact,
+        Self::Weights,
+        Self::Coefficients,
+        Self::Event,
+    ];
+
+    /// Lanes of one frame.
+    pub const fn width(self) -> usize {
+        match self {
+            Self::Scalar => 1,
+            Self::Vector => 3,
+            Self::Wrench => 6,
+            Self::Contact => Contact::WIDTH,
+            Self::Weights => Weights::WIDTH,
+            Self::Coefficients => Coefficients::WIDTH,
+            Self::Event => Event::WIDTH,
+        }
+    }
+
+    /// May frames of this kind be scaled, summed and filtered lane by lane?
+    pub const fn is_linear(self) -> bool {
+        matches!(self, Self::Scalar | Self::Vector | Self::Wrench)
+    }
+
+    /// The name used in messages and tables, and a name for each lane in CSV headers.
+    pub fn lane_names(self) -> Vec<String> {
+        let fixed: &[&str] = match self {
+            Self::Scalar => &[""],
+            Self::Vector => &["x", "y", "z"],
+            Self::Wrench => &["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"],
+            Self::Contact => &Contact::LANES,
+            Self::Weights => &Weights::LANES,
+            Self::Event => &["fired", "value"],
+            Self::Coefficients => {
+                let head = ["ar_order", "ma_order", "gain", "variance"].map(str::to_owned);
+                let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
+                let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
+                return head.into_iter().chain(ar).chain(ma).collect();
+            }
+        };
+        fixed.iter().map(|name| (*name).to_owned()).collect()
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Scalar => "scalar",
+            Self::Vector => "3-vector",
+            Self::Wrench => "wrench",
+            Self::Contact => "contact",
+            Self::Weights => "weights",
+            Self::Coefficients => "coefficients",
+            Self::Event => "event",
+        })
+    }
+}
+
+/// A contact between tool and object. Positions in m, in the object's frame; the normal points out of the object.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Contact {
+    /// Does the tool touch the object?
+    pub touching: bool,
+    /// Haptic interface point: where the device is.
+    pub hip_m: [f64; 3],
+    /// Ideal haptic interface point: the proxy on the surface. Equals the HIP while free.
+    pub ihip_m: [f64; 3],
+    /// Outward unit normal at the IHIP; zero while free.
+    pub normal: [f64; 3],
+    /// Distance from IHIP to HIP into the object.
+    pub penetration_m: f64,
+    /// Which face of the object; 0 for shapes without faces.
+    pub face: u32,
+}
+
+impl Contact {
+    /// Lanes of one contact frame.
+    pub const WIDTH: usize = 12;
+    const LANES: [&str; 12] = [
+        "touching", "hip_x", "hip_y", "hip_z", "ihip_x", "ihip_y", "ihip_z", "normal_x", "normal_y", "normal_z",
+        "penetration_m", "face",
+    ];
+
+    /// Reads a frame.
+    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+        let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *lanes;
+        Self {
+            touching: touching != 0.0,
+            hip_m: [hx, hy, hz],
+            ihip_m: [px, py, pz],
+            normal: [nx, ny, nz],
+            penetration_m,
+            face: face as u32,
+        }
+    }
+
+    /// Writes a frame.
+    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+        let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
+        let touching = f64::from(u8::from(self.touching));
+        [touching, hx, hy, hz, px, py, pz, nx, ny, nz, self.penetration_m, f64::from(self.face)]
+    }
+}
+
+/// A point of the speed-force plane as a triangle of models and its barycentric weights (Eq. 2.4.1).
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Weights {
+    /// 0-based numbers of the three models.
+    pub models: [u32; 3],
+    /// Their weights; they sum to 1.
+    pub weights: [f64; 3],
+    /// The speed after saturation at the modelled maximum.
+    pub speed_m_s: f64,
+    /// The force after saturation at the modelled maximum.
+    pub force_n: f64,
+}
+
+impl Weights {
+    /// Lanes of one weights frame.
+    pub const WIDTH: usize = 8;
+    const LANES: [&str; 8] =
+        ["model_1", "model_2", "model_3", "weight_1", "weight_2", "weight_3", "speed_m_s", "force_n"];
+
+    /// Reads a frame.
+    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+        let [i, j, k, u, v, w, speed_m_s, force_n] = *lanes;
+        Self { models: [i as u32, j as u32, k as u32], weights: [u, v, w], speed_m_s, force_n }
+    }
+
+    /// Writes a frame.
+    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+        let ([i, j, k], [u, v, w]) = (self.models.map(f64::from), self.weights);
+        [i, j, k, u, v, w, self.speed_m_s, self.force_n]
+    }
+}
+
+/// A synthesis filter, a view of its lanes: `gain (e + sum b_k e[-k]) - sum a_k y[-k]`, e of the given variance.
+#[derive(Clone, Copy, Debug)]
+pub struct Coefficients<'a> {
+    /// a_1 .. a_p of A(z) = 1 + sum a_k z^-k.
+    pub ar: &'a [f64],
+    /// b_1 .. b_q of the monic B(z); empty for an AR model.
+    pub ma: &'a [f64],
+    /// Multiplies the whole B(z); 1 for an AR model.
+    pub gain: f64,
+    /// Innovation variance, (m/s2)^2.
+    pub variance: f64,
+}
+
+impl<'a> Coefficients<'a> {
+    /// The highest AR and MA order a frame can hold.
+    pub const MAX_ORDER: usize = 32;
+    /// Lanes of one coefficients frame.
+    pub const WIDTH: usize = 4 + 2 * Self::MAX_ORDER;
+
+    /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    pub fn from_lanes(lanes: &'a [f64; Self::WIDTH]) -> Self {
+        let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
+        let (ar, ma) = lanes[4..].split_at(Self::MAX_ORDER);
+        Self { ar: &ar[..order(lanes[0])], ma: &ma[..order(lanes[1])], gain: lanes[2], variance: lanes[3] }
+    }
+
+    /// Writes a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    pub fn write(&self, lanes: &mut [f64; Self::WIDTH]) {
+        let p = self.ar.len().min(Self::MAX_ORDER);
+        let q = self.ma.len().min(Self::MAX_ORDER);
+        *lanes = [0.0; Self::WIDTH];
+        (lanes[0], lanes[1], lanes[2], lanes[3]) = (p as f64, q as f64, self.gain, self.variance);
+        lanes[4..4 + p].copy_from_slice(&self.ar[..p]);
+        lanes[4 + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+    }
+}
+
+/// Something that may happen at a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Event {
+    /// Did it happen at this tick?
+    pub fired: bool,
+    /// Its value, in the port's quantity; 0 when it did not fire.
+    pub value: f64,
+}
+
+impl Event {
+    /// Lanes of one event frame.
+    pub const WIDTH: usize = 2;
+
+    /// Reads a frame.
+    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+        Self { fired: lanes[0] != 0.0, value: lanes[1] }
+    }
+
+    /// Writes a frame.
+    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+        [f64::from(u8::from(self.fired)), self.value]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_survive_their_lanes() {
+        let contact = Contact {
+            touching: true,
+            hip_m: [1.0, 2.0, 3.0],
+            ihip_m: [4.0, 5.0, 6.0],
+            normal: [0.0, 0.0, 1.0],
+            penetration_m: 0.25,
+            face: 99_999,
+        };
+        assert_eq!(Contact::from_lanes(&contact.to_lanes()), contact);
+        let weights = Weights { models: [7, 8, 9], weights: [0.5, 0.25, 0.25], speed_m_s: 0.1, force_n: 1.5 };
+        assert_eq!(Weights::from_lanes(&weights.to_lanes()), weights);
+        let mut lanes = [1.0; Coefficients::WIDTH];
+        Coefficients { ar: &[-0.5, 0.25], ma: &[0.1], gain: 2.0, variance: 0.5 }.write(&mut lanes);
+        let read = Coefficients::from_lanes(&lanes);
+        assert_eq!((read.ar, read.ma, read.gain, read.variance), (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5));
+    }
+
+    #[test]
+    fn every_lane_of_every_kind_has_a_name() {
+        for kind in Kind::ALL {
+            assert_eq!(kind.lane_names().len(), kind.width(), "{kind}");
+        }
+    }
+}
