@@ -42,10 +42,15 @@ impl Sources {
 
     /// 1-based line and column (in characters) of a byte offset.
     pub fn line_column(&self, span: Span) -> (usize, usize) {
-        let Some(source) = self.get(span.source) else { return (1, 1) };
+        let Some(source) = self.get(span.source) else {
+            return (1, 1);
+        };
         let before = &source.text[..floor_boundary(&source.text, span.start)];
         let line_start = before.rfind('\n').map_or(0, |i| i + 1);
-        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+        (
+            before.matches('\n').count() + 1,
+            before[line_start..].chars().count() + 1,
+        )
     }
 }
 
@@ -115,8 +120,18 @@ impl Diagnostic {
     }
 
     fn new(code: &'static str, severity: Severity, span: Span, message: impl Into<String>) -> Self {
-        let primary = Some(Label { span, text: String::new() });
-        Self { code, severity, message: message.into(), primary, secondary: Vec::new(), help: Vec::new() }
+        let primary = Some(Label {
+            span,
+            text: String::new(),
+        });
+        Self {
+            code,
+            severity,
+            message: message.into(),
+            primary,
+            secondary: Vec::new(),
+            help: Vec::new(),
+        }
     }
 
     /// Says what is at the primary span.
@@ -131,7 +146,10 @@ impl Diagnostic {
     /// Adds another place.
     #[must_use]
     pub fn also(mut self, span: Span, text: impl Into<String>) -> Self {
-        self.secondary.push(Label { span, text: text.into() });
+        self.secondary.push(Label {
+            span,
+            text: text.into(),
+        });
         self
     }
 

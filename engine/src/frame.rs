@@ -57,7 +57,9 @@ impl Kind {
         let fixed: &[&str] = match self {
             Self::Scalar => &[""],
             Self::Vector => &["x", "y", "z"],
-            Self::Wrench => &["force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z"],
+            Self::Wrench => &[
+                "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
+            ],
             Self::Contact => &Contact::LANES,
             Self::Weights => &Weights::LANES,
             Self::Event => &["fired", "value"],
@@ -107,8 +109,18 @@ impl Contact {
     /// Lanes of one contact frame.
     pub const WIDTH: usize = 12;
     const LANES: [&str; 12] = [
-        "touching", "hip_x", "hip_y", "hip_z", "ihip_x", "ihip_y", "ihip_z", "normal_x", "normal_y", "normal_z",
-        "penetration_m", "face",
+        "touching",
+        "hip_x",
+        "hip_y",
+        "hip_z",
+        "ihip_x",
+        "ihip_y",
+        "ihip_z",
+        "normal_x",
+        "normal_y",
+        "normal_z",
+        "penetration_m",
+        "face",
     ];
 
     /// Reads a frame.
@@ -128,7 +140,20 @@ impl Contact {
     pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
         let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
         let touching = f64::from(u8::from(self.touching));
-        [touching, hx, hy, hz, px, py, pz, nx, ny, nz, self.penetration_m, f64::from(self.face)]
+        [
+            touching,
+            hx,
+            hy,
+            hz,
+            px,
+            py,
+            pz,
+            nx,
+            ny,
+            nz,
+            self.penetration_m,
+            f64::from(self.face),
+        ]
     }
 }
 
@@ -148,13 +173,26 @@ pub struct Weights {
 impl Weights {
     /// Lanes of one weights frame.
     pub const WIDTH: usize = 8;
-    const LANES: [&str; 8] =
-        ["model_1", "model_2", "model_3", "weight_1", "weight_2", "weight_3", "speed_m_s", "force_n"];
+    const LANES: [&str; 8] = [
+        "model_1",
+        "model_2",
+        "model_3",
+        "weight_1",
+        "weight_2",
+        "weight_3",
+        "speed_m_s",
+        "force_n",
+    ];
 
     /// Reads a frame.
     pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
         let [i, j, k, u, v, w, speed_m_s, force_n] = *lanes;
-        Self { models: [i as u32, j as u32, k as u32], weights: [u, v, w], speed_m_s, force_n }
+        Self {
+            models: [i as u32, j as u32, k as u32],
+            weights: [u, v, w],
+            speed_m_s,
+            force_n,
+        }
     }
 
     /// Writes a frame.
@@ -184,14 +222,19 @@ impl<'a> Coefficients<'a> {
     pub const WIDTH: usize = 4 + 2 * Self::MAX_ORDER;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn from_lanes(lanes: &'a [f64; Self::WIDTH]) -> Self {
+    pub fn from_lanes(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
         let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
         let (ar, ma) = lanes[4..].split_at(Self::MAX_ORDER);
-        Self { ar: &ar[..order(lanes[0])], ma: &ma[..order(lanes[1])], gain: lanes[2], variance: lanes[3] }
+        Self {
+            ar: &ar[..order(lanes[0])],
+            ma: &ma[..order(lanes[1])],
+            gain: lanes[2],
+            variance: lanes[3],
+        }
     }
 
     /// Writes a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn write(&self, lanes: &mut [f64; Self::WIDTH]) {
+    pub fn write(&self, lanes: &mut [f64; Coefficients::WIDTH]) {
         let p = self.ar.len().min(Self::MAX_ORDER);
         let q = self.ma.len().min(Self::MAX_ORDER);
         *lanes = [0.0; Self::WIDTH];
@@ -216,7 +259,10 @@ impl Event {
 
     /// Reads a frame.
     pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
-        Self { fired: lanes[0] != 0.0, value: lanes[1] }
+        Self {
+            fired: lanes[0] != 0.0,
+            value: lanes[1],
+        }
     }
 
     /// Writes a frame.
@@ -240,12 +286,26 @@ mod tests {
             face: 99_999,
         };
         assert_eq!(Contact::from_lanes(&contact.to_lanes()), contact);
-        let weights = Weights { models: [7, 8, 9], weights: [0.5, 0.25, 0.25], speed_m_s: 0.1, force_n: 1.5 };
+        let weights = Weights {
+            models: [7, 8, 9],
+            weights: [0.5, 0.25, 0.25],
+            speed_m_s: 0.1,
+            force_n: 1.5,
+        };
         assert_eq!(Weights::from_lanes(&weights.to_lanes()), weights);
         let mut lanes = [1.0; Coefficients::WIDTH];
-        Coefficients { ar: &[-0.5, 0.25], ma: &[0.1], gain: 2.0, variance: 0.5 }.write(&mut lanes);
+        Coefficients {
+            ar: &[-0.5, 0.25],
+            ma: &[0.1],
+            gain: 2.0,
+            variance: 0.5,
+        }
+        .write(&mut lanes);
         let read = Coefficients::from_lanes(&lanes);
-        assert_eq!((read.ar, read.ma, read.gain, read.variance), (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5));
+        assert_eq!(
+            (read.ar, read.ma, read.gain, read.variance),
+            (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5)
+        );
     }
 
     #[test]

@@ -1,1 +1,17 @@
-//! (see the crate's description)
+//! The dataflow engine of haptograph: documents are read, checked into graphs, laid out as plans, and run.
+//!
+//! ```text
+//! text -> Document -> Graph -> Plan -> Run -> sinks
+//! ```
+//! Each arrow is one function; each noun is one type that only the arrow before it can make. Knows nothing of touch.
+
+pub mod device;
+pub mod diagnostic;
+pub mod document;
+pub mod frame;
+pub mod graph;
+mod io;
+pub mod limiter;
+pub mod node;
+pub mod registry;
+pub mod settings;

@@ -1,6 +1,5 @@
-//! Actuators and what stands before them: limits, the voice-coil model, its compensation.
+//! Actuators and what stands before them: the voice-coil model, its identification and its compensation.
 
 pub mod compensator;
 pub mod identify;
-pub mod limit;
 pub mod two_mass;

@@ -2,4 +2,5 @@
 
 pub mod actuators;
 pub mod simulated;
-pub mod vector;
+
+pub(crate) use haptograph_signal::vector;

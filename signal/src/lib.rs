@@ -10,6 +10,7 @@ pub mod quantity;
 pub mod resample;
 pub mod spectrum;
 pub mod time;
+pub mod vector;
 pub mod window;
 
 pub use rustfft::num_complex::Complex64;

@@ -12,7 +12,7 @@
 //! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
 //! ([`Rung`]); every admissible state has an admissible successor, the next rung down.
 
-use crate::vector::{add_scaled, dot, norm, scale, sub};
+use haptograph_signal::vector::{add_scaled, dot, norm, scale, sub};
 
 /// Limits of one actuator, in the unit of its drive (A, N or V).
 #[derive(Debug, Clone, Copy, PartialEq)]

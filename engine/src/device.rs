@@ -1,0 +1,113 @@
+//! Devices: bodies with state, real or simulated, that sources read and sinks drive.
+//!
+//! A device ticks on one clock. Tick k is read, compute, write, advance: a source at tick k sees what the sinks
+//! delivered up to tick k - 1, so that a loop through a body always has one device tick of delay.
+
+use crate::frame::Kind;
+use crate::node::{BuildContext, BuildError};
+use crate::settings::{Fields, Reading, SettingSpec, Settings};
+use haptograph_signal::quantity::Quantity;
+
+/// Everything that is known of a device kind before one is built.
+#[derive(Debug, Clone, Copy)]
+pub struct DeviceSpec {
+    /// As written in a graph file.
+    pub name: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+    /// Is it a simulation? Then every result that depends on it says so.
+    pub simulated: bool,
+    /// What sources can read.
+    pub senses: &'static [Channel],
+    /// What sinks can drive.
+    pub drives: &'static [Channel],
+    /// A line of RON that declares it.
+    pub example: &'static str,
+}
+
+/// One signal of a device.
+#[derive(Debug, Clone, Copy)]
+pub struct Channel {
+    /// Matches the port of the source or sink.
+    pub name: &'static str,
+    /// Shape of a frame.
+    pub kind: Kind,
+    /// What its numbers are.
+    pub quantity: Quantity,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+/// The state of a device. All methods run in ticks, like [`Processor::process`](crate::node::Processor::process).
+pub trait Device: CloneDevice + Send + Sync {
+    /// Moves the body by one tick under what was last written. Called before `read`, except at tick 0.
+    fn advance(&mut self);
+    /// Fills one frame of a sensed channel.
+    fn read(&mut self, channel: usize, frame: &mut [f64]);
+    /// Takes one frame of a driven channel, already limited.
+    fn write(&mut self, channel: usize, frame: &[f64]);
+}
+
+/// Cloning of devices; implemented for every `Clone` device.
+pub trait CloneDevice {
+    /// A copy with the same state.
+    fn clone_box(&self) -> Box<dyn Device>;
+}
+
+impl<T: Device + Clone + 'static> CloneDevice for T {
+    fn clone_box(&self) -> Box<dyn Device> {
+        Box::new(self.clone())
+    }
+}
+
+/// A kind of device.
+pub trait DeviceKind: 'static {
+    /// What can be set.
+    type Settings: Settings;
+    /// Channels and documentation.
+    const SPEC: DeviceSpec;
+    /// Builds the body in its initial state. `cx.path` is the endpoint's name, `cx.rate` its clock's.
+    ///
+    /// # Errors
+    /// [`BuildError`] where the settings do not fit each other, the rate, or the files they name.
+    fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError>;
+}
+
+/// A device kind as registered, its types erased.
+#[derive(Clone, Copy)]
+pub struct DeviceEntry {
+    /// Channels and documentation.
+    pub spec: &'static DeviceSpec,
+    settings: fn() -> Vec<SettingSpec>,
+    pub(crate) build: DeviceBuild,
+}
+
+pub(crate) type DeviceBuild =
+    fn(&mut Fields, &mut Reading<'_>) -> Option<crate::node::Finish<BuildContext, Box<dyn Device>>>;
+
+impl DeviceEntry {
+    /// Erases the types of a device kind.
+    pub fn of<K: DeviceKind>() -> Self {
+        Self {
+            spec: &const { K::SPEC },
+            settings: K::Settings::specs,
+            build: |fields, reading| {
+                let settings = K::Settings::take_from(fields, reading)?;
+                Some(Box::new(|cx| K::build(settings, cx)))
+            },
+        }
+    }
+
+    /// Its settings.
+    pub fn settings(&self) -> Vec<SettingSpec> {
+        (self.settings)()
+    }
+}
+
+impl std::fmt::Debug for DeviceEntry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DeviceEntry({})", self.spec.name)
+    }
+}

@@ -1,0 +1,189 @@
+//! A graph that has been proved sound: every name resolved, every port matched, every clock known.
+//!
+//! Only [`check`] makes one, so the stages after it have no errors to look for. petgraph lives here and in `plan`.
+
+use crate::device::{Device, DeviceEntry};
+use crate::diagnostic::{Diagnostic, Sources, Span};
+use crate::frame::Kind;
+use crate::node::{FileSink, Limit, NodeEntry, Processor};
+use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::{Rate, TimeBase};
+use petgraph::graph::DiGraph;
+
+/// A sound graph.
+pub struct Graph {
+    /// What it is about, from the file.
+    pub(crate) about: String,
+    pub(crate) seed: u64,
+    pub(crate) clocks: Vec<Clock>,
+    /// Periods of all clocks in one unit, in the order of `clocks`.
+    pub(crate) base: TimeBase,
+    /// Nodes in the order of the file, templates expanded.
+    pub(crate) nodes: DiGraph<Node, Edge>,
+    pub(crate) devices: Vec<GraphDevice>,
+    pub(crate) sources: Sources,
+    pub(crate) warnings: Vec<Diagnostic>,
+}
+
+/// A clock: a driver with its own crystal or timer, or an exact ratio of one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clock {
+    /// Its name in the file.
+    pub name: String,
+    /// Its rate.
+    pub rate: Rate,
+    /// Index of its driver among the clocks; its own index if it is one.
+    pub driver: usize,
+}
+
+/// A node with everything decided.
+pub struct Node {
+    /// Its path: `texture/filter`.
+    pub path: String,
+    /// Its kind.
+    pub entry: NodeEntry,
+    /// Its clock, as an index; `None` for file sinks, whose inputs keep their own.
+    pub clock: Option<usize>,
+    /// Connections in the order of the spec, those of a `Many` port from its place on.
+    pub inputs: Vec<Input>,
+    /// Ports with kind and quantity decided.
+    pub outputs: Vec<Output>,
+    pub(crate) work: Work,
+    /// Where it is declared.
+    pub span: Span,
+    /// Does its output depend on a simulated device?
+    pub simulated: bool,
+}
+
+/// An input of a node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Input {
+    /// Name of the port.
+    pub name: &'static str,
+    /// Shape of its frames; that of the port where it is not connected.
+    pub kind: Kind,
+    /// What its numbers are.
+    pub quantity: Quantity,
+    /// Is it connected? The edge of the graph whose `input` is this one's index says to what.
+    pub connected: bool,
+    /// Does it read runs?
+    pub held: bool,
+}
+
+/// An output of a node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Output {
+    /// Name of the port.
+    pub name: &'static str,
+    /// Shape of its frames.
+    pub kind: Kind,
+    /// What its numbers are.
+    pub quantity: Quantity,
+}
+
+/// What a node does when it runs. Processors and devices are pristine: plans take clones.
+pub(crate) enum Work {
+    Process(Box<dyn Processor>),
+    /// Output i is the device's sensed channel `channels[i]`.
+    Source {
+        device: usize,
+        channels: Vec<usize>,
+    },
+    Actuator {
+        device: usize,
+        channel: usize,
+        gain: f64,
+        limit: Limit,
+    },
+    File(Box<dyn FileSink>),
+}
+
+/// A device that at least one node is bound to.
+pub struct GraphDevice {
+    /// Name of the endpoint.
+    pub name: String,
+    /// Its kind.
+    pub entry: DeviceEntry,
+    /// The clock that it ticks on.
+    pub clock: usize,
+    pub(crate) device: Box<dyn Device>,
+    /// Where it is declared.
+    pub span: Span,
+}
+
+/// A connection from an output to an input.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Edge {
+    /// Index among the outputs of the node it comes from.
+    pub output: usize,
+    /// Index among the inputs of the node it goes to.
+    pub input: usize,
+    /// How it crosses rates or time.
+    pub bridge: Bridge,
+    /// Where it is written.
+    pub span: Span,
+}
+
+/// How a signal crosses rates or time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bridge {
+    /// The same clock at both ends.
+    Direct,
+    /// The latest frame with time <= t.
+    Hold,
+    /// A straight line between frames; one period of the slow clock late.
+    Linear,
+    /// The mean of the fast frames since the previous slow tick.
+    Average,
+    /// Band-limited resampling.
+    Resample,
+    /// The same clock, this many frames later; `initial` before that.
+    Delay {
+        /// At least 1.
+        frames: u64,
+        /// Every lane before the first frame arrives.
+        initial: f64,
+    },
+}
+
+impl Graph {
+    /// What the graph is about, as the file tells it.
+    pub fn about(&self) -> &str {
+        &self.about
+    }
+    /// The seed all random streams derive from.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+    /// Its clocks.
+    pub fn clocks(&self) -> &[Clock] {
+        &self.clocks
+    }
+    /// Its nodes and connections.
+    pub fn nodes(&self) -> &DiGraph<Node, Edge> {
+        &self.nodes
+    }
+    /// The devices its nodes are bound to.
+    pub fn devices(&self) -> &[GraphDevice] {
+        &self.devices
+    }
+    /// The files it was read from.
+    pub fn sources(&self) -> &Sources {
+        &self.sources
+    }
+    /// What is probably not meant.
+    pub fn warnings(&self) -> &[Diagnostic] {
+        &self.warnings
+    }
+}
+
+impl std::fmt::Debug for Graph {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "Graph({} nodes, {} edges)",
+            self.nodes.node_count(),
+            self.nodes.edge_count()
+        )
+    }
+}

@@ -1,0 +1,258 @@
+//! What a processor sees of its signals: typed slices, exactly as many frames as the tick has.
+
+use crate::frame::{Contact, Weights};
+
+/// A 64-byte aligned run of f64, the outputs of one step of the plan.
+///
+/// Alignment alone is worth a factor of two in cheap nodes; it is reached by an offset into an ordinary vector.
+#[derive(Debug, Default)]
+pub(crate) struct Buffer {
+    data: Vec<f64>,
+    base: usize,
+}
+
+/// f64s in a cache line.
+pub(crate) const LINE: usize = 8;
+
+impl Buffer {
+    pub(crate) fn new(len: usize) -> Self {
+        let data = vec![0.0; len + LINE];
+        let base = data.as_ptr().align_offset(64).min(LINE);
+        Self { data, base }
+    }
+
+    #[inline]
+    pub(crate) fn all(&self) -> &[f64] {
+        &self.data[self.base..]
+    }
+
+    #[inline]
+    pub(crate) fn all_mut(&mut self) -> &mut [f64] {
+        &mut self.data[self.base..]
+    }
+}
+
+/// Where an input of a step lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Binding {
+    pub slot: u32,
+    /// First lane of the port in its buffer.
+    pub start: u32,
+    pub width: u32,
+    pub form: Form,
+    /// Clock whose window says which frames of the buffer are meant.
+    pub clock: u32,
+}
+
+/// How an input's frames lie in its buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// A frame a tick of the clock of the reader.
+    Sampled,
+    /// `[count, (start, lanes..), ..]` as written by a hold.
+    Runs,
+    /// Nothing is connected.
+    Absent,
+}
+
+/// Where an output of a step lies in its own buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Placing {
+    pub start: u32,
+    pub width: u32,
+}
+
+/// The inputs and outputs of one call of `process`.
+///
+/// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
+/// port from its place on; outputs likewise. Asking for a port that is not there, or with another width than its
+/// kind's, gives an empty slice.
+pub struct Io<'a> {
+    pub(crate) frames: usize,
+    pub(crate) offset: usize,
+    pub(crate) inputs: &'a [Binding],
+    pub(crate) buffers: &'a [Buffer],
+    pub(crate) outputs: &'a [Placing],
+    pub(crate) out: &'a mut [f64],
+}
+
+impl<'a> Io<'a> {
+    /// Frames of this call.
+    #[inline]
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Number of inputs, every connection of a `Many` port counted.
+    #[inline]
+    pub fn input_count(&self) -> usize {
+        self.inputs.len()
+    }
+
+    /// Is this input connected?
+    #[inline]
+    pub fn connected(&self, input: usize) -> bool {
+        self.inputs
+            .get(input)
+            .is_some_and(|binding| binding.form != Form::Absent)
+    }
+
+    /// Lanes of one frame of an input.
+    #[inline]
+    pub fn width(&self, input: usize) -> usize {
+        self.inputs.get(input).map_or(0, |binding| binding.width as usize)
+    }
+
+    /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
+    #[inline]
+    pub fn lanes(&self, input: usize) -> &'a [f64] {
+        match self.inputs.get(input) {
+            Some(binding) if binding.form == Form::Sampled => {
+                let width = binding.width as usize;
+                let start = binding.start as usize + self.offset * width;
+                &self.buffers[binding.slot as usize].all()[start..start + self.frames * width]
+            }
+            _ => &[],
+        }
+    }
+
+    /// The frames of a sampled input of `W` lanes: `frames::<3>` of a 3-vector.
+    #[inline]
+    pub fn frames_of<const W: usize>(&self, input: usize) -> &'a [[f64; W]] {
+        if self.width(input) == W {
+            self.lanes(input).as_chunks().0
+        } else {
+            &[]
+        }
+    }
+
+    /// The frames of a contact input.
+    #[inline]
+    pub fn contacts(&self, input: usize) -> impl Iterator<Item = Contact> + use<'a> {
+        self.frames_of::<{ Contact::WIDTH }>(input)
+            .iter()
+            .map(Contact::from_lanes)
+    }
+
+    /// The frames of a weights input.
+    #[inline]
+    pub fn weights(&self, input: usize) -> impl Iterator<Item = Weights> + use<'a> {
+        self.frames_of::<{ Weights::WIDTH }>(input)
+            .iter()
+            .map(Weights::from_lanes)
+    }
+
+    /// The runs of a held input.
+    #[inline]
+    pub fn held(&self, input: usize) -> Held<'a> {
+        let absent = Held {
+            at: 0,
+            frames: 0,
+            width: 1,
+            runs: 0,
+            lanes: &[],
+        };
+        let Some(binding) = self.inputs.get(input) else {
+            return absent;
+        };
+        let width = binding.width as usize;
+        match binding.form {
+            Form::Absent => absent,
+            Form::Sampled => Held {
+                at: 0,
+                frames: self.frames,
+                width,
+                runs: usize::MAX,
+                lanes: self.lanes(input),
+            },
+            Form::Runs => {
+                let lanes = &self.buffers[binding.slot as usize].all()[binding.start as usize..];
+                let runs = lanes[0] as usize;
+                Held {
+                    at: 0,
+                    frames: self.frames,
+                    width,
+                    runs,
+                    lanes: &lanes[1..1 + runs * (width + 1)],
+                }
+            }
+        }
+    }
+
+    /// All lanes of an output, to be filled completely.
+    #[inline]
+    pub fn out(&mut self, output: usize) -> &mut [f64] {
+        let Some(placing) = self.outputs.get(output) else {
+            return &mut [];
+        };
+        let width = placing.width as usize;
+        let start = placing.start as usize + self.offset * width;
+        &mut self.out[start..start + self.frames * width]
+    }
+
+    /// The frames of an output of `W` lanes, to be filled completely.
+    #[inline]
+    pub fn out_frames<const W: usize>(&mut self, output: usize) -> &mut [[f64; W]] {
+        if self
+            .outputs
+            .get(output)
+            .is_some_and(|placing| placing.width as usize == W)
+        {
+            self.out(output).as_chunks_mut().0
+        } else {
+            &mut []
+        }
+    }
+
+    /// The first `N` outputs at once, each to be filled completely.
+    #[inline]
+    pub fn outs<const N: usize>(&mut self) -> [&mut [f64]; N] {
+        let mut rest: &mut [f64] = self.out;
+        let mut taken = 0;
+        std::array::from_fn(|output| {
+            let Some(placing) = self.outputs.get(output) else {
+                return Default::default();
+            };
+            let width = placing.width as usize;
+            let start = placing.start as usize + self.offset * width;
+            let (_, from) = std::mem::take(&mut rest).split_at_mut(start - taken);
+            let (port, after) = from.split_at_mut(self.frames * width);
+            rest = after;
+            taken = start + self.frames * width;
+            port
+        })
+    }
+}
+
+/// The runs of a held input: an iterator of (frames of this call, the frame that holds during them).
+#[derive(Debug, Clone)]
+pub struct Held<'a> {
+    at: usize,
+    frames: usize,
+    width: usize,
+    /// Runs written by a hold, or `usize::MAX` for a sampled signal: a run a frame.
+    runs: usize,
+    lanes: &'a [f64],
+}
+
+impl<'a> Iterator for Held<'a> {
+    type Item = (std::ops::Range<usize>, &'a [f64]);
+
+    #[inline]
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.runs == usize::MAX {
+            let frame = self.at;
+            self.at += 1;
+            let lanes = self.lanes.get(frame * self.width..(frame + 1) * self.width)?;
+            return Some((frame..frame + 1, lanes));
+        }
+        let stride = self.width + 1;
+        let run = self.lanes.get(self.at * stride..(self.at + 1) * stride)?;
+        self.at += 1;
+        let end = self
+            .lanes
+            .get(self.at * stride)
+            .map_or(self.frames, |start| *start as usize);
+        Some((run[0] as usize..end, &run[1..]))
+    }
+}

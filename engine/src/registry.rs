@@ -1,0 +1,52 @@
+//! The node and device kinds that graphs can use.
+
+use crate::device::DeviceEntry;
+use crate::node::NodeEntry;
+
+/// The kinds known to a program. `haptograph_nodes::registry()` has the shipped ones; add your own to it.
+#[derive(Debug, Clone, Default)]
+pub struct Registry {
+    nodes: Vec<NodeEntry>,
+    devices: Vec<DeviceEntry>,
+}
+
+impl Registry {
+    /// None yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a node kind; one of the same name is replaced.
+    pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
+        self.nodes.retain(|known| known.spec.name != entry.spec.name);
+        self.nodes.push(entry);
+        self
+    }
+
+    /// Adds a device kind; one of the same name is replaced.
+    pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
+        self.devices.retain(|known| known.spec.name != entry.spec.name);
+        self.devices.push(entry);
+        self
+    }
+
+    /// The node kind of this name.
+    pub fn node(&self, name: &str) -> Option<NodeEntry> {
+        self.nodes.iter().find(|entry| entry.spec.name == name).copied()
+    }
+
+    /// The device kind of this name.
+    pub fn device(&self, name: &str) -> Option<DeviceEntry> {
+        self.devices.iter().find(|entry| entry.spec.name == name).copied()
+    }
+
+    /// All node kinds, in the order of registration.
+    pub fn nodes(&self) -> &[NodeEntry] {
+        &self.nodes
+    }
+
+    /// All device kinds, in the order of registration.
+    pub fn devices(&self) -> &[DeviceEntry] {
+        &self.devices
+    }
+}

@@ -1,0 +1,575 @@
+//! Settings of nodes and devices: typed structs declared once, from which come the reader with its error messages,
+//! the tables of `haptograph nodes`, and the defaults.
+
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use std::path::{Path, PathBuf};
+
+/// What is told of one setting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SettingSpec {
+    /// Field name, with its unit: `cutoff_hz`.
+    pub name: &'static str,
+    /// From the doc comment.
+    pub doc: String,
+    /// What may be written: `a number`, `one of Direct, Lattice`.
+    pub expected: String,
+    /// As written in RON; `None` if it has to be given.
+    pub default: Option<String>,
+    /// Smallest and largest value.
+    pub range: Option<(f64, f64)>,
+    /// May it be changed while the graph runs?
+    pub live: bool,
+}
+
+/// A set of named settings; declared by [`settings!`](crate::settings).
+pub trait Settings: Sized + 'static {
+    /// Its fields, in the order of declaration.
+    fn specs() -> Vec<SettingSpec>;
+    /// Takes its fields out of `fields`. On `None` at least one diagnostic was reported.
+    fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self>;
+}
+
+/// A type that a setting can have.
+pub trait Setting: Sized {
+    /// What may be written, for messages.
+    fn expected() -> String;
+    /// Reads it. On `None` at least one diagnostic was reported.
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
+    /// As it would be written in RON.
+    fn show(&self) -> String;
+    /// Its number, for the check against a range.
+    fn number(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// Where reading reports to, and how paths are resolved.
+pub struct Reading<'a> {
+    /// Findings so far.
+    pub diagnostics: &'a mut Vec<Diagnostic>,
+    /// The folder that paths written at a span are relative to.
+    pub folder: &'a dyn Fn(Span) -> PathBuf,
+}
+
+impl Reading<'_> {
+    /// Reports that `value` is not what was expected there.
+    pub fn mismatch(&mut self, value: &Value, expected: &str) {
+        self.diagnostics.push(
+            Diagnostic::error(
+                "E0301",
+                value.span,
+                format!("expected {expected}, found {}", value.describe()),
+            )
+            .label(format!("expected {expected}")),
+        );
+    }
+
+    /// A path as written, relative to the file it is written in.
+    pub fn resolve(&self, span: Span, written: &str) -> PathBuf {
+        (self.folder)(span).join(Path::new(written))
+    }
+}
+
+/// The fields of one structure while they are taken out of it.
+#[derive(Debug, Clone)]
+pub struct Fields {
+    /// Whose they are, for messages: `` `Gain` ``.
+    pub owner: String,
+    /// The whole structure.
+    pub span: Span,
+    entries: Vec<(Name, Value)>,
+    known: Vec<&'static str>,
+}
+
+impl Fields {
+    /// The fields of a structure. A name given twice is reported and its first value kept.
+    pub fn new(owner: String, span: Span, entries: Vec<(Name, Value)>, reading: &mut Reading<'_>) -> Self {
+        let mut kept: Vec<(Name, Value)> = Vec::with_capacity(entries.len());
+        for (name, value) in entries {
+            match kept.iter().find(|(first, _)| first.text == name.text) {
+                Some((first, _)) => reading.diagnostics.push(
+                    Diagnostic::error(
+                        "E0105",
+                        name.span,
+                        format!("`{}` is given twice in {owner}", name.text),
+                    )
+                    .label("given again here")
+                    .also(first.span, "first given here")
+                    .help("remove one of them"),
+                ),
+                None => kept.push((name, value)),
+            }
+        }
+        Self {
+            owner,
+            span,
+            entries: kept,
+            known: Vec::new(),
+        }
+    }
+
+    /// Takes the field called `name`, if it was given.
+    pub fn take(&mut self, name: &'static str) -> Option<Value> {
+        self.known.push(name);
+        let at = self.entries.iter().position(|(given, _)| given.text == name)?;
+        Some(self.entries.remove(at).1)
+    }
+
+    /// Says that a field of this name exists, without taking it; for "did you mean".
+    pub fn know(&mut self, name: &'static str) {
+        self.known.push(name);
+    }
+
+    /// What has not been taken yet.
+    pub fn remaining(&self) -> &[(Name, Value)] {
+        &self.entries
+    }
+
+    /// Reports all fields that nobody took.
+    pub fn finish(self, reading: &mut Reading<'_>) {
+        for (name, _) in &self.entries {
+            let message = format!("{} has no field `{}`", self.owner, name.text);
+            let mut diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
+            diagnostic = match closest(&name.text, self.known.iter().copied()) {
+                Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+                None if self.known.is_empty() => diagnostic.help("it takes no fields"),
+                None => diagnostic.help(format!("its fields are {}", self.known.join(", "))),
+            };
+            reading.diagnostics.push(diagnostic);
+        }
+    }
+
+    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings).
+    pub fn setting<T: Setting>(
+        &mut self,
+        name: &'static str,
+        default: Option<T>,
+        range: Option<(f64, f64)>,
+        reading: &mut Reading<'_>,
+    ) -> Option<T> {
+        let Some(value) = self.take(name) else {
+            if default.is_none() {
+                let message = format!("{} needs `{name}`", self.owner);
+                reading.diagnostics.push(
+                    Diagnostic::error("E0205", self.span, message)
+                        .label(format!("`{name}` is missing"))
+                        .help(format!("add `{name}: ...`, {}", T::expected())),
+                );
+            }
+            return default;
+        };
+        let read = T::read(&value, reading)?;
+        if let (Some((low, high)), Some(number)) = (range, read.number())
+            && !(low..=high).contains(&number)
+        {
+            let message = format!("`{name}` is out of range");
+            reading.diagnostics.push(
+                Diagnostic::error("E0302", value.span, message)
+                    .label(format!("must be from {low} to {high}"))
+                    .help(format!("choose a value from {low} to {high}")),
+            );
+            return None;
+        }
+        Some(read)
+    }
+}
+
+/// The fields of a structure value; reports where it is none. `Name(...)` is accepted where `name` is given.
+pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Option<Fields> {
+    let entries = match &value.shape {
+        Shape::Unit => Vec::new(),
+        Shape::Tagged(Tagged {
+            body: Body::Fields(fields),
+            ..
+        }) => fields.clone(),
+        Shape::Tagged(Tagged { body: Body::Bare, .. }) => Vec::new(),
+        Shape::Tagged(Tagged {
+            body: Body::Tuple(values),
+            ..
+        }) if values.is_empty() => Vec::new(),
+        _ => {
+            reading.mismatch(value, &format!("the settings of {owner}, like (name: value)"));
+            return None;
+        }
+    };
+    Some(Fields::new(owner.to_owned(), value.span, entries, reading))
+}
+
+/// The candidate nearest to `word` by edit distance, if one is near enough to be what was meant.
+pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = word.to_lowercase();
+    let distance = |candidate: &&str| edit_distance(&lower, &candidate.to_lowercase());
+    let nearest = candidates.into_iter().min_by_key(distance)?;
+    let allowed = (word.chars().count() / 3).max(1);
+    (edit_distance(&lower, &nearest.to_lowercase()) <= allowed).then_some(nearest)
+}
+
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substituted = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substituted.min(row[j] + 1).min(row[j + 1] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+impl Setting for f64 {
+    fn expected() -> String {
+        "a number".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        match value.shape {
+            Shape::Number(number, _) if number.is_finite() => Some(number),
+            _ => {
+                reading.mismatch(value, "a finite number");
+                None
+            }
+        }
+    }
+    fn show(&self) -> String {
+        format!("{self:?}")
+    }
+    fn number(&self) -> Option<f64> {
+        Some(*self)
+    }
+}
+
+macro_rules! whole_number {
+    ($($type:ty),*) => {$(
+        impl Setting for $type {
+            fn expected() -> String {
+                "a whole number".into()
+            }
+            fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+                if let Shape::Number(_, text) = &value.shape
+                    && let Ok(number) = text.replace('_', "").parse()
+                {
+                    return Some(number);
+                }
+                reading.mismatch(value, &format!("a whole number from {} to {}", <$type>::MIN, <$type>::MAX));
+                None
+            }
+            fn show(&self) -> String {
+                self.to_string()
+            }
+            fn number(&self) -> Option<f64> {
+                Some(*self as f64)
+            }
+        }
+    )*};
+}
+whole_number!(u32, u64, usize);
+
+impl Setting for bool {
+    fn expected() -> String {
+        "true or false".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::Bool(flag) = value.shape {
+            return Some(flag);
+        }
+        reading.mismatch(value, "true or false");
+        None
+    }
+    fn show(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Setting for String {
+    fn expected() -> String {
+        "a string".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::String(text) = &value.shape {
+            return Some(text.clone());
+        }
+        reading.mismatch(value, "a string in quotes");
+        None
+    }
+    fn show(&self) -> String {
+        format!("{self:?}")
+    }
+}
+
+impl Setting for PathBuf {
+    fn expected() -> String {
+        "a path in quotes, relative to this file".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::String(text) = &value.shape {
+            return Some(reading.resolve(value.span, text));
+        }
+        reading.mismatch(value, "a path in quotes");
+        None
+    }
+    fn show(&self) -> String {
+        format!("{:?}", self.display().to_string())
+    }
+}
+
+impl<T: Setting> Setting for Option<T> {
+    fn expected() -> String {
+        format!("{} or None", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::Tagged(Tagged {
+            name: Some(name),
+            body,
+        }) = &value.shape
+        {
+            match (name.text.as_str(), body) {
+                ("None", Body::Bare) => return Some(None),
+                ("Some", Body::Tuple(inner)) if inner.len() == 1 => {
+                    return T::read(&inner[0], reading).map(Some);
+                }
+                _ => {}
+            }
+        }
+        T::read(value, reading).map(Some)
+    }
+    fn show(&self) -> String {
+        self.as_ref().map_or_else(|| "None".into(), T::show)
+    }
+    fn number(&self) -> Option<f64> {
+        self.as_ref().and_then(T::number)
+    }
+}
+
+impl<T: Setting> Setting for Vec<T> {
+    fn expected() -> String {
+        format!("a list [...], each {}", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let Shape::List(values) = &value.shape else {
+            reading.mismatch(value, &Self::expected());
+            return None;
+        };
+        // Every element is read, so that all errors are seen at once.
+        let read: Vec<Option<T>> = values.iter().map(|value| T::read(value, reading)).collect();
+        read.into_iter().collect()
+    }
+    fn show(&self) -> String {
+        format!("[{}]", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    }
+}
+
+impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
+    fn expected() -> String {
+        format!("{N} values in round brackets, each {}", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let values = match &value.shape {
+            Shape::List(values) => values,
+            Shape::Tagged(Tagged {
+                name: None,
+                body: Body::Tuple(values),
+            }) => values,
+            _ => {
+                reading.mismatch(value, &Self::expected());
+                return None;
+            }
+        };
+        if values.len() != N {
+            reading.mismatch(value, &Self::expected());
+            return None;
+        }
+        let mut read = [T::default(); N];
+        for (slot, value) in read.iter_mut().zip(values) {
+            *slot = T::read(value, reading)?;
+        }
+        Some(read)
+    }
+    fn show(&self) -> String {
+        format!("({})", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// Declares a struct of settings with its documentation, defaults and ranges in one place.
+///
+/// ```
+/// haptograph_engine::settings! {
+///     /// Settings of a low-pass.
+///     pub struct LowPassSettings {
+///         /// Where the response has fallen by 3 dB.
+///         [live] cutoff_hz: f64 = 20.0, in 0.01..=20_000.0;
+///         /// Poles.
+///         order: u32 = 2, in 1..=10;
+///     }
+/// }
+/// ```
+/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs.
+#[macro_export]
+macro_rules! settings {
+    ($(#[doc = $summary:expr])* $vis:vis struct $name:ident {
+        $($(#[doc = $doc:expr])* $([$live:ident])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
+    }) => {
+        $(#[doc = $summary])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis struct $name { $($(#[doc = $doc])* pub $field: $type,)* }
+
+        impl $crate::settings::Settings for $name {
+            fn specs() -> Vec<$crate::settings::SettingSpec> {
+                vec![$($crate::settings::SettingSpec {
+                    name: stringify!($field),
+                    doc: [$($doc),*].concat().trim().to_owned(),
+                    expected: <$type as $crate::settings::Setting>::expected(),
+                    default: {
+                        #[allow(unused_mut, unused_assignments)]
+                        let mut default: Option<$type> = None;
+                        $(default = Some($default);)?
+                        default.map(|value| $crate::settings::Setting::show(&value))
+                    },
+                    range: {
+                        #[allow(unused_mut, unused_assignments)]
+                        let mut range = None;
+                        $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
+                        range
+                    },
+                    live: [$(stringify!($live)),*].contains(&"live"),
+                }),*]
+            }
+
+            #[allow(unused_variables, unused_mut, unused_assignments)]
+            fn take_from(
+                fields: &mut $crate::settings::Fields,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                // All fields are read before the first `?`, so that all errors are reported.
+                $(let $field = {
+                    let mut default: Option<$type> = None;
+                    $(default = Some($default);)?
+                    let mut range = None;
+                    $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
+                    fields.setting(stringify!($field), default, range, reading)
+                };)*
+                Some(Self { $($field: $field?,)* })
+            }
+        }
+
+        impl $crate::settings::Setting for $name {
+            fn expected() -> String {
+                let fields: Vec<&str> = vec![$(stringify!($field)),*];
+                format!("a structure ({})", fields.join(": ..., ") + ": ...")
+            }
+            fn read(
+                value: &$crate::document::value::Value,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                let mut fields = $crate::settings::fields_of(value, stringify!($name), reading)?;
+                let read = <Self as $crate::settings::Settings>::take_from(&mut fields, reading);
+                fields.finish(reading);
+                read
+            }
+            fn show(&self) -> String {
+                let fields: Vec<String> = vec![
+                    $(format!("{}: {}", stringify!($field), $crate::settings::Setting::show(&self.$field))),*
+                ];
+                format!("({})", fields.join(", "))
+            }
+        }
+    };
+}
+
+/// Declares an enum that a setting chooses from: bare names, or names with settings of their own.
+///
+/// ```
+/// haptograph_engine::settings! {
+///     /// A circle.
+///     pub struct CircleSettings {
+///         /// Its radius.
+///         radius_mm: f64 = 30.0;
+///     }
+/// }
+/// haptograph_engine::choices! {
+///     /// A path to follow.
+///     pub enum Stroke {
+///         /// Stay where you are.
+///         Still,
+///         /// Round and round.
+///         Circles(CircleSettings),
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! choices {
+    ($(#[doc = $summary:expr])* $vis:vis enum $name:ident {
+        $($(#[doc = $doc:expr])* $variant:ident $(($payload:ty))? ,)*
+    }) => {
+        $(#[doc = $summary])*
+        #[derive(Debug, Clone, PartialEq)]
+        $vis enum $name { $($(#[doc = $doc])* $variant $(($payload))?,)* }
+
+        impl $crate::settings::Setting for $name {
+            fn expected() -> String {
+                let names: Vec<&str> = vec![$(stringify!($variant)),*];
+                format!("one of {}", names.join(", "))
+            }
+            fn read(
+                value: &$crate::document::value::Value,
+                reading: &mut $crate::settings::Reading<'_>,
+            ) -> Option<Self> {
+                use $crate::document::value::{Shape, Tagged};
+                let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape else {
+                    reading.mismatch(value, &Self::expected());
+                    return None;
+                };
+                match name.text.as_str() {
+                    $(stringify!($variant) => $crate::choices!(@read $name $variant value reading $($payload)?),)*
+                    unknown => {
+                        $crate::settings::unknown_choice(unknown, &[$(stringify!($variant)),*], name.span, reading);
+                        None
+                    }
+                }
+            }
+            fn show(&self) -> String {
+                match self { $($crate::choices!(@pattern $variant shown $($payload)?) =>
+                    $crate::choices!(@show $variant shown $($payload)?),)* }
+            }
+        }
+    };
+    (@read $name:ident $variant:ident $value:ident $reading:ident) => {{
+        let fields = $crate::settings::fields_of($value, stringify!($variant), $reading)?;
+        fields.finish($reading);
+        Some($name::$variant)
+    }};
+    (@read $name:ident $variant:ident $value:ident $reading:ident $payload:ty) => {{
+        let mut fields = $crate::settings::fields_of($value, stringify!($variant), $reading)?;
+        let read = <$payload as $crate::settings::Settings>::take_from(&mut fields, $reading);
+        fields.finish($reading);
+        read.map($name::$variant)
+    }};
+    (@pattern $variant:ident $shown:ident) => { Self::$variant };
+    (@pattern $variant:ident $shown:ident $payload:ty) => { Self::$variant($shown) };
+    (@show $variant:ident $shown:ident) => { stringify!($variant).to_owned() };
+    (@show $variant:ident $shown:ident $payload:ty) => {
+        format!("{}{}", stringify!($variant), $crate::settings::Setting::show($shown))
+    };
+}
+
+/// Reports a name that is none of `choices`.
+pub fn unknown_choice(word: &str, choices: &[&'static str], span: Span, reading: &mut Reading<'_>) {
+    let diagnostic = Diagnostic::error(
+        "E0303",
+        span,
+        format!("`{word}` is none of {}", choices.join(", ")),
+    );
+    reading
+        .diagnostics
+        .push(match closest(word, choices.iter().copied()) {
+            Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+            None => diagnostic.help(format!("choose one of {}", choices.join(", "))),
+        });
+}
+
+settings! {
+    /// No settings.
+    pub struct NoSettings {}
+}
