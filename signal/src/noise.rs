@@ -4,7 +4,7 @@
 //! costs under a nanosecond a sample. Every operation is an exactly rounded one (no fused multiply-add, no libm), so
 //! a seed gives the same bits on every processor.
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rand_xoshiro::SplitMix64;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
@@ -174,34 +174,51 @@ impl Lanes {
     }
 }
 
-fn uniform_batch(arch: Arch, lanes: &mut Lanes, batch: &mut [f64; BATCH]) {
-    arch.dispatch(
-        #[inline(always)]
-        || {
-            for samples in batch.as_chunks_mut::<LANES>().0 {
-                let words = lanes.next();
-                for l in 0..LANES {
-                    samples[l] = unit_interval(words[l]) - 1.0;
-                }
+/// A batch of uniform samples. A struct because only its method, not a closure, is sure to be compiled for the
+/// instruction set it is dispatched to; likewise below.
+struct UniformBatch<'a>(&'a mut Lanes, &'a mut [f64; BATCH]);
+
+impl WithSimd for UniformBatch<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(lanes, batch) = self;
+        for samples in batch.as_chunks_mut::<LANES>().0 {
+            let words = lanes.next();
+            for l in 0..LANES {
+                samples[l] = unit_interval(words[l]) - 1.0;
             }
-        },
-    );
+        }
+    }
+}
+
+/// A batch of normal samples.
+struct NormalBatch<'a>(&'a mut Lanes, &'a mut [f64; BATCH]);
+
+impl WithSimd for NormalBatch<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self(lanes, batch) = self;
+        for samples in batch.as_chunks_mut::<{ 2 * LANES }>().0 {
+            let (radius, angle) = (lanes.next(), lanes.next());
+            for l in 0..LANES {
+                let (x, y) = normal_pair(radius[l], angle[l]);
+                samples[l] = x;
+                samples[LANES + l] = y;
+            }
+        }
+    }
+}
+
+fn uniform_batch(arch: Arch, lanes: &mut Lanes, batch: &mut [f64; BATCH]) {
+    arch.dispatch(UniformBatch(lanes, batch));
 }
 
 fn normal_batch(arch: Arch, lanes: &mut Lanes, batch: &mut [f64; BATCH]) {
-    arch.dispatch(
-        #[inline(always)]
-        || {
-            for samples in batch.as_chunks_mut::<{ 2 * LANES }>().0 {
-                let (radius, angle) = (lanes.next(), lanes.next());
-                for l in 0..LANES {
-                    let (x, y) = normal_pair(radius[l], angle[l]);
-                    samples[l] = x;
-                    samples[LANES + l] = y;
-                }
-            }
-        },
-    );
+    arch.dispatch(NormalBatch(lanes, batch));
 }
 
 /// The upper 52 bits as a number in [1, 2).
