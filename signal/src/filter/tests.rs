@@ -235,7 +235,7 @@ fn filtfilt_leaves_lines_alone_and_shifts_no_phase() {
     for n in 5000..15_000 {
         assert!((out[n] - gain * sine[n]).abs() < 1e-6);
     }
-    assert_eq!(filtfilt(&filter, &[]), []);
+    assert!(filtfilt(&filter, &[]).is_empty());
     assert!((filtfilt(&filter, &[2.0])[0] - 2.0).abs() < 1e-12);
 }
 
