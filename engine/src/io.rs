@@ -9,6 +9,7 @@ use crate::frame::{Contact, Weights};
 pub(crate) struct Buffer {
     data: Vec<f64>,
     base: usize,
+    len: usize,
 }
 
 /// f64s in a cache line.
@@ -18,17 +19,17 @@ impl Buffer {
     pub(crate) fn new(len: usize) -> Self {
         let data = vec![0.0; len + LINE];
         let base = data.as_ptr().align_offset(64).min(LINE);
-        Self { data, base }
+        Self { data, base, len }
     }
 
     #[inline]
     pub(crate) fn all(&self) -> &[f64] {
-        &self.data[self.base..]
+        &self.data[self.base..self.base + self.len]
     }
 
     #[inline]
     pub(crate) fn all_mut(&mut self) -> &mut [f64] {
-        &mut self.data[self.base..]
+        &mut self.data[self.base..self.base + self.len]
     }
 }
 

@@ -13,5 +13,7 @@ pub mod graph;
 mod io;
 pub mod limiter;
 pub mod node;
+pub mod plan;
 pub mod registry;
+pub mod run;
 pub mod settings;

@@ -1,0 +1,525 @@
+//! From a sound graph to a plan.
+
+use super::order::{Group, delay_frames, order, sink_device, source_device};
+use super::slots::{Demand, assign};
+use super::{
+    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, Plan, PlanOptions, Step,
+    StepWork, Tap,
+};
+use crate::graph::{Bridge, Edge, Graph, Work};
+use crate::io::{Binding, Form, LINE, Placing};
+use crate::node::Stream;
+use petgraph::graph::{EdgeIndex, NodeIndex};
+use petgraph::visit::EdgeRef;
+use std::collections::HashMap;
+
+/// A port before buffers have their places: the demand it lies in, and where.
+#[derive(Debug, Clone, Copy)]
+struct Port {
+    demand: usize,
+    placing: Placing,
+    clock: u32,
+}
+
+/// What makes two crossings of rates the same.
+type Crossing = (NodeIndex, usize, &'static str, usize, bool, usize);
+
+struct Builder<'a> {
+    graph: &'a Graph,
+    plan: Plan,
+    demands: Vec<Demand>,
+    /// Ports of each node.
+    ports: Vec<Vec<Port>>,
+    /// What a reader of a crossing reads.
+    crossings: HashMap<Crossing, Port>,
+    /// Delays of loops: by edge, the delay and what its reader reads.
+    loops: HashMap<EdgeIndex, (u32, Port)>,
+    sinks_left: Vec<usize>,
+}
+
+const NO_SLOT: u32 = u32::MAX;
+
+pub(super) fn build(graph: &Graph, options: &PlanOptions) -> Plan {
+    let mut builder = Builder::new(graph, options);
+    for (number, group) in order(graph).iter().enumerate() {
+        builder.group(group, number);
+    }
+    builder.finish(&options.taps)
+}
+
+impl<'a> Builder<'a> {
+    fn new(graph: &'a Graph, options: &PlanOptions) -> Self {
+        let block = if options.block == 0 {
+            64
+        } else {
+            options.block.min(MAX_BLOCK)
+        };
+        let mut sinks_left = vec![0; graph.devices.len()];
+        for node in graph.nodes.node_weights() {
+            if let Some(device) = sink_device(&node.work) {
+                sinks_left[device] += 1;
+            }
+        }
+        let plan = Plan {
+            block,
+            driver: graph
+                .clocks
+                .iter()
+                .enumerate()
+                .position(|(i, clock)| clock.driver == i)
+                .unwrap_or(0),
+            base: graph.base.clone(),
+            rates: graph.clocks.iter().map(|clock| clock.rate).collect(),
+            clock_names: graph.clocks.iter().map(|clock| clock.name.clone()).collect(),
+            steps: Vec::new(),
+            bindings: Vec::new(),
+            placings: Vec::new(),
+            slots: Vec::new(),
+            pacings: Vec::new(),
+            processors: Vec::new(),
+            devices: graph
+                .devices
+                .iter()
+                .map(|device| DevicePlan {
+                    name: device.name.clone(),
+                    device: device.device.clone_box(),
+                    reads: Vec::new(),
+                    writes: Vec::new(),
+                })
+                .collect(),
+            actuators: Vec::new(),
+            bridges: Vec::new(),
+            delays: Vec::new(),
+            taps: Vec::new(),
+            lives: Vec::new(),
+        };
+        Self {
+            graph,
+            plan,
+            demands: Vec::new(),
+            ports: vec![Vec::new(); graph.nodes.node_count()],
+            crossings: HashMap::new(),
+            loops: HashMap::new(),
+            sinks_left,
+        }
+    }
+
+    fn group(&mut self, group: &Group, number: usize) {
+        let before = self.plan.steps.len();
+        if group.pacing.is_empty() {
+            self.node(group.members[0], number);
+            return;
+        }
+        let clock = self.graph.nodes[group.members[0]].clock.unwrap_or(0);
+        let work = StepWork::Island {
+            steps: 0,
+            first_pacing: self.plan.pacings.len() as u32,
+            pacings: group.pacing.len() as u32,
+        };
+        self.plan.pacings.extend(&group.pacing);
+        self.step(work, clock, group.members[0], "island".into());
+        let delays = self.loop_delays(group);
+        for edge in &delays {
+            self.delay_read(*edge);
+        }
+        for member in &group.members {
+            self.node(*member, number);
+        }
+        for edge in &delays {
+            self.delay_write(*edge);
+        }
+        self.close_island(before);
+    }
+
+    /// Tells the island how long it is, and keeps all of its buffers alive from its first step to its last: its
+    /// steps run many times a block.
+    fn close_island(&mut self, begin: usize) {
+        let end = self.plan.steps.len() - 1;
+        if let StepWork::Island { steps, .. } = &mut self.plan.steps[begin].work {
+            *steps = (end - begin) as u32;
+        }
+        for demand in &mut self.demands {
+            if demand.from >= begin {
+                demand.from = begin;
+                demand.to = demand.to.max(end);
+            } else if demand.to >= begin {
+                demand.to = end;
+            }
+        }
+    }
+
+    fn loop_delays(&self, group: &Group) -> Vec<EdgeIndex> {
+        let inside = |node: NodeIndex| group.members.contains(&node);
+        let edges = self.graph.nodes.edge_references();
+        let mut delays: Vec<_> = edges
+            .filter(|edge| {
+                inside(edge.source()) && inside(edge.target()) && delay_frames(edge.weight()).is_some()
+            })
+            .collect();
+        delays.sort_by_key(|edge| (&self.graph.nodes[edge.target()].path, edge.weight().input));
+        delays.into_iter().map(|edge| edge.id()).collect()
+    }
+
+    fn delay_read(&mut self, edge: EdgeIndex) {
+        let Some((from, to)) = self.graph.nodes.edge_endpoints(edge) else {
+            return;
+        };
+        let weight = &self.graph.nodes[edge];
+        let delay = self.delay_plan(from, weight);
+        let clock = self.graph.nodes[to].clock.unwrap_or(0);
+        let width = self.plan.delays[delay as usize].width;
+        let label = format!("delayed {}", self.port_name(from, weight.output));
+        let step = self.step(StepWork::DelayRead(delay), clock, to, label);
+        let ports = self.allot(step, clock, &[width]);
+        self.loops.insert(edge, (delay, ports[0]));
+    }
+
+    fn delay_write(&mut self, edge: EdgeIndex) {
+        let Some((from, to)) = self.graph.nodes.edge_endpoints(edge) else {
+            return;
+        };
+        let Some(&(delay, _)) = self.loops.get(&edge) else {
+            return;
+        };
+        let output = self.graph.nodes[edge].output;
+        let port = self.ports[from.index()][output];
+        let label = format!("hold back {}", self.port_name(from, output));
+        let step = self.step(StepWork::DelayWrite(delay), port.clock as usize, to, label);
+        self.bind(step, port, Form::Sampled);
+    }
+
+    fn delay_plan(&mut self, from: NodeIndex, edge: &Edge) -> u32 {
+        let Bridge::Delay { frames, initial } = edge.bridge else {
+            return 0;
+        };
+        let width = self.graph.nodes[from].outputs[edge.output].kind.width();
+        self.plan.delays.push(DelayPlan {
+            frames,
+            initial,
+            width,
+        });
+        (self.plan.delays.len() - 1) as u32
+    }
+
+    fn node(&mut self, index: NodeIndex, group: usize) {
+        let graph = self.graph;
+        let node = &graph.nodes[index];
+        let Some(clock) = node.clock else { return };
+        let inputs = self.inputs(index, group);
+        let widths: Vec<usize> = node.outputs.iter().map(|output| output.kind.width()).collect();
+        let work = match &node.work {
+            Work::Process(processor) => {
+                self.plan.processors.push(processor.clone_box());
+                StepWork::Process((self.plan.processors.len() - 1) as u32)
+            }
+            Work::Actuator { gain, limit, .. } => {
+                self.plan.actuators.push(ActuatorPlan {
+                    path: node.path.clone(),
+                    gain: *gain,
+                    limit: *limit,
+                    width: widths.first().copied().unwrap_or(0),
+                    rate: graph.clocks[clock].rate,
+                });
+                StepWork::Actuator((self.plan.actuators.len() - 1) as u32)
+            }
+            Work::Source { device, .. } => StepWork::DeviceRead(*device as u32),
+            Work::File(_) => return,
+        };
+        let first_source =
+            source_device(&node.work).is_none_or(|device| self.plan.devices[device].reads.is_empty());
+        let step = match first_source {
+            true => self.step(work, clock, index, node.path.clone()),
+            // All sources of a device are filled by the step of the first one.
+            false => self.source_step(&node.work),
+        };
+        for (port, form) in inputs {
+            self.bind(step, port, form);
+        }
+        let ports = self.allot(step, clock, &widths);
+        self.bind_device(&node.work, &ports, index, clock);
+        self.ports[index.index()] = ports;
+    }
+
+    fn source_step(&self, work: &Work) -> usize {
+        let wanted = source_device(work).map(|device| StepWork::DeviceRead(device as u32));
+        self.plan
+            .steps
+            .iter()
+            .position(|step| Some(step.work) == wanted)
+            .unwrap_or(0)
+    }
+
+    /// Connects the ports of sources and sinks to their device; the last sink is followed by the write.
+    fn bind_device(&mut self, work: &Work, ports: &[Port], index: NodeIndex, clock: usize) {
+        match work {
+            Work::Source { device, channels } => {
+                for (port, channel) in ports.iter().zip(channels) {
+                    self.plan.devices[*device]
+                        .reads
+                        .push((port.demand as u32, port.placing, *channel));
+                }
+            }
+            Work::Actuator { device, channel, .. } => {
+                for port in ports {
+                    self.plan.devices[*device]
+                        .writes
+                        .push((port.demand as u32, port.placing, *channel));
+                }
+                self.sinks_left[*device] -= 1;
+                if self.sinks_left[*device] == 0 {
+                    let label = format!("drive {}", self.plan.devices[*device].name);
+                    let step = self.step(StepWork::DeviceWrite(*device as u32), clock, index, label);
+                    for (demand, ..) in self.plan.devices[*device].writes.clone() {
+                        self.demands[demand as usize].to = step;
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Where each input of a node lies, with the crossings it needs planned before it.
+    fn inputs(&mut self, index: NodeIndex, group: usize) -> Vec<(Port, Form)> {
+        let graph = self.graph;
+        let node = &graph.nodes[index];
+        let absent = Port {
+            demand: usize::MAX,
+            placing: Placing { start: 0, width: 0 },
+            clock: 0,
+        };
+        let mut inputs: Vec<(Port, Form)> = node
+            .inputs
+            .iter()
+            .map(|input| {
+                let placing = Placing {
+                    start: 0,
+                    width: input.kind.width() as u32,
+                };
+                (Port { placing, ..absent }, Form::Absent)
+            })
+            .collect();
+        let edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
+        for edge in edges {
+            let held = node.inputs[edge.weight().input].held;
+            inputs[edge.weight().input] =
+                self.connection(edge.id(), edge.source(), index, edge.weight(), held, group);
+        }
+        inputs
+    }
+
+    fn connection(
+        &mut self,
+        id: EdgeIndex,
+        from: NodeIndex,
+        to: NodeIndex,
+        edge: &Edge,
+        held: bool,
+        group: usize,
+    ) -> (Port, Form) {
+        let form = |held| if held { Form::Runs } else { Form::Sampled };
+        let (kind, name) = match edge.bridge {
+            Bridge::Direct => return (self.ports[from.index()][edge.output], Form::Sampled),
+            Bridge::Delay { .. } => match self.loops.get(&id) {
+                Some((_, port)) => return (*port, Form::Sampled),
+                None => (BridgeKind::Delay(self.delay_plan(from, edge)), "delay"),
+            },
+            Bridge::Hold if held => (BridgeKind::HoldRuns, "hold"),
+            Bridge::Hold => (BridgeKind::Hold, "hold"),
+            Bridge::Linear => (BridgeKind::Linear, "linear"),
+            Bridge::Average => (BridgeKind::Average, "average"),
+            Bridge::Resample => (BridgeKind::Resample, "resample"),
+        };
+        let clock = self.graph.nodes[to].clock.unwrap_or(0);
+        let runs = kind == BridgeKind::HoldRuns;
+        let key = (from, edge.output, name, clock, runs, group);
+        let shared = !matches!(kind, BridgeKind::Delay(_));
+        if shared && let Some(port) = self.crossings.get(&key) {
+            return (*port, form(runs));
+        }
+        let port = self.bridge(
+            kind,
+            name,
+            self.ports[from.index()][edge.output],
+            clock,
+            (from, edge.output, to),
+        );
+        if shared {
+            self.crossings.insert(key, port);
+        }
+        (port, form(runs))
+    }
+
+    fn bridge(
+        &mut self,
+        kind: BridgeKind,
+        name: &str,
+        source: Port,
+        clock: usize,
+        (from, output, to): (NodeIndex, usize, NodeIndex),
+    ) -> Port {
+        let width = source.placing.width as usize;
+        let (max_from, max_to) = (self.most_frames(source.clock as usize), self.most_frames(clock));
+        self.plan.bridges.push(BridgePlan {
+            kind,
+            from: source.clock,
+            width,
+            max_from,
+            max_to,
+        });
+        let work = StepWork::Bridge((self.plan.bridges.len() - 1) as u32);
+        let label = format!("{name} {}", self.port_name(from, output));
+        let step = self.step(work, clock, to, label);
+        self.bind(step, source, Form::Sampled);
+        if kind == BridgeKind::HoldRuns {
+            let len = 1 + (max_from.min(max_to) + 2) * (width + 1);
+            return self.allot_len(step, clock, width, len);
+        }
+        self.allot(step, clock, &[width])[0]
+    }
+
+    fn step(&mut self, work: StepWork, clock: usize, node: NodeIndex, label: String) -> usize {
+        let (inputs, outputs) = (self.plan.bindings.len() as u32, self.plan.placings.len() as u32);
+        self.plan.steps.push(Step {
+            work,
+            clock: clock as u32,
+            out: NO_SLOT,
+            inputs: inputs..inputs,
+            outputs: outputs..outputs,
+            node,
+            label,
+        });
+        self.plan.steps.len() - 1
+    }
+
+    /// Adds an input to the step that was added last.
+    fn bind(&mut self, step: usize, port: Port, form: Form) {
+        if form != Form::Absent {
+            self.demands[port.demand].to = self.demands[port.demand].to.max(step);
+        }
+        self.plan.bindings.push(Binding {
+            // The demand for now; `finish` puts the slot here.
+            slot: port.demand as u32,
+            start: port.placing.start,
+            width: port.placing.width,
+            form,
+            clock: self.plan.steps[step].clock,
+        });
+        self.plan.steps[step].inputs.end += 1;
+    }
+
+    /// Places the outputs of a step one after the other in a buffer of its own.
+    fn allot(&mut self, step: usize, clock: usize, widths: &[usize]) -> Vec<Port> {
+        let frames = self.most_frames(clock);
+        let lens: Vec<usize> = widths
+            .iter()
+            .map(|width| (width * frames).next_multiple_of(LINE))
+            .collect();
+        self.place(step, clock, widths, &lens)
+    }
+
+    fn allot_len(&mut self, step: usize, clock: usize, width: usize, len: usize) -> Port {
+        self.place(step, clock, &[width], &[len])[0]
+    }
+
+    fn place(&mut self, step: usize, clock: usize, widths: &[usize], lens: &[usize]) -> Vec<Port> {
+        if widths.is_empty() {
+            return Vec::new();
+        }
+        let demand = self.demands.len();
+        self.demands.push(Demand {
+            len: lens.iter().sum(),
+            from: step,
+            to: step,
+        });
+        let mut start = 0;
+        let mut ports = Vec::with_capacity(widths.len());
+        for (width, len) in widths.iter().zip(lens) {
+            let placing = Placing {
+                start: start as u32,
+                width: *width as u32,
+            };
+            ports.push(Port {
+                demand,
+                placing,
+                clock: clock as u32,
+            });
+            start += len;
+        }
+        if self.plan.steps[step].out == NO_SLOT {
+            self.plan.steps[step].out = demand as u32;
+            self.plan.steps[step].outputs.start = self.plan.placings.len() as u32;
+            self.plan.placings.extend(ports.iter().map(|port| port.placing));
+            self.plan.steps[step].outputs.end = self.plan.placings.len() as u32;
+        }
+        ports
+    }
+
+    /// The most ticks of a clock that a block can hold, wherever it begins.
+    fn most_frames(&self, clock: usize) -> usize {
+        let block = self
+            .plan
+            .base
+            .period(self.plan.driver)
+            .saturating_mul(self.plan.block as u64);
+        usize::try_from(block.div_ceil(self.plan.base.period(clock))).unwrap_or(usize::MAX)
+    }
+
+    fn port_name(&self, node: NodeIndex, output: usize) -> String {
+        let node = &self.graph.nodes[node];
+        format!("{}.{}", node.path, node.outputs[output].name)
+    }
+
+    fn finish(mut self, taps: &[(NodeIndex, usize)]) -> Plan {
+        let last = self.plan.steps.len();
+        let tapped: Vec<(Port, Stream)> = taps
+            .iter()
+            .filter_map(|(node, output)| {
+                let port = *self.ports.get(node.index())?.get(*output)?;
+                Some((port, self.stream(*node, *output, port)))
+            })
+            .collect();
+        for (port, _) in &tapped {
+            self.demands[port.demand].to = last;
+        }
+        let (placed, slots, lives) = assign(&self.demands);
+        let plan = &mut self.plan;
+        let slot = |demand: u32| placed.get(demand as usize).copied().unwrap_or(NO_SLOT);
+        for binding in &mut plan.bindings {
+            binding.slot = if binding.form == Form::Absent {
+                NO_SLOT
+            } else {
+                slot(binding.slot)
+            };
+        }
+        for step in &mut plan.steps {
+            step.out = slot(step.out);
+        }
+        for device in &mut plan.devices {
+            for (buffer, ..) in device.reads.iter_mut().chain(&mut device.writes) {
+                *buffer = slot(*buffer);
+            }
+        }
+        plan.taps = tapped
+            .into_iter()
+            .map(|(port, stream)| Tap {
+                slot: placed[port.demand],
+                placing: port.placing,
+                clock: port.clock,
+                stream,
+            })
+            .collect();
+        (plan.slots, plan.lives) = (slots, lives);
+        self.plan
+    }
+
+    fn stream(&self, index: NodeIndex, output: usize, port: Port) -> Stream {
+        let node = &self.graph.nodes[index];
+        Stream {
+            name: self.port_name(index, output),
+            kind: node.outputs[output].kind,
+            quantity: node.outputs[output].quantity,
+            rate: self.plan.rates[port.clock as usize],
+            simulated: node.simulated,
+        }
+    }
+}

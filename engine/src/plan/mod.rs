@@ -1,0 +1,192 @@
+//! The plan of a graph: a flat list of steps over a few reused buffers, with no name left to look up.
+//!
+//! A plan is pure data and pristine state; [`Run`](crate::run::Run) clones what moves. Time is cut into windows of
+//! whole driver frames; every clock fires the ticks that fall into the window, so that samples do not depend on how
+//! it is cut. Loops closed by a delay or a device are **islands**: their steps run in sub-windows that begin at the
+//! loop's own ticks.
+
+mod build;
+mod order;
+mod show;
+mod slots;
+
+use crate::device::Device;
+use crate::graph::Graph;
+use crate::io::{Binding, Placing};
+use crate::node::{Limit, Processor, Stream};
+use haptograph_signal::time::{Rate, TimeBase};
+use petgraph::graph::NodeIndex;
+use std::ops::Range;
+
+/// The longest block, in driver frames.
+pub const MAX_BLOCK: usize = 1024;
+
+/// How a graph is planned.
+#[derive(Debug, Clone, Default)]
+pub struct PlanOptions {
+    /// Driver frames of a block, cut to 1 ..= [`MAX_BLOCK`]; 0 stands for 64.
+    pub block: usize,
+    /// Outputs whose frames are wanted after every block.
+    pub taps: Vec<(NodeIndex, usize)>,
+}
+
+/// A graph laid out to run.
+pub struct Plan {
+    pub(crate) block: usize,
+    /// The clock whose frames a block counts.
+    pub(crate) driver: usize,
+    pub(crate) base: TimeBase,
+    pub(crate) rates: Vec<Rate>,
+    pub(crate) clock_names: Vec<String>,
+    pub(crate) steps: Vec<Step>,
+    pub(crate) bindings: Vec<Binding>,
+    pub(crate) placings: Vec<Placing>,
+    /// f64s of each buffer.
+    pub(crate) slots: Vec<usize>,
+    pub(crate) pacings: Vec<u64>,
+    pub(crate) processors: Vec<Box<dyn Processor>>,
+    pub(crate) devices: Vec<DevicePlan>,
+    pub(crate) actuators: Vec<ActuatorPlan>,
+    pub(crate) bridges: Vec<BridgePlan>,
+    pub(crate) delays: Vec<DelayPlan>,
+    pub(crate) taps: Vec<Tap>,
+    /// First and last step that need each slot's present content, by step: what lives across a cut of the list.
+    pub(crate) lives: Vec<Life>,
+}
+
+/// One line of the plan.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Step {
+    pub work: StepWork,
+    /// Clock whose ticks it runs at.
+    pub clock: u32,
+    /// Buffer it writes, `u32::MAX` for none.
+    pub out: u32,
+    pub inputs: Range<u32>,
+    pub outputs: Range<u32>,
+    /// The node it belongs to.
+    pub node: NodeIndex,
+    /// For people: `speed`, `hold stylus.force`.
+    pub label: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum StepWork {
+    /// Runs a processor.
+    Process(u32),
+    /// Limits what a device will be given.
+    Actuator(u32),
+    /// Advances a device and fills its sources.
+    DeviceRead(u32),
+    /// Hands a device what its sinks delivered.
+    DeviceWrite(u32),
+    /// Crosses a rate, or delays outside of any loop.
+    Bridge(u32),
+    /// Gives what a loop's delay held back.
+    DelayRead(u32),
+    /// Takes what a loop's delay will hold back.
+    DelayWrite(u32),
+    /// The next `steps` steps run in windows that end at multiples of the pacings.
+    Island {
+        steps: u32,
+        first_pacing: u32,
+        pacings: u32,
+    },
+}
+
+/// A device in a plan. Only `DeviceRead` moves a device that has sources; else `DeviceWrite` does.
+pub(crate) struct DevicePlan {
+    pub name: String,
+    pub device: Box<dyn Device>,
+    /// (buffer, placing, channel)
+    pub reads: Vec<(u32, Placing, usize)>,
+    pub writes: Vec<(u32, Placing, usize)>,
+}
+
+/// An actuator sink in a plan.
+pub(crate) struct ActuatorPlan {
+    pub path: String,
+    pub gain: f64,
+    pub limit: Limit,
+    pub width: usize,
+    pub rate: Rate,
+}
+
+/// A crossing of rates in a plan; the reader's clock is its step's.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct BridgePlan {
+    pub kind: BridgeKind,
+    /// Clock it reads.
+    pub from: u32,
+    pub width: usize,
+    /// Most frames of its two clocks in a block.
+    pub max_from: usize,
+    pub max_to: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum BridgeKind {
+    Hold,
+    HoldRuns,
+    Linear,
+    Average,
+    Resample,
+    /// Index among the delays.
+    Delay(u32),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DelayPlan {
+    pub frames: u64,
+    pub initial: f64,
+    pub width: usize,
+}
+
+/// Where the frames of a tapped output lie.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tap {
+    pub slot: u32,
+    pub placing: Placing,
+    pub clock: u32,
+    pub stream: Stream,
+}
+
+/// A buffer's content: written at step `from`, last needed at step `to`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Life {
+    pub slot: u32,
+    pub from: usize,
+    pub to: usize,
+}
+
+impl Plan {
+    /// Lays out a graph.
+    pub fn new(graph: &Graph, options: &PlanOptions) -> Self {
+        build::build(graph, options)
+    }
+
+    /// Driver frames of a block.
+    pub fn block(&self) -> usize {
+        self.block
+    }
+
+    /// Rate of the driver whose frames a block counts.
+    pub fn driver_rate(&self) -> Rate {
+        self.rates[self.driver]
+    }
+
+    /// Number of steps.
+    pub fn step_count(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Bytes of all signal buffers.
+    pub fn buffer_bytes(&self) -> usize {
+        self.slots.iter().sum::<usize>() * size_of::<f64>()
+    }
+
+    /// What each tap carries, in the order asked for.
+    pub fn tap_streams(&self) -> impl Iterator<Item = &Stream> {
+        self.taps.iter().map(|tap| &tap.stream)
+    }
+}

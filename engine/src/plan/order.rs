@@ -1,0 +1,192 @@
+//! The order in which nodes run, and the islands that have to run in small windows.
+
+use crate::graph::{Bridge, Edge, Graph, Work};
+use petgraph::algo::tarjan_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
+use petgraph::visit::EdgeRef;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Nodes that run together: one node, or an island closed by delays or by a device.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Group {
+    /// In the order in which they run.
+    pub members: Vec<NodeIndex>,
+    /// The longest windows, in time units, that the island may run at once; empty for a single node.
+    pub pacing: Vec<u64>,
+}
+
+/// All nodes in groups, every group after those it reads. Ties are broken by path, so that the order in the file
+/// does not matter.
+pub(crate) fn order(graph: &Graph) -> Vec<Group> {
+    let links = with_device_links(graph);
+    let mut group_of = vec![0_usize; graph.nodes.node_count()];
+    let mut groups: Vec<Vec<NodeIndex>> = tarjan_scc(&links);
+    for (number, members) in groups.iter_mut().enumerate() {
+        members.sort_by(|a, b| graph.nodes[*a].path.cmp(&graph.nodes[*b].path));
+        for member in members {
+            group_of[member.index()] = number;
+        }
+    }
+    let mut between = DiGraph::<usize, ()>::new();
+    let numbers: Vec<NodeIndex> = (0..groups.len()).map(|number| between.add_node(number)).collect();
+    for edge in links.edge_references() {
+        let (from, to) = (group_of[edge.source().index()], group_of[edge.target().index()]);
+        if from != to {
+            between.update_edge(numbers[from], numbers[to], ());
+        }
+    }
+    let first_path = |group: NodeIndex| graph.nodes[groups[group.index()][0]].path.as_str();
+    let sequence = topological(&between, first_path);
+    sequence
+        .into_iter()
+        .map(|group| island(graph, &links, &groups[group.index()]))
+        .collect()
+}
+
+/// The connections, and for every device with sources and sinks an arrow both ways between them: its sinks act on
+/// its sources one tick later, and its sources are read before its sinks are written.
+fn with_device_links(graph: &Graph) -> DiGraph<NodeIndex, ()> {
+    let mut links = DiGraph::new();
+    for node in graph.nodes.node_indices() {
+        links.add_node(node);
+    }
+    for edge in graph.nodes.edge_references() {
+        links.add_edge(edge.source(), edge.target(), ());
+    }
+    for device in 0..graph.devices.len() {
+        let bound = |wanted: fn(&Work) -> Option<usize>| {
+            graph
+                .nodes
+                .node_indices()
+                .filter(move |node| wanted(&graph.nodes[*node].work) == Some(device))
+        };
+        for source in bound(source_device) {
+            for sink in bound(sink_device) {
+                links.add_edge(sink, source, ());
+                links.add_edge(source, sink, ());
+            }
+        }
+    }
+    links
+}
+
+/// The device that a source reads.
+pub(crate) fn source_device(work: &Work) -> Option<usize> {
+    if let Work::Source { device, .. } = work {
+        Some(*device)
+    } else {
+        None
+    }
+}
+
+/// The device that a sink drives.
+pub(crate) fn sink_device(work: &Work) -> Option<usize> {
+    if let Work::Actuator { device, .. } = work {
+        Some(*device)
+    } else {
+        None
+    }
+}
+
+fn island(graph: &Graph, links: &DiGraph<NodeIndex, ()>, members: &[NodeIndex]) -> Group {
+    let looped = members.len() > 1 || links.find_edge(members[0], members[0]).is_some();
+    if !looped {
+        return Group {
+            members: members.to_vec(),
+            pacing: Vec::new(),
+        };
+    }
+    let inside = |node: NodeIndex| members.contains(&node);
+    let mut local = DiGraph::<NodeIndex, ()>::new();
+    let numbers: Vec<NodeIndex> = members.iter().map(|node| local.add_node(*node)).collect();
+    let number = |node: NodeIndex| {
+        members
+            .iter()
+            .position(|member| *member == node)
+            .map(|i| numbers[i])
+    };
+    let mut pacing = Vec::new();
+    for edge in graph
+        .nodes
+        .edge_references()
+        .filter(|edge| inside(edge.source()) && inside(edge.target()))
+    {
+        if let Some(frames) = delay_frames(edge.weight()) {
+            let clock = graph.nodes[edge.target()].clock.unwrap_or(0);
+            pacing.push(graph.base.period(clock).saturating_mul(frames));
+        } else if let (Some(from), Some(to)) = (number(edge.source()), number(edge.target())) {
+            local.add_edge(from, to, ());
+        }
+    }
+    let read = |device: &usize| {
+        members
+            .iter()
+            .any(|node| source_device(&graph.nodes[*node].work) == Some(*device))
+    };
+    for device in members
+        .iter()
+        .filter_map(|node| sink_device(&graph.nodes[*node].work))
+        .filter(read)
+    {
+        pacing.push(graph.base.period(graph.devices[device].clock));
+        // A device is read before it is written, whatever the alphabet says.
+        for (source, sink) in members
+            .iter()
+            .zip(&numbers)
+            .flat_map(|source| members.iter().zip(&numbers).map(move |sink| (source, sink)))
+        {
+            let reads = source_device(&graph.nodes[*source.0].work) == Some(device);
+            if reads && sink_device(&graph.nodes[*sink.0].work) == Some(device) {
+                local.add_edge(*source.1, *sink.1, ());
+            }
+        }
+    }
+    pacing.sort_unstable();
+    pacing.dedup();
+    let path = |node: NodeIndex| graph.nodes[local[node]].path.as_str();
+    let members = topological(&local, path)
+        .into_iter()
+        .map(|node| local[node])
+        .collect();
+    Group { members, pacing }
+}
+
+pub(crate) fn delay_frames(edge: &Edge) -> Option<u64> {
+    if let Bridge::Delay { frames, .. } = edge.bridge {
+        Some(frames)
+    } else {
+        None
+    }
+}
+
+/// Kahn's algorithm, the alphabetically first ready node first. A cycle, which no checked graph has, is cut where
+/// the alphabet begins.
+fn topological<'a, N>(graph: &DiGraph<N, ()>, key: impl Fn(NodeIndex) -> &'a str) -> Vec<NodeIndex> {
+    let mut waiting: Vec<usize> = graph
+        .node_indices()
+        .map(|node| graph.edges_directed(node, petgraph::Incoming).count())
+        .collect();
+    let mut ready: BinaryHeap<Reverse<(&str, usize)>> = graph
+        .node_indices()
+        .filter(|node| waiting[node.index()] == 0)
+        .map(|node| Reverse((key(node), node.index())))
+        .collect();
+    let mut sequence = Vec::with_capacity(graph.node_count());
+    while let Some(Reverse((_, index))) = ready.pop() {
+        let node = NodeIndex::new(index);
+        sequence.push(node);
+        for next in graph.neighbors(node) {
+            waiting[next.index()] -= 1;
+            if waiting[next.index()] == 0 {
+                ready.push(Reverse((key(next), next.index())));
+            }
+        }
+    }
+    debug_assert_eq!(
+        sequence.len(),
+        graph.node_count(),
+        "a checked graph has no cycle through wires"
+    );
+    sequence
+}

@@ -1,0 +1,64 @@
+//! A plan as text, one step a line, for snapshot tests and for people.
+
+use super::{Plan, StepWork};
+use std::fmt;
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let driver = &self.clock_names[self.driver];
+        writeln!(
+            f,
+            "block {} frames of `{driver}` ({})",
+            self.block, self.rates[self.driver]
+        )?;
+        writeln!(
+            f,
+            "{} steps, {} buffers, {} bytes",
+            self.steps.len(),
+            self.slots.len(),
+            self.buffer_bytes()
+        )?;
+        let mut island_end = 0;
+        for (number, step) in self.steps.iter().enumerate() {
+            let indent = if number < island_end { "  " } else { "" };
+            write!(
+                f,
+                "{number:4} {indent}{} @{}",
+                step.label, self.clock_names[step.clock as usize]
+            )?;
+            if let StepWork::Island {
+                steps,
+                first_pacing,
+                pacings,
+            } = step.work
+            {
+                island_end = number + 1 + steps as usize;
+                let windows = &self.pacings[first_pacing as usize..][..pacings as usize];
+                let unit = self.base.units_per_second();
+                let windows: Vec<String> = windows
+                    .iter()
+                    .map(|w| format!("{} s", *w as f64 / unit))
+                    .collect();
+                write!(f, " in windows of {}", windows.join(", "))?;
+            }
+            let inputs: Vec<String> = self.bindings[step.inputs.start as usize..step.inputs.end as usize]
+                .iter()
+                .map(|binding| {
+                    if binding.slot == u32::MAX {
+                        "-".into()
+                    } else {
+                        format!("b{}", binding.slot)
+                    }
+                })
+                .collect();
+            if !inputs.is_empty() {
+                write!(f, " <- {}", inputs.join(" "))?;
+            }
+            if step.out != u32::MAX {
+                write!(f, " -> b{}", step.out)?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+}

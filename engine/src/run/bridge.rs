@@ -1,0 +1,289 @@
+//! Signals that cross rates. Alignment is exact: a reader's tick at time t sees the writer's frames with time <= t,
+//! found by whole-number arithmetic, so that it does not matter how time is cut into blocks.
+
+use super::window::Window;
+use crate::plan::{BridgeKind, BridgePlan, DelayPlan};
+use haptograph_signal::resample::{Quality, ResampleError, Resampler};
+use haptograph_signal::time::Rate;
+
+/// The state of one crossing.
+#[derive(Debug, Clone)]
+pub(crate) struct BridgeState {
+    kind: BridgeKind,
+    width: usize,
+    /// The latest frame, and for linear the one before it (older first).
+    held: Vec<f64>,
+    /// Sums of the frames since the last mean, and how many.
+    sum: Vec<f64>,
+    summed: u32,
+    resamplers: Vec<Resampler>,
+    gathered: Vec<f64>,
+    resampled: Vec<f64>,
+}
+
+/// Both ends of a crossing in the present window.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ends {
+    pub from: Window,
+    pub from_period: u64,
+    pub to: Window,
+    pub to_period: u64,
+}
+
+impl Ends {
+    /// The number, within the present window, of the first reader's tick at or after the writer's frame `k`.
+    fn reader_at(&self, k: u64) -> usize {
+        let tick = (k * self.from_period).div_ceil(self.to_period);
+        (tick.saturating_sub(self.to.first) as usize).min(self.to.count)
+    }
+
+    /// Number of the latest writer's frame at the reader's tick `j` of this window.
+    fn writer_at(&self, j: usize) -> u64 {
+        (self.to.first + j as u64) * self.to_period / self.from_period
+    }
+}
+
+/// The resampling of one lane; also tells beforehand whether two rates can be joined.
+pub fn resampler(from: Rate, to: Rate) -> Result<Resampler, ResampleError> {
+    Resampler::new(from, to, Quality::LOW_LATENCY)
+}
+
+impl BridgeState {
+    pub(crate) fn new(plan: &BridgePlan, from: Rate, to: Rate) -> Self {
+        let width = plan.width;
+        let resamplers = match plan.kind {
+            // A checked graph has no rates that cannot be joined.
+            BridgeKind::Resample => (0..width).filter_map(|_| resampler(from, to).ok()).collect(),
+            _ => Vec::new(),
+        };
+        let (gathered, resampled) = if resamplers.is_empty() {
+            (0, 0)
+        } else {
+            (plan.max_from, plan.max_to)
+        };
+        Self {
+            kind: plan.kind,
+            width,
+            held: vec![0.0; 2 * width],
+            sum: vec![0.0; width],
+            summed: 0,
+            resamplers,
+            gathered: vec![0.0; gathered],
+            resampled: vec![0.0; resampled],
+        }
+    }
+
+    /// Frames `x` of the writer's window to frames `y` of the reader's; for runs, `y` is the whole list.
+    pub(crate) fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        match self.kind {
+            BridgeKind::Hold => self.hold(ends, x, y),
+            BridgeKind::HoldRuns => self.hold_runs(ends, x, y),
+            BridgeKind::Linear => self.linear(ends, x, y),
+            BridgeKind::Average => self.average(ends, x, y),
+            BridgeKind::Resample => self.resample(x, y),
+            BridgeKind::Delay(_) => {}
+        }
+    }
+
+    fn hold(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        let width = self.width;
+        if ends.from_period < ends.to_period {
+            for (j, out) in y.chunks_exact_mut(width).enumerate() {
+                let k = ends.writer_at(j).checked_sub(ends.from.first);
+                let frame = k.and_then(|k| x.chunks_exact(width).nth(k as usize));
+                out.copy_from_slice(frame.unwrap_or(&self.held[..width]));
+            }
+        } else {
+            let first = ends.reader_at(ends.from.first);
+            fill(&mut y[..first * width], &self.held[..width]);
+            let mut begin = first;
+            for (k, frame) in x.chunks_exact(width).enumerate() {
+                let end = ends.reader_at(ends.from.first + k as u64 + 1);
+                fill(&mut y[begin * width..end * width], frame);
+                begin = end;
+            }
+        }
+        self.keep_last(x);
+    }
+
+    fn hold_runs(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        let width = self.width;
+        let stride = width + 1;
+        let mut runs = 0;
+        let mut begin = 0;
+        let mut put = |begin: usize, frame: &[f64]| {
+            let run = &mut y[1 + runs * stride..][..stride];
+            run[0] = begin as f64;
+            run[1..].copy_from_slice(frame);
+            runs += 1;
+        };
+        let first = ends.reader_at(ends.from.first);
+        if first > 0 {
+            put(0, &self.held[..width]);
+            begin = first;
+        }
+        for (k, frame) in x.chunks_exact(width).enumerate() {
+            let end = ends.reader_at(ends.from.first + k as u64 + 1);
+            if end > begin {
+                put(begin, frame);
+                begin = end;
+            }
+        }
+        y[0] = runs as f64;
+        self.keep_last(x);
+    }
+
+    fn linear(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        let width = self.width;
+        // The frames before this window, older first, then those of the window; frame -1 is taken as frame 0.
+        let frame = |held: &[f64], lane: usize, k: i64| -> f64 {
+            let local = k - ends.from.first as i64;
+            match local {
+                0.. => x[local as usize * width + lane],
+                _ if ends.from.first == 0 => x.get(lane).copied().unwrap_or(0.0),
+                -1 => held[width + lane],
+                _ => held[lane],
+            }
+        };
+        for (j, out) in y.chunks_exact_mut(width).enumerate() {
+            let k = ends.writer_at(j);
+            let since = (ends.to.first + j as u64) * ends.to_period - k * ends.from_period;
+            let fraction = since as f64 / ends.from_period as f64;
+            for (lane, out) in out.iter_mut().enumerate() {
+                let (a, b) = (
+                    frame(&self.held, lane, k as i64 - 1),
+                    frame(&self.held, lane, k as i64),
+                );
+                *out = a + (b - a) * fraction;
+            }
+        }
+        let frames = x.len() / width;
+        if frames == 1 {
+            self.held.copy_within(width.., 0);
+            self.held[width..].copy_from_slice(x);
+            if ends.from.first == 0 {
+                self.held[..width].copy_from_slice(x);
+            }
+        } else if frames > 1 {
+            self.held.copy_from_slice(&x[(frames - 2) * width..]);
+        }
+    }
+
+    fn average(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
+        let width = self.width;
+        let mut frames = x.chunks_exact(width).enumerate().peekable();
+        for (j, out) in y.chunks_exact_mut(width).enumerate() {
+            let latest = ends.writer_at(j);
+            while let Some((_, frame)) = frames.next_if(|(k, _)| ends.from.first + *k as u64 <= latest) {
+                self.add(frame);
+            }
+            if self.summed > 0 {
+                for (held, sum) in self.held.iter_mut().zip(&mut self.sum) {
+                    *held = *sum / f64::from(self.summed);
+                    *sum = 0.0;
+                }
+                self.summed = 0;
+            }
+            out.copy_from_slice(&self.held[..width]);
+        }
+        for (_, frame) in frames {
+            self.add(frame);
+        }
+    }
+
+    fn add(&mut self, frame: &[f64]) {
+        for (sum, x) in self.sum.iter_mut().zip(frame) {
+            *sum += x;
+        }
+        self.summed += 1;
+    }
+
+    fn resample(&mut self, x: &[f64], y: &mut [f64]) {
+        let width = self.width;
+        if width == 1 {
+            if let Some(resampler) = self.resamplers.first_mut() {
+                resampler.process(x, y);
+            }
+            return;
+        }
+        let (frames_in, frames_out) = (x.len() / width, y.len() / width);
+        for (lane, resampler) in self.resamplers.iter_mut().enumerate() {
+            for (gathered, frame) in self.gathered.iter_mut().zip(x.chunks_exact(width)) {
+                *gathered = frame[lane];
+            }
+            resampler.process(&self.gathered[..frames_in], &mut self.resampled[..frames_out]);
+            for (resampled, frame) in self.resampled.iter().zip(y.chunks_exact_mut(width)) {
+                frame[lane] = *resampled;
+            }
+        }
+    }
+
+    fn keep_last(&mut self, x: &[f64]) {
+        if let Some(last) = x.chunks_exact(self.width).last() {
+            self.held[..self.width].copy_from_slice(last);
+        }
+    }
+}
+
+fn fill(frames: &mut [f64], frame: &[f64]) {
+    match frame {
+        [value] => frames.fill(*value),
+        _ => frames
+            .chunks_exact_mut(frame.len())
+            .for_each(|out| out.copy_from_slice(frame)),
+    }
+}
+
+/// A declared delay: a ring of as many frames as it holds back.
+#[derive(Debug, Clone)]
+pub(crate) struct DelayState {
+    ring: Vec<f64>,
+    width: usize,
+    frames: u64,
+}
+
+impl DelayState {
+    pub(crate) fn new(plan: &DelayPlan) -> Self {
+        let lanes = usize::try_from(plan.frames)
+            .unwrap_or(usize::MAX)
+            .saturating_mul(plan.width);
+        Self {
+            ring: vec![plan.initial; lanes],
+            width: plan.width,
+            frames: plan.frames,
+        }
+    }
+
+    /// The frames of `window`, late; at most as many as it holds back.
+    pub(crate) fn read(&self, window: Window, y: &mut [f64]) {
+        for (j, out) in y.chunks_exact_mut(self.width).enumerate() {
+            out.copy_from_slice(&self.ring[self.at(window.first + j as u64)..][..self.width]);
+        }
+    }
+
+    /// Takes the frames of `window`.
+    pub(crate) fn write(&mut self, window: Window, x: &[f64]) {
+        for (j, frame) in x.chunks_exact(self.width).enumerate() {
+            let at = self.at(window.first + j as u64);
+            self.ring[at..at + self.width].copy_from_slice(frame);
+        }
+    }
+
+    /// Both at once, for a delay outside of any loop; windows of any length.
+    pub(crate) fn pass(&mut self, window: Window, x: &[f64], y: &mut [f64]) {
+        for (j, (frame, out)) in x
+            .chunks_exact(self.width)
+            .zip(y.chunks_exact_mut(self.width))
+            .enumerate()
+        {
+            let at = self.at(window.first + j as u64);
+            let kept = &mut self.ring[at..at + self.width];
+            out.copy_from_slice(kept);
+            kept.copy_from_slice(frame);
+        }
+    }
+
+    fn at(&self, tick: u64) -> usize {
+        (tick % self.frames) as usize * self.width
+    }
+}

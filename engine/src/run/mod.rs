@@ -1,0 +1,431 @@
+//! A plan that runs. [`Run::advance`] is real-time code: it does not allocate, lock, call the system or panic.
+
+mod bridge;
+mod offline;
+mod window;
+
+pub use bridge::resampler;
+pub use offline::{Offline, OfflineError, Outcome, Probe};
+
+use crate::device::Device;
+use crate::io::{Binding, Buffer, Form, Io, Placing};
+use crate::limiter::{ClipCounts, Limiter};
+use crate::node::{Processor, Tick};
+use crate::plan::{ActuatorPlan, BridgeKind, Plan, Step, StepWork};
+use bridge::{BridgeState, DelayState, Ends};
+use petgraph::graph::NodeIndex;
+use std::ops::Range;
+use std::sync::Arc;
+use window::{Window, Windows};
+
+#[cfg(test)]
+mod tests;
+
+/// The state of a running plan.
+pub struct Run {
+    plan: Arc<Plan>,
+    state: State,
+}
+
+/// Everything that moves; apart from the plan, so that steps can borrow both.
+struct State {
+    windows: Windows,
+    /// The block's windows while an island narrows them.
+    whole: Vec<Window>,
+    buffers: Vec<Buffer>,
+    processors: Vec<Box<dyn Processor>>,
+    devices: Vec<DeviceState>,
+    actuators: Vec<ActuatorState>,
+    bridges: Vec<BridgeState>,
+    delays: Vec<DelayState>,
+    faults: Faults,
+}
+
+struct DeviceState {
+    device: Box<dyn Device>,
+    started: bool,
+}
+
+/// A gain and the limiter that every drive of a device goes through.
+struct ActuatorState {
+    gain: f64,
+    limiter: AnyLimiter,
+}
+
+enum AnyLimiter {
+    One(Limiter<1>),
+    Three(Limiter<3>),
+    Six(Limiter<6>),
+    /// A limit that could not be made: nothing passes.
+    Closed,
+}
+
+/// What was seen of signals that are not numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Faults {
+    /// Ticks at which an actuator was given NaN or infinity, and got zero instead.
+    pub ticks: u64,
+    /// The first node found to put one out.
+    pub origin: Option<NodeIndex>,
+    /// The next steps are watched to find the origin.
+    watching: bool,
+}
+
+/// What an actuator sink held back.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActuatorReport {
+    /// Path of the sink.
+    pub path: String,
+    /// How often each limit held something back.
+    pub clipped: ClipCounts,
+}
+
+impl Run {
+    /// Clones the plan's pristine state and allocates everything that running needs.
+    pub fn new(plan: Arc<Plan>) -> Self {
+        let rate = |clock: u32| plan.rates[clock as usize];
+        let mut bridges: Vec<BridgeState> = Vec::with_capacity(plan.bridges.len());
+        for step in &plan.steps {
+            if let StepWork::Bridge(index) = step.work {
+                let bridge = &plan.bridges[index as usize];
+                bridges.push(BridgeState::new(bridge, rate(bridge.from), rate(step.clock)));
+            }
+        }
+        let state = State {
+            windows: Windows::new(&plan),
+            whole: vec![Window::default(); plan.rates.len()],
+            buffers: plan.slots.iter().map(|len| Buffer::new(*len)).collect(),
+            processors: plan
+                .processors
+                .iter()
+                .map(|processor| processor.clone_box())
+                .collect(),
+            devices: plan
+                .devices
+                .iter()
+                .map(|device| DeviceState {
+                    device: device.device.clone_box(),
+                    started: false,
+                })
+                .collect(),
+            actuators: plan
+                .actuators
+                .iter()
+                .map(|plan| ActuatorState {
+                    gain: plan.gain,
+                    limiter: AnyLimiter::new(plan),
+                })
+                .collect(),
+            bridges,
+            delays: plan.delays.iter().map(DelayState::new).collect(),
+            faults: Faults::default(),
+        };
+        Self { plan, state }
+    }
+
+    /// Runs `frames` driver frames, at most the plan's block.
+    pub fn advance(&mut self, frames: usize) {
+        self.state.windows.next_block(frames.min(self.plan.block));
+        self.state.steps(&self.plan, 0..self.plan.steps.len());
+    }
+
+    /// Driver frames run so far.
+    pub fn driver_frames(&self) -> u64 {
+        self.state.windows.driver_frames()
+    }
+
+    /// The frames of tap `index` in the block that was run last, lane by lane.
+    pub fn tap(&self, index: usize) -> &[f64] {
+        let Some(tap) = self.plan.taps.get(index) else {
+            return &[];
+        };
+        frames(
+            &self.state.buffers,
+            tap.slot,
+            tap.placing,
+            self.state.windows.of(tap.clock),
+        )
+    }
+
+    /// Sets a live setting of a node, by the setting's place in the node's list.
+    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) {
+        let plan = &self.plan;
+        for step in plan.steps.iter().filter(|step| step.node == node) {
+            match step.work {
+                StepWork::Process(index) => self.state.processors[index as usize].set(setting, value),
+                StepWork::Actuator(index) if value.is_finite() => {
+                    self.state.actuators[index as usize].gain = value;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What was seen of signals that are not numbers.
+    pub fn faults(&self) -> Faults {
+        self.state.faults
+    }
+
+    /// What each actuator sink held back so far.
+    pub fn actuators(&self) -> impl Iterator<Item = ActuatorReport> {
+        self.plan
+            .actuators
+            .iter()
+            .zip(&self.state.actuators)
+            .map(|(plan, state)| ActuatorReport {
+                path: plan.path.clone(),
+                clipped: state.limiter.counts(),
+            })
+    }
+}
+
+impl State {
+    fn steps(&mut self, plan: &Plan, range: Range<usize>) {
+        let mut number = range.start;
+        while number < range.end {
+            let step = &plan.steps[number];
+            match step.work {
+                StepWork::Island {
+                    steps,
+                    first_pacing,
+                    pacings,
+                } => {
+                    let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
+                    self.island(plan, number + 1..number + 1 + steps as usize, pacings);
+                    number += steps as usize;
+                }
+                _ => self.step(plan, step),
+            }
+            number += 1;
+        }
+    }
+
+    /// Runs the steps of an island over the block, window by window.
+    fn island(&mut self, plan: &Plan, range: Range<usize>, pacings: &[u64]) {
+        self.whole.copy_from_slice(self.windows.all());
+        let (mut begin, end) = self.windows.block();
+        while begin < end {
+            let next = self.windows.boundary_after(begin, pacings);
+            self.windows.narrow(&self.whole, begin, next);
+            for step in &plan.steps[range.clone()] {
+                self.step(plan, step);
+            }
+            begin = next;
+        }
+        self.windows.restore(&self.whole);
+    }
+
+    #[inline]
+    fn step(&mut self, plan: &Plan, step: &Step) {
+        let window = self.windows.of(step.clock);
+        let inputs = &plan.bindings[step.inputs.start as usize..step.inputs.end as usize];
+        let outputs = &plan.placings[step.outputs.start as usize..step.outputs.end as usize];
+        match step.work {
+            StepWork::Process(index) => {
+                if window.count == 0 {
+                    return;
+                }
+                let rate = plan.rates[step.clock as usize];
+                let tick = Tick {
+                    first: window.first,
+                    frames: window.count,
+                    period_s: rate.period_s(),
+                };
+                let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
+                let mut io = Io {
+                    frames: window.count,
+                    offset: window.offset,
+                    inputs,
+                    buffers: &self.buffers,
+                    outputs,
+                    out: out.all_mut(),
+                };
+                self.processors[index as usize].process(&tick, &mut io);
+                self.buffers[step.out as usize] = out;
+            }
+            StepWork::Bridge(index) => self.bridge(plan, step, index as usize, inputs, outputs),
+            StepWork::Actuator(index) => self.actuator(step, index as usize, inputs, outputs),
+            StepWork::DeviceRead(index) => self.device_read(plan, index as usize, window),
+            StepWork::DeviceWrite(index) => self.device_write(plan, index as usize, window),
+            StepWork::DelayRead(index) => {
+                let buffer = &mut self.buffers[step.out as usize];
+                let range = range_of(outputs[0].start, outputs[0].width, window);
+                self.delays[index as usize].read(window, &mut buffer.all_mut()[range]);
+            }
+            StepWork::DelayWrite(index) => {
+                let x = input(&self.buffers, &inputs[0], window);
+                self.delays[index as usize].write(window, x);
+            }
+            StepWork::Island { .. } => {}
+        }
+        if self.faults.watching {
+            self.watch(step, outputs, window);
+        }
+    }
+
+    fn bridge(&mut self, plan: &Plan, step: &Step, index: usize, inputs: &[Binding], outputs: &[Placing]) {
+        let bridge = &plan.bridges[index];
+        let ends = Ends {
+            from: self.windows.of(bridge.from),
+            from_period: self.windows.period(bridge.from),
+            to: self.windows.of(step.clock),
+            to_period: self.windows.period(step.clock),
+        };
+        let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
+        let x = input(&self.buffers, &inputs[0], ends.from);
+        let lanes = out.all_mut();
+        let y = match bridge.kind {
+            BridgeKind::HoldRuns => &mut lanes[outputs[0].start as usize..],
+            _ => &mut lanes[range_of(outputs[0].start, outputs[0].width, ends.to)],
+        };
+        match bridge.kind {
+            BridgeKind::Delay(delay) => self.delays[delay as usize].pass(ends.to, x, y),
+            _ => self.bridges[index].cross(&ends, x, y),
+        }
+        self.buffers[step.out as usize] = out;
+    }
+
+    fn actuator(&mut self, step: &Step, index: usize, inputs: &[Binding], outputs: &[Placing]) {
+        let window = self.windows.of(step.clock);
+        let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
+        let x = input(&self.buffers, &inputs[0], window);
+        let y = &mut out.all_mut()[range_of(outputs[0].start, outputs[0].width, window)];
+        let actuator = &mut self.actuators[index];
+        if actuator.limiter.apply(actuator.gain, x, y) {
+            self.faults.ticks += 1;
+            self.faults.watching = self.faults.origin.is_none();
+        }
+        self.buffers[step.out as usize] = out;
+    }
+
+    fn device_read(&mut self, plan: &Plan, index: usize, window: Window) {
+        let state = &mut self.devices[index];
+        for frame in 0..window.count {
+            state.advance();
+            for (slot, placing, channel) in &plan.devices[index].reads {
+                let at = Window {
+                    offset: window.offset + frame,
+                    count: 1,
+                    ..window
+                };
+                let range = range_of(placing.start, placing.width, at);
+                state
+                    .device
+                    .read(*channel, &mut self.buffers[*slot as usize].all_mut()[range]);
+            }
+        }
+    }
+
+    fn device_write(&mut self, plan: &Plan, index: usize, window: Window) {
+        let device = &plan.devices[index];
+        let state = &mut self.devices[index];
+        for frame in 0..window.count {
+            if device.reads.is_empty() {
+                state.advance();
+            }
+            for (slot, placing, channel) in &device.writes {
+                let at = Window {
+                    offset: window.offset + frame,
+                    count: 1,
+                    ..window
+                };
+                state
+                    .device
+                    .write(*channel, frames(&self.buffers, *slot, *placing, at));
+            }
+        }
+    }
+
+    /// After an actuator was given something that is not a number: is this step where it comes from?
+    fn watch(&mut self, step: &Step, outputs: &[Placing], window: Window) {
+        if matches!(step.work, StepWork::Process(_)) && self.faults.origin.is_none() {
+            let bad = |placing: &Placing| {
+                !frames(&self.buffers, step.out, *placing, window)
+                    .iter()
+                    .all(|x| x.is_finite())
+            };
+            if outputs.iter().any(bad) {
+                self.faults.origin = Some(step.node);
+                self.faults.watching = false;
+            }
+        }
+    }
+}
+
+impl DeviceState {
+    /// Moves the body to the next tick; at tick 0 it is where it was built.
+    fn advance(&mut self) {
+        if self.started {
+            self.device.advance();
+        }
+        self.started = true;
+    }
+}
+
+fn range_of(start: u32, width: u32, window: Window) -> Range<usize> {
+    let begin = start as usize + window.offset * width as usize;
+    begin..begin + window.count * width as usize
+}
+
+#[inline]
+fn frames(buffers: &[Buffer], slot: u32, placing: Placing, window: Window) -> &[f64] {
+    buffers.get(slot as usize).map_or(&[], |buffer| {
+        &buffer.all()[range_of(placing.start, placing.width, window)]
+    })
+}
+
+#[inline]
+fn input<'a>(buffers: &'a [Buffer], binding: &Binding, window: Window) -> &'a [f64] {
+    match binding.form {
+        Form::Sampled => frames(
+            buffers,
+            binding.slot,
+            Placing {
+                start: binding.start,
+                width: binding.width,
+            },
+            window,
+        ),
+        _ => &[],
+    }
+}
+
+impl AnyLimiter {
+    fn new(plan: &ActuatorPlan) -> Self {
+        let rate_hz = plan.rate.hz();
+        match plan.width {
+            1 => Limiter::new(&plan.limit, rate_hz).map(Self::One),
+            3 => Limiter::new(&plan.limit, rate_hz).map(Self::Three),
+            6 => Limiter::new(&plan.limit, rate_hz).map(Self::Six),
+            _ => return Self::Closed,
+        }
+        .unwrap_or(Self::Closed)
+    }
+
+    /// Frames of a drive to frames that keep the limit. Was one of them not a number?
+    fn apply(&mut self, gain: f64, x: &[f64], y: &mut [f64]) -> bool {
+        let faults = self.counts().fault;
+        match self {
+            Self::One(limiter) => limit_frames(limiter, gain, x, y),
+            Self::Three(limiter) => limit_frames(limiter, gain, x, y),
+            Self::Six(limiter) => limit_frames(limiter, gain, x, y),
+            Self::Closed => y.fill(0.0),
+        }
+        self.counts().fault > faults
+    }
+
+    fn counts(&self) -> ClipCounts {
+        match self {
+            Self::One(limiter) => limiter.counts(),
+            Self::Three(limiter) => limiter.counts(),
+            Self::Six(limiter) => limiter.counts(),
+            Self::Closed => ClipCounts::default(),
+        }
+    }
+}
+
+fn limit_frames<const N: usize>(limiter: &mut Limiter<N>, gain: f64, x: &[f64], y: &mut [f64]) {
+    for (x, y) in x.as_chunks::<N>().0.iter().zip(y.as_chunks_mut::<N>().0) {
+        *y = limiter.apply(x.map(|x| x * gain));
+    }
+}

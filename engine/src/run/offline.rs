@@ -1,0 +1,378 @@
+//! Running a plan as fast as the processor allows, its signals written to files.
+
+use super::{ActuatorReport, Faults, Run, State};
+use crate::graph::{Graph, Work};
+use crate::node::{FrameWriter, Stream};
+use crate::plan::{Life, Plan, PlanOptions, StepWork};
+use petgraph::graph::NodeIndex;
+use petgraph::visit::EdgeRef;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+/// An output whose frames are wanted, and who takes them.
+pub struct Probe {
+    /// The node.
+    pub node: NodeIndex,
+    /// Index among its outputs.
+    pub output: usize,
+    /// Takes the frames, as stream 0.
+    pub writer: Box<dyn FrameWriter>,
+}
+
+/// An offline run that is being set up.
+pub struct Offline<'a> {
+    graph: &'a Graph,
+    block: usize,
+    threads: usize,
+    taps: Vec<(NodeIndex, usize)>,
+    /// Writers and the taps that are their streams.
+    writers: Vec<Written>,
+}
+
+struct Written {
+    writer: Box<dyn FrameWriter>,
+    taps: Vec<usize>,
+    what: PathBuf,
+}
+
+/// What a run did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Driver frames run.
+    pub driver_frames: u64,
+    /// The same in seconds.
+    pub seconds: f64,
+    /// Was it stopped before its end?
+    pub stopped: bool,
+    /// What was seen of signals that are not numbers.
+    pub faults: Faults,
+    /// What each actuator sink held back.
+    pub actuators: Vec<ActuatorReport>,
+}
+
+/// Why a run failed.
+#[derive(Debug, thiserror::Error)]
+pub enum OfflineError {
+    /// A file could not be written.
+    #[error("cannot write {}: {error}", path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// What the file system says.
+        error: std::io::Error,
+    },
+    /// A worker thread ended early; only a panic in a node can do that.
+    #[error("a worker thread ended early: a node panicked")]
+    Worker,
+}
+
+impl<'a> Offline<'a> {
+    /// A run of `graph` in blocks of `block` driver frames (0: the default).
+    pub fn new(graph: &'a Graph, block: usize) -> Self {
+        Self {
+            graph,
+            block,
+            threads: 1,
+            taps: Vec::new(),
+            writers: Vec::new(),
+        }
+    }
+
+    /// Spreads the plan over this many threads, a stretch of its steps each; the samples stay the same.
+    #[must_use]
+    pub fn threads(mut self, threads: usize) -> Self {
+        self.threads = threads.max(1);
+        self
+    }
+
+    /// Also hands an output's frames to a writer.
+    pub fn probe(&mut self, probe: Probe) {
+        self.taps.push((probe.node, probe.output));
+        let node = &self.graph.nodes[probe.node];
+        let what = PathBuf::from(format!("{}.{}", node.path, node.outputs[probe.output].name));
+        self.writers.push(Written {
+            writer: probe.writer,
+            taps: vec![self.taps.len() - 1],
+            what,
+        });
+    }
+
+    /// Opens the files of all file sinks in `folder`.
+    ///
+    /// # Errors
+    /// [`OfflineError::Write`] for the first that cannot be opened.
+    pub fn open_files(&mut self, folder: &Path) -> Result<(), OfflineError> {
+        for index in self.graph.nodes.node_indices() {
+            let Work::File(sink) = &self.graph.nodes[index].work else {
+                continue;
+            };
+            let path = folder.join(sink.file_name());
+            let streams = file_streams(self.graph, index);
+            let writer = sink.open(
+                &path,
+                &streams
+                    .iter()
+                    .map(|(_, stream)| stream.clone())
+                    .collect::<Vec<_>>(),
+            );
+            let writer = writer.map_err(|error| OfflineError::Write {
+                path: path.clone(),
+                error,
+            })?;
+            let first = self.taps.len();
+            self.taps.extend(streams.iter().map(|(port, _)| *port));
+            self.writers.push(Written {
+                writer,
+                taps: (first..self.taps.len()).collect(),
+                what: path,
+            });
+        }
+        Ok(())
+    }
+
+    /// Runs for `seconds`, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
+    /// complete afterwards, also when it was stopped.
+    ///
+    /// # Errors
+    /// [`OfflineError`] where a file cannot be written or a worker ended.
+    pub fn run(
+        self,
+        seconds: f64,
+        stop: &AtomicBool,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Outcome, OfflineError> {
+        let options = PlanOptions {
+            block: self.block,
+            taps: self.taps,
+        };
+        let plan = Arc::new(Plan::new(self.graph, &options));
+        let rate_hz = plan.driver_rate().hz();
+        let total = (seconds * rate_hz).round().max(0.0) as u64;
+        let mut writers = self.writers;
+        let mut after_block = |run: &Run| -> Result<(), OfflineError> {
+            for written in &mut writers {
+                for (stream, tap) in written.taps.iter().enumerate() {
+                    let result = written.writer.write(stream, run.tap(*tap));
+                    result.map_err(|error| OfflineError::Write {
+                        path: written.what.clone(),
+                        error,
+                    })?;
+                }
+            }
+            progress(run.driver_frames() as f64 / rate_hz);
+            Ok(())
+        };
+        let blocks = Blocks {
+            total,
+            block: plan.block as u64,
+            stop,
+        };
+        let stages = cut(&plan, self.threads);
+        let (driver_frames, faults, actuators) = match stages.len() {
+            0 | 1 => {
+                let mut run = Run::new(Arc::clone(&plan));
+                while let Some(frames) = blocks.after(run.driver_frames()) {
+                    run.advance(frames);
+                    after_block(&run)?;
+                }
+                (run.driver_frames(), run.faults(), run.actuators().collect())
+            }
+            _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
+        };
+        for written in writers {
+            let path = written.what;
+            written
+                .writer
+                .finish()
+                .map_err(|error| OfflineError::Write { path, error })?;
+        }
+        let seconds = driver_frames as f64 / rate_hz;
+        Ok(Outcome {
+            driver_frames,
+            seconds,
+            stopped: driver_frames < total,
+            faults,
+            actuators,
+        })
+    }
+}
+
+/// The streams of a file sink, by input, and the ports they come from.
+fn file_streams(graph: &Graph, index: NodeIndex) -> Vec<((NodeIndex, usize), Stream)> {
+    let mut edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
+    edges.sort_by_key(|edge| edge.weight().input);
+    let stream = |source: NodeIndex, output: usize| {
+        let node = &graph.nodes[source];
+        Stream {
+            name: format!("{}.{}", node.path, node.outputs[output].name),
+            kind: node.outputs[output].kind,
+            quantity: node.outputs[output].quantity,
+            rate: graph.clocks[node.clock.unwrap_or(0)].rate,
+            simulated: node.simulated,
+        }
+    };
+    edges
+        .into_iter()
+        .map(|edge| {
+            let port = (edge.source(), edge.weight().output);
+            (port, stream(port.0, port.1))
+        })
+        .collect()
+}
+
+struct Blocks<'a> {
+    total: u64,
+    block: u64,
+    stop: &'a AtomicBool,
+}
+
+impl Blocks<'_> {
+    /// Frames of the block that begins at `done`; none at the end or when stopped.
+    fn after(&self, done: u64) -> Option<usize> {
+        let left = self.total.saturating_sub(done);
+        (left > 0 && !self.stop.load(Ordering::Relaxed)).then(|| left.min(self.block) as usize)
+    }
+}
+
+/// The plan's steps in as many stretches of equal length as asked for, never through an island.
+fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
+    let mut starts = Vec::new();
+    let mut number = 0;
+    while number < plan.steps.len() {
+        starts.push(number);
+        number += match plan.steps[number].work {
+            StepWork::Island { steps, .. } => steps as usize + 1,
+            _ => 1,
+        };
+    }
+    let wanted = threads.min(starts.len());
+    let mut cuts: Vec<usize> = (0..wanted).map(|i| starts[i * starts.len() / wanted]).collect();
+    cuts.push(plan.steps.len());
+    cuts.windows(2).map(|pair| pair[0]..pair[1]).collect()
+}
+
+/// A block on its way from one stage to the next: its frames, and the buffers that live across the cut.
+struct Parcel {
+    frames: usize,
+    buffers: Vec<Vec<f64>>,
+}
+
+/// Runs each stretch of steps on a thread of its own, blocks passing from one to the next.
+fn pipeline(
+    plan: &Arc<Plan>,
+    stages: &[Range<usize>],
+    blocks: &Blocks<'_>,
+    after_block: &mut dyn FnMut(&Run) -> Result<(), OfflineError>,
+) -> Result<(u64, Faults, Vec<ActuatorReport>), OfflineError> {
+    std::thread::scope(|scope| {
+        let (first, mut incoming) = sync_channel::<Parcel>(2);
+        let mut workers = Vec::new();
+        let (last, earlier) = stages.split_last().ok_or(OfflineError::Worker)?;
+        for stage in earlier {
+            let (outgoing, next) = sync_channel(2);
+            let received = std::mem::replace(&mut incoming, next);
+            workers.push(scope.spawn(move || work(plan, stage, &received, &outgoing)));
+        }
+        scope.spawn(move || {
+            let mut done = 0;
+            while let Some(frames) = blocks.after(done) {
+                if first
+                    .send(Parcel {
+                        frames,
+                        buffers: Vec::new(),
+                    })
+                    .is_err()
+                {
+                    break;
+                }
+                done += frames as u64;
+            }
+        });
+        let mut run = staged(plan);
+        let mut result = Ok(());
+        for parcel in incoming.iter() {
+            stage_block(&mut run, last, &parcel);
+            result = after_block(&run);
+            if result.is_err() {
+                break;
+            }
+        }
+        drop(incoming);
+        let mut runs = Vec::new();
+        for worker in workers {
+            runs.push(worker.join().map_err(|_| OfflineError::Worker)?);
+        }
+        runs.push(run);
+        result?;
+        Ok(merge(plan, stages, &runs))
+    })
+}
+
+fn staged(plan: &Arc<Plan>) -> Run {
+    let mut run = Run::new(Arc::clone(plan));
+    // The stage with the fault is not the one with the origin, so all are watched from the start.
+    run.state.faults.watching = true;
+    run
+}
+
+fn work(
+    plan: &Arc<Plan>,
+    stage: &Range<usize>,
+    incoming: &Receiver<Parcel>,
+    outgoing: &SyncSender<Parcel>,
+) -> Run {
+    let mut run = staged(plan);
+    for parcel in incoming {
+        stage_block(&mut run, stage, &parcel);
+        let buffers =
+            crossing(plan, stage.end).map(|life| run.state.buffers[life.slot as usize].all().to_vec());
+        if outgoing
+            .send(Parcel {
+                frames: parcel.frames,
+                buffers: buffers.collect(),
+            })
+            .is_err()
+        {
+            break;
+        }
+    }
+    run
+}
+
+fn stage_block(run: &mut Run, stage: &Range<usize>, parcel: &Parcel) {
+    let plan = Arc::clone(&run.plan);
+    for (life, content) in crossing(&plan, stage.start).zip(&parcel.buffers) {
+        run.state.buffers[life.slot as usize].all_mut()[..content.len()].copy_from_slice(content);
+    }
+    run.state.windows.next_block(parcel.frames);
+    State::steps(&mut run.state, &plan, stage.clone());
+}
+
+/// The buffers that are written before a cut of the list and needed after it.
+fn crossing(plan: &Plan, cut: usize) -> impl Iterator<Item = &Life> {
+    plan.lives
+        .iter()
+        .filter(move |life| life.from < cut && life.to >= cut)
+}
+
+/// The whole run's outcome: of every actuator what its own stage saw.
+fn merge(plan: &Plan, stages: &[Range<usize>], runs: &[Run]) -> (u64, Faults, Vec<ActuatorReport>) {
+    let mut faults = Faults::default();
+    let mut actuators: Vec<ActuatorReport> = Vec::new();
+    for (stage, run) in stages.iter().zip(runs) {
+        faults.ticks += run.faults().ticks;
+        faults.origin = faults.origin.or(run.faults().origin);
+        for step in &plan.steps[stage.clone()] {
+            if let StepWork::Actuator(index) = step.work {
+                actuators.extend(run.actuators().nth(index as usize));
+            }
+        }
+    }
+    if faults.ticks == 0 {
+        faults.origin = None;
+    }
+    (runs.last().map_or(0, Run::driver_frames), faults, actuators)
+}

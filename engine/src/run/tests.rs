@@ -1,0 +1,145 @@
+//! The engine against its definition: random graphs, evaluated tick by tick from whole histories.
+
+mod naive;
+mod world;
+
+use super::{Offline, Probe, Run};
+use crate::graph::Graph;
+use crate::node::FrameWriter;
+use crate::plan::{Plan, PlanOptions};
+use petgraph::graph::NodeIndex;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use world::random_graph;
+
+/// All outputs of a graph over `frames` driver frames, run in blocks whose sizes repeat.
+fn play(graph: &Graph, frames: usize, blocks: &[usize]) -> Vec<Vec<f64>> {
+    let taps: Vec<(NodeIndex, usize)> = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+    let block = blocks.iter().copied().max().unwrap_or(1);
+    let mut run = Run::new(Arc::new(Plan::new(
+        graph,
+        &PlanOptions {
+            block,
+            taps: taps.clone(),
+        },
+    )));
+    let mut heard = vec![Vec::new(); taps.len()];
+    let mut sizes = blocks.iter().cycle();
+    while run.driver_frames() < frames as u64 {
+        let left = frames - run.driver_frames() as usize;
+        run.advance(left.min(*sizes.next().unwrap()));
+        for (tap, heard) in heard.iter_mut().enumerate() {
+            heard.extend_from_slice(run.tap(tap));
+        }
+    }
+    heard
+}
+
+fn assert_same_bits(a: &[Vec<f64>], b: &[Vec<f64>], graph: &Graph, what: &str) {
+    for (node, (a, b)) in graph.nodes.node_weights().zip(a.iter().zip(b)) {
+        assert_eq!(a.len(), b.len(), "{what}: frames of {}", node.path);
+        for (tick, (a, b)) in a.iter().zip(b).enumerate() {
+            assert_eq!(
+                a.to_bits(),
+                b.to_bits(),
+                "{what}: {} at tick {tick}: {a} against {b}",
+                node.path
+            );
+        }
+    }
+}
+
+#[test]
+fn random_graphs_give_what_the_definition_says_whatever_the_block() {
+    for seed in 0..150 {
+        let graph = random_graph(seed, seed);
+        let definition = naive::evaluate(&graph, 2100);
+        for blocks in [&[1][..], &[64], &[1024], &[7, 1, 333, 64, 2]] {
+            assert_same_bits(
+                &play(&graph, 2100, blocks),
+                &definition,
+                &graph,
+                &format!(
+                    "seed {seed}, blocks {blocks:?}\n{}",
+                    Plan::new(&graph, &PlanOptions::default())
+                ),
+            );
+        }
+    }
+}
+
+#[test]
+fn the_order_in_the_file_changes_no_bit() {
+    for seed in 0..40 {
+        let (graph, shuffled) = (random_graph(seed, seed), random_graph(seed, seed + 1000));
+        let (a, b) = (play(&graph, 900, &[64]), play(&shuffled, 900, &[64]));
+        for (node, heard) in graph.nodes.node_weights().zip(&a) {
+            let same = shuffled
+                .nodes
+                .node_indices()
+                .find(|i| shuffled.nodes[*i].path == node.path)
+                .unwrap();
+            assert_eq!(heard, &b[same.index()], "seed {seed}, {}", node.path);
+        }
+    }
+}
+
+/// Collects frames in memory.
+#[derive(Clone, Default)]
+struct Heard(Arc<Mutex<Vec<f64>>>);
+
+impl FrameWriter for Heard {
+    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
+        self.0.lock().unwrap().extend_from_slice(frames);
+        Ok(())
+    }
+    fn finish(self: Box<Self>) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    for seed in 0..30 {
+        let graph = random_graph(seed, seed);
+        let rate_hz = Plan::new(&graph, &PlanOptions::default()).driver_rate().hz();
+        let alone = play(&graph, 1000, &[64]);
+        for threads in [1, 2, 3, 8, 100] {
+            let mut offline = Offline::new(&graph, 50).threads(threads);
+            let mut heard = Vec::new();
+            for node in graph.nodes.node_indices() {
+                heard.push(Heard::default());
+                let writer = Box::new(heard[node.index()].clone());
+                offline.probe(Probe {
+                    node,
+                    output: 0,
+                    writer,
+                });
+            }
+            let outcome = offline
+                .run(1000.0 / rate_hz, &AtomicBool::new(false), &mut |_| {})
+                .unwrap();
+            assert_eq!((outcome.driver_frames, outcome.stopped), (1000, false));
+            let heard: Vec<Vec<f64>> = heard
+                .iter()
+                .map(|heard| heard.0.lock().unwrap().clone())
+                .collect();
+            assert_same_bits(&heard, &alone, &graph, &format!("seed {seed}, {threads} threads"));
+        }
+    }
+}
+
+#[test]
+fn a_stop_ends_the_run_with_complete_blocks() {
+    let graph = random_graph(3, 3);
+    let stop = AtomicBool::new(false);
+    let offline = Offline::new(&graph, 10);
+    let mut calls = 0;
+    let outcome = offline
+        .run(1e6, &stop, &mut |_| {
+            calls += 1;
+            stop.store(calls == 5, std::sync::atomic::Ordering::Relaxed);
+        })
+        .unwrap();
+    assert_eq!((outcome.driver_frames, outcome.stopped), (50, true));
+}

@@ -1,0 +1,345 @@
+//! Random graphs of simple nodes over several clocks, with bridges, delays and a body in a loop.
+
+use crate::device::{Channel, Device, DeviceEntry, DeviceSpec};
+use crate::diagnostic::{Sources, Span};
+use crate::frame::Kind;
+use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
+use crate::node::{BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, Tick};
+use crate::settings::NoSettings;
+use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::{Rate, TimeBase};
+use petgraph::graph::{DiGraph, NodeIndex};
+use rand::seq::{IndexedRandom, SliceRandom};
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// A leaky sum of its inputs, with its own tick number mixed in: it notices any frame too many, too few or late.
+#[derive(Clone)]
+pub struct Leaky {
+    pub kept: f64,
+    pub weight: f64,
+    /// Reads runs where the input is held.
+    pub held: Vec<bool>,
+}
+
+impl Leaky {
+    pub fn next(&mut self, tick: u64, inputs: impl Iterator<Item = f64>) -> f64 {
+        let sum: f64 = inputs.sum();
+        self.kept = self.weight * self.kept + 0.3 * sum + (tick % 97) as f64;
+        self.kept
+    }
+}
+
+impl Processor for Leaky {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let mut at: Vec<Vec<f64>> = Vec::new();
+        for (input, held) in self.held.iter().enumerate() {
+            let mut frames = vec![f64::NAN; tick.frames];
+            if *held {
+                for (range, lanes) in io.held(input) {
+                    frames[range].fill(lanes[0]);
+                }
+            } else {
+                frames.copy_from_slice(io.lanes(input));
+            }
+            at.push(frames);
+        }
+        for (j, out) in io.out(0).iter_mut().enumerate() {
+            *out = self.next(tick.first + j as u64, at.iter().map(|frames| frames[j]));
+        }
+    }
+}
+
+/// A body that sums what drives it.
+#[derive(Clone)]
+pub struct Body {
+    pub position: f64,
+    pub drive: f64,
+}
+
+impl Device for Body {
+    fn advance(&mut self) {
+        self.position = 0.9 * self.position + self.drive + 1.0;
+    }
+    fn read(&mut self, _: usize, frame: &mut [f64]) {
+        frame[0] = self.position;
+    }
+    fn write(&mut self, _: usize, frame: &[f64]) {
+        self.drive = frame[0];
+    }
+}
+
+struct Nothing;
+impl NodeKind for Nothing {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Leaky",
+        group: "test",
+        doc: "",
+        source: "",
+        inputs: &[],
+        outputs: &[],
+        example: "",
+    };
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Err(BuildError::at("none", "built by hand"))
+    }
+}
+struct NoBody;
+impl crate::device::DeviceKind for NoBody {
+    type Settings = NoSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "Body",
+        doc: "",
+        source: "",
+        simulated: true,
+        senses: &[Channel {
+            name: "x",
+            kind: Kind::Scalar,
+            quantity: Quantity::NUMBER,
+            doc: "",
+        }],
+        drives: &[Channel {
+            name: "x",
+            kind: Kind::Scalar,
+            quantity: Quantity::NUMBER,
+            doc: "",
+        }],
+        example: "",
+    };
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        Err(BuildError::at("none", "built by hand"))
+    }
+}
+
+pub const LIMIT: Limit = Limit {
+    peak: 50.0,
+    continuous: 50.0,
+    window_s: 1.0,
+    slew_per_s: None,
+};
+
+struct World {
+    random: Xoshiro256PlusPlus,
+    rates: Vec<Rate>,
+    base: TimeBase,
+    nodes: Vec<Node>,
+    edges: Vec<(usize, usize, Edge)>,
+}
+
+/// A graph from `seed`, its nodes added in an order from `shuffle`.
+pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut rates: Vec<Rate> = vec![Rate::from_hz(1000).unwrap()];
+    let choices = [
+        (1000, 3),
+        (240, 1),
+        (125, 1),
+        (10_000, 1),
+        (1000, 1),
+        (48, 1),
+        (2500, 7),
+        (441, 1),
+    ];
+    for _ in 0..random.random_range(0..4) {
+        let (n, d) = *choices.choose(&mut random).unwrap();
+        rates.push(Rate::new(n, d).unwrap());
+    }
+    let base = TimeBase::new(&rates).unwrap();
+    let mut world = World {
+        random,
+        rates,
+        base,
+        nodes: Vec::new(),
+        edges: Vec::new(),
+    };
+    for _ in 0..world.random.random_range(2..14) {
+        world.leaky();
+    }
+    let device_clock = world.loops();
+    world.finish(shuffle, device_clock)
+}
+
+impl World {
+    fn node(&mut self, clock: usize, work: Work) -> usize {
+        let output = Output {
+            name: "out",
+            kind: Kind::Scalar,
+            quantity: Quantity::NUMBER,
+        };
+        self.nodes.push(Node {
+            // Not alphabetical in the order of creation.
+            path: format!("n{:02}", (self.nodes.len() * 37) % 100),
+            entry: NodeEntry::processor::<Nothing>(),
+            clock: Some(clock),
+            inputs: Vec::new(),
+            outputs: vec![output],
+            work,
+            span: Span::default(),
+            simulated: false,
+        });
+        self.nodes.len() - 1
+    }
+
+    fn connect(&mut self, from: usize, to: usize, bridge: Bridge, held: bool) {
+        let input = self.nodes[to].inputs.len();
+        self.edges.push((
+            from,
+            to,
+            Edge {
+                output: 0,
+                input,
+                bridge,
+                span: Span::default(),
+            },
+        ));
+        let quantity = Quantity::NUMBER;
+        self.nodes[to].inputs.push(Input {
+            name: "in",
+            kind: Kind::Scalar,
+            quantity,
+            connected: true,
+            held,
+        });
+        if let Work::Process(_) = self.nodes[to].work {
+            let held = self.nodes[to].inputs.iter().map(|input| input.held).collect();
+            self.nodes[to].work = Work::Process(Box::new(Leaky {
+                kept: 0.0,
+                weight: 0.7,
+                held,
+            }));
+        }
+    }
+
+    fn leaky(&mut self) {
+        let clock = self.random.random_range(0..self.rates.len());
+        let earlier = self.nodes.len();
+        let work = Work::Process(Box::new(Leaky {
+            kept: 0.0,
+            weight: 0.7,
+            held: Vec::new(),
+        }));
+        let node = self.node(clock, work);
+        for _ in 0..self.random.random_range(0..4) {
+            if earlier > 0 {
+                let from = self.random.random_range(0..earlier);
+                let bridge = self.any_bridge(from, clock);
+                let held = matches!(bridge, Bridge::Hold | Bridge::Direct) && self.random.random_bool(0.5);
+                self.connect(from, node, bridge, held);
+            }
+        }
+    }
+
+    fn any_bridge(&mut self, from: usize, clock: usize) -> Bridge {
+        let from_clock = self.nodes[from].clock.unwrap();
+        let (slow, fast) = (self.base.period(from_clock), self.base.period(clock));
+        if from_clock == clock {
+            let frames = self.random.random_range(1..200);
+            let delay = Bridge::Delay { frames, initial: 0.5 };
+            return *[Bridge::Direct, Bridge::Direct, delay]
+                .choose(&mut self.random)
+                .unwrap();
+        }
+        let other = if slow > fast {
+            Bridge::Linear
+        } else {
+            Bridge::Average
+        };
+        *[Bridge::Hold, other].choose(&mut self.random).unwrap()
+    }
+
+    /// Feedback by delay between nodes of one clock, and sometimes a body driven by what it causes.
+    fn loops(&mut self) -> Option<usize> {
+        let count = self.nodes.len();
+        for _ in 0..self.random.random_range(0..3) {
+            let (from, to) = (
+                self.random.random_range(0..count),
+                self.random.random_range(0..count),
+            );
+            if self.nodes[from].clock == self.nodes[to].clock {
+                let frames = self.random.random_range(1..40);
+                self.connect(
+                    from,
+                    to,
+                    Bridge::Delay {
+                        frames,
+                        initial: 0.25,
+                    },
+                    false,
+                );
+            }
+        }
+        if self.random.random_bool(0.4) {
+            return None;
+        }
+        let (from, to) = (
+            self.random.random_range(0..count),
+            self.random.random_range(0..count),
+        );
+        let (low, high) = (from.min(to), from.max(to));
+        let clock = self.nodes[low].clock.unwrap();
+        let source = self.node(
+            clock,
+            Work::Source {
+                device: 0,
+                channels: vec![0],
+            },
+        );
+        self.connect(source, low, Bridge::Direct, false);
+        let sink = self.node(
+            clock,
+            Work::Actuator {
+                device: 0,
+                channel: 0,
+                gain: 0.1,
+                limit: LIMIT,
+            },
+        );
+        let bridge = if self.nodes[high].clock == Some(clock) {
+            Bridge::Direct
+        } else {
+            Bridge::Hold
+        };
+        self.connect(high, sink, bridge, false);
+        Some(clock)
+    }
+
+    fn finish(self, shuffle: u64, device_clock: Option<usize>) -> Graph {
+        let mut order: Vec<usize> = (0..self.nodes.len()).collect();
+        order.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(shuffle));
+        let mut nodes = DiGraph::new();
+        let mut placed = vec![NodeIndex::new(0); order.len()];
+        let mut taken: Vec<Option<Node>> = self.nodes.into_iter().map(Some).collect();
+        for old in order {
+            placed[old] = nodes.add_node(taken[old].take().unwrap());
+        }
+        for (from, to, edge) in self.edges {
+            nodes.add_edge(placed[from], placed[to], edge);
+        }
+        let devices = device_clock.map(|clock| GraphDevice {
+            name: "body".into(),
+            entry: DeviceEntry::of::<NoBody>(),
+            clock,
+            device: Box::new(Body {
+                position: 0.0,
+                drive: 0.0,
+            }),
+            span: Span::default(),
+        });
+        let clock = |(i, rate): (usize, &Rate)| Clock {
+            name: format!("c{i}"),
+            rate: *rate,
+            driver: 0,
+        };
+        Graph {
+            about: String::new(),
+            seed: 0,
+            clocks: self.rates.iter().enumerate().map(clock).collect(),
+            base: self.base,
+            nodes,
+            devices: devices.into_iter().collect(),
+            sources: Sources::default(),
+            warnings: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Which ticks of every clock fall into a stretch of time.
+
+use crate::plan::Plan;
+use haptograph_signal::time::{TimeBase, ticks_before};
+
+/// The ticks of one clock in the present stretch of time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Window {
+    /// Number of the first tick.
+    pub first: u64,
+    /// How many.
+    pub count: usize,
+    /// Where the first one lies in the block's buffers.
+    pub offset: usize,
+}
+
+/// The windows of all clocks: those of the block, and those of the island's present sub-window.
+#[derive(Debug, Clone)]
+pub(crate) struct Windows {
+    base: TimeBase,
+    driver: usize,
+    /// Time at which the present block begins and ends, in units.
+    begin: u64,
+    end: u64,
+    clocks: Vec<Window>,
+}
+
+impl Windows {
+    pub(crate) fn new(plan: &Plan) -> Self {
+        let clocks = vec![Window::default(); plan.rates.len()];
+        Self {
+            base: plan.base.clone(),
+            driver: plan.driver,
+            begin: 0,
+            end: 0,
+            clocks,
+        }
+    }
+
+    #[inline]
+    pub(crate) fn of(&self, clock: u32) -> Window {
+        self.clocks[clock as usize]
+    }
+
+    pub(crate) fn period(&self, clock: u32) -> u64 {
+        self.base.period(clock as usize)
+    }
+
+    /// Moves on to a block of `frames` driver frames.
+    pub(crate) fn next_block(&mut self, frames: usize) {
+        self.begin = self.end;
+        self.end = self
+            .begin
+            .saturating_add(self.base.period(self.driver).saturating_mul(frames as u64));
+        for (clock, window) in self.clocks.iter_mut().enumerate() {
+            let first = window.first + (window.offset + window.count) as u64;
+            let next = ticks_before(self.end, self.base.period(clock));
+            *window = Window {
+                first,
+                count: (next - first) as usize,
+                offset: 0,
+            };
+        }
+    }
+
+    /// The driver frame at which the present block ends.
+    pub(crate) fn driver_frames(&self) -> u64 {
+        self.end / self.base.period(self.driver)
+    }
+
+    /// The block as a stretch of time, in units.
+    pub(crate) fn block(&self) -> (u64, u64) {
+        (self.begin, self.end)
+    }
+
+    /// The first time after `time` at which one of the pacings begins a new sub-window, at most the block's end.
+    pub(crate) fn boundary_after(&self, time: u64, pacings: &[u64]) -> u64 {
+        let next = |pacing: &u64| (time / pacing + 1).saturating_mul(*pacing);
+        pacings.iter().map(next).min().unwrap_or(self.end).min(self.end)
+    }
+
+    /// Narrows every window to a stretch of the block; `whole` are the block's windows.
+    pub(crate) fn narrow(&mut self, whole: &[Window], begin: u64, end: u64) {
+        for (clock, (window, whole)) in self.clocks.iter_mut().zip(whole).enumerate() {
+            let period = self.base.period(clock);
+            let first = ticks_before(begin, period);
+            let count = (ticks_before(end, period) - first) as usize;
+            *window = Window {
+                first,
+                count,
+                offset: (first - whole.first) as usize,
+            };
+        }
+    }
+
+    pub(crate) fn all(&self) -> &[Window] {
+        &self.clocks
+    }
+
+    pub(crate) fn restore(&mut self, whole: &[Window]) {
+        self.clocks.copy_from_slice(whole);
+    }
+}
