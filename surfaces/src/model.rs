@@ -161,7 +161,7 @@ impl ArmaModel {
 
     /// Whether two models are the same filter to the bit, whatever their variance.
     pub fn same_filter(&self, other: &ArmaModel) -> bool {
-        self.filter == other.filter
+        Arc::ptr_eq(&self.filter, &other.filter) || self.filter == other.filter
     }
 }
 

@@ -4,12 +4,14 @@
 //! to do, in time and memory bounded by the file's size. Writing keeps every bit of every number.
 
 mod decimal;
+pub mod hatt;
 pub mod native;
 mod write;
 
-use crate::{ModelError, Surface, SurfaceError, TextureError};
+use crate::{ModelError, Origin, Surface, SurfaceError, TextureError};
 use std::path::{Path, PathBuf};
 
+pub use hatt::{HattProblem, HattWriteError};
 pub use write::write_atomically;
 
 /// More models than this in one texture, or samples in one tap, are refused when reading a file.
@@ -30,7 +32,9 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
             problem: Problem::NotText,
         }
     })?;
-    native::read(text)
+    // A byte order mark is what Windows editors put first.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.trim_start().starts_with('<') { hatt::read(text) } else { native::read(text) }
 }
 
 /// A surface from a file.
@@ -165,6 +169,9 @@ pub enum Problem {
     /// Another part is not sound.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// A toolkit file does not follow its format.
+    #[error(transparent)]
+    Hatt(#[from] HattProblem),
 }
 
 /// Why a surface file could not be read.
@@ -194,4 +201,45 @@ pub enum FileError {
         /// What is wrong in it.
         error: ReadError,
     },
+}
+
+/// Why a surface could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum SaveError {
+    /// The extension tells the format.
+    #[error("{}: a surface is written as .ron (haptograph) or .xml (the toolkit); name the file so", path.display())]
+    Extension {
+        /// The file asked for.
+        path: PathBuf,
+    },
+    /// The toolkit's format cannot hold it.
+    #[error("{}: {error}", path.display())]
+    Hatt {
+        /// The file asked for.
+        path: PathBuf,
+        /// Why.
+        error: HattWriteError,
+    },
+    /// The file system refuses.
+    #[error("cannot write {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// Why two surfaces are not parts of one.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MergeError {
+    /// Both have the same part.
+    #[error("both surfaces have {part}; merge files with different parts of one material")]
+    Twice {
+        /// The part.
+        part: &'static str,
+    },
+    /// One surface has one kind of data behind it.
+    #[error("one surface is {}, the other {}; they do not make one", _0.word(), _1.word())]
+    Origins(Origin, Origin),
 }

@@ -15,8 +15,6 @@ use ron::extensions::Extensions;
 
 /// A surface from the text of a `.ron` file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
-    // Windows editors put this mark first; RON knows nothing of it.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let document = parse(text)?;
     surface(document).map_err(|problem| ReadError {
         place: place_of(&problem, text),
