@@ -1,6 +1,7 @@
 //! One autoregressive (AR) or autoregressive moving-average (ARMA) model of a texture's vibration.
 
 use crate::lsf::{self, NotStable};
+use haptograph_signal::prediction::ar_to_reflection;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -220,13 +221,11 @@ fn check_polynomial(
         }
         below = frequency;
     }
-    let unstable = |NotStable| ModelError::Unstable { polynomial };
-    let mut reflection = [0.0; MAX_ORDER];
-    lsf::reflection_coefficients(coefficients, &mut reflection).map_err(unstable)?;
-    let mut from_lsf = [0.0; MAX_ORDER];
-    let from_lsf = &mut from_lsf[..frequencies.len()];
-    lsf::lsf_to_ar(frequencies, from_lsf);
-    lsf::reflection_coefficients(from_lsf, &mut reflection).map_err(unstable)?;
+    let unstable = |_| ModelError::Unstable { polynomial };
+    ar_to_reflection(coefficients).map_err(unstable)?;
+    let mut from_lsf = vec![0.0; frequencies.len()];
+    lsf::lsf_to_ar(frequencies, &mut from_lsf);
+    ar_to_reflection(&from_lsf).map_err(unstable)?;
     let scale = coefficients.iter().fold(1.0_f64, |scale, c| scale.max(c.abs()));
     for (index, (stored, implied)) in coefficients.iter().zip(from_lsf.iter()).enumerate() {
         if (stored - implied).abs() > STORED_LSF_TOLERANCE * scale {

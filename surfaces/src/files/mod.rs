@@ -34,7 +34,11 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
     })?;
     // A byte order mark is what Windows editors put first.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    if text.trim_start().starts_with('<') { hatt::read(text) } else { native::read(text) }
+    if text.trim_start().starts_with('<') {
+        hatt::read(text)
+    } else {
+        native::read(text)
+    }
 }
 
 /// A surface from a file.
@@ -51,9 +55,114 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
         });
     }
     let bytes = std::fs::read(path).map_err(failed)?;
-    read_surface(&bytes).map_err(|error| FileError::Read {
+    let read = read_surface(&bytes);
+    let mut surface = read.map_err(|error| FileError::Read {
         path: path.to_owned(),
         error,
+    })?;
+    if surface.name.is_empty() {
+        // A tap file names its material in its own name alone.
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        surface.name = stem.strip_prefix("Taps_").unwrap_or(&stem).to_owned();
+    }
+    Ok(surface)
+}
+
+/// Writes a surface to `path`: as a toolkit file if it ends in `.xml` (models, or taps if there is no texture), as
+/// haptograph's own if in `.ron`. Returns the parts of the surface that the format has no place for.
+pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveError> {
+    let hatt = |error| SaveError::Hatt {
+        path: path.to_owned(),
+        error,
+    };
+    let extension = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase();
+    let (text, left_out) = match extension.as_str() {
+        "ron" => (native::write(surface), Vec::new()),
+        "xml" if surface.texture.is_some() => {
+            let text = hatt::write_models(surface).map_err(hatt)?;
+            let fit = surface.friction.and_then(|friction| friction.r_squared());
+            (
+                text,
+                present(
+                    [
+                        ("taps", surface.taps.is_some()),
+                        ("R² of friction", fit.is_some()),
+                    ],
+                    surface,
+                ),
+            )
+        }
+        "xml" => {
+            let text = hatt::write_taps(surface).map_err(hatt)?;
+            (
+                text,
+                present(
+                    [("name", true), ("friction", surface.friction.is_some())],
+                    surface,
+                ),
+            )
+        }
+        _ => {
+            return Err(SaveError::Extension {
+                path: path.to_owned(),
+            });
+        }
+    };
+    write_atomically(path, text.as_bytes()).map_err(|source| SaveError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(left_out)
+}
+
+/// Which parts a surface has of these and of those that no toolkit file holds.
+fn present(parts: [(&'static str, bool); 2], surface: &Surface) -> Vec<&'static str> {
+    let parts = parts
+        .into_iter()
+        .chain([("stiffness", surface.stiffness.is_some())]);
+    parts
+        .filter(|(_, present)| *present)
+        .map(|(part, _)| part)
+        .collect()
+}
+
+/// One surface of two files of the same material, such as the toolkit's models and taps: each part from the file that
+/// has it. The name is the first's, the sources and settings are both's.
+pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
+    fn either<T>(first: Option<T>, second: Option<T>, part: &'static str) -> Result<Option<T>, MergeError> {
+        match (first, second) {
+            (Some(_), Some(_)) => Err(MergeError::Twice { part }),
+            (first, second) => Ok(first.or(second)),
+        }
+    }
+    if first.provenance.origin != second.provenance.origin {
+        return Err(MergeError::Origins(
+            first.provenance.origin,
+            second.provenance.origin,
+        ));
+    }
+    let mut provenance = first.provenance;
+    if provenance.source != second.provenance.source {
+        provenance.source = format!("{}; {}", provenance.source, second.provenance.source);
+    }
+    for (name, value) in second.provenance.settings {
+        provenance.settings.entry(name).or_insert(value);
+    }
+    Ok(Surface {
+        name: if first.name.is_empty() {
+            second.name
+        } else {
+            first.name
+        },
+        friction: either(first.friction, second.friction, "friction")?,
+        taps: either(first.taps, second.taps, "taps")?,
+        texture: either(first.texture, second.texture, "texture")?,
+        stiffness: either(first.stiffness, second.stiffness, "stiffness")?,
+        provenance,
     })
 }
 

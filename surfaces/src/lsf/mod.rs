@@ -19,26 +19,6 @@ pub const MAX_ORDER: usize = 32;
 #[error("the polynomial has a root on or outside the unit circle, so it has no line spectral frequencies")]
 pub struct NotStable;
 
-/// Reflection coefficients of a polynomial by step-down; an error unless all are inside (-1, 1).
-pub(crate) fn reflection_coefficients(ar: &[f64], reflection: &mut [f64]) -> Result<(), NotStable> {
-    let mut a = [0.0; MAX_ORDER];
-    let mut lower = [0.0; MAX_ORDER];
-    a[..ar.len()].copy_from_slice(ar);
-    for m in (0..ar.len()).rev() {
-        let k = a[m];
-        if k.is_nan() || k.abs() >= 1.0 {
-            return Err(NotStable);
-        }
-        reflection[m] = k;
-        let scale = 1.0 / (1.0 - k * k);
-        for i in 0..m {
-            lower[i] = (a[i] - k * a[m - 1 - i]) * scale;
-        }
-        a[..m].copy_from_slice(&lower[..m]);
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

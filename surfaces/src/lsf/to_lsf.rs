@@ -6,7 +6,8 @@
 //! of the lattice does, which no cluster can confuse. What was found is converted back and compared, and corrected by
 //! what is left over.
 
-use super::{MAX_ORDER, NotStable, lsf_to_ar, reflection_coefficients};
+use super::{MAX_ORDER, NotStable, lsf_to_ar};
+use haptograph_signal::prediction::ar_to_reflection;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
@@ -30,11 +31,9 @@ pub fn ar_to_lsf(ar: &[f64], lsf: &mut [f64]) -> Result<(), NotStable> {
     if from_grid(&sum, &difference, lsf) && is_ascending(lsf) && correct(ar, lsf) <= GOOD_ENOUGH * scale {
         return Ok(());
     }
-    let mut reflection = [0.0; MAX_ORDER];
-    let reflection = &mut reflection[..order];
-    reflection_coefficients(ar, reflection)?;
+    let reflection = ar_to_reflection(ar).map_err(|_| NotStable)?;
     for (index, frequency) in lsf.iter_mut().enumerate() {
-        *frequency = by_phase(reflection, index + 1);
+        *frequency = by_phase(&reflection, index + 1);
     }
     if !is_ascending(lsf) {
         return Err(NotStable);
@@ -474,9 +473,8 @@ mod tests {
                     )
                 };
                 let ar = from_poles(&(0..pairs).map(|_| pole()).collect::<Vec<_>>());
-                let mut reflection = vec![0.0; ar.len()];
                 // The product of that many poles that close may round to an unstable polynomial.
-                if reflection_coefficients(&ar, &mut reflection).is_ok() {
+                if ar_to_reflection(&ar).is_ok() {
                     assert!(round_trip(&ar) < 1e-9, "{ar:?}");
                 }
             }

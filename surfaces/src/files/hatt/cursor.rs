@@ -34,13 +34,19 @@ impl<'a> Cursor<'a> {
     pub fn new(text: &'a str) -> Self {
         let mut reader = Reader::from_str(text);
         reader.config_mut().expand_empty_elements = true;
-        Cursor { text, reader, comments: Vec::new() }
+        Cursor {
+            text,
+            reader,
+            comments: Vec::new(),
+        }
     }
 
     /// Where reading has got to.
     pub fn place(&self) -> Place {
         let position = self.reader.buffer_position().max(self.reader.error_position());
-        let mut position = usize::try_from(position).unwrap_or(usize::MAX).min(self.text.len());
+        let mut position = usize::try_from(position)
+            .unwrap_or(usize::MAX)
+            .min(self.text.len());
         while !self.text.is_char_boundary(position) {
             position -= 1;
         }
@@ -58,8 +64,16 @@ impl<'a> Cursor<'a> {
             match self.item()? {
                 Item::Begin(element) => return Ok(element),
                 Item::Text(text) if is_blank(&text) => {}
-                Item::Eof => return Err(HattProblem::Ends { element: "the beginning".to_owned() }),
-                Item::Text(_) | Item::End => return Err(HattProblem::Stray { element: "the beginning".to_owned() }),
+                Item::Eof => {
+                    return Err(HattProblem::Ends {
+                        element: "the beginning".to_owned(),
+                    });
+                }
+                Item::Text(_) | Item::End => {
+                    return Err(HattProblem::Stray {
+                        element: "the beginning".to_owned(),
+                    });
+                }
             }
         }
     }
@@ -71,8 +85,16 @@ impl<'a> Cursor<'a> {
                 Item::Begin(element) => return Ok(Some(element)),
                 Item::End => return Ok(None),
                 Item::Text(text) if is_blank(&text) => {}
-                Item::Text(_) => return Err(HattProblem::Stray { element: parent.to_owned() }),
-                Item::Eof => return Err(HattProblem::Ends { element: parent.to_owned() }),
+                Item::Text(_) => {
+                    return Err(HattProblem::Stray {
+                        element: parent.to_owned(),
+                    });
+                }
+                Item::Eof => {
+                    return Err(HattProblem::Ends {
+                        element: parent.to_owned(),
+                    });
+                }
             }
         }
     }
@@ -86,8 +108,16 @@ impl<'a> Cursor<'a> {
                 Item::Text(text) if whole.is_empty() => whole = text,
                 Item::Text(text) => whole.push_str(&text),
                 Item::End => return Ok(whole),
-                Item::Begin(_) => return Err(HattProblem::Stray { element: name.to_owned() }),
-                Item::Eof => return Err(HattProblem::Ends { element: name.to_owned() }),
+                Item::Begin(_) => {
+                    return Err(HattProblem::Stray {
+                        element: name.to_owned(),
+                    });
+                }
+                Item::Eof => {
+                    return Err(HattProblem::Ends {
+                        element: name.to_owned(),
+                    });
+                }
             }
         }
     }
@@ -114,7 +144,10 @@ impl<'a> Cursor<'a> {
         let mut values = Vec::new();
         while let Some(element) = self.child(name)? {
             if element.name != "value" {
-                return Err(HattProblem::Unknown { field: element.name, parent: name });
+                return Err(HattProblem::Unknown {
+                    field: element.name,
+                    parent: name,
+                });
             }
             if values.len() == most {
                 return Err(HattProblem::TooMany { field: name, most });
@@ -131,7 +164,11 @@ impl<'a> Cursor<'a> {
             match self.item()? {
                 Item::Eof => return Ok(()),
                 Item::Text(text) if is_blank(&text) => {}
-                _ => return Err(HattProblem::Stray { element: "the root element".to_owned() }),
+                _ => {
+                    return Err(HattProblem::Stray {
+                        element: "the root element".to_owned(),
+                    });
+                }
             }
         }
     }
@@ -153,7 +190,8 @@ impl<'a> Cursor<'a> {
                 }
                 Event::Comment(comment) => {
                     if self.comments.len() < COMMENTS.0 && comment.len() <= COMMENTS.1 {
-                        self.comments.push(comment.decode().map_err(malformed)?.into_owned());
+                        self.comments
+                            .push(comment.decode().map_err(malformed)?.into_owned());
                     }
                 }
                 Event::DocType(_) => return Err(HattProblem::DocumentType),
@@ -178,11 +216,16 @@ fn element(start: &BytesStart) -> Result<Element, HattProblem> {
 }
 
 fn malformed(error: impl std::fmt::Display) -> HattProblem {
-    HattProblem::Xml { message: error.to_string() }
+    HattProblem::Xml {
+        message: error.to_string(),
+    }
 }
 
 fn not_a_number(name: &str, text: &str) -> HattProblem {
-    HattProblem::Number { field: name.to_owned(), text: text.chars().take(40).collect() }
+    HattProblem::Number {
+        field: name.to_owned(),
+        text: text.chars().take(40).collect(),
+    }
 }
 
 fn is_blank(text: &str) -> bool {

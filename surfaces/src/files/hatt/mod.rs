@@ -28,7 +28,13 @@ pub const TAP_RATE_HZ: f64 = 1000.0;
 pub const TAP_SAMPLES: usize = 100;
 
 /// Fields of a model file that no surface needs, but its toolkit does: kept among the settings of the provenance.
-const KEPT: [&str; 5] = ["htmlPicture", "htmlLinuxPicture", "renderPicture", "DTpicture", "LinuxDTpicture"];
+const KEPT: [&str; 5] = [
+    "htmlPicture",
+    "htmlLinuxPicture",
+    "renderPicture",
+    "DTpicture",
+    "LinuxDTpicture",
+];
 
 /// Begins the comment that says where a surface comes from.
 const LABEL: &str = "haptograph surface: ";
@@ -37,7 +43,10 @@ const LABEL: &str = "haptograph surface: ";
 pub fn read(text: &str) -> Result<Surface, ReadError> {
     let mut cursor = Cursor::new(text);
     let surface = read_root(&mut cursor);
-    surface.map_err(|problem| ReadError { place: Some(cursor.place()), problem })
+    surface.map_err(|problem| ReadError {
+        place: Some(cursor.place()),
+        problem,
+    })
 }
 
 fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
@@ -49,7 +58,12 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
     };
     cursor.end()?;
     if let Some((origin, source, made_by)) = cursor.comments().find_map(parse_label) {
-        surface.provenance = Provenance { origin, source, version: made_by, ..surface.provenance };
+        surface.provenance = Provenance {
+            origin,
+            source,
+            version: made_by,
+            ..surface.provenance
+        };
     }
     Ok(surface)
 }
@@ -57,14 +71,22 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
 /// The comment that labels an exported surface; dashes that would end it are bent.
 fn label(provenance: &Provenance) -> String {
     let origin = provenance.origin.word();
-    let label = format!("{LABEL}{origin}; made by {}; from {}", provenance.version, provenance.source);
+    let label = format!(
+        "{LABEL}{origin}; made by {}; from {}",
+        provenance.version, provenance.source
+    );
     label.replace("--", "-\u{2010}").replace(char::is_control, " ")
 }
 
 fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
     let (origin, rest) = comment.trim().strip_prefix(LABEL)?.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
-    let origins = [Origin::Simulated, Origin::Measured, Origin::Imported, Origin::Procedural];
+    let origins = [
+        Origin::Simulated,
+        Origin::Measured,
+        Origin::Imported,
+        Origin::Procedural,
+    ];
     let origin = origins.into_iter().find(|known| known.word() == origin)?;
     Some((origin, source.to_owned(), made_by.to_owned()))
 }
@@ -204,6 +226,6 @@ pub enum HattWriteError {
 }
 
 #[cfg(test)]
-mod real_files;
+pub(crate) mod real_files;
 #[cfg(test)]
 mod tests;

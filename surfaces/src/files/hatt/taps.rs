@@ -16,11 +16,28 @@ pub(super) fn read(cursor: &mut Cursor) -> Result<Surface, Problem> {
         match element.name.as_str() {
             "numTap" => once(&mut count, cursor.number("numTap")?, "numTap", SET)?,
             "speedList" => {
-                once(&mut speeds, cursor.values("speedList", MAX_TAPS, Cursor::thousandth)?, "speedList", SET)?;
+                once(
+                    &mut speeds,
+                    cursor.values("speedList", MAX_TAPS, Cursor::thousandth)?,
+                    "speedList",
+                    SET,
+                )?;
             }
-            "tap" if taps.len() == MAX_TAPS => return Err(HattProblem::TooMany { field: TAP, most: MAX_TAPS }.into()),
+            "tap" if taps.len() == MAX_TAPS => {
+                return Err(HattProblem::TooMany {
+                    field: TAP,
+                    most: MAX_TAPS,
+                }
+                .into());
+            }
             "tap" => taps.push(read_tap(cursor)?),
-            _ => return Err(HattProblem::Unknown { field: element.name, parent: SET }.into()),
+            _ => {
+                return Err(HattProblem::Unknown {
+                    field: element.name,
+                    parent: SET,
+                }
+                .into());
+            }
         }
     }
     let speeds = need(speeds, "speedList", SET)?;
@@ -44,7 +61,12 @@ fn read_tap(cursor: &mut Cursor) -> Result<Tap, HattProblem> {
                 let samples = cursor.values("tapAccel", MAX_TAP_SAMPLES, Cursor::number)?;
                 once(&mut acceleration, samples, "tapAccel", TAP)?;
             }
-            _ => return Err(HattProblem::Unknown { field: element.name, parent: TAP }),
+            _ => {
+                return Err(HattProblem::Unknown {
+                    field: element.name,
+                    parent: TAP,
+                });
+            }
         }
     }
     Ok(Tap {

@@ -79,7 +79,10 @@ fn a_hand_written_file_needs_no_lsfs_and_no_triangles() {
     assert_eq!(texture.triangles().len(), 2);
     assert_eq!((texture.max_speed_m_s(), texture.max_force_n()), (0.2, 3.0));
     assert_eq!(texture.models()[2].kind, VertexKind::Measured);
-    assert_eq!(read_surface(format!("\u{feff}{SQUARE}").as_bytes()).unwrap(), surface);
+    assert_eq!(
+        read_surface(format!("\u{feff}{SQUARE}").as_bytes()).unwrap(),
+        surface
+    );
     assert_eq!(read(&SQUARE.replace('\n', "\r\n")).unwrap(), surface);
 }
 

@@ -1,0 +1,89 @@
+//! Refit: the spectral density below the new Nyquist frequency, its autocovariance, and the AR model of that.
+
+use super::FilterError;
+use super::deviation::deviation_db;
+use crate::{ArmaModel, MAX_ORDER};
+use haptograph_signal::prediction::levinson;
+use std::f64::consts::PI;
+
+/// Orders are tried upwards from this until all models are as close as this.
+const FIRST_ORDER: usize = 20;
+const CLOSE_DB: f64 = 0.05;
+
+/// All of `models` (of variance 1) at a lower rate, with one order: the lowest that fits them all closely, or else the
+/// highest there is.
+pub(super) fn resample_all(
+    models: &[ArmaModel],
+    old_rate_hz: f64,
+    rate_hz: f64,
+) -> Result<Vec<ArmaModel>, (usize, FilterError)> {
+    let autocovariances: Vec<_> = models
+        .iter()
+        .map(|model| autocovariance(model, old_rate_hz, rate_hz))
+        .collect();
+    let mut fits = Vec::new();
+    for order in (FIRST_ORDER..=MAX_ORDER).step_by(4) {
+        fits = autocovariances
+            .iter()
+            .enumerate()
+            .map(|(number, autocovariance)| fit(autocovariance, order).map_err(|error| (number, error)))
+            .collect::<Result<Vec<_>, _>>()?;
+        let close = |(old, new): (&ArmaModel, &ArmaModel)| {
+            deviation_db(old, old_rate_hz, new, rate_hz).db.abs() <= CLOSE_DB
+        };
+        if models.iter().zip(&fits).all(close) {
+            break;
+        }
+    }
+    Ok(fits)
+}
+
+fn fit(autocovariance: &[f64], order: usize) -> Result<ArmaModel, FilterError> {
+    let model = levinson(autocovariance, order).map_err(|_| FilterError::Roots)?;
+    Ok(ArmaModel::from_ar(&model.ar, model.variance)?)
+}
+
+/// Lags 0 to [`MAX_ORDER`] at the new rate of the model's output, rid of all above the new Nyquist frequency: its
+/// density, summed with the trapezoid rule, which for a smooth periodic integrand gains digits as fast as points are
+/// added. Points are doubled until the lags stand.
+fn autocovariance(model: &ArmaModel, old_rate_hz: f64, rate_hz: f64) -> Vec<f64> {
+    let ratio = old_rate_hz / rate_hz;
+    // (1/rate) x density at the new rate is variance x power gain / old rate: a mean over the new band of this.
+    let density = |angle: f64| model.variance() * model.power_gain_at(angle / ratio) / ratio;
+    let mut points = 1 << 11;
+    // Twice the trapezoid sums over [0, π]: the ends count half.
+    let mut sums = [0.0; MAX_ORDER + 1];
+    for (angle, weight) in [(0.0, 0.5), (PI, 0.5)]
+        .into_iter()
+        .chain((1..points).map(|i| (PI * i as f64 / points as f64, 1.0)))
+    {
+        add_lags(&mut sums, weight * density(angle), angle);
+    }
+    loop {
+        let before = sums.map(|sum| sum / points as f64);
+        for i in 0..points {
+            let angle = PI * (i as f64 + 0.5) / points as f64;
+            add_lags(&mut sums, density(angle), angle);
+        }
+        points *= 2;
+        let now = sums.map(|sum| sum / points as f64);
+        let moved = before
+            .iter()
+            .zip(&now)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        if moved <= 1e-10 * now[0] || points >= 1 << 20 {
+            return now.to_vec();
+        }
+    }
+}
+
+/// Adds `density` times cos(lag × angle) for each lag, by the cosine's recurrence.
+fn add_lags(sums: &mut [f64; MAX_ORDER + 1], density: f64, angle: f64) {
+    let twice = 2.0 * angle.cos();
+    let (mut last, mut here) = (0.5 * twice, 1.0);
+    for sum in sums {
+        *sum += density * here;
+        (last, here) = (here, twice * here - last);
+    }
+}
