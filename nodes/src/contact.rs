@@ -1,0 +1,40 @@
+//! Contact: where a tool's point meets a surface, how deep, and what pushes back.
+
+pub mod mesh;
+pub mod proxy;
+pub mod shape;
+pub mod stiffness;
+
+use crate::vector::Vec3;
+
+/// The contact of one tick. Normals point out of the object, towards the tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Whether the tool touches.
+    pub touching: bool,
+    /// Haptic interface point (HIP): where the device is, m.
+    pub hip_m: Vec3,
+    /// Ideal haptic interface point (IHIP, proxy, god-object): where the tool would be on a hard surface, m. In free
+    /// space it is the HIP.
+    pub proxy_m: Vec3,
+    /// Distance from HIP to proxy, m; zero in free space.
+    pub penetration_m: f64,
+    /// Unit normal at the proxy, from HIP to proxy; null in free space.
+    pub normal: Vec3,
+    /// Which face is touched: the triangle of a mesh, the side of a box (0 to 5: -x +x -y +y -z +z), else 0.
+    pub face: u32,
+}
+
+impl Contact {
+    /// No contact.
+    pub const fn free(hip_m: Vec3) -> Self {
+        Self {
+            touching: false,
+            hip_m,
+            proxy_m: hip_m,
+            penetration_m: 0.0,
+            normal: [0.0; 3],
+            face: 0,
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Which triangles a way through space touches: a bounding volume hierarchy and exact predicates.
+//!
+//! The hierarchy is built by the crate `bvh` (surface area heuristic) and flattened with its own hook into nodes that
+//! are walked front to back by index alone: no stack, no allocation, no depth limit, as a servo tick needs. Whether a way
+//! touches a triangle is decided by Shewchuk's exact orientation predicate (crate `robust`), so that neighbours agree
+//! about the edge and the corner they share and nothing slips between them.
+
+use super::Hit;
+use crate::vector::{Vec3, sub};
+use bvh::aabb::{Aabb, Bounded};
+use bvh::bounding_hierarchy::BHShape;
+use bvh::bvh::Bvh;
+use nalgebra::Point3;
+use robust::{Coord3D, orient3d};
+
+#[derive(Debug, Clone)]
+pub(super) struct Index {
+    nodes: Vec<Node>,
+}
+
+/// A box with all that follows up to `exit` inside it, or a triangle.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    centre: Vec3,
+    /// Half the extent; a triangle's node has none of its own.
+    half: Vec3,
+    exit: u32,
+    /// The triangle, or [`super::NONE`] for a box.
+    triangle: u32,
+}
+
+struct Bounds {
+    aabb: Aabb<f64, 3>,
+    node: usize,
+}
+
+impl Bounded<f64, 3> for Bounds {
+    fn aabb(&self) -> Aabb<f64, 3> {
+        self.aabb
+    }
+}
+
+impl BHShape<f64, 3> for Bounds {
+    fn set_bh_node_index(&mut self, node: usize) {
+        self.node = node;
+    }
+
+    fn bh_node_index(&self) -> usize {
+        self.node
+    }
+}
+
+impl Index {
+    /// Boxes are widened by `slack_m`, so that rounding in the box test cannot hide a triangle.
+    pub(super) fn build(vertices: &[Vec3], triangles: &[[u32; 3]], slack_m: f64) -> Self {
+        let mut shapes: Vec<Bounds> = triangles
+            .iter()
+            .map(|corners| {
+                let points = corners.map(|i| vertices[i as usize]);
+                let bound = |pick: fn(f64, f64) -> f64, slack: f64| -> Point3<f64> {
+                    let axis = |i: usize| points.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0) + slack;
+                    Point3::new(axis(0), axis(1), axis(2))
+                };
+                Bounds {
+                    aabb: Aabb::with_bounds(bound(f64::min, -slack_m), bound(f64::max, slack_m)),
+                    node: 0,
+                }
+            })
+            .collect();
+        let bvh = Bvh::build(&mut shapes);
+        let nodes = bvh.flatten_custom(&|aabb: &Aabb<f64, 3>, _enter, exit, triangle| Node {
+            centre: std::array::from_fn(|i| 0.5 * (aabb.min[i] + aabb.max[i])),
+            half: std::array::from_fn(|i| 0.5 * (aabb.max[i] - aabb.min[i])),
+            exit,
+            triangle,
+        });
+        Self { nodes }
+    }
+
+    /// Calls `visit` for each triangle that the closed way from `a` to `b` touches.
+    pub(super) fn hits(
+        &self,
+        vertices: &[Vec3],
+        triangles: &[[u32; 3]],
+        a: Vec3,
+        b: Vec3,
+        mut visit: impl FnMut(Hit),
+    ) {
+        let middle: Vec3 = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        let half: Vec3 = std::array::from_fn(|i| 0.5 * (b[i] - a[i]));
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if node.triangle != super::NONE {
+                let corners = triangles[node.triangle as usize].map(|i| vertices[i as usize]);
+                if let Some(fraction) = crossing(corners, a, b) {
+                    visit(Hit {
+                        fraction,
+                        triangle: node.triangle,
+                    });
+                }
+                at = node.exit as usize;
+            } else if overlaps(node, middle, half) {
+                at += 1;
+            } else {
+                at = node.exit as usize;
+            }
+        }
+    }
+}
+
+/// Whether the way middle +- half touches the box (separating axes).
+#[inline]
+fn overlaps(node: &Node, middle: Vec3, half: Vec3) -> bool {
+    let m = sub(middle, node.centre);
+    let (e, d) = (node.half, half.map(f64::abs));
+    let apart = |i: usize| m[i].abs() > e[i] + d[i];
+    let apart_across =
+        |i: usize, j: usize| (m[i] * half[j] - m[j] * half[i]).abs() > e[i] * d[j] + e[j] * d[i];
+    !(apart(0) || apart(1) || apart(2) || apart_across(1, 2) || apart_across(2, 0) || apart_across(0, 1))
+}
+
+/// The fraction of the way from a to b at which it touches the triangle, if it does. Touching an edge or a corner counts.
+fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
+    let (above, below) = (side(p, q, r, a), side(p, q, r, b));
+    if (above > 0.0 && below > 0.0) || (above < 0.0 && below < 0.0) {
+        return None;
+    }
+    if above == 0.0 && below == 0.0 {
+        // Within the plane: a way into the triangle crosses its rim, and the neighbours there see it.
+        return None;
+    }
+    let turns = [side(a, b, p, q), side(a, b, q, r), side(a, b, r, p)];
+    let inside = turns.iter().all(|t| *t >= 0.0) || turns.iter().all(|t| *t <= 0.0);
+    inside.then(|| (above / (above - below)).clamp(0.0, 1.0))
+}
+
+fn side(p: Vec3, q: Vec3, r: Vec3, s: Vec3) -> f64 {
+    let coord = |[x, y, z]: Vec3| Coord3D { x, y, z };
+    orient3d(coord(p), coord(q), coord(r), coord(s))
+}
