@@ -2,6 +2,9 @@
 
 pub mod actuators;
 pub mod contact;
+pub mod friction;
+pub mod sensing;
 pub mod simulated;
+pub mod tapping;
 
 pub(crate) use haptograph_signal::vector;

@@ -1,0 +1,3 @@
+//! What is known of the hand from what the sensors say.
+
+pub mod speed;

@@ -1,0 +1,158 @@
+//! Velocity and speed from sampled positions: differentiated, then low-passed (3.1.1, A.3.2).
+
+use crate::vector::norm;
+use haptograph_signal::filter::{DesignError, Sections, SectionsState, butterworth_lowpass, double_pole};
+
+/// How the velocity is smoothed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpeedFilter {
+    /// A Butterworth low-pass. Its cut-off must lie below half the sensor's rate.
+    Butterworth {
+        /// Order.
+        order: usize,
+        /// Cut-off, Hz.
+        cutoff_hz: f64,
+    },
+    /// The toolkit's two real poles by backward differences; with 125 rad/s they are what it calls 20 Hz (-6 dB there, -3 dB
+    /// at 12.8 Hz, 16 ms of delay).
+    DoublePole {
+        /// Both poles, rad/s.
+        lambda_rad_s: f64,
+    },
+}
+
+impl SpeedFilter {
+    /// The filter at a sensor's rate.
+    pub fn design(&self, rate_hz: f64) -> Result<Sections, DesignError> {
+        match *self {
+            Self::Butterworth { order, cutoff_hz } => butterworth_lowpass(order, cutoff_hz, rate_hz),
+            Self::DoublePole { lambda_rad_s } => double_pole(lambda_rad_s, rate_hz),
+        }
+    }
+}
+
+/// Velocity of a point in `N` dimensions. Allocates when made only.
+#[derive(Debug, Clone)]
+pub struct SpeedEstimator<const N: usize> {
+    rate_hz: f64,
+    filters: [SectionsState; N],
+    delay_s: f64,
+    previous_m: Option<[f64; N]>,
+    velocity_m_s: [f64; N],
+}
+
+impl<const N: usize> SpeedEstimator<N> {
+    /// An estimator at rest, for positions sampled at the sensor's own rate (not upsampled: the steps would be felt).
+    pub fn new(filter: SpeedFilter, rate_hz: f64) -> Result<Self, DesignError> {
+        let sections = filter.design(rate_hz)?;
+        Ok(Self {
+            rate_hz,
+            delay_s: sections.group_delay_s(0.0, rate_hz) + 0.5 / rate_hz,
+            filters: std::array::from_fn(|_| SectionsState::new(&sections)),
+            previous_m: None,
+            velocity_m_s: [0.0; N],
+        })
+    }
+
+    /// One sample: the velocity, m/s. The first sample after the start or [`Self::lift`] moves nothing. A position that is
+    /// not finite keeps the last velocity.
+    pub fn update(&mut self, position_m: [f64; N]) -> [f64; N] {
+        if !position_m.iter().all(|x| x.is_finite()) {
+            return self.velocity_m_s;
+        }
+        let previous_m = self.previous_m.replace(position_m).unwrap_or(position_m);
+        for axis in 0..N {
+            let mut sample = [(position_m[axis] - previous_m[axis]) * self.rate_hz];
+            self.filters[axis].process_in_place(&mut sample);
+            self.velocity_m_s[axis] = sample[0];
+        }
+        self.velocity_m_s
+    }
+
+    /// The tool has left the sensor: the next position starts a new motion from rest.
+    pub fn lift(&mut self) {
+        self.previous_m = None;
+        self.velocity_m_s = [0.0; N];
+        self.filters.iter_mut().for_each(SectionsState::reset);
+    }
+
+    /// The latest velocity, m/s.
+    pub fn velocity_m_s(&self) -> [f64; N] {
+        self.velocity_m_s
+    }
+
+    /// The latest speed, m/s.
+    pub fn speed_m_s(&self) -> f64 {
+        norm(self.velocity_m_s)
+    }
+
+    /// By how much slow changes of speed are late, s: the filter's delay and half a sample.
+    pub fn delay_s(&self) -> f64 {
+        self.delay_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLET: SpeedFilter = SpeedFilter::Butterworth {
+        order: 2,
+        cutoff_hz: 20.0,
+    };
+
+    #[test]
+    fn an_even_motion_has_its_speed() {
+        for filter in [TABLET, SpeedFilter::DoublePole { lambda_rad_s: 125.0 }] {
+            let mut estimator = SpeedEstimator::<2>::new(filter, 125.0).unwrap();
+            (0..500).for_each(|k| {
+                estimator.update([0.3 + f64::from(k) * 3e-4, -f64::from(k) * 4e-4]);
+            });
+            assert!((estimator.speed_m_s() - 5e-4 * 125.0).abs() < 1e-9);
+            assert!(estimator.velocity_m_s()[1] < 0.0);
+        }
+    }
+
+    #[test]
+    fn a_still_pen_is_still_and_starts_without_a_jump() {
+        let mut estimator = SpeedEstimator::<3>::new(TABLET, 125.0).unwrap();
+        (0..100).for_each(|_| assert_eq!(estimator.update([0.2, -0.1, 5.0]), [0.0; 3]));
+        estimator.update([0.21, -0.1, 5.0]);
+        estimator.lift();
+        assert_eq!(
+            estimator.update([0.5, 0.5, 0.5]),
+            [0.0; 3],
+            "a pen put down elsewhere has not moved"
+        );
+    }
+
+    #[test]
+    fn the_toolkits_filter_is_late_by_16_ms() {
+        let estimator =
+            SpeedEstimator::<1>::new(SpeedFilter::DoublePole { lambda_rad_s: 125.0 }, 1000.0).unwrap();
+        assert!(
+            (estimator.delay_s() - 0.0165).abs() < 1e-9,
+            "{}",
+            estimator.delay_s()
+        );
+    }
+
+    #[test]
+    fn a_cut_off_beyond_what_the_sensor_can_tell_is_refused() {
+        let beyond = SpeedFilter::Butterworth {
+            order: 2,
+            cutoff_hz: 62.5,
+        };
+        assert!(SpeedEstimator::<2>::new(beyond, 125.0).is_err());
+    }
+
+    #[test]
+    fn a_bad_position_keeps_the_last_velocity() {
+        let mut estimator = SpeedEstimator::<1>::new(TABLET, 125.0).unwrap();
+        (0..50).for_each(|k| {
+            estimator.update([f64::from(k) * 1e-3]);
+        });
+        let before = estimator.velocity_m_s();
+        assert_eq!(estimator.update([f64::NAN]), before);
+    }
+}

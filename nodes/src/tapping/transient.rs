@@ -1,0 +1,91 @@
+//! The transient that follows a tap: the surface's recorded accelerations, mixed for the tap's speed, as a force along the
+//! normal (momentum cancellation makes a surface hard; a vibration alone would not).
+
+use haptograph_surfaces::Taps;
+use std::sync::Arc;
+
+/// Effective mass of handle and hand (4.3.2), kg.
+pub const EFFECTIVE_MASS_KG: f64 = 0.05;
+
+/// Plays taps of a surface, one at a time; a new tap replaces the one that still rings. Allocates nothing after it is made.
+#[derive(Debug, Clone)]
+pub struct Transient {
+    taps: Arc<Taps>,
+    mass_kg: f64,
+    /// Speed of the tap that rings, m/s, and the sample it has come to.
+    ringing: Option<(f64, usize)>,
+}
+
+impl Transient {
+    /// A silent player of taps recorded (or resampled) at the rate of its ticks, felt by this mass.
+    pub fn new(taps: Arc<Taps>, mass_kg: f64) -> Self {
+        Self {
+            taps,
+            mass_kg,
+            ringing: None,
+        }
+    }
+
+    /// One tick: starts anew if there was a tap (its speed, m/s), and gives the force along the outward normal, N.
+    pub fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
+        let now = tap_m_s.map(|speed_m_s| (speed_m_s, 0)).or(self.ringing);
+        self.ringing = now
+            .map(|(speed_m_s, sample)| (speed_m_s, sample + 1))
+            .filter(|(_, next)| *next < self.taps.length());
+        now.map_or(0.0, |(speed_m_s, sample)| {
+            self.mass_kg * self.taps.sample(&self.taps.mix(speed_m_s), sample)
+        })
+    }
+
+    /// Whether a transient is ringing.
+    pub fn is_ringing(&self) -> bool {
+        self.ringing.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_surfaces::Tap;
+
+    fn player() -> Transient {
+        let tap = |speed_m_s: f64, size: f64| Tap {
+            speed_m_s,
+            acceleration_m_s2: (0..100).map(|k| size * (-f64::from(k) / 20.0).exp()).collect(),
+        };
+        let taps = Taps::new(1000.0, vec![tap(0.05, 10.0), tap(0.1, 30.0), tap(0.2, 50.0)]).unwrap();
+        Transient::new(Arc::new(taps), EFFECTIVE_MASS_KG)
+    }
+
+    fn first(speed_m_s: f64) -> f64 {
+        player().update(Some(speed_m_s))
+    }
+
+    #[test]
+    fn speed_scales_below_mixes_between_and_holds_above() {
+        assert!((first(0.025) - 0.05 * 5.0).abs() < 1e-12, "v / v_min");
+        assert!((first(0.05) - 0.05 * 10.0).abs() < 1e-12);
+        assert!(
+            (first(0.075) - 0.05 * 20.0).abs() < 1e-12,
+            "half of each neighbour"
+        );
+        assert!((first(0.2) - 0.05 * 50.0).abs() < 1e-12);
+        assert!((first(3.0) - 0.05 * 50.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_transient_ends_and_is_replaced_by_a_new_tap() {
+        let mut player = player();
+        assert_eq!(player.update(None), 0.0);
+        let whole: Vec<f64> = (0..150)
+            .map(|k| player.update(if k == 0 { Some(0.1) } else { None }))
+            .collect();
+        assert!((whole[20] - 1.5 * (-1.0_f64).exp()).abs() < 1e-12);
+        assert!(whole[99] > 0.0 && whole[100..].iter().all(|f| *f == 0.0) && !player.is_ringing());
+        player.update(Some(0.1));
+        (0..30).for_each(|_| {
+            player.update(None);
+        });
+        assert!((player.update(Some(0.2)) - 2.5).abs() < 1e-12);
+    }
+}
