@@ -167,6 +167,11 @@ impl<const N: usize> Limiter<N> {
         1.0 - self.budget / self.continuous_square
     }
 
+    /// Begins with this fraction of the heat limit used up, 0 to 1: for one that takes the place of another.
+    pub fn warm_up(&mut self, heat: f64) {
+        self.budget = self.continuous_square * (1.0 - heat.clamp(0.0, 1.0));
+    }
+
     /// The latest output.
     pub fn output(&self) -> [f64; N] {
         self.previous

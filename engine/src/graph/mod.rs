@@ -53,6 +53,8 @@ pub struct Node {
     pub span: Span,
     /// Does its output depend on a simulated device?
     pub simulated: bool,
+    /// Of its kind, its settings, its rate and its connections: equal for nodes that are the same but for their path.
+    pub fingerprint: u64,
 }
 
 /// An input of a node.
@@ -109,6 +111,8 @@ pub struct GraphDevice {
     pub(crate) device: Box<dyn Device>,
     /// Where it is declared.
     pub span: Span,
+    /// Of its kind, its settings and its rate.
+    pub fingerprint: u64,
 }
 
 /// A connection from an output to an input.

@@ -3,7 +3,7 @@
 use super::order::{Group, delay_frames, order, sink_device, source_device};
 use super::slots::{Demand, assign};
 use super::{
-    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, Plan, PlanOptions, Step,
+    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, NodeKey, Plan, PlanOptions, Step,
     StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, Work};
@@ -77,11 +77,18 @@ impl<'a> Builder<'a> {
             slots: Vec::new(),
             pacings: Vec::new(),
             processors: Vec::new(),
+            processor_keys: Vec::new(),
             devices: graph
                 .devices
                 .iter()
                 .map(|device| DevicePlan {
                     name: device.name.clone(),
+                    key: NodeKey {
+                        path: device.name.clone(),
+                        kind: device.entry.spec.name,
+                        fingerprint: device.fingerprint,
+                    },
+                    driven_by: Vec::new(),
                     device: device.device.clone_box(),
                     reads: Vec::new(),
                     writes: Vec::new(),
@@ -210,6 +217,12 @@ impl<'a> Builder<'a> {
         let work = match &node.work {
             Work::Process(processor) => {
                 self.plan.processors.push(processor.clone_box());
+                let (path, kind) = (node.path.clone(), node.entry.spec.name);
+                self.plan.processor_keys.push(NodeKey {
+                    path,
+                    kind,
+                    fingerprint: node.fingerprint,
+                });
                 StepWork::Process((self.plan.processors.len() - 1) as u32)
             }
             Work::Actuator { gain, limit, .. } => {
@@ -260,10 +273,11 @@ impl<'a> Builder<'a> {
                 }
             }
             Work::Actuator { device, channel, .. } => {
+                let actuator = self.plan.actuators.len() - 1;
+                let plan = &mut self.plan.devices[*device];
                 for port in ports {
-                    self.plan.devices[*device]
-                        .writes
-                        .push((port.demand as u32, port.placing, *channel));
+                    plan.writes.push((port.demand as u32, port.placing, *channel));
+                    plan.driven_by.push((actuator, *channel, port.clock));
                 }
                 self.sinks_left[*device] -= 1;
                 if self.sinks_left[*device] == 0 {

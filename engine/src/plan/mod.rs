@@ -45,6 +45,8 @@ pub struct Plan {
     pub(crate) slots: Vec<usize>,
     pub(crate) pacings: Vec<u64>,
     pub(crate) processors: Vec<Box<dyn Processor>>,
+    /// What each processor is, to find it again in another plan.
+    pub(crate) processor_keys: Vec<NodeKey>,
     pub(crate) devices: Vec<DevicePlan>,
     pub(crate) actuators: Vec<ActuatorPlan>,
     pub(crate) bridges: Vec<BridgePlan>,
@@ -94,16 +96,29 @@ pub(crate) enum StepWork {
     },
 }
 
+/// What makes a node of one plan the same as a node of another.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct NodeKey {
+    pub path: String,
+    pub kind: &'static str,
+    /// Of its settings, rate and connected widths.
+    pub fingerprint: u64,
+}
+
 /// A device in a plan. Only `DeviceRead` moves a device that has sources; else `DeviceWrite` does.
 pub(crate) struct DevicePlan {
     pub name: String,
+    pub key: NodeKey,
     pub device: Box<dyn Device>,
+    /// (actuator, channel, clock) of its sinks.
+    pub driven_by: Vec<(usize, usize, u32)>,
     /// (buffer, placing, channel)
     pub reads: Vec<(u32, Placing, usize)>,
     pub writes: Vec<(u32, Placing, usize)>,
 }
 
 /// An actuator sink in a plan.
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ActuatorPlan {
     pub path: String,
     pub gain: f64,
@@ -173,6 +188,29 @@ impl Plan {
     /// Rate of the driver whose frames a block counts.
     pub fn driver_rate(&self) -> Rate {
         self.rates[self.driver]
+    }
+
+    /// Is the other plan of the same graph, laid out in the same way?
+    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
+        let device_keys = |plan: &Self| {
+            plan.devices
+                .iter()
+                .map(|device| device.key.clone())
+                .collect::<Vec<_>>()
+        };
+        self.block == other.block
+            && self.driver == other.driver
+            && self.rates == other.rates
+            && self.steps == other.steps
+            && self.bindings == other.bindings
+            && self.placings == other.placings
+            && self.pacings == other.pacings
+            && self.bridges == other.bridges
+            && self.delays == other.delays
+            && self.processor_keys == other.processor_keys
+            && self.actuators == other.actuators
+            && self.taps == other.taps
+            && device_keys(self) == device_keys(other)
     }
 
     /// Number of steps.

@@ -1,11 +1,19 @@
 //! A plan that runs. [`Run::advance`] is real-time code: it does not allocate, lock, call the system or panic.
 
 mod bridge;
+mod drive;
+mod live;
+mod meter;
 mod offline;
+mod swap;
+mod timer;
 mod window;
 
 pub use bridge::resampler;
+pub use live::{Control, ControlError, FADE_S, Live, LiveState, live};
+pub use meter::{Histogram, Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, Probe};
+pub use timer::{Timer, TimerNotes};
 
 use crate::device::Device;
 use crate::io::{Binding, Buffer, Form, Io, Placing};
@@ -13,6 +21,7 @@ use crate::limiter::{ClipCounts, Limiter};
 use crate::node::{Processor, Tick};
 use crate::plan::{ActuatorPlan, BridgeKind, Plan, Step, StepWork};
 use bridge::{BridgeState, DelayState, Ends};
+use drive::Drive;
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
 use std::sync::Arc;
@@ -39,6 +48,9 @@ struct State {
     bridges: Vec<BridgeState>,
     delays: Vec<DelayState>,
     faults: Faults,
+    drive: Drive,
+    /// Driver frames since a panic, for the ramp to zero.
+    ramped: u64,
 }
 
 struct DeviceState {
@@ -119,6 +131,8 @@ impl Run {
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
             faults: Faults::default(),
+            drive: Drive::Full,
+            ramped: 0,
         };
         Self { plan, state }
     }
@@ -157,6 +171,30 @@ impl Run {
                     self.state.actuators[index as usize].gain = value;
                 }
                 _ => {}
+            }
+        }
+    }
+
+    /// After a panic in a node: takes every actuator from its latest output to zero within `seconds`, through its
+    /// limiter, without the plan.
+    pub(crate) fn ramp_down(&mut self, frames: usize, seconds: f64) {
+        let Self { plan, state } = self;
+        let ramp_frames = (seconds * plan.driver_rate().hz()).max(1.0);
+        for _ in 0..frames {
+            state.windows.next_block(1);
+            state.ramped += 1;
+            // Each frame takes the same part of what is left, and the last one all of it.
+            let left = (ramp_frames - state.ramped as f64).max(0.0);
+            let factor = left / (left + 1.0);
+            for (plan_device, device) in plan.devices.iter().zip(&mut state.devices) {
+                for (actuator, channel, clock) in &plan_device.driven_by {
+                    for _ in 0..state.windows.of(*clock).count {
+                        let mut frame = [0.0; 6];
+                        let width = state.actuators[*actuator].limiter.ramp(factor, &mut frame);
+                        device.device.write(*channel, &frame[..width]);
+                        device.advance();
+                    }
+                }
             }
         }
     }
@@ -291,7 +329,13 @@ impl State {
         let x = input(&self.buffers, &inputs[0], window);
         let y = &mut out.all_mut()[range_of(outputs[0].start, outputs[0].width, window)];
         let actuator = &mut self.actuators[index];
-        if actuator.limiter.apply(actuator.gain, x, y) {
+        let asked = Asked {
+            gain: actuator.gain,
+            drive: self.drive,
+            first: window.first,
+            period: self.windows.period(step.clock),
+        };
+        if actuator.limiter.apply(&asked, x, y) {
             self.faults.ticks += 1;
             self.faults.watching = self.faults.origin.is_none();
         }
@@ -403,15 +447,45 @@ impl AnyLimiter {
     }
 
     /// Frames of a drive to frames that keep the limit. Was one of them not a number?
-    fn apply(&mut self, gain: f64, x: &[f64], y: &mut [f64]) -> bool {
+    fn apply(&mut self, asked: &Asked, x: &[f64], y: &mut [f64]) -> bool {
         let faults = self.counts().fault;
         match self {
-            Self::One(limiter) => limit_frames(limiter, gain, x, y),
-            Self::Three(limiter) => limit_frames(limiter, gain, x, y),
-            Self::Six(limiter) => limit_frames(limiter, gain, x, y),
+            Self::One(limiter) => limit_frames(limiter, asked, x, y),
+            Self::Three(limiter) => limit_frames(limiter, asked, x, y),
+            Self::Six(limiter) => limit_frames(limiter, asked, x, y),
             Self::Closed => y.fill(0.0),
         }
         self.counts().fault > faults
+    }
+
+    /// Starts as warm as another limiter of the same actuator is.
+    fn take_heat_of(&mut self, other: &Self) {
+        let heat = match other {
+            Self::One(limiter) => limiter.heat(),
+            Self::Three(limiter) => limiter.heat(),
+            Self::Six(limiter) => limiter.heat(),
+            Self::Closed => 0.0,
+        };
+        match self {
+            Self::One(limiter) => limiter.warm_up(heat),
+            Self::Three(limiter) => limiter.warm_up(heat),
+            Self::Six(limiter) => limiter.warm_up(heat),
+            Self::Closed => {}
+        }
+    }
+
+    /// The next frame of the way from the latest output down to zero, by a factor on it.
+    fn ramp(&mut self, factor: f64, frame: &mut [f64; 6]) -> usize {
+        let mut put = |lanes: &[f64]| {
+            frame[..lanes.len()].copy_from_slice(lanes);
+            lanes.len()
+        };
+        match self {
+            Self::One(limiter) => put(&limiter.apply(limiter.output().map(|x| x * factor))),
+            Self::Three(limiter) => put(&limiter.apply(limiter.output().map(|x| x * factor))),
+            Self::Six(limiter) => put(&limiter.apply(limiter.output().map(|x| x * factor))),
+            Self::Closed => 0,
+        }
     }
 
     fn counts(&self) -> ClipCounts {
@@ -424,8 +498,23 @@ impl AnyLimiter {
     }
 }
 
-fn limit_frames<const N: usize>(limiter: &mut Limiter<N>, gain: f64, x: &[f64], y: &mut [f64]) {
-    for (x, y) in x.as_chunks::<N>().0.iter().zip(y.as_chunks_mut::<N>().0) {
-        *y = limiter.apply(x.map(|x| x * gain));
+/// How a sink's request becomes a drive: its gain, and the fade at the time of each frame.
+struct Asked {
+    gain: f64,
+    drive: Drive,
+    first: u64,
+    period: u64,
+}
+
+fn limit_frames<const N: usize>(limiter: &mut Limiter<N>, asked: &Asked, x: &[f64], y: &mut [f64]) {
+    for (j, (x, y)) in x
+        .as_chunks::<N>()
+        .0
+        .iter()
+        .zip(y.as_chunks_mut::<N>().0)
+        .enumerate()
+    {
+        let factor = asked.gain * asked.drive.factor((asked.first + j as u64) * asked.period);
+        *y = limiter.apply(x.map(|x| x * factor));
     }
 }

@@ -63,6 +63,19 @@ impl Windows {
         }
     }
 
+    /// As if `frames` driver frames had been run.
+    pub(crate) fn start_at(&mut self, frames: u64) {
+        self.end = frames.saturating_mul(self.base.period(self.driver));
+        self.begin = self.end;
+        for (clock, window) in self.clocks.iter_mut().enumerate() {
+            *window = Window {
+                first: ticks_before(self.end, self.base.period(clock)),
+                count: 0,
+                offset: 0,
+            };
+        }
+    }
+
     /// The driver frame at which the present block ends.
     pub(crate) fn driver_frames(&self) -> u64 {
         self.end / self.base.period(self.driver)

@@ -123,6 +123,8 @@ struct World {
     random: Xoshiro256PlusPlus,
     rates: Vec<Rate>,
     base: TimeBase,
+    /// Told apart in swaps by this.
+    fingerprint: u64,
     nodes: Vec<Node>,
     edges: Vec<(usize, usize, Edge)>,
 }
@@ -147,6 +149,7 @@ pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
     }
     let base = TimeBase::new(&rates).unwrap();
     let mut world = World {
+        fingerprint: seed,
         random,
         rates,
         base,
@@ -177,6 +180,7 @@ impl World {
             work,
             span: Span::default(),
             simulated: false,
+            fingerprint: self.fingerprint,
         });
         self.nodes.len() - 1
     }
@@ -325,6 +329,7 @@ impl World {
                 drive: 0.0,
             }),
             span: Span::default(),
+            fingerprint: self.fingerprint,
         });
         let clock = |(i, rate): (usize, &Rate)| Clock {
             name: format!("c{i}"),
@@ -342,4 +347,58 @@ impl World {
             warnings: Vec::new(),
         }
     }
+}
+
+/// A processor without inputs, at 1 kHz, driving a body with a gain of a tenth: the graph, the node and the sink.
+pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeIndex) {
+    let rates = vec![Rate::from_hz(1000).unwrap()];
+    let base = TimeBase::new(&rates).unwrap();
+    let random = Xoshiro256PlusPlus::seed_from_u64(0);
+    let mut world = World {
+        random,
+        rates,
+        base,
+        fingerprint: 0,
+        nodes: Vec::new(),
+        edges: Vec::new(),
+    };
+    let node = world.node(0, Work::Process(processor));
+    let sink = world.node(
+        0,
+        Work::Actuator {
+            device: 0,
+            channel: 0,
+            gain: 0.1,
+            limit: LIMIT,
+        },
+    );
+    let input = Input {
+        name: "in",
+        kind: Kind::Scalar,
+        quantity: Quantity::NUMBER,
+        connected: true,
+        held: false,
+    };
+    world.nodes[sink].inputs.push(input);
+    world.edges.push((
+        node,
+        sink,
+        Edge {
+            output: 0,
+            input: 0,
+            bridge: Bridge::Direct,
+            span: Span::default(),
+        },
+    ));
+    let paths: Vec<String> = world.nodes.iter().map(|node| node.path.clone()).collect();
+    let graph = world.finish(0, Some(0));
+    let find = |path: &String| {
+        graph
+            .nodes
+            .node_indices()
+            .find(|i| graph.nodes[*i].path == *path)
+            .unwrap()
+    };
+    let (node, sink) = (find(&paths[node]), find(&paths[sink]));
+    (graph, node, sink)
 }

@@ -1,0 +1,37 @@
+//! How much of what a graph asks for reaches the actuators: nothing before the start, everything while running, and
+//! straight lines between, ahead of the limiters.
+
+/// The factor on every actuator's request as a function of time, in units of the plan's time base.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Drive {
+    /// All of it.
+    #[default]
+    Full,
+    /// From nothing at `begin` to everything at `end`.
+    Rising { begin: u64, end: u64 },
+    /// From everything at `begin` to nothing at `end`, and nothing after.
+    Falling { begin: u64, end: u64 },
+}
+
+impl Drive {
+    #[inline]
+    pub(crate) fn factor(self, time: u64) -> f64 {
+        let along = |begin: u64, end: u64| {
+            if time >= end {
+                1.0
+            } else {
+                time.saturating_sub(begin) as f64 / (end - begin) as f64
+            }
+        };
+        match self {
+            Self::Full => 1.0,
+            Self::Rising { begin, end } => along(begin, end),
+            Self::Falling { begin, end } => 1.0 - along(begin, end),
+        }
+    }
+
+    /// Is nothing let through at `time` and after?
+    pub(crate) fn is_zero_from(self, time: u64) -> bool {
+        matches!(self, Self::Falling { end, .. } if time >= end)
+    }
+}

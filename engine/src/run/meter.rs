@@ -1,0 +1,170 @@
+//! How a live run keeps time: what each wake-up reports, and the histograms it is counted into.
+
+use std::fmt;
+
+/// One wake-up of a driver, as the real-time thread reports it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Wake {
+    /// How late it began, ns.
+    pub late_ns: u64,
+    /// How long its work took, ns.
+    pub work_ns: u64,
+    /// Driver frames it ran.
+    pub frames: u32,
+    /// Wake-ups that were lost before it because the machine stalled.
+    pub lost: u32,
+    /// Did its work take longer than its frames last?
+    pub overrun: bool,
+}
+
+/// Counts of durations in buckets of 1/16 octave: quantiles are right to 4.4 per cent.
+#[derive(Debug, Clone)]
+pub struct Histogram {
+    counts: Vec<u64>,
+    total: u64,
+    max_ns: u64,
+}
+
+const PER_OCTAVE: u32 = 16;
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self {
+            counts: vec![0; 64 * PER_OCTAVE as usize],
+            total: 0,
+            max_ns: 0,
+        }
+    }
+}
+
+impl Histogram {
+    /// Counts a duration.
+    pub fn record(&mut self, ns: u64) {
+        self.counts[bucket(ns)] += 1;
+        self.total += 1;
+        self.max_ns = self.max_ns.max(ns);
+    }
+
+    /// How many durations were counted.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// The largest, exactly, ns.
+    pub fn max_ns(&self) -> u64 {
+        self.max_ns
+    }
+
+    /// The duration that a fraction of all do not exceed, ns; 0 when nothing was counted.
+    pub fn quantile_ns(&self, fraction: f64) -> u64 {
+        let wanted = (fraction * self.total as f64).ceil().max(1.0) as u64;
+        let mut seen = 0;
+        for (bucket, count) in self.counts.iter().enumerate() {
+            seen += count;
+            if seen >= wanted && *count > 0 {
+                return upper_edge(bucket).min(self.max_ns);
+            }
+        }
+        self.max_ns
+    }
+}
+
+fn bucket(ns: u64) -> usize {
+    if ns < u64::from(PER_OCTAVE) {
+        return ns as usize;
+    }
+    let octave = ns.ilog2() - PER_OCTAVE.ilog2();
+    let within = (ns >> octave) - u64::from(PER_OCTAVE);
+    ((octave + 1) * PER_OCTAVE) as usize + within as usize
+}
+
+fn upper_edge(bucket: usize) -> u64 {
+    let (octave, within) = (bucket as u32 / PER_OCTAVE, bucket as u64 % u64::from(PER_OCTAVE));
+    match octave {
+        0 => within,
+        _ => ((u64::from(PER_OCTAVE) + within + 1) << (octave - 1)) - 1,
+    }
+}
+
+/// Everything that was counted of a live run.
+#[derive(Debug, Clone, Default)]
+pub struct Meters {
+    /// How late wake-ups began.
+    pub lateness: Histogram,
+    /// How long their work took.
+    pub work: Histogram,
+    /// Wake-ups.
+    pub wakes: u64,
+    /// Driver frames.
+    pub frames: u64,
+    /// Wake-ups whose work took longer than their frames last.
+    pub overruns: u64,
+    /// Stalls of the machine, and the wake-ups lost in them.
+    pub stalls: u64,
+    /// Wake-ups lost in stalls.
+    pub lost_wakes: u64,
+    /// Reports that found no room on their way here.
+    pub unreported: u64,
+}
+
+impl Meters {
+    /// Counts a wake-up.
+    pub fn record(&mut self, wake: &Wake) {
+        self.lateness.record(wake.late_ns);
+        self.work.record(wake.work_ns);
+        self.wakes += 1;
+        self.frames += u64::from(wake.frames);
+        self.overruns += u64::from(wake.overrun);
+        self.stalls += u64::from(wake.lost > 0);
+        self.lost_wakes += u64::from(wake.lost);
+    }
+}
+
+impl fmt::Display for Meters {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, histogram) in [("late", &self.lateness), ("work", &self.work)] {
+            let us = |fraction| histogram.quantile_ns(fraction) as f64 / 1e3;
+            write!(
+                f,
+                "{name} p50 {:.1} p99 {:.1} p99.9 {:.1} max {:.1} us; ",
+                us(0.5),
+                us(0.99),
+                us(0.999),
+                histogram.max_ns() as f64 / 1e3
+            )?;
+        }
+        write!(
+            f,
+            "{} wakes, {} overruns, {} stalls",
+            self.wakes, self.overruns, self.stalls
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_duration_lies_in_its_bucket() {
+        let mut ns = 1;
+        while ns < u64::MAX / 3 {
+            for ns in [ns - 1, ns, ns + 1] {
+                let b = bucket(ns);
+                assert!(upper_edge(b) >= ns && (b == 0 || upper_edge(b - 1) < ns), "{ns}");
+            }
+            ns *= 2;
+        }
+    }
+
+    #[test]
+    fn quantiles_are_right_to_a_bucket() {
+        let mut histogram = Histogram::default();
+        (1..=1000).for_each(|ns| histogram.record(ns * 1000));
+        for (fraction, exact) in [(0.5, 500e3), (0.99, 990e3), (0.999, 999e3)] {
+            let got = histogram.quantile_ns(fraction) as f64;
+            assert!((got / exact - 1.0).abs() < 0.07, "{fraction}: {got}");
+        }
+        assert_eq!(histogram.max_ns(), 1_000_000);
+    }
+}

@@ -1,0 +1,103 @@
+//! Putting one plan in the place of another: the table of what is carried over is made beforehand, elsewhere; in the
+//! real-time thread things only change places.
+
+use super::Run;
+use crate::plan::{NodeKey, Plan};
+use std::sync::Arc;
+
+/// A plan ready to take over, and afterwards the old one on its way home.
+pub(crate) struct Next {
+    run: Run,
+    pub transfer: Transfer,
+    processors: Vec<(usize, usize, Carry)>,
+    devices: Vec<(usize, usize)>,
+    actuators: Vec<(usize, usize)>,
+}
+
+/// How much of the old plan goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Transfer {
+    /// The graphs are the same: all state goes on, and no bit changes.
+    Everything,
+    /// Nodes, devices and limiters that are in both.
+    Matching,
+}
+
+/// How a node's state is carried over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Carry {
+    /// The node is the same: the processor itself changes places.
+    Whole,
+    /// The same kind with other settings: it copies what it can.
+    Copied,
+}
+
+impl Next {
+    pub(crate) fn new(old: &Plan, plan: Arc<Plan>) -> Self {
+        let same = old.is_same_as(&plan);
+        let place = |keys: &[NodeKey], wanted: &NodeKey| keys.iter().position(|key| key.path == wanted.path);
+        let mut processors = Vec::new();
+        for (new_at, key) in plan.processor_keys.iter().enumerate() {
+            if let Some(old_at) = place(&old.processor_keys, key) {
+                let was = &old.processor_keys[old_at];
+                if was == key {
+                    processors.push((old_at, new_at, Carry::Whole));
+                } else if was.kind == key.kind {
+                    processors.push((old_at, new_at, Carry::Copied));
+                }
+            }
+        }
+        let devices = plan.devices.iter().enumerate().filter_map(|(new_at, device)| {
+            let old_at = old.devices.iter().position(|was| was.key == device.key)?;
+            Some((old_at, new_at))
+        });
+        let actuators = plan
+            .actuators
+            .iter()
+            .enumerate()
+            .filter_map(|(new_at, actuator)| {
+                let old_at = old.actuators.iter().position(|was| was.path == actuator.path)?;
+                Some((old_at, new_at))
+            });
+        Self {
+            devices: devices.collect(),
+            actuators: actuators.collect(),
+            processors,
+            transfer: if same {
+                Transfer::Everything
+            } else {
+                Transfer::Matching
+            },
+            run: Run::new(plan),
+        }
+    }
+
+    /// The new plan's graph is the old one's: its state changes places with the old one's as a whole.
+    pub(crate) fn take_over_everything(&mut self, running: &mut Run) {
+        std::mem::swap(&mut self.run.state, &mut running.state);
+        std::mem::swap(&mut self.run, running);
+    }
+
+    /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
+    pub(crate) fn take_over(&mut self, running: &mut Run) {
+        let (old, new) = (&mut running.state, &mut self.run.state);
+        for (from, to, carry) in &self.processors {
+            match carry {
+                Carry::Whole => std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]),
+                Carry::Copied => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
+            }
+        }
+        for (from, to) in &self.devices {
+            std::mem::swap(&mut old.devices[*from], &mut new.devices[*to]);
+        }
+        for (from, to) in &self.actuators {
+            new.actuators[*to]
+                .limiter
+                .take_heat_of(&old.actuators[*from].limiter);
+        }
+        let frames = old.windows.driver_frames();
+        new.windows.start_at(frames);
+        new.faults = old.faults;
+        std::mem::swap(&mut self.run, running);
+    }
+}
