@@ -1,8 +1,12 @@
 //! What is wrong with a graph, where, why, and what to do about it: the one form in which every stage reports.
 
+mod show;
+
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+pub use show::{render, to_json};
 
 /// A source file of a graph: the graph file itself or an included one.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,6 +65,24 @@ fn floor_boundary(text: &str, offset: usize) -> usize {
     }
     offset
 }
+
+/// Findings and the files they are about.
+#[derive(Debug, Clone, Default)]
+pub struct Diagnostics {
+    /// The files.
+    pub sources: Sources,
+    /// All findings, errors and warnings.
+    pub list: Vec<Diagnostic>,
+}
+
+impl fmt::Display for Diagnostics {
+    /// As [`render`] without colour.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&render(self, false))
+    }
+}
+
+impl std::error::Error for Diagnostics {}
 
 /// A range of bytes in a source file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -1,0 +1,401 @@
+//! Files into documents: inclusion, and the structure of `Graph(...)`, `Parts(...)` and `Template(...)`.
+
+use super::value::{Body, Name, Shape, Tagged, Value};
+use super::{Document, LoadOptions, Template, folder, text as ron_text};
+use crate::diagnostic::{Diagnostic, Diagnostics, SourceId, Sources, Span};
+use crate::settings::{Fields, Reading, Setting, closest};
+use std::collections::{HashMap, HashSet};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The version of the format that is read.
+const FORMAT: u64 = 1;
+/// Files that include files that include files.
+const MAX_INCLUDE_DEPTH: usize = 32;
+
+pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagnostics> {
+    match read(path, options) {
+        Ok(text) => self::text(path, &text, options),
+        Err(error) => {
+            let mut diagnostic = Diagnostic::error(
+                "E0108",
+                Span::default(),
+                format!("cannot read `{}`: {error}", path.display()),
+            );
+            diagnostic.primary = None;
+            Err(Diagnostics {
+                sources: Sources::default(),
+                list: vec![diagnostic],
+            })
+        }
+    }
+}
+
+fn read(path: &Path, options: &LoadOptions) -> Result<String, String> {
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let mut text = String::new();
+    file.take(options.max_bytes + 1)
+        .read_to_string(&mut text)
+        .map_err(|error| error.to_string())?;
+    if text.len() as u64 > options.max_bytes {
+        return Err(format!("it is larger than {} bytes", options.max_bytes));
+    }
+    Ok(text)
+}
+
+pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Document, Diagnostics> {
+    let mut sources = Sources::default();
+    let mut findings = Vec::new();
+    let id = sources.add(path.to_path_buf(), Arc::from(text));
+    let Some(value) = ron_text::read(id, text, &mut findings) else {
+        return Err(Diagnostics {
+            sources,
+            list: findings,
+        });
+    };
+    let mut loader = Loader {
+        options,
+        document: Document {
+            sources,
+            about: String::new(),
+            seed: 0,
+            parameters: Vec::new(),
+            clocks: Vec::new(),
+            nodes: Vec::new(),
+            endpoints: Vec::new(),
+            templates: Vec::new(),
+            findings,
+        },
+        open: vec![canonical(path)],
+        loaded: HashSet::new(),
+    };
+    if loader.graph(&value).is_none() {
+        return Err(Diagnostics {
+            sources: loader.document.sources,
+            list: loader.document.findings,
+        });
+    }
+    Ok(loader.document)
+}
+
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
+
+struct Loader<'a> {
+    options: &'a LoadOptions,
+    document: Document,
+    /// Files being read, outermost first.
+    open: Vec<PathBuf>,
+    /// Files that have been read.
+    loaded: HashSet<PathBuf>,
+}
+
+impl Loader<'_> {
+    fn report(&mut self, diagnostic: Diagnostic) {
+        self.document.findings.push(diagnostic);
+    }
+
+    /// Does something with the reader of settings, which reports to the document's findings.
+    fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
+        let mut diagnostics = std::mem::take(&mut self.document.findings);
+        let sources = &self.document.sources;
+        let read = read(&mut Reading {
+            diagnostics: &mut diagnostics,
+            folder: &|span| folder(sources, span.source),
+        });
+        self.document.findings = diagnostics;
+        read
+    }
+
+    fn graph(&mut self, value: &Value) -> Option<()> {
+        let mut fields = self.structure(value, "Graph", "a graph file")?;
+        self.format(&mut fields, "Graph")?;
+        if let Some(about) = self.field::<String>(&mut fields, "about") {
+            self.document.about = about;
+        }
+        if let Some(seed) = self.field::<u64>(&mut fields, "seed") {
+            self.document.seed = seed;
+        }
+        self.document.parameters = self.entries(&mut fields, "parameters", "parameter");
+        self.includes(&mut fields);
+        self.document.clocks = self.entries(&mut fields, "clocks", "clock");
+        self.document.nodes = self.entries(&mut fields, "nodes", "node");
+        self.check_names(&self.document.nodes.clone(), "node");
+        for (set, value) in self.entries(&mut fields, "endpoints", "set of endpoints") {
+            let devices = self.map(&value, "endpoint");
+            self.document.endpoints.push((set, devices));
+        }
+        self.templates(&mut fields);
+        self.reading(|reading| fields.finish(reading));
+        Some(())
+    }
+
+    /// An included file: templates and further includes.
+    fn parts(&mut self, value: &Value) {
+        let Some(mut fields) = self.structure(value, "Parts", "an included file") else {
+            return;
+        };
+        if self.format(&mut fields, "Parts").is_none() {
+            return;
+        }
+        let _: Option<String> = self.field(&mut fields, "about");
+        self.includes(&mut fields);
+        self.templates(&mut fields);
+        self.reading(|reading| fields.finish(reading));
+    }
+
+    fn structure(&mut self, value: &Value, name: &str, file: &str) -> Option<Fields> {
+        if let Shape::Tagged(Tagged {
+            name: Some(written),
+            body: Body::Fields(entries),
+        }) = &value.shape
+            && written.text == name
+        {
+            let span = written.span;
+            let entries = entries.clone();
+            return Some(self.reading(|reading| Fields::new(format!("`{name}`"), span, entries, reading)));
+        }
+        let mut at = value.span;
+        let mut found = value.describe().to_owned();
+        if let Shape::Tagged(Tagged { name: Some(written), .. }) = &value.shape {
+            at = written.span;
+            found = format!("`{}`", written.text);
+        }
+        self.report(
+            Diagnostic::error("E0110", at, format!("{file} holds one `{name}(...)`, found {found}"))
+                .label(format!("expected `{name}(format: {FORMAT}, ...)`")),
+        );
+        None
+    }
+
+    fn format(&mut self, fields: &mut Fields, owner: &str) -> Option<()> {
+        let Some(value) = fields.take("format") else {
+            self.report(
+                Diagnostic::error("E0107", fields.span, "the version of the format is missing")
+                    .label("`format` is missing")
+                    .help(format!("begin with `{owner}(format: {FORMAT}, ...`")),
+            );
+            return Some(());
+        };
+        let version = self.reading(|reading| u64::read(&value, reading))?;
+        if version != FORMAT {
+            let message = format!("format {version} is not known");
+            self.report(
+                Diagnostic::error("E0107", value.span, message)
+                    .label(format!("expected {FORMAT}"))
+                    .help(format!("this program reads format {FORMAT}; is the file from a newer one?")),
+            );
+            // What follows would be judged by rules it was not written for.
+            return None;
+        }
+        Some(())
+    }
+
+    fn field<T: Setting>(&mut self, fields: &mut Fields, name: &'static str) -> Option<T> {
+        let value = fields.take(name)?;
+        self.reading(|reading| T::read(&value, reading))
+    }
+
+    /// A field that is a map from names.
+    fn entries(&mut self, fields: &mut Fields, name: &'static str, what: &str) -> Vec<(Name, Value)> {
+        match fields.take(name) {
+            Some(value) => self.map(&value, what),
+            None => Vec::new(),
+        }
+    }
+
+    fn map(&mut self, value: &Value, what: &str) -> Vec<(Name, Value)> {
+        let Shape::Map(pairs) = &value.shape else {
+            self.reading(|reading| reading.mismatch(value, &format!("a map from names, {{ \"{what}\": ... }}")));
+            return Vec::new();
+        };
+        let mut seen: HashMap<&str, Span> = HashMap::with_capacity(pairs.len());
+        let mut entries = Vec::with_capacity(pairs.len());
+        for (key, value) in pairs {
+            let Shape::String(text) = &key.shape else {
+                self.reading(|reading| reading.mismatch(key, &format!("the name of a {what} in quotes")));
+                continue;
+            };
+            if let Some(first) = seen.insert(text, key.span) {
+                self.report(
+                    Diagnostic::error("E0105", key.span, format!("there are two {what}s `{text}`"))
+                        .label("declared again here")
+                        .also(first, "first declared here")
+                        .help("rename or remove one of them"),
+                );
+                seen.insert(text, first);
+                continue;
+            }
+            let name = Name {
+                span: key.span,
+                text: text.clone(),
+            };
+            entries.push((name, value.clone()));
+        }
+        entries
+    }
+
+    fn check_names(&mut self, entries: &[(Name, Value)], what: &str) {
+        for (name, _) in entries {
+            let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
+            if name.text.trim().is_empty() || name.text.contains(bad) {
+                let message = format!("`{}` cannot be the name of a {what}", name.text.escape_debug());
+                self.report(
+                    Diagnostic::error("E0211", name.span, message)
+                        .label("not a name")
+                        .help("`.` separates node and port, `/` the parts of a path; use letters, digits, `_` or `-`"),
+                );
+            }
+        }
+    }
+
+    fn includes(&mut self, fields: &mut Fields) {
+        let Some(value) = fields.take("include") else { return };
+        let Shape::List(files) = &value.shape else {
+            self.reading(|reading| reading.mismatch(&value, "a list of paths, [\"parts.ron\"]"));
+            return;
+        };
+        for file in files {
+            if let Some(path) = self.reading(|reading| PathBuf::read(file, reading)) {
+                self.include(&path, file.span);
+            }
+        }
+    }
+
+    fn include(&mut self, path: &Path, span: Span) {
+        let shown = path.display();
+        let text = match read(path, self.options) {
+            Ok(text) => text,
+            Err(error) => {
+                self.report(
+                    Diagnostic::error("E0108", span, format!("cannot read `{shown}`: {error}"))
+                        .label("included here")
+                        .help("paths are relative to the file in which they are written"),
+                );
+                return;
+            }
+        };
+        let key = canonical(path);
+        if self.open.contains(&key) {
+            self.report(
+                Diagnostic::error("E0109", span, format!("`{shown}` includes itself"))
+                    .label("it is being read already")
+                    .help("move what both need into a third file"),
+            );
+            return;
+        }
+        if self.open.len() >= MAX_INCLUDE_DEPTH {
+            let message = format!("files include files more than {MAX_INCLUDE_DEPTH} deep");
+            self.report(Diagnostic::error("E0109", span, message));
+            return;
+        }
+        if !self.loaded.insert(key.clone()) {
+            return;
+        }
+        let id: SourceId = self.document.sources.add(path.to_path_buf(), Arc::from(text.as_str()));
+        if let Some(value) = ron_text::read(id, &text, &mut self.document.findings) {
+            self.open.push(key);
+            self.parts(&value);
+            self.open.pop();
+        }
+    }
+
+    fn templates(&mut self, fields: &mut Fields) {
+        for (name, value) in self.entries(fields, "templates", "template") {
+            if let Some(known) = self.document.templates.iter().find(|known| known.name.text == name.text) {
+                let diagnostic =
+                    Diagnostic::error("E0105", name.span, format!("there are two templates `{}`", name.text))
+                        .label("declared again here")
+                        .also(known.name.span, "first declared here")
+                        .help("rename or remove one of them");
+                self.report(diagnostic);
+                continue;
+            }
+            if let Some(template) = self.template(name, &value) {
+                self.document.templates.push(template);
+            }
+        }
+    }
+
+    fn template(&mut self, name: Name, value: &Value) -> Option<Template> {
+        let mut fields = self.structure_named(value, "Template")?;
+        let _: Option<String> = self.field(&mut fields, "about");
+        let inputs = match fields.take("inputs") {
+            Some(value) => self.names(&value),
+            None => Vec::new(),
+        };
+        let template = Template {
+            name,
+            inputs,
+            settings: self.entries(&mut fields, "settings", "setting"),
+            nodes: self.entries(&mut fields, "nodes", "node"),
+            outputs: self.entries(&mut fields, "outputs", "output"),
+        };
+        self.reading(|reading| fields.finish(reading));
+        self.check_names(&template.nodes, "node");
+        self.check_names(&template.outputs, "output");
+        for input in &template.inputs {
+            if let Some((twice, _)) = template.settings.iter().find(|(name, _)| name.text == input.text) {
+                let message = format!("`{}` is an input and a setting", input.text);
+                self.report(
+                    Diagnostic::error("E0105", twice.span, message)
+                        .label("declared again here")
+                        .also(input.span, "first declared here")
+                        .help("rename one of them: both are fields of the template's uses"),
+                );
+            }
+        }
+        Some(template)
+    }
+
+    fn structure_named(&mut self, value: &Value, name: &str) -> Option<Fields> {
+        match &value.shape {
+            Shape::Tagged(Tagged {
+                name: Some(written),
+                body: Body::Fields(entries),
+            }) if written.text == name => {
+                let (span, entries) = (written.span, entries.clone());
+                Some(self.reading(|reading| Fields::new(format!("`{name}`"), span, entries, reading)))
+            }
+            Shape::Tagged(Tagged { name: Some(written), .. }) if closest(&written.text, [name]).is_some() => {
+                let expected = format!("`{name}(...)` with fields");
+                let at = Value { span: written.span, shape: value.shape.clone() };
+                self.reading(|reading| reading.mismatch(&at, &expected));
+                None
+            }
+            _ => {
+                self.reading(|reading| reading.mismatch(value, &format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`")));
+                None
+            }
+        }
+    }
+
+    /// A list of names, none twice.
+    fn names(&mut self, value: &Value) -> Vec<Name> {
+        let Shape::List(items) = &value.shape else {
+            self.reading(|reading| reading.mismatch(value, "a list of names, [\"force\", \"speed\"]"));
+            return Vec::new();
+        };
+        let mut names: Vec<Name> = Vec::new();
+        for item in items {
+            let Some(text) = self.reading(|reading| String::read(item, reading)) else {
+                continue;
+            };
+            if let Some(first) = names.iter().find(|name| name.text == text) {
+                let message = format!("there are two inputs `{text}`");
+                let diagnostic = Diagnostic::error("E0105", item.span, message)
+                    .label("declared again here")
+                    .also(first.span, "first declared here");
+                self.report(diagnostic);
+                continue;
+            }
+            names.push(Name {
+                span: item.span,
+                text,
+            });
+        }
+        names
+    }
+}

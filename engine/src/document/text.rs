@@ -1,0 +1,375 @@
+//! RON text into values that know their place.
+//!
+//! ron keeps no places of values and stops at the first error, so structure is read here: one pass over the text
+//! for tokens, one over the brackets, one for values. Every pass is linear, and reading goes on after an error at
+//! the next comma. The escapes of strings are ron's own.
+
+mod tokens;
+
+use super::value::{Body, Name, Shape, Tagged, Value};
+use crate::diagnostic::{Diagnostic, SourceId, Span};
+use tokens::{Lexeme, Token};
+
+/// Brackets within brackets beyond this are refused, so that no file can overflow the stack.
+const MAX_DEPTH: usize = 64;
+/// After this many errors of syntax the rest is not worth reading.
+const MAX_ERRORS: usize = 20;
+
+/// Reads one value that is the whole of `text`.
+///
+/// Where there is any error in it, at least one diagnostic is added and the value is not to be used.
+pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Value> {
+    let before = diagnostics.len();
+    let lexemes = tokens::scan(source, text, diagnostics);
+    let partners = tokens::match_brackets(source, text, &lexemes, diagnostics)?;
+    let mut reader = Reader {
+        source,
+        text,
+        lexemes,
+        partners,
+        at: 0,
+        diagnostics,
+    };
+    reader.skip_extensions();
+    let value = reader.value(0);
+    if value.is_some() && reader.at < reader.lexemes.len() {
+        reader.unexpected("the end of the file");
+    }
+    diagnostics.truncate(before + MAX_ERRORS);
+    value.filter(|_| diagnostics.len() == before)
+}
+
+struct Reader<'a> {
+    source: SourceId,
+    text: &'a str,
+    lexemes: Vec<Lexeme>,
+    /// Index of the closing bracket of each opening one.
+    partners: Vec<usize>,
+    at: usize,
+    diagnostics: &'a mut Vec<Diagnostic>,
+}
+
+impl Reader<'_> {
+    fn token(&self) -> Option<Token> {
+        self.lexemes.get(self.at).map(|lexeme| lexeme.token)
+    }
+
+    fn next_token(&self) -> Option<Token> {
+        self.lexemes.get(self.at + 1).map(|lexeme| lexeme.token)
+    }
+
+    /// The place of the token at hand; just past the last one at the end.
+    fn span(&self) -> Span {
+        match self.lexemes.get(self.at) {
+            Some(lexeme) => self.span_of(lexeme.start, lexeme.end),
+            None => {
+                let end = self.lexemes.last().map_or(0, |last| last.end);
+                self.span_of(end, end)
+            }
+        }
+    }
+
+    fn span_of(&self, start: usize, end: usize) -> Span {
+        Span {
+            source: self.source,
+            start,
+            end,
+        }
+    }
+
+    fn slice(&self) -> &str {
+        self.lexemes
+            .get(self.at)
+            .map_or("", |lexeme| &self.text[lexeme.start..lexeme.end])
+    }
+
+    fn found(&self) -> String {
+        match self.token() {
+            None => "the end of the file".into(),
+            Some(Token::String | Token::RawString) => "a string".into(),
+            Some(_) => format!("`{}`", self.slice()),
+        }
+    }
+
+    fn unexpected(&mut self, expected: &str) {
+        if self.token() == Some(Token::Mistaken) {
+            return; // Reported when it was scanned.
+        }
+        let message = format!("expected {expected}, found {}", self.found());
+        let label = format!("expected {expected}");
+        let mut diagnostic = Diagnostic::error("E0101", self.span(), message).label(label);
+        if let Some(string) = self.string_over_lines() {
+            diagnostic = diagnostic
+                .also(string, "this string goes on over the end of its line")
+                .help("is the closing `\"` of that string missing?");
+        }
+        self.diagnostics.push(diagnostic);
+    }
+
+    /// A string near by that holds a line break: the usual trace of a forgotten quote.
+    fn string_over_lines(&self) -> Option<Span> {
+        let near = self.at.saturating_sub(3)..(self.at + 1).min(self.lexemes.len());
+        let strings = self.lexemes.get(near)?.iter().rev();
+        let long = strings
+            .filter(|lexeme| lexeme.token == Token::String)
+            .find(|lexeme| self.text[lexeme.start..lexeme.end].contains('\n'))?;
+        let line = self.text[long.start..long.end]
+            .find('\n')
+            .map_or(long.end, |i| long.start + i);
+        Some(self.span_of(long.start, line))
+    }
+
+    /// `#![enable(implicit_some)]` and the like change nothing here, and are passed over as ron's users write them.
+    fn skip_extensions(&mut self) {
+        while self.token() == Some(Token::Attribute) {
+            self.at += 1;
+        }
+    }
+
+    fn value(&mut self, depth: usize) -> Option<Value> {
+        let span = self.span();
+        let shape = match self.token() {
+            Some(Token::String | Token::RawString) => Shape::String(self.string()?),
+            Some(Token::Number) => self.number()?,
+            Some(Token::Name) => return self.named(depth),
+            Some(Token::Open) if depth >= MAX_DEPTH => {
+                self.diagnostics.push(
+                    Diagnostic::error("E0104", span, "brackets are nested too deeply")
+                        .label(format!("this is level {}", depth + 1))
+                        .help(format!("at most {MAX_DEPTH} levels are read")),
+                );
+                self.at = self.partners[self.at] + 1;
+                return None;
+            }
+            Some(Token::Open) => {
+                let close = self.partners[self.at];
+                let shape = match self.slice() {
+                    "[" => Shape::List(self.items(close, |reader| reader.value(depth + 1))),
+                    "{" => Shape::Map(self.items(close, |reader| reader.pair(depth + 1))),
+                    _ => match self.body(depth) {
+                        Body::Tuple(values) if values.is_empty() => Shape::Unit,
+                        body => Shape::Tagged(Tagged { name: None, body }),
+                    },
+                };
+                let end = self.lexemes[close].end;
+                return Some(Value {
+                    span: self.span_of(span.start, end),
+                    shape,
+                });
+            }
+            _ => {
+                self.unexpected("a value");
+                return None;
+            }
+        };
+        self.at += 1;
+        Some(Value { span, shape })
+    }
+
+    fn named(&mut self, depth: usize) -> Option<Value> {
+        let span = self.span();
+        let text = self.slice().to_owned();
+        let plain = match text.as_str() {
+            "true" => Some(Shape::Bool(true)),
+            "false" => Some(Shape::Bool(false)),
+            "inf" => Some(Shape::Number(f64::INFINITY, text.clone())),
+            "NaN" => Some(Shape::Number(f64::NAN, text.clone())),
+            _ => None,
+        };
+        if let Some(shape) = plain {
+            self.at += 1;
+            return Some(Value { span, shape });
+        }
+        let name = Some(Name { span, text });
+        self.at += 1;
+        if self.token() != Some(Token::Open) || self.slice() != "(" {
+            let body = Body::Bare;
+            return Some(Value {
+                span,
+                shape: Shape::Tagged(Tagged { name, body }),
+            });
+        }
+        let inner = self.value(depth)?;
+        let body = match inner.shape {
+            Shape::Tagged(Tagged { body, .. }) => body,
+            _ => Body::Tuple(Vec::new()),
+        };
+        let shape = Shape::Tagged(Tagged { name, body });
+        let span = self.span_of(span.start, inner.span.end);
+        Some(Value { span, shape })
+    }
+
+    /// What the round brackets at hand hold.
+    fn body(&mut self, depth: usize) -> Body {
+        let close = self.partners[self.at];
+        let fields = matches!(
+            (
+                self.lexemes[self.at + 1].token,
+                self.lexemes.get(self.at + 2).map(|l| l.token)
+            ),
+            (Token::Name | Token::String, Some(Token::Colon))
+        );
+        if fields {
+            Body::Fields(self.items(close, |reader| reader.field(depth + 1)))
+        } else {
+            Body::Tuple(self.items(close, |reader| reader.value(depth + 1)))
+        }
+    }
+
+    /// Items separated by commas, from the opening bracket at hand to just past its closing one.
+    fn items<T>(&mut self, close: usize, mut item: impl FnMut(&mut Self) -> Option<T>) -> Vec<T> {
+        let closing = &self.text[self.lexemes[close].start..self.lexemes[close].end];
+        let mut items = Vec::new();
+        self.at += 1;
+        while self.at < close {
+            if self.diagnostics.len() >= MAX_ERRORS {
+                break;
+            }
+            match item(self) {
+                Some(item) => items.push(item),
+                None => self.skip_to_comma(close),
+            }
+            if self.at >= close {
+                break;
+            }
+            if self.token() == Some(Token::Comma) {
+                self.at += 1;
+                continue;
+            }
+            self.expected_comma(closing);
+            // A value that follows is most likely the next item; anything else would only repeat the error.
+            if matches!(self.token(), Some(Token::Colon | Token::Mistaken)) {
+                self.skip_to_comma(close);
+                self.at += usize::from(self.at < close);
+            }
+        }
+        self.at = close + 1;
+        items
+    }
+
+    fn expected_comma(&mut self, closing: &str) {
+        let errors = self.diagnostics.len();
+        self.unexpected(&format!("`,` or `{closing}`"));
+        let Some(before) = self.at.checked_sub(1).and_then(|i| self.lexemes.get(i)) else {
+            return;
+        };
+        let end = self.span_of(before.end, before.end);
+        let starts_an_item = !matches!(self.token(), Some(Token::Open | Token::Colon));
+        if let Some(diagnostic) = self.diagnostics.get_mut(errors)
+            && diagnostic.secondary.is_empty()
+            && starts_an_item
+        {
+            *diagnostic = diagnostic.clone().also(end, "a comma may be missing here");
+        }
+    }
+
+    fn skip_to_comma(&mut self, close: usize) {
+        while self.at < close && self.token() != Some(Token::Comma) {
+            self.at = match self.token() {
+                Some(Token::Open) => self.partners[self.at] + 1,
+                _ => self.at + 1,
+            };
+        }
+    }
+
+    /// `name: value`
+    fn field(&mut self, depth: usize) -> Option<(Name, Value)> {
+        let name = Name {
+            span: self.span(),
+            text: self.slice().trim_matches('"').to_owned(),
+        };
+        match (self.token(), self.next_token()) {
+            (Some(Token::Name), Some(Token::Colon)) => {}
+            (Some(Token::String), Some(Token::Colon)) => self.diagnostics.push(
+                Diagnostic::error("E0101", name.span, "a field's name is written without quotes")
+                    .label("quoted name in round brackets")
+                    .help(format!("write `{}: ...`, or use {{ }} for a map", name.text)),
+            ),
+            (Some(Token::Name), _) => {
+                self.at += 1;
+                self.unexpected("`:` and a value");
+                return None;
+            }
+            _ => {
+                self.unexpected("`name: value`");
+                return None;
+            }
+        }
+        self.at += 2;
+        Some((name, self.value(depth)?))
+    }
+
+    /// `key: value`
+    fn pair(&mut self, depth: usize) -> Option<(Value, Value)> {
+        let key = self.value(depth)?;
+        if self.token() != Some(Token::Colon) {
+            self.unexpected("`:` and a value");
+            return None;
+        }
+        self.at += 1;
+        Some((key, self.value(depth)?))
+    }
+
+    fn string(&mut self) -> Option<String> {
+        let raw = self.slice();
+        if self.token() == Some(Token::RawString) {
+            let inner = raw.trim_start_matches('r');
+            let hashes = inner.bytes().take_while(|b| *b == b'#').count();
+            let inner = inner.get(hashes + 1..inner.len().checked_sub(hashes + 1)?)?;
+            return Some(inner.to_owned());
+        }
+        let inner = raw.get(1..raw.len().checked_sub(1)?)?;
+        if !inner.contains('\\') {
+            return Some(inner.to_owned());
+        }
+        match ron::from_str::<String>(raw) {
+            Ok(text) => Some(text),
+            Err(error) => {
+                let diagnostic = Diagnostic::error("E0106", self.span(), "this string has a bad escape")
+                    .label(error.code.to_string())
+                    .help("write `\\\\` for a backslash, or use a raw string r\"...\"");
+                self.diagnostics.push(diagnostic);
+                self.at += 1;
+                None
+            }
+        }
+    }
+
+    fn number(&mut self) -> Option<Shape> {
+        let written = self.slice();
+        let plain = written.replace('_', "");
+        let (sign, digits) = match plain.strip_prefix('-') {
+            Some(digits) => ("-", digits),
+            None => ("", plain.strip_prefix('+').unwrap_or(&plain)),
+        };
+        let radix = match digits.get(..2) {
+            Some("0x") => 16,
+            Some("0o") => 8,
+            Some("0b") => 2,
+            _ => 10,
+        };
+        let text = if radix == 10 {
+            Some(format!("{sign}{digits}"))
+        } else {
+            u64::from_str_radix(&digits[2..], radix)
+                .ok()
+                .map(|n| format!("{sign}{n}"))
+        };
+        if let Some(text) = text
+            && let Ok(number) = text.parse::<f64>()
+        {
+            return Some(Shape::Number(number, text));
+        }
+        let message = format!("`{written}` is not a number");
+        let mut diagnostic = Diagnostic::error("E0106", self.span(), message).label("not a number");
+        if written.ends_with(|c: char| c.is_alphabetic()) && radix == 10 {
+            diagnostic = diagnostic.help("write the number alone: its unit is in the name of the field");
+        }
+        self.diagnostics.push(diagnostic);
+        self.at += 1;
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests;

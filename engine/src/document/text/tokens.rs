@@ -1,0 +1,282 @@
+//! Text into tokens, and brackets to their partners.
+
+use crate::diagnostic::{Diagnostic, SourceId, Span};
+
+/// What a token is; its text is a slice of the source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Token {
+    /// `(`, `[` or `{`
+    Open,
+    /// `)`, `]` or `}`
+    Close,
+    Comma,
+    Colon,
+    Name,
+    Number,
+    String,
+    /// `r"..."`, `r#"..."#`
+    RawString,
+    /// `#![...]`
+    Attribute,
+    /// Text that is no token and has been reported.
+    Mistaken,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lexeme {
+    pub token: Token,
+    pub start: usize,
+    pub end: usize,
+}
+
+/// All tokens of `text`. What is no token is reported, and taken for what was most likely meant.
+pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
+    let mut lexemes: Vec<Lexeme> = Vec::new();
+    let mut at = 0;
+    while let Some(c) = text[at..].chars().next() {
+        let rest = &text[at..];
+        let start = at;
+        let token = match c {
+            '\u{feff}' if at == 0 => None,
+            c if c.is_whitespace() => None,
+            '/' if rest.starts_with("//") => {
+                at += rest.find('\n').unwrap_or(rest.len());
+                continue;
+            }
+            '/' if rest.starts_with("/*") => match comment_length(rest) {
+                Some(length) => {
+                    at += length;
+                    continue;
+                }
+                None => {
+                    let span = Span { source, start, end: start + 2 };
+                    diagnostics.push(
+                        Diagnostic::error("E0103", span, "this comment is never closed")
+                            .label("opened here")
+                            .help("close it with `*/`"),
+                    );
+                    break;
+                }
+            },
+            '(' | '[' | '{' => Some((Token::Open, 1)),
+            ')' | ']' | '}' => Some((Token::Close, 1)),
+            ',' => Some((Token::Comma, 1)),
+            ':' => Some((Token::Colon, 1)),
+            '"' => match string_length(rest) {
+                Some(length) => Some((Token::String, length)),
+                None => {
+                    diagnostics.push(unclosed_string(source, text, start, &lexemes));
+                    break;
+                }
+            },
+            'r' if rest[1..].starts_with(['"', '#']) => match raw_string_length(rest) {
+                Some(length) => Some((Token::RawString, length)),
+                None => {
+                    diagnostics.push(unclosed_string(source, text, start, &lexemes));
+                    break;
+                }
+            },
+            '#' if rest.starts_with("#![") => {
+                let length = rest.find(']').map_or(rest.len(), |i| i + 1);
+                Some((Token::Attribute, length))
+            }
+            c if c.is_alphabetic() || c == '_' => {
+                let length = rest.find(|c: char| !(c.is_alphanumeric() || c == '_'));
+                Some((Token::Name, length.unwrap_or(rest.len())))
+            }
+            c if c.is_ascii_digit() || (matches!(c, '+' | '-' | '.') && number_follows(rest)) => {
+                Some((Token::Number, number_length(rest)))
+            }
+            _ => Some(mistaken(source, start, rest, c, diagnostics)),
+        };
+        match token {
+            None => at += c.len_utf8(),
+            Some((token, length)) => {
+                at += length;
+                lexemes.push(Lexeme { token, start, end: at });
+            }
+        }
+    }
+    lexemes
+}
+
+/// Length of a block comment; they nest, as in RON.
+fn comment_length(rest: &str) -> Option<usize> {
+    let bytes = rest.as_bytes();
+    let mut depth = 0_usize;
+    let mut at = 0;
+    while at + 1 < bytes.len() {
+        match &bytes[at..at + 2] {
+            b"/*" => depth += 1,
+            b"*/" => depth -= 1,
+            _ => {
+                at += 1;
+                continue;
+            }
+        }
+        at += 2;
+        if depth == 0 {
+            return Some(at);
+        }
+    }
+    None
+}
+
+fn string_length(rest: &str) -> Option<usize> {
+    let mut escaped = false;
+    for (i, byte) in rest.bytes().enumerate().skip(1) {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = true,
+            b'"' => return Some(i + 1),
+            _ => {}
+        }
+    }
+    None
+}
+
+fn raw_string_length(rest: &str) -> Option<usize> {
+    let hashes = rest[1..].bytes().take_while(|b| *b == b'#').count();
+    let opening = 1 + hashes + 1;
+    if rest.as_bytes().get(opening - 1) != Some(&b'"') {
+        return None;
+    }
+    let closing = format!("\"{}", "#".repeat(hashes));
+    Some(opening + rest[opening..].find(&closing)? + closing.len())
+}
+
+fn number_follows(rest: &str) -> bool {
+    let after = rest[1..].strip_prefix('.').unwrap_or(&rest[1..]);
+    after.starts_with(|c: char| c.is_ascii_digit()) || after.starts_with("inf") || after.starts_with("NaN")
+}
+
+fn number_length(rest: &str) -> usize {
+    let mut before = ' ';
+    let hex = rest.trim_start_matches(['+', '-']).starts_with("0x");
+    for (i, c) in rest.char_indices() {
+        let sign = matches!(c, '+' | '-') && (i == 0 || (matches!(before, 'e' | 'E') && !hex));
+        if !(sign || c.is_alphanumeric() || c == '_' || c == '.') {
+            return i;
+        }
+        before = c;
+    }
+    rest.len()
+}
+
+/// The quote at `start` has no partner. Where a string before it holds a line break, that one is the likely culprit.
+fn unclosed_string(source: SourceId, text: &str, start: usize, before: &[Lexeme]) -> Diagnostic {
+    let over_lines = before
+        .iter()
+        .find(|lexeme| lexeme.token == Token::String && text[lexeme.start..lexeme.end].contains('\n'));
+    let start = over_lines.map_or(start, |lexeme| lexeme.start);
+    let end = text[start..].find('\n').map_or(text.len(), |i| start + i);
+    let span = Span { source, start, end };
+    Diagnostic::error("E0103", span, "this string is never closed")
+        .label("opened here")
+        .help("close it with `\"`")
+}
+
+/// A character that begins no token: says so, and takes it for what was most likely meant.
+fn mistaken(
+    source: SourceId,
+    start: usize,
+    rest: &str,
+    c: char,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> (Token, usize) {
+    let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
+    let until = |close: char| {
+        let inner = &line[c.len_utf8()..];
+        inner.find(close).map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
+    };
+    let (token, length, help) = match c {
+        '\'' => (Token::Mistaken, until('\''), "strings stand in double quotes: \"...\""),
+        '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
+        '=' => (Token::Colon, 1, "a field is written `name: value`"),
+        ';' => (Token::Comma, 1, "separate with `,`"),
+        _ => (Token::Mistaken, c.len_utf8(), "remove it"),
+    };
+    let span = Span {
+        source,
+        start,
+        end: start + length,
+    };
+    diagnostics.push(
+        Diagnostic::error("E0101", span, format!("`{c}` does not belong here"))
+            .label("not part of RON")
+            .help(help),
+    );
+    (token, length)
+}
+
+/// For each opening bracket the index of its closing one; `None` where they do not match, which is reported.
+pub(super) fn match_brackets(
+    source: SourceId,
+    text: &str,
+    lexemes: &[Lexeme],
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Vec<usize>> {
+    let span = |lexeme: &Lexeme| Span {
+        source,
+        start: lexeme.start,
+        end: lexeme.end,
+    };
+    let slice = |lexeme: &Lexeme| &text[lexeme.start..lexeme.end];
+    let mut partners = vec![0; lexemes.len()];
+    let mut open: Vec<usize> = Vec::new();
+    for (i, lexeme) in lexemes.iter().enumerate() {
+        match lexeme.token {
+            Token::Open => open.push(i),
+            Token::Close => {
+                let Some(opening) = open.pop() else {
+                    let message = format!("`{}` closes nothing", slice(lexeme));
+                    diagnostics.push(
+                        Diagnostic::error("E0102", span(lexeme), message)
+                            .label("no bracket is open here")
+                            .help("remove it, or look for a bracket that was closed too early"),
+                    );
+                    return None;
+                };
+                let needed = closing(slice(&lexemes[opening]));
+                if slice(lexeme) != needed {
+                    let message = format!("`{}` is never closed", slice(&lexemes[opening]));
+                    let mut diagnostic = Diagnostic::error("E0102", span(&lexemes[opening]), message)
+                        .label("opened here")
+                        .also(span(lexeme), format!("expected `{needed}` before this"));
+                    if let Some(outer) = open.last()
+                        && closing(slice(&lexemes[*outer])) == slice(lexeme)
+                    {
+                        diagnostic = diagnostic.also(span(&lexemes[*outer]), "which closes this");
+                    }
+                    diagnostics.push(diagnostic);
+                    return None;
+                }
+                partners[opening] = i;
+            }
+            _ => {}
+        }
+    }
+    let Some(&innermost) = open.last() else {
+        return Some(partners);
+    };
+    if diagnostics.iter().any(|known| known.code == "E0103") {
+        return None; // A string or comment without an end has swallowed the closing brackets.
+    }
+    let end = text.trim_end().len();
+    let message = format!("`{}` is never closed", slice(&lexemes[innermost]));
+    diagnostics.push(
+        Diagnostic::error("E0102", span(&lexemes[innermost]), message)
+            .label("opened here")
+            .also(Span { source, start: end, end }, "the file ends here")
+            .help(format!("close it with `{}`", closing(slice(&lexemes[innermost])))),
+    );
+    None
+}
+
+fn closing(open: &str) -> &'static str {
+    match open {
+        "(" => ")",
+        "[" => "]",
+        _ => "}",
+    }
+}
