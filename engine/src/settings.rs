@@ -3,6 +3,7 @@
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// What is told of one setting.
@@ -79,26 +80,32 @@ pub struct Fields {
     /// The whole structure.
     pub span: Span,
     entries: Vec<(Name, Value)>,
-    known: Vec<&'static str>,
+    known: Vec<String>,
+    /// What to say of fields that are missing: their names, with `None` for nothing, as it was said already.
+    missing: Vec<(String, Option<Diagnostic>)>,
 }
 
 impl Fields {
     /// The fields of a structure. A name given twice is reported and its first value kept.
     pub fn new(owner: String, span: Span, entries: Vec<(Name, Value)>, reading: &mut Reading<'_>) -> Self {
         let mut kept: Vec<(Name, Value)> = Vec::with_capacity(entries.len());
+        let mut seen: HashMap<String, Span> = HashMap::with_capacity(entries.len());
         for (name, value) in entries {
-            match kept.iter().find(|(first, _)| first.text == name.text) {
-                Some((first, _)) => reading.diagnostics.push(
+            match seen.get(&name.text) {
+                Some(first) => reading.diagnostics.push(
                     Diagnostic::error(
                         "E0105",
                         name.span,
                         format!("`{}` is given twice in {owner}", name.text),
                     )
                     .label("given again here")
-                    .also(first.span, "first given here")
+                    .also(*first, "first given here")
                     .help("remove one of them"),
                 ),
-                None => kept.push((name, value)),
+                None => {
+                    seen.insert(name.text.clone(), name.span);
+                    kept.push((name, value));
+                }
             }
         }
         Self {
@@ -106,19 +113,31 @@ impl Fields {
             span,
             entries: kept,
             known: Vec::new(),
+            missing: Vec::new(),
         }
     }
 
     /// Takes the field called `name`, if it was given.
-    pub fn take(&mut self, name: &'static str) -> Option<Value> {
-        self.known.push(name);
+    pub fn take(&mut self, name: &str) -> Option<Value> {
+        self.know(name);
         let at = self.entries.iter().position(|(given, _)| given.text == name)?;
         Some(self.entries.remove(at).1)
     }
 
     /// Says that a field of this name exists, without taking it; for "did you mean".
-    pub fn know(&mut self, name: &'static str) {
-        self.known.push(name);
+    pub fn know(&mut self, name: &str) {
+        self.known.push(name.to_owned());
+    }
+
+    /// Says what to report in place of the general message where a required field of this name is missing;
+    /// `None` where the reason has been reported already.
+    pub(crate) fn if_missing(&mut self, name: &str, diagnostic: Option<Diagnostic>) {
+        self.missing.push((name.to_owned(), diagnostic));
+    }
+
+    /// Was what is wrong with this field reported already?
+    pub(crate) fn is_reported(&self, name: &str) -> bool {
+        self.missing.iter().any(|(missing, special)| missing == name && special.is_none())
     }
 
     /// What has not been taken yet.
@@ -131,7 +150,7 @@ impl Fields {
         for (name, _) in &self.entries {
             let message = format!("{} has no field `{}`", self.owner, name.text);
             let mut diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
-            diagnostic = match closest(&name.text, self.known.iter().copied()) {
+            diagnostic = match closest(&name.text, self.known.iter().map(String::as_str)) {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
                 None if self.known.is_empty() => diagnostic.help("it takes no fields"),
                 None => diagnostic.help(format!("its fields are {}", self.known.join(", "))),
@@ -149,7 +168,11 @@ impl Fields {
         reading: &mut Reading<'_>,
     ) -> Option<T> {
         let Some(value) = self.take(name) else {
-            if default.is_none() {
+            if default.is_none()
+                && let Some((_, special)) = self.missing.iter().find(|(missing, _)| missing == name)
+            {
+                reading.diagnostics.extend(special.clone());
+            } else if default.is_none() {
                 let message = format!("{} needs `{name}`", self.owner);
                 reading.diagnostics.push(
                     Diagnostic::error("E0205", self.span, message)
@@ -196,11 +219,19 @@ pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Optio
     Some(Fields::new(owner.to_owned(), value.span, entries, reading))
 }
 
+/// Longer words, in bytes, are not compared.
+const MAX_COMPARED: usize = 64;
+
 /// The candidate nearest to `word` by edit distance, if one is near enough to be what was meant.
 pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    if word.len() > MAX_COMPARED {
+        return None; // Comparing costs the product of the lengths, and such words are no slips of a finger.
+    }
     let lower = word.to_lowercase();
     let distance = |candidate: &&str| edit_distance(&lower, &candidate.to_lowercase());
-    let nearest = candidates.into_iter().min_by_key(distance)?;
+    let candidates = candidates.into_iter();
+    let comparable = candidates.filter(|candidate| candidate.len() <= MAX_COMPARED);
+    let nearest = comparable.min_by_key(distance)?;
     let allowed = (word.chars().count() / 3).max(1);
     (edit_distance(&lower, &nearest.to_lowercase()) <= allowed).then_some(nearest)
 }

@@ -2,6 +2,21 @@
 //!
 //! Only [`check`] makes one, so the stages after it have no errors to look for. petgraph lives here and in `plan`.
 
+mod bridges;
+mod build;
+mod check;
+mod clocks;
+mod cycles;
+mod devices;
+mod draft;
+mod expand;
+mod types;
+mod unused;
+mod values;
+mod wires;
+
+pub use check::{CheckOptions, check};
+
 use crate::device::{Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;

@@ -123,3 +123,11 @@ proptest! {
         }
     }
 }
+#[test]
+fn dbg() {
+    for (o, c) in [("[", "]"), ("(", ")"), ("{1:", "}"), ("A(", ")"), ("{", "}"), ("(a:", ")")] {
+        let mut d = Vec::new();
+        read(SourceId(0), &(o.repeat(70) + "1" + &c.repeat(70)), &mut d);
+        eprintln!("{o} {:?}", d.iter().map(|d| format!("{} {:?}", d.message, d.primary.as_ref().unwrap().span.start)).take(3).collect::<Vec<_>>());
+    }
+}

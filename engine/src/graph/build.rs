@@ -1,0 +1,369 @@
+//! From draft to graph: settings read, processors and devices built.
+
+use super::clocks::Clocks;
+use super::devices::{Devices, DraftDevice};
+use super::draft::{Context, Draft, DraftNode, Slot};
+use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work};
+use crate::device::Device;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::frame::Kind;
+use crate::node::{Build, BuildContext, BuildError, Flow, KindRule, QuantityRule, Stream};
+use crate::settings::Fields;
+use haptograph_signal::noise::stream_seed;
+use haptograph_signal::quantity::Quantity;
+use petgraph::graph::{DiGraph, NodeIndex};
+
+/// Driver frames that a plan never exceeds in one go.
+const MAX_QUANTUM: u64 = 1024;
+
+/// What nodes and devices do when they run; `None` where something was reported.
+pub(super) struct Built {
+    works: Vec<Option<Work>>,
+    devices: Vec<Option<Box<dyn Device>>>,
+    simulated: Vec<bool>,
+}
+
+/// Reads all settings, and builds every node and device about which nothing was reported.
+pub(super) fn build(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    clocks: &Clocks,
+    devices: Option<&Devices>,
+    seed: u64,
+) -> Built {
+    let declared: &[DraftDevice] = devices.map_or(&[], |devices| &devices.list);
+    let simulated = simulated(draft, declared);
+    Built {
+        works: (0..draft.nodes.len())
+            .map(|node| work(cx, draft, clocks, declared, &simulated, seed, node))
+            .collect(),
+        devices: declared
+            .iter()
+            .map(|device| body(cx, clocks, device, seed))
+            .collect(),
+        simulated,
+    }
+}
+
+/// Which nodes depend on a simulated device, through connections and through bodies.
+fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
+    let mut simulated = vec![false; draft.nodes.len()];
+    let readers = draft.readers(|_| true);
+    let mut sources: Vec<Vec<usize>> = vec![Vec::new(); devices.len()];
+    let mut found = Vec::new();
+    for (i, node) in draft.nodes.iter().enumerate() {
+        let Some(device) = node.device else { continue };
+        sources[device].push(i);
+        if devices[device].entry.spec.simulated {
+            found.push(i);
+        }
+    }
+    while let Some(node) = found.pop() {
+        if std::mem::replace(&mut simulated[node], true) {
+            continue;
+        }
+        found.extend(&readers[node]);
+        if let Some(device) = draft.nodes[node].device {
+            found.extend(&sources[device]);
+        }
+    }
+    simulated
+}
+
+fn work(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    clocks: &Clocks,
+    devices: &[DraftDevice],
+    simulated: &[bool],
+    seed: u64,
+    node: usize,
+) -> Option<Work> {
+    let target = &draft.nodes[node];
+    let mut fields = target.fields.clone();
+    let places = Places::of(&fields);
+    let before = cx.diagnostics.len();
+    let sound = !target.broken && !target.has_broken_input();
+    let work = match target.entry.build {
+        Build::Processor(read) => {
+            let finish = cx.reading(|reading| read(&mut fields, reading));
+            let context = context(draft, clocks, seed, node).filter(|_| sound);
+            match (finish, context) {
+                (Some(finish), Some(context)) => places.or_report(cx, finish(&context)).map(Work::Process),
+                _ => None,
+            }
+        }
+        Build::Actuator(read) => {
+            fields.if_missing("limit", Some(no_limit(target)));
+            let finish = cx.reading(|reading| read(&mut fields, reading));
+            let limit = finish.and_then(|finish| places.or_report(cx, finish(&())));
+            let device = target.device.filter(|_| sound);
+            let channel = device.and_then(|device| {
+                let port = target.entry.spec.inputs.first()?.name;
+                let drives = devices[device].entry.spec.drives;
+                drives.iter().position(|channel| channel.name == port)
+            });
+            match (limit, device, channel) {
+                (Some((gain, limit)), Some(device), Some(channel)) => Some(Work::Actuator {
+                    device,
+                    channel,
+                    gain,
+                    limit,
+                }),
+                _ => None,
+            }
+        }
+        Build::File(read) => {
+            let finish = cx.reading(|reading| read(&mut fields, reading));
+            let streams = streams(draft, clocks, simulated, node).filter(|_| sound);
+            match (finish, streams) {
+                (Some(finish), Some(streams)) => places.or_report(cx, finish(&streams)).map(Work::File),
+                _ => None,
+            }
+        }
+        Build::Source => target.device.filter(|_| sound).and_then(|device| {
+            let senses = devices[device].entry.spec.senses;
+            let outputs = target.entry.spec.outputs.iter();
+            let channels = outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
+            let channels = channels.collect::<Option<_>>()?;
+            Some(Work::Source { device, channels })
+        }),
+    };
+    cx.reading(|reading| fields.finish(reading));
+    explain(cx, before, &target.uses);
+    for i in before..cx.diagnostics.len() {
+        cx.diagnostics[i] = draft.in_use(node, cx.diagnostics[i].clone(), cx);
+    }
+    work
+}
+
+fn no_limit(node: &DraftNode) -> Diagnostic {
+    let kind = node.entry.spec.name;
+    let settings = node.entry.settings();
+    let limit = settings.iter().find(|setting| setting.name == "limit");
+    let expected = limit.map_or_else(|| "...".to_owned(), |setting| setting.expected.clone());
+    let expected = expected.trim_start_matches("a structure ");
+    Diagnostic::error("E0605", node.fields.span, format!("actuator sink `{kind}` has no limit"))
+        .label("`limit` is missing")
+        .help(format!("say what the actuator may be given at most: `limit: {expected}`"))
+        .help("nothing drives an actuator without a limit")
+}
+
+fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
+    let target = &draft.nodes[node];
+    let widths = target.inputs.iter().map(|slot| match &slot.wire {
+        Some(wire) => draft.nodes[wire.from].outputs[wire.output].kind.map(Kind::width),
+        None => Some(0),
+    });
+    Some(BuildContext {
+        path: target.path.clone(),
+        rate: clocks.list[target.clock?].rate,
+        max_frames: max_frames(clocks, target.clock?),
+        seed: stream_seed(seed, &target.path),
+        input_widths: widths.collect::<Option<_>>()?,
+    })
+}
+
+/// The most frames of a clock within one quantum of its driver.
+fn max_frames(clocks: &Clocks, clock: usize) -> usize {
+    let (n, d) = clocks.list[clock].rate.parts();
+    let (m, e) = clocks.list[clocks.list[clock].driver].rate.parts();
+    let frames = u128::from(MAX_QUANTUM) * u128::from(n) * u128::from(e);
+    let frames = frames.div_ceil(u128::from(d) * u128::from(m)) + 1;
+    usize::try_from(frames).unwrap_or(usize::MAX)
+}
+
+fn streams(draft: &Draft, clocks: &Clocks, simulated: &[bool], node: usize) -> Option<Vec<Stream>> {
+    let wires = draft.nodes[node].wires();
+    let stream = |(_, wire): (usize, &super::draft::Wire)| {
+        let from = &draft.nodes[wire.from];
+        let carried = from.outputs[wire.output];
+        Some(Stream {
+            name: from.output_name(wire.output),
+            kind: carried.kind?,
+            quantity: carried.quantity?,
+            rate: clocks.list[from.clock?].rate,
+            simulated: simulated[wire.from],
+        })
+    };
+    wires.map(stream).collect()
+}
+
+fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) -> Option<Box<dyn Device>> {
+    let mut fields = device.fields.clone();
+    let places = Places::of(&fields);
+    let before = cx.diagnostics.len();
+    let finish = cx.reading(|reading| {
+        let finish = (device.entry.build)(&mut fields, reading);
+        fields.finish(reading);
+        finish
+    });
+    let built = match (finish, device.clock.filter(|_| !device.broken)) {
+        (Some(finish), Some(clock)) => {
+            let context = BuildContext {
+                path: device.name.clone(),
+                rate: clocks.list[clock].rate,
+                max_frames: max_frames(clocks, clock),
+                seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
+                input_widths: Vec::new(),
+            };
+            places.or_report(cx, finish(&context))
+        }
+        _ => None,
+    };
+    explain(cx, before, &device.uses);
+    built
+}
+
+/// Where the fields of a node or device are written.
+struct Places {
+    owner: Span,
+    fields: Vec<(String, Span)>,
+}
+
+impl Places {
+    fn of(fields: &Fields) -> Self {
+        let written = fields.remaining().iter();
+        Self {
+            owner: fields.span,
+            fields: written.map(|(name, value)| (name.text.clone(), value.span)).collect(),
+        }
+    }
+
+    fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
+        let error = match built {
+            Ok(built) => return Some(built),
+            Err(error) => error,
+        };
+        let written = self.fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
+        let span = written.map_or(self.owner, |(_, span)| *span);
+        let mut diagnostic = Diagnostic::error("E0304", span, error.message);
+        if let (Some(field), None) = (error.field, written) {
+            diagnostic = diagnostic.label(format!("by the default of `{field}`"));
+        }
+        if let Some(help) = error.help {
+            diagnostic = diagnostic.help(help);
+        }
+        cx.report(diagnostic);
+        None
+    }
+}
+
+/// Findings about values that came from a parameter or setting say where it is used.
+fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
+    for diagnostic in &mut cx.diagnostics[from..] {
+        let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
+            continue;
+        };
+        let holds = |value: &Span| value.source == at.source && value.start <= at.start && at.end <= value.end;
+        if let Some((_, place)) = uses.iter().find(|(value, _)| holds(value)) {
+            *diagnostic = diagnostic.clone().also(*place, "used here");
+        }
+    }
+}
+
+/// Puts together a graph about which no error was reported.
+pub(super) fn assemble(
+    cx: Context<'_>,
+    draft: Draft,
+    clocks: Clocks,
+    devices: Option<Devices>,
+    built: Built,
+    seed: u64,
+) -> Option<Graph> {
+    let mut nodes = DiGraph::with_capacity(draft.nodes.len(), draft.nodes.len());
+    let Built {
+        works,
+        devices: bodies,
+        simulated,
+    } = built;
+    // Only devices that nodes are bound to are part of the graph.
+    let mut kept: Vec<Option<usize>> = Vec::new();
+    let mut graph_devices = Vec::new();
+    for (device, body) in devices.into_iter().flat_map(|devices| devices.list).zip(bodies) {
+        kept.push(match (device.bound, device.clock, body) {
+            (true, Some(clock), Some(body)) => {
+                graph_devices.push(GraphDevice {
+                    name: device.name,
+                    entry: device.entry,
+                    clock,
+                    device: body,
+                    span: device.span,
+                });
+                Some(graph_devices.len() - 1)
+            }
+            _ => None,
+        });
+    }
+    for ((node, work), simulated) in draft.nodes.iter().zip(works).zip(simulated) {
+        let mut work = work?;
+        if let Work::Source { device, .. } | Work::Actuator { device, .. } = &mut work {
+            *device = kept.get(*device).copied()??;
+        }
+        nodes.add_node(Node {
+            path: node.path.clone(),
+            entry: node.entry,
+            clock: node.clock,
+            inputs: node.inputs.iter().map(|slot| input(&draft, node, slot)).collect(),
+            outputs: outputs(node)?,
+            work,
+            span: node.name,
+            simulated,
+        });
+    }
+    for (to, node) in draft.nodes.iter().enumerate() {
+        for (input, wire) in node.wires() {
+            let edge = Edge {
+                output: wire.output,
+                input,
+                bridge: wire.bridge.map_or(Bridge::Direct, |(bridge, _)| bridge),
+                span: wire.span,
+            };
+            nodes.add_edge(NodeIndex::new(wire.from), NodeIndex::new(to), edge);
+        }
+    }
+    Some(Graph {
+        about: cx.document.about.clone(),
+        seed,
+        clocks: clocks.list,
+        base: clocks.base?,
+        nodes,
+        devices: graph_devices,
+        sources: cx.sources,
+        warnings: cx.diagnostics,
+    })
+}
+
+fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {
+    let port = &node.entry.spec.inputs[slot.port];
+    let carried = slot
+        .wire
+        .as_ref()
+        .map(|wire| draft.nodes[wire.from].outputs[wire.output])
+        .unwrap_or_default();
+    Input {
+        name: port.name,
+        kind: carried.kind.unwrap_or(match port.kind {
+            KindRule::Is(kind) => kind,
+            _ => Kind::Scalar,
+        }),
+        quantity: carried.quantity.unwrap_or(match port.quantity {
+            QuantityRule::Is(quantity) => quantity,
+            _ => Quantity::NUMBER,
+        }),
+        connected: slot.wire.is_some(),
+        held: port.flow == Flow::Held,
+    }
+}
+
+fn outputs(node: &DraftNode) -> Option<Vec<Output>> {
+    let ports = node.entry.spec.outputs.iter().zip(&node.outputs);
+    let output = |(port, carried): (&crate::node::OutputSpec, &super::draft::Type)| {
+        Some(Output {
+            name: port.name,
+            kind: carried.kind?,
+            quantity: carried.quantity?,
+        })
+    };
+    ports.map(output).collect()
+}

@@ -1,0 +1,392 @@
+//! Clocks as declared, and on which of them every node runs.
+
+use super::draft::{Context, Draft};
+use super::expand::parts;
+use super::values::{Parameters, Place, suggest};
+use super::{Bridge, Clock};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use crate::settings::{Fields, Setting};
+use haptograph_signal::time::{Rate, RateError, TimeBase};
+use std::collections::{HashMap, VecDeque};
+
+/// The clocks of a graph.
+#[derive(Default)]
+pub(super) struct Clocks {
+    pub list: Vec<Clock>,
+    /// Where each is declared.
+    pub spans: Vec<Span>,
+    /// Index by name; `None` for those that were reported.
+    names: HashMap<String, Option<usize>>,
+    pub base: Option<TimeBase>,
+}
+
+struct Declared<'a> {
+    name: &'a Name,
+    /// The clock it derives from, with the place of its name.
+    of: Option<(String, Span)>,
+    rate: Option<Rate>,
+    rate_span: Span,
+    broken: bool,
+}
+
+/// Reads all clocks.
+pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters) -> Clocks {
+    let document = cx.document;
+    let declared: Vec<Declared<'_>> = document
+        .clocks
+        .iter()
+        .map(|(name, value)| declared(cx, parameters, name, value))
+        .collect();
+    let index: HashMap<&str, usize> = declared
+        .iter()
+        .enumerate()
+        .map(|(i, clock)| (clock.name.text.as_str(), i))
+        .collect();
+    let drivers: Vec<Option<usize>> = (0..declared.len())
+        .map(|clock| driver(cx, &declared, &index, clock))
+        .collect();
+    let mut clocks = Clocks::default();
+    let mut kept: HashMap<usize, usize> = HashMap::new();
+    let mut rate_spans = Vec::new();
+    for (i, (clock, driver)) in declared.iter().zip(&drivers).enumerate() {
+        let place = match (clock.rate, driver) {
+            (Some(rate), Some(driver)) if drivers[*driver].is_some() && declared[*driver].rate.is_some() => {
+                kept.insert(i, clocks.list.len());
+                clocks.list.push(Clock {
+                    name: clock.name.text.clone(),
+                    rate,
+                    driver: *driver,
+                });
+                clocks.spans.push(clock.name.span);
+                rate_spans.push(clock.rate_span);
+                Some(clocks.list.len() - 1)
+            }
+            _ => None,
+        };
+        clocks.names.insert(clock.name.text.clone(), place);
+    }
+    for clock in &mut clocks.list {
+        clock.driver = kept.get(&clock.driver).copied().unwrap_or_default();
+    }
+    clocks.base = time_base(cx, &clocks.list, &rate_spans);
+    clocks
+}
+
+fn declared<'a>(cx: &mut Context<'_>, parameters: &mut Parameters, name: &'a Name, value: &Value) -> Declared<'a> {
+    let mut clock = Declared {
+        name,
+        of: None,
+        rate: None,
+        rate_span: value.span,
+        broken: true,
+    };
+    let expected = "a clock, `Driver(rate_hz: ...)` or `Derived(of: \"...\", rate_hz: ...)`";
+    let Some(value) = parameters.replace(cx, value, Place::Graph, &mut Vec::new()) else {
+        return clock;
+    };
+    let Some((kind, entries)) = parts(cx, &value, expected) else {
+        return clock;
+    };
+    let derived = match kind.text.as_str() {
+        "Driver" => false,
+        "Derived" => true,
+        other => {
+            let message = format!("there is no kind of clock `{other}`");
+            let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind of clock");
+            let kinds = ["Driver", "Derived"].into_iter();
+            let diagnostic = suggest(diagnostic, other, kinds, "there are", "");
+            cx.report(diagnostic);
+            return clock;
+        }
+    };
+    let owner = format!("`{}`", kind.text);
+    let mut fields = cx.reading(|reading| Fields::new(owner, kind.span, entries.to_vec(), reading));
+    clock.broken = false;
+    if derived {
+        match fields.take("of") {
+            Some(of) => match cx.reading(|reading| String::read(&of, reading)) {
+                Some(parent) => clock.of = Some((parent, of.span)),
+                None => clock.broken = true,
+            },
+            None => {
+                clock.broken = true;
+                cx.report(
+                    Diagnostic::error("E0205", kind.span, "`Derived` needs `of`")
+                        .label("`of` is missing")
+                        .help("name the clock it is derived from: `of: \"audio\"`"),
+                );
+            }
+        }
+    }
+    match fields.take("rate_hz") {
+        Some(rate) => {
+            clock.rate_span = rate.span;
+            clock.rate = read_rate(cx, &rate);
+        }
+        None => cx.report(
+            Diagnostic::error("E0205", kind.span, format!("`{}` needs `rate_hz`", kind.text))
+                .label("`rate_hz` is missing")
+                .help("add `rate_hz: ...`, its ticks per second"),
+        ),
+    }
+    cx.reading(|reading| fields.finish(reading));
+    clock
+}
+
+/// `48000`, `59.94`, or `(1000, 3)` for a third of a kilohertz.
+fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
+    let rate = match &value.shape {
+        Shape::Number(_, text) => Rate::parse(text),
+        Shape::Tagged(Tagged { name: None, body: Body::Tuple(parts) }) if parts.len() == 2 => {
+            let parts: Vec<Option<u64>> = parts
+                .iter()
+                .map(|part| cx.reading(|reading| u64::read(part, reading)))
+                .collect();
+            Rate::new(parts[0]?, parts[1]?)
+        }
+        _ => {
+            cx.reading(|reading| reading.mismatch(value, "a rate in hertz, a number or a ratio (1000, 3)"));
+            return None;
+        }
+    };
+    match rate {
+        Ok(rate) => Some(rate),
+        Err(error) => {
+            // The text of a number is not news to its writer: whatever is wrong with it, it is no such rate.
+            let message = match error {
+                RateError::NotANumber(text) => format!("{text} Hz is not a rate"),
+                error => error.to_string(),
+            };
+            cx.report(
+                Diagnostic::error("E0502", value.span, message)
+                    .label("not a rate")
+                    .help("choose a rate from 0.001 Hz to 100 MHz, of few digits"),
+            );
+            None
+        }
+    }
+}
+
+/// The driver at the root of a clock; `None` where the way there was reported.
+fn driver(cx: &mut Context<'_>, declared: &[Declared<'_>], index: &HashMap<&str, usize>, clock: usize) -> Option<usize> {
+    let mut at = clock;
+    let mut way = vec![clock];
+    loop {
+        if declared[at].broken {
+            return None;
+        }
+        let Some((parent, span)) = &declared[at].of else {
+            return Some(at);
+        };
+        let Some(&next) = index.get(parent.as_str()) else {
+            if at == clock {
+                let message = format!("there is no clock `{parent}`");
+                let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
+                let known = declared.iter().map(|clock| clock.name.text.as_str());
+                let known = known.filter(|name| *name != declared[clock].name.text);
+                let diagnostic = suggest(diagnostic, parent, known, "the clocks are", "it is the only clock");
+                cx.report(diagnostic);
+            }
+            return None;
+        };
+        if let Some(start) = way.iter().position(|passed| *passed == next) {
+            // Each circle is reported once, by its first clock in the file.
+            if next == clock && way[start..].iter().min() == Some(&clock) {
+                let mut names: Vec<&str> = way.iter().map(|i| declared[*i].name.text.as_str()).collect();
+                names.push(&declared[clock].name.text);
+                let message = format!("clock `{}` is derived from itself", declared[clock].name.text);
+                let span = declared[clock].of.as_ref().map_or(*span, |(_, span)| *span);
+                cx.report(
+                    Diagnostic::error("E0501", span, message)
+                        .label(names.join(" from "))
+                        .help("every clock leads to a `Driver`, which has a crystal or timer of its own"),
+                );
+            }
+            return None;
+        }
+        way.push(next);
+        at = next;
+    }
+}
+
+fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<TimeBase> {
+    let rates: Vec<Rate> = clocks.iter().map(|clock| clock.rate).collect();
+    if let Ok(base) = TimeBase::new(&rates) {
+        return Some(base);
+    }
+    // The first clock that does not go with those before it; more clocks never help.
+    let mut fits = 0;
+    let mut fails = rates.len();
+    while fails - fits > 1 {
+        let middle = (fits + fails) / 2;
+        match TimeBase::new(&rates[..middle]) {
+            Ok(_) => fits = middle,
+            Err(_) => fails = middle,
+        }
+    }
+    let culprit = fails.checked_sub(1)?;
+    let message = format!("the rate of `{}` does not go with the clocks before it", clocks[culprit].name);
+    let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message)
+        .label(format!("{} has no common time unit with the others that fits 64 bits", clocks[culprit].rate));
+    if culprit > 0 {
+        diagnostic = diagnostic.also(spans[0], "the first clock");
+    }
+    cx.report(diagnostic.help("use rates that are small ratios of one another: 48000, 10000, 240"));
+    None
+}
+
+/// Finds the clock of every node: as written, else as its connections say.
+pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
+    for node in 0..draft.nodes.len() {
+        given_clock(cx, draft, clocks, node);
+    }
+    infer(draft, clocks);
+    report_unknown(cx, draft, clocks);
+}
+
+fn given_clock(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, node: usize) {
+    let target = &mut draft.nodes[node];
+    let Some(value) = target.fields.take("clock") else {
+        return;
+    };
+    if target.entry.is_file() {
+        let message = format!("`{}` has no clock", target.entry.spec.name);
+        target.broken = true;
+        cx.report(
+            Diagnostic::error("E0505", value.span, message)
+                .label("a file takes every signal at its own rate")
+                .help("remove `clock`"),
+        );
+        return;
+    }
+    let name = cx.reading(|reading| String::read(&value, reading));
+    let Some(name) = name else {
+        target.broken = true;
+        return;
+    };
+    match clocks.names.get(&name) {
+        Some(Some(clock)) => target.clock = Some(*clock),
+        Some(None) => target.broken = true,
+        None => {
+            target.broken = true;
+            let diagnostic =
+                Diagnostic::error("E0206", value.span, format!("there is no clock `{name}`")).label("unknown clock");
+            let known = cx.document.clocks.iter().map(|(name, _)| name.text.as_str());
+            let none = format!("declare it: `clocks: {{ \"{name}\": Driver(rate_hz: 48000) }}`");
+            let diagnostic = suggest(diagnostic, &name, known, "the clocks are", &none);
+            let diagnostic = draft.in_use(node, diagnostic, cx);
+            cx.report(diagnostic);
+        }
+    }
+}
+
+fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
+    matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
+}
+
+/// A node without a clock of its own runs on that of what it is connected to without a bridge: of its inputs first,
+/// else of what reads it, else of the device it shares; where the graph has one clock alone, on that.
+fn infer(draft: &mut Draft, clocks: &Clocks) {
+    let count = draft.nodes.len();
+    let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
+    for readers in &mut readers {
+        readers.retain(|to| !draft.nodes[*to].entry.is_file());
+    }
+    let mut queue: VecDeque<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    loop {
+        while let Some(from) = queue.pop_front() {
+            for &to in &readers[from] {
+                if draft.nodes[to].clock.is_none() && !draft.nodes[to].broken {
+                    draft.nodes[to].clock = draft.nodes[from].clock;
+                    queue.push_back(to);
+                }
+            }
+        }
+        let open = |node: &usize| {
+            let node = &draft.nodes[*node];
+            node.clock.is_none() && !node.broken && !node.entry.is_file()
+        };
+        let backward = (0..count).filter(open).find_map(|from| {
+            let clock = readers[from].iter().find_map(|to| draft.nodes[*to].clock)?;
+            Some((from, clock))
+        });
+        let found = backward.or_else(|| {
+            (0..count).filter(open).find_map(|node| {
+                let device = draft.nodes[node].device?;
+                let mut others = draft.nodes.iter().filter(|other| other.device == Some(device));
+                Some((node, others.find_map(|other| other.clock)?))
+            })
+        });
+        let found = found.or_else(|| match clocks.list.len() {
+            1 if clocks.names.len() == 1 => Some(((0..count).find(open)?, 0)),
+            _ => None,
+        });
+        let Some((node, clock)) = found else { return };
+        draft.nodes[node].clock = Some(clock);
+        queue.push_back(node);
+    }
+}
+
+/// Reports the first node of every chain without a clock; those behind it wait for the same answer.
+fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
+    let unknown: Vec<usize> = (0..draft.nodes.len())
+        .filter(|i| draft.nodes[*i].clock.is_none() && !draft.nodes[*i].entry.is_file())
+        .collect();
+    let waits = |draft: &Draft, node: usize| {
+        draft.nodes[node].wires().any(|(_, wire)| {
+            keeps_clock(&wire.bridge) && draft.nodes[wire.from].clock.is_none()
+        })
+    };
+    let blameless = |draft: &Draft, node: usize| {
+        let node = &draft.nodes[node];
+        node.broken || node.has_broken_input()
+    };
+    let mut roots: Vec<usize> = unknown.iter().copied().filter(|i| !waits(draft, *i)).collect();
+    if roots.is_empty() {
+        roots.extend(unknown.first());
+    }
+    for node in roots {
+        if blameless(draft, node) || clocks.names.values().any(Option::is_none) {
+            continue;
+        }
+        let target = &draft.nodes[node];
+        let kind = target.entry.spec.name;
+        let names: Vec<String> = clocks.list.iter().map(|clock| format!("\"{}\"", clock.name)).collect();
+        let help = match names.as_slice() {
+            [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
+            names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
+        };
+        let message = format!("the clock of `{}` cannot be told from its connections", target.path);
+        let diagnostic = Diagnostic::error("E0504", target.fields.span, message)
+            .label("on which clock does it run?")
+            .help(help);
+        let diagnostic = draft.in_use(node, diagnostic, cx);
+        cx.report(diagnostic);
+    }
+    for node in unknown {
+        draft.nodes[node].broken = true;
+    }
+}
+
+/// Reports clocks that neither a node nor a used clock needs.
+pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
+    let mut used = vec![false; clocks.list.len()];
+    for node in &draft.nodes {
+        if let Some(clock) = node.clock {
+            used[clock] = true;
+            used[clocks.list[clock].driver] = true;
+        }
+    }
+    for (clock, used) in clocks.list.iter().zip(used) {
+        let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
+        if let (false, Some((name, _))) = (used, declared) {
+            let message = format!("clock `{}` is never used", clock.name);
+            cx.report(
+                Diagnostic::warning("W0105", name.span, message)
+                    .label("no node runs on it")
+                    .help("remove it, or give it to a node: `clock: ...`"),
+            );
+        }
+    }
+}

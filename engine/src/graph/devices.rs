@@ -1,0 +1,320 @@
+//! Devices of the selected endpoints, and which nodes read and drive them.
+
+use super::clocks::Clocks;
+use super::draft::{Context, Draft, DraftNode, Type};
+use super::expand::parts;
+use super::values::{Parameters, Place, suggest};
+use crate::device::{Channel, DeviceEntry};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::{Name, Value};
+use crate::node::{KindRule, QuantityRule};
+use crate::settings::{Fields, Setting};
+use std::collections::HashMap;
+
+/// A device as declared.
+pub(super) struct DraftDevice {
+    pub name: String,
+    pub span: Span,
+    pub entry: DeviceEntry,
+    pub fields: Fields,
+    pub uses: Vec<(Span, Span)>,
+    pub clock: Option<usize>,
+    /// At least one node is bound to it.
+    pub bound: bool,
+    pub broken: bool,
+}
+
+/// The devices of the selected set.
+#[derive(Default)]
+pub(super) struct Devices {
+    pub list: Vec<DraftDevice>,
+    /// Index by name; `None` for those that were reported.
+    names: HashMap<String, Option<usize>>,
+    set: String,
+}
+
+/// Reads the devices of the set called `set`.
+pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, draft: &Draft, set: &str) -> Option<Devices> {
+    let document = cx.document;
+    let mut devices = Devices {
+        set: set.to_owned(),
+        ..Devices::default()
+    };
+    let Some((_, declared)) = document.endpoints.iter().find(|(name, _)| name.text == set) else {
+        let needed = draft.nodes.iter().find(|node| node.entry.has_endpoint());
+        let declared = document.endpoints.iter().map(|(name, _)| name.text.as_str());
+        if needed.is_none() && document.endpoints.is_empty() {
+            return Some(devices);
+        }
+        if document.endpoints.is_empty() {
+            return Some(devices); // Every node that needs a device says so.
+        }
+        let mut diagnostic = Diagnostic::error(
+            "E0210",
+            Span::default(),
+            format!("the graph has no set of endpoints `{set}`"),
+        );
+        diagnostic.primary = None;
+        let diagnostic = suggest(diagnostic, set, declared, "its sets are", "");
+        cx.report(diagnostic);
+        return None;
+    };
+    // Parameters that other sets use are used.
+    for (_, others) in document.endpoints.iter().filter(|(name, _)| name.text != set) {
+        for (_, value) in others {
+            parameters.replace(cx, value, Place::Graph, &mut Vec::new());
+        }
+    }
+    for (name, value) in declared {
+        let device = device(cx, parameters, name, value);
+        let place = device.map(|device| {
+            devices.list.push(device);
+            devices.list.len() - 1
+        });
+        devices.names.insert(name.text.clone(), place);
+    }
+    Some(devices)
+}
+
+fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value: &Value) -> Option<DraftDevice> {
+    let mut uses = Vec::new();
+    let value = parameters.replace(cx, value, Place::Graph, &mut uses)?;
+    let (kind, entries) = parts(cx, &value, "a device, `Kind(field: value)`")?;
+    let Some(entry) = cx.registry.device(&kind.text) else {
+        let message = format!("there is no kind of device `{}`", kind.text);
+        let diagnostic = Diagnostic::error("E0208", kind.span, message).label("unknown kind of device");
+        let known = cx.registry.devices().iter().map(|entry| entry.spec.name);
+        let diagnostic = suggest(diagnostic, &kind.text, known, "there are", "no kinds of devices are registered");
+        cx.report(diagnostic);
+        return None;
+    };
+    let owner = format!("`{}`", kind.text);
+    let fields = cx.reading(|reading| Fields::new(owner, kind.span, entries.to_vec(), reading));
+    Some(DraftDevice {
+        name: name.text.clone(),
+        span: name.span,
+        entry,
+        fields,
+        uses,
+        clock: None,
+        bound: false,
+        broken: false,
+    })
+}
+
+/// Finds the device of every node that needs one.
+pub(super) fn bind(cx: &mut Context<'_>, draft: &mut Draft, devices: &mut Option<Devices>) {
+    for node in 0..draft.nodes.len() {
+        if !draft.nodes[node].entry.has_endpoint() {
+            continue;
+        }
+        let given = draft.nodes[node].fields.take("endpoint");
+        let device = device_of(cx, draft, node, given.as_ref(), devices.as_ref());
+        draft.nodes[node].device = device;
+        draft.nodes[node].broken |= device.is_none();
+        if let (Some(device), Some(devices)) = (device, devices.as_mut()) {
+            devices.list[device].bound = true;
+            take_on_types(&mut draft.nodes[node], devices.list[device].entry);
+        }
+    }
+}
+
+/// Outputs of a source that say nothing of themselves are what the device says.
+fn take_on_types(node: &mut DraftNode, device: DeviceEntry) {
+    if node.entry.is_actuator() {
+        return;
+    }
+    for (port, output) in node.entry.spec.outputs.iter().zip(&mut node.outputs) {
+        let channel = device.spec.senses.iter().find(|channel| channel.name == port.name);
+        if let (Some(channel), KindRule::Linear | KindRule::Any) = (channel, port.kind) {
+            output.kind = Some(channel.kind);
+        }
+        if let (Some(channel), QuantityRule::Any) = (channel, port.quantity) {
+            output.quantity = Some(channel.quantity);
+        }
+    }
+}
+
+fn device_of(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    node: usize,
+    given: Option<&Value>,
+    devices: Option<&Devices>,
+) -> Option<usize> {
+    let target = &draft.nodes[node];
+    let kind = target.entry.spec.name;
+    let Some(value) = given else {
+        if target.fields.is_reported("endpoint") {
+            return None;
+        }
+        let does = if target.entry.is_actuator() { "drives" } else { "reads" };
+        let message = format!("`{kind}` needs the device that it {does}");
+        let diagnostic = Diagnostic::error("E0601", target.fields.span, message).label("`endpoint` is missing");
+        let names: Vec<&str> = devices.iter().flat_map(|d| &d.list).map(|d| d.name.as_str()).collect();
+        let help = match names.as_slice() {
+            [] => "add `endpoint: \"name\"`, and declare the device under `endpoints`".to_owned(),
+            names => format!("add `endpoint: \"...\"`, one of {}", names.join(", ")),
+        };
+        let diagnostic = draft.in_use(node, diagnostic.help(help), cx);
+        cx.report(diagnostic);
+        return None;
+    };
+    let name = cx.reading(|reading| String::read(value, reading))?;
+    let devices = devices?;
+    if let Some(found) = devices.names.get(&name) {
+        return *found;
+    }
+    let message = format!("there is no device `{name}` among the {} endpoints", devices.set);
+    let diagnostic = Diagnostic::error("E0207", value.span, message).label("unknown device");
+    let mut known: Vec<&str> = devices.names.keys().map(String::as_str).collect();
+    known.sort_unstable();
+    let none = format!("declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`", devices.set);
+    let diagnostic = suggest(diagnostic, &name, known.into_iter(), "the devices are", &none);
+    let diagnostic = draft.in_use(node, diagnostic, cx);
+    cx.report(diagnostic);
+    None
+}
+
+/// Checks that ports and channels agree, that all nodes of a device share its clock, and that no channel is driven
+/// twice.
+pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, devices: &mut Devices) {
+    let mut drivers: HashMap<(usize, &'static str), Span> = HashMap::new();
+    let mut first: HashMap<usize, usize> = HashMap::new();
+    for node in 0..draft.nodes.len() {
+        let Some(index) = draft.nodes[node].device else { continue };
+        let device = &mut devices.list[index];
+        for diagnostic in channels(draft, node, device) {
+            draft.nodes[node].broken = true;
+            let diagnostic = draft.in_use(node, diagnostic, cx);
+            cx.report(diagnostic);
+        }
+        let target = &draft.nodes[node];
+        if let (Some(clock), Some(other)) = (target.clock, first.get(&index)) {
+            if let Some(known) = device.clock.filter(|known| *known != clock) {
+                let message = format!(
+                    "the nodes of device `{}` run on different clocks, `{}` and `{}`",
+                    device.name, clocks.list[known].name, clocks.list[clock].name
+                );
+                let diagnostic = Diagnostic::error("E0603", target.fields.span, message)
+                    .label(format!("this one runs on `{}`", clocks.list[clock].name))
+                    .also(draft.nodes[*other].fields.span, format!("this one on `{}`", clocks.list[known].name))
+                    .help("a device ticks on one clock: give both the same, and bridge the connections");
+                device.broken = true;
+                cx.report(diagnostic);
+            }
+        } else if let Some(clock) = target.clock {
+            device.clock = Some(clock);
+            first.insert(index, node);
+        }
+        let target = &draft.nodes[node];
+        if let (true, Some(port)) = (target.entry.is_actuator(), target.entry.spec.inputs.first()) {
+            if let Some(before) = drivers.get(&(index, port.name)) {
+                let message = format!("`{}` of device `{}` is driven twice", port.name, device.name);
+                cx.report(
+                    Diagnostic::error("E0604", target.fields.span, message)
+                        .label("driven again here")
+                        .also(*before, "first driven here")
+                        .help("add the two signals in front of one sink"),
+                );
+            } else {
+                drivers.insert((index, port.name), target.fields.span);
+            }
+        }
+    }
+}
+
+/// What is wrong between a node's ports and its device's channels.
+fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic> {
+    let target = &draft.nodes[node];
+    let spec = device.entry.spec;
+    let kind = target.entry.spec.name;
+    let names = |channels: &[Channel]| match channels {
+        [] => "nothing".to_owned(),
+        channels => channels.iter().map(|channel| channel.name).collect::<Vec<_>>().join(", "),
+    };
+    let mut found = Vec::new();
+    // A port that takes anything takes on the type of its signal.
+    let type_of = |kind: KindRule, quantity: QuantityRule, carried: Option<Type>| Type {
+        kind: match kind {
+            KindRule::Is(kind) => Some(kind),
+            _ => carried.and_then(|carried| carried.kind),
+        },
+        quantity: match quantity {
+            QuantityRule::Is(quantity) => Some(quantity),
+            _ => carried.and_then(|carried| carried.quantity),
+        },
+    };
+    if target.entry.is_actuator() {
+        let Some(port) = target.entry.spec.inputs.first() else {
+            return found;
+        };
+        match spec.drives.iter().find(|channel| channel.name == port.name) {
+            None => found.push(
+                Diagnostic::error(
+                    "E0602",
+                    target.fields.span,
+                    format!("device `{}` cannot be driven by `{kind}`", device.name),
+                )
+                .label(format!("drives `{}`", port.name))
+                .also(device.span, format!("`{}` is driven by {}", spec.name, names(spec.drives))),
+            ),
+            Some(channel) => {
+                let wire = target.wires().next().map(|(_, wire)| wire);
+                let carried = wire.map(|wire| draft.nodes[wire.from].outputs[wire.output]);
+                found.extend(channel_mismatch(target, type_of(port.kind, port.quantity, carried), channel, device));
+            }
+        }
+        return found;
+    }
+    for (port, carried) in target.entry.spec.outputs.iter().zip(&target.outputs) {
+        match spec.senses.iter().find(|channel| channel.name == port.name) {
+            None => {
+                found.push(
+                    Diagnostic::error(
+                        "E0602",
+                        target.fields.span,
+                        format!("device `{}` cannot be read by `{kind}`", device.name),
+                    )
+                    .label(format!("reads `{}`", port.name))
+                    .also(device.span, format!("`{}` senses {}", spec.name, names(spec.senses))),
+                );
+                break;
+            }
+            Some(channel) => {
+                found.extend(channel_mismatch(target, type_of(port.kind, port.quantity, Some(*carried)), channel, device));
+            }
+        }
+    }
+    found
+}
+
+fn channel_mismatch(target: &DraftNode, port: Type, channel: &Channel, device: &DraftDevice) -> Option<Diagnostic> {
+    let (name, kind) = (channel.name, target.entry.spec.name);
+    let body = device.entry.spec.name;
+    let message = match (port.kind, port.quantity) {
+        (Some(found), _) if found != channel.kind => {
+            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.kind)
+        }
+        (_, Some(found)) if found != channel.quantity => {
+            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.quantity)
+        }
+        _ => return None,
+    };
+    let diagnostic = Diagnostic::error("E0602", target.fields.span, message)
+        .label("does not go with its device")
+        .also(device.span, "the device");
+    Some(diagnostic)
+}
+
+/// Reports devices that no node is bound to.
+pub(super) fn warn_unused(cx: &mut Context<'_>, devices: &Devices) {
+    for device in devices.list.iter().filter(|device| !device.bound) {
+        let message = format!("device `{}` is never used", device.name);
+        cx.report(
+            Diagnostic::warning("W0104", device.span, message)
+                .label("no node is bound to it")
+                .help(format!("bind a source or sink to it: `endpoint: \"{}\"`", device.name)),
+        );
+    }
+}

@@ -1,0 +1,273 @@
+//! Nodes of known kinds, templates expanded in place of their uses.
+
+use super::draft::{Context, Draft, DraftNode, Scope, Target};
+use super::values::{Parameters, Place, suggest};
+use crate::diagnostic::{Diagnostic, SourceId, Span};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use crate::node::NodeEntry;
+use crate::settings::Fields;
+use std::collections::{HashMap, HashSet};
+
+/// More nodes than this are refused: templates that use templates can ask for any number.
+const MAX_NODES: usize = 100_000;
+/// Uses of templates within templates.
+const MAX_NESTING: usize = 64;
+
+/// All nodes of the graph. Nodes of unknown kinds are reported and left out.
+pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters) -> Draft {
+    let mut expansion = Expansion {
+        templates: HashMap::new(),
+        parameters,
+        draft: Draft {
+            nodes: Vec::with_capacity(cx.document.nodes.len()),
+            scopes: vec![Scope::default()],
+        },
+        full: false,
+    };
+    for (i, template) in cx.document.templates.iter().enumerate() {
+        let name = &template.name;
+        if cx.registry.node(&name.text).is_some() {
+            let message = format!("`{}` is the name of a kind of node", name.text);
+            cx.diagnostics.push(
+                Diagnostic::error("E0211", name.span, message)
+                    .label("a template cannot take its place")
+                    .help("give the template a name of its own"),
+            );
+        }
+        expansion.templates.insert(name.text.clone(), i);
+    }
+    let document = cx.document;
+    expansion.fill(cx, 0, &document.nodes, &mut Vec::new());
+    expansion.draft
+}
+
+/// Reports templates of the graph file that no node uses.
+pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft) {
+    let used: HashSet<usize> = draft.scopes.iter().filter_map(|scope| Some(scope.template?.0)).collect();
+    for (i, template) in cx.document.templates.iter().enumerate() {
+        // An included file is a shelf of parts: nobody has to use all of them.
+        if !used.contains(&i) && template.name.span.source == SourceId::default() {
+            let message = format!("template `{}` is never used", template.name.text);
+            cx.diagnostics.push(
+                Diagnostic::warning("W0103", template.name.span, message)
+                    .label("no node is of this kind")
+                    .help("what is inside it is not checked until it is used"),
+            );
+        }
+    }
+}
+
+struct Expansion<'a> {
+    templates: HashMap<String, usize>,
+    parameters: &'a mut Parameters,
+    draft: Draft,
+    full: bool,
+}
+
+impl Expansion<'_> {
+    /// Adds the nodes of a scope. `open` are the templates being expanded, outermost first.
+    fn fill(&mut self, cx: &mut Context<'_>, scope: usize, nodes: &[(Name, Value)], open: &mut Vec<usize>) {
+        for (name, value) in nodes {
+            if self.full {
+                return;
+            }
+            if self.draft.nodes.len() >= MAX_NODES || self.draft.scopes.len() >= MAX_NODES {
+                self.full = true;
+                let message = format!("the graph has more than {MAX_NODES} nodes");
+                cx.report(
+                    Diagnostic::error("E0702", name.span, message)
+                        .label("here the count was reached")
+                        .help("do templates use one another more often than was meant?"),
+                );
+                return;
+            }
+            let target = self.declare(cx, scope, name, value, open);
+            let target = target.unwrap_or(Target::Broken);
+            self.draft.scopes[scope].names.insert(name.text.clone(), target);
+        }
+    }
+
+    fn declare(
+        &mut self,
+        cx: &mut Context<'_>,
+        scope: usize,
+        name: &Name,
+        value: &Value,
+        open: &mut Vec<usize>,
+    ) -> Option<Target> {
+        let (kind, entries) = parts(cx, value, "a node, `Kind(field: value)`")?;
+        if let Some(entry) = cx.registry.node(&kind.text) {
+            return Some(self.node(cx, scope, name, kind, entries, entry));
+        }
+        let Some(&template) = self.templates.get(&kind.text) else {
+            let message = format!("there is no kind of node `{}`", kind.text);
+            let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
+            let templates = cx.document.templates.iter().map(|template| template.name.text.as_str());
+            let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
+            let near = suggest(diagnostic, &kind.text, kinds.chain(templates), "there are", "no kinds are registered");
+            let near = near.help("`haptograph nodes` lists all kinds");
+            cx.report(near);
+            return None;
+        };
+        if let Some(first) = open.iter().position(|other| *other == template) {
+            let names = |index: &usize| cx.document.templates[*index].name.text.clone();
+            let mut round: Vec<String> = open[first..].iter().map(names).collect();
+            round.push(kind.text.clone());
+            cx.report(
+                Diagnostic::error("E0701", kind.span, format!("template `{}` uses itself", kind.text))
+                    .label(format!("`{}`", round.join("` uses `")))
+                    .help("a template is expanded in place, so it cannot hold itself"),
+            );
+            return None;
+        }
+        if open.len() >= MAX_NESTING {
+            let message = format!("templates use templates more than {MAX_NESTING} deep");
+            cx.report(Diagnostic::error("E0702", kind.span, message));
+            return None;
+        }
+        open.push(template);
+        let instance = self.instance(cx, scope, name, kind, entries, template);
+        let document = cx.document;
+        self.fill(cx, instance, &document.templates[template].nodes, open);
+        open.pop();
+        Some(Target::Instance(instance))
+    }
+
+    fn node(
+        &mut self,
+        cx: &mut Context<'_>,
+        scope: usize,
+        name: &Name,
+        kind: &Name,
+        entries: &[(Name, Value)],
+        entry: NodeEntry,
+    ) -> Target {
+        let mut uses = Vec::new();
+        let fields = self.fields(cx, scope, kind, entries, &mut uses);
+        let path = format!("{}{}", self.draft.scopes[scope].prefix, name.text);
+        self.draft.nodes.push(DraftNode {
+            path,
+            name: name.span,
+            entry,
+            fields,
+            scope,
+            uses,
+            inputs: Vec::new(),
+            outputs: vec![Default::default(); entry.spec.outputs.len()],
+            clock: None,
+            device: None,
+            broken: false,
+        });
+        Target::Node(self.draft.nodes.len() - 1)
+    }
+
+    /// The fields of a node with parameters and settings put in.
+    fn fields(
+        &mut self,
+        cx: &mut Context<'_>,
+        scope: usize,
+        kind: &Name,
+        entries: &[(Name, Value)],
+        uses: &mut Vec<(Span, Span)>,
+    ) -> Fields {
+        let scope = &self.draft.scopes[scope];
+        let place = match scope.template {
+            Some(_) => Place::Template(&scope.settings),
+            None => Place::Graph,
+        };
+        let mut replaced = Vec::with_capacity(entries.len());
+        let mut reported = Vec::new();
+        for (name, value) in entries {
+            match self.parameters.replace(cx, value, place, uses) {
+                Some(value) => replaced.push((name.clone(), value)),
+                None => reported.push(name.text.clone()),
+            }
+        }
+        let owner = format!("`{}`", kind.text);
+        let mut fields = cx.reading(|reading| Fields::new(owner, kind.span, replaced, reading));
+        for name in reported {
+            fields.if_missing(&name, None);
+        }
+        fields
+    }
+
+    /// The scope of one use of a template, its nodes not yet in it.
+    fn instance(
+        &mut self,
+        cx: &mut Context<'_>,
+        outer: usize,
+        name: &Name,
+        kind: &Name,
+        entries: &[(Name, Value)],
+        template: usize,
+    ) -> usize {
+        let mut uses = Vec::new();
+        let mut fields = self.fields(cx, outer, kind, entries, &mut uses);
+        let document = cx.document;
+        let declared = &document.templates[template];
+        let mut scope = Scope {
+            prefix: format!("{}{}/", self.draft.scopes[outer].prefix, name.text),
+            template: Some((template, kind.span)),
+            outer,
+            ..Scope::default()
+        };
+        for input in &declared.inputs {
+            let given = fields.take(&input.text);
+            if given.is_none() && !fields.is_reported(&input.text) {
+                cx.report(missing_input(kind, &input.text, input.span));
+            }
+            scope.inputs.insert(input.text.clone(), given);
+        }
+        for (setting, default) in &declared.settings {
+            let given = fields.take(&setting.text);
+            let reported = fields.is_reported(&setting.text);
+            let required = matches!(&default.shape, Shape::Tagged(Tagged { name: Some(name), body: Body::Bare }) if name.text == "Required");
+            let value = match given {
+                None if required && !reported => {
+                    let message = format!("`{}` needs `{}`", kind.text, setting.text);
+                    cx.report(
+                        Diagnostic::error("E0205", kind.span, message)
+                            .label(format!("`{}` is missing", setting.text))
+                            .also(setting.span, "required here")
+                            .help(format!("add `{}: ...`", setting.text)),
+                    );
+                    None
+                }
+                None if required || reported => None,
+                None => self.parameters.replace(cx, default, Place::Template(&HashMap::new()), &mut uses),
+                given => given,
+            };
+            scope.settings.insert(setting.text.clone(), value);
+        }
+        cx.reading(|reading| fields.finish(reading));
+        self.draft.scopes.push(scope);
+        self.draft.scopes.len() - 1
+    }
+}
+
+/// An input that has to be connected and is not.
+pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnostic {
+    Diagnostic::error("E0401", kind.span, format!("input `{input}` of `{}` is not connected", kind.text))
+        .label(format!("`{input}` is missing"))
+        .also(declared, "declared here")
+        .help(format!("connect it: `{input}: \"node.output\"`"))
+}
+
+/// Name and fields of `Kind(field: value)`; anything else is reported.
+pub(super) fn parts<'v>(cx: &mut Context<'_>, value: &'v Value, expected: &str) -> Option<(&'v Name, &'v [(Name, Value)])> {
+    if let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape {
+        match body {
+            Body::Bare => return Some((name, &[])),
+            Body::Fields(fields) => return Some((name, fields)),
+            Body::Tuple(values) if values.is_empty() => return Some((name, &[])),
+            Body::Tuple(values) => {
+                let at = &values[0];
+                let expected = format!("fields of `{}`, `name: value`", name.text);
+                cx.reading(|reading| reading.mismatch(at, &expected));
+                return None;
+            }
+        }
+    }
+    cx.reading(|reading| reading.mismatch(value, expected));
+    None
+}

@@ -1,0 +1,301 @@
+//! Kinds and quantities: what every output carries, and whether every input can take it.
+
+use super::bridges::via;
+use super::draft::{Context, Draft, DraftNode, Slot, Type};
+use crate::diagnostic::Diagnostic;
+use crate::document::value::{Shape, Value};
+use crate::frame::Kind;
+use crate::node::{InputSpec, KindRule, QuantityRule};
+use crate::settings::unknown_choice;
+use haptograph_signal::quantity::Quantity;
+use std::collections::{HashMap, VecDeque};
+
+/// Quantities that settings name, by node and setting; `None` where that was reported.
+type Named = HashMap<(usize, &'static str), Option<Quantity>>;
+
+/// Finds what every output carries and checks every connection.
+pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
+    let named = quantities_by_name(cx, draft);
+    infer(draft, &named);
+    for node in 0..draft.nodes.len() {
+        for slot in 0..draft.nodes[node].inputs.len() {
+            if let Some(diagnostic) = mismatch(cx, draft, &named, node, slot) {
+                draft.nodes[node].broken = true;
+                let diagnostic = draft.in_use(node, diagnostic, cx);
+                cx.report(diagnostic);
+            }
+        }
+    }
+    report_unknown(cx, draft);
+}
+
+fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
+    let mut named = Named::new();
+    for (i, node) in draft.nodes.iter_mut().enumerate() {
+        let spec = node.entry.spec;
+        let rules = spec.inputs.iter().map(|port| port.quantity);
+        for rule in rules.chain(spec.outputs.iter().map(|port| port.quantity)) {
+            let QuantityRule::Setting(setting) = rule else { continue };
+            if !named.contains_key(&(i, setting)) {
+                let found = quantity_by_name(cx, node, setting);
+                node.broken |= found.is_none();
+                named.insert((i, setting), found);
+            }
+        }
+    }
+    named
+}
+
+fn quantity_by_name(cx: &mut Context<'_>, node: &DraftNode, setting: &str) -> Option<Quantity> {
+    let given = node.fields.remaining().iter().find(|(name, _)| name.text == setting);
+    let (name, span) = match given {
+        Some((_, Value { span, shape: Shape::String(name) })) => (name.clone(), *span),
+        Some(_) => return None, // Reported when the settings are read.
+        None => {
+            let specs = node.entry.settings();
+            let default = specs.into_iter().find(|spec| spec.name == setting)?.default?;
+            (default.trim_matches('"').to_owned(), node.fields.span)
+        }
+    };
+    let found = Quantity::by_name(&name);
+    if found.is_none() {
+        let names: Vec<&'static str> = Quantity::NAMED.iter().map(|(_, name, _)| *name).collect();
+        cx.reading(|reading| unknown_choice(&name, &names, span, reading));
+    }
+    found
+}
+
+/// Settles outputs in the order in which what they depend on becomes known.
+fn infer(draft: &mut Draft, named: &Named) {
+    let readers = draft.readers(|_| true);
+    let mut queue: VecDeque<usize> = (0..draft.nodes.len()).collect();
+    while let Some(node) = queue.pop_front() {
+        let mut changed = false;
+        for (output, port) in draft.nodes[node].entry.spec.outputs.iter().enumerate() {
+            let known = draft.nodes[node].outputs[output];
+            let found = Type {
+                kind: known.kind.or_else(|| kind_of(draft, node, port.kind)),
+                quantity: known
+                    .quantity
+                    .or_else(|| quantity_of(draft, named, node, port.quantity)),
+            };
+            changed |= found != known;
+            draft.nodes[node].outputs[output] = found;
+        }
+        if changed {
+            queue.extend(&readers[node]);
+        }
+    }
+}
+
+/// What is connected to a slot.
+fn arriving(draft: &Draft, slot: &Slot) -> Option<Type> {
+    let wire = slot.wire.as_ref()?;
+    Some(draft.nodes[wire.from].outputs[wire.output])
+}
+
+/// The kind that a rule of `node` stands for, as far as it is known.
+fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
+    let target = &draft.nodes[node];
+    match rule {
+        KindRule::Is(kind) => Some(kind),
+        // An output that says nothing of itself carries numbers.
+        KindRule::Linear | KindRule::Any => Some(Kind::Scalar),
+        KindRule::Same(input) => {
+            let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
+            if !connected {
+                return match port(target, input)?.kind {
+                    KindRule::Is(kind) => Some(kind),
+                    _ => Some(Kind::Scalar),
+                };
+            }
+            target.slots_of(input).find_map(|slot| arriving(draft, slot)?.kind)
+        }
+    }
+}
+
+/// The quantity that a rule of `node` stands for, as far as it is known.
+fn quantity_of(draft: &Draft, named: &Named, node: usize, rule: QuantityRule) -> Option<Quantity> {
+    let target = &draft.nodes[node];
+    let of = |input: &'static str| {
+        let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
+        if !connected {
+            return match port(target, input)?.quantity {
+                QuantityRule::Is(quantity) => Some(quantity),
+                _ => Some(Quantity::NUMBER),
+            };
+        }
+        target.slots_of(input).find_map(|slot| arriving(draft, slot)?.quantity)
+    };
+    match rule {
+        QuantityRule::Is(quantity) => Some(quantity),
+        QuantityRule::Any => Some(Quantity::NUMBER),
+        QuantityRule::Same(input) => of(input),
+        QuantityRule::Product(a, b) => Some(of(a)?.times(of(b)?)),
+        QuantityRule::Quotient(a, b) => Some(of(a)?.per(of(b)?)),
+        QuantityRule::PerSecond(input) => Some(of(input)?.per(Quantity::TIME)),
+        QuantityRule::TimesSeconds(input) => Some(of(input)?.times(Quantity::TIME)),
+        QuantityRule::Setting(setting) => named.get(&(node, setting)).copied().flatten(),
+    }
+}
+
+fn port<'d>(node: &'d DraftNode, input: &str) -> Option<&'d InputSpec> {
+    node.entry.spec.inputs.iter().find(|port| port.name == input)
+}
+
+/// Do the connections of this list have to be alike, because an output or another input follows them?
+fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
+    let spec = node.entry.spec;
+    let inputs = spec.inputs.iter().map(|port| (port.kind, port.quantity));
+    let outputs = spec.outputs.iter().map(|port| (port.kind, port.quantity));
+    inputs.chain(outputs).any(|(kind, quantity)| {
+        let by_kind = matches!(kind, KindRule::Same(other) if other == name);
+        let by_quantity = match quantity {
+            QuantityRule::Same(a) | QuantityRule::PerSecond(a) | QuantityRule::TimesSeconds(a) => a == name,
+            QuantityRule::Product(a, b) | QuantityRule::Quotient(a, b) => a == name || b == name,
+            _ => false,
+        };
+        by_kind || by_quantity
+    })
+}
+
+/// What is wrong with what arrives at a slot.
+fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: usize) -> Option<Diagnostic> {
+    let target = &draft.nodes[node];
+    let slot = &target.inputs[slot];
+    let port = &target.entry.spec.inputs[slot.port];
+    let wire = slot.wire.as_ref()?;
+    let carried = draft.nodes[wire.from].outputs[wire.output];
+    let from = draft.nodes[wire.from].output_name(wire.output);
+    let to = format!("`{}` of `{}`", port.name, target.entry.spec.name);
+    let first_in_list = (target.is_many(slot) && list_is_uniform(target, port.name))
+        .then(|| target.slots_of(port.name).find_map(|other| arriving(draft, other)))
+        .flatten();
+    if let Some(kind) = carried.kind {
+        let (fits, wanted) = match port.kind {
+            KindRule::Is(wanted) => (kind == wanted, format!("takes {wanted}")),
+            KindRule::Linear if !kind.is_linear() => (false, "takes scalars, 3-vectors or wrenches".into()),
+            KindRule::Same(other) if other != port.name => {
+                let wanted = kind_of(draft, node, port.kind)?;
+                (kind == wanted, format!("takes {wanted}, like `{other}`"))
+            }
+            _ => match first_in_list.and_then(|first| first.kind) {
+                Some(first) => (kind == first, format!("takes signals of one kind, and the first is {first}")),
+                None => (true, String::new()),
+            },
+        };
+        if !fits {
+            let message = format!("{to} {wanted}, but `{from}` carries {kind}");
+            let diagnostic = Diagnostic::error("E0403", wire.span, message).label(format!("this is {kind}"));
+            let wanted = match port.kind {
+                KindRule::Is(wanted) => Some(wanted),
+                _ => None,
+            };
+            let converters = converters(cx, |input, output| {
+                input.kind == KindRule::Is(kind) && wanted.is_some_and(|wanted| output.0 == KindRule::Is(wanted))
+            });
+            let diagnostic = match converters {
+                Some(list) => diagnostic.help(format!("{list} makes one from the other")),
+                None => diagnostic,
+            };
+            return Some(via(diagnostic, wire));
+        }
+    }
+    let quantity = carried.quantity?;
+    let wanted = match port.quantity {
+        QuantityRule::Any => first_in_list?.quantity?,
+        QuantityRule::Same(other) if other == port.name => first_in_list?.quantity?,
+        rule => quantity_of(draft, named, node, rule)?,
+    };
+    if quantity == wanted {
+        return None;
+    }
+    let message = match first_in_list {
+        Some(_) if !matches!(port.quantity, QuantityRule::Is(_)) => {
+            format!("{to} takes signals of one quantity, and the first is {wanted}, but `{from}` is {quantity}")
+        }
+        _ => format!("{to} takes {wanted}, but `{from}` is {quantity}"),
+    };
+    let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
+    let diagnostic = match conversion(cx, quantity, wanted) {
+        Some(help) => diagnostic.help(help),
+        None => diagnostic.help(format!("put a node between that turns {} into {}", word(quantity), word(wanted))),
+    };
+    Some(via(diagnostic, wire))
+}
+
+fn word(quantity: Quantity) -> String {
+    quantity.name().map_or_else(|| quantity.unit(), str::to_owned)
+}
+
+/// Kinds of nodes that turn one quantity into the other.
+fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> Option<String> {
+    let list = converters(cx, |input, output| {
+        input.quantity == QuantityRule::Is(from) && output.1 == QuantityRule::Is(to)
+    });
+    if let Some(list) = list {
+        return Some(format!("{list} turns {} into {}", word(from), word(to)));
+    }
+    if to == from.per(Quantity::TIME) {
+        let list = converters(cx, |input, output| output.1 == QuantityRule::PerSecond(input.name))?;
+        return Some(format!("{} is {} per second: {list} differentiates", word(to), word(from)));
+    }
+    if to == from.times(Quantity::TIME) {
+        let list = converters(cx, |input, output| output.1 == QuantityRule::TimesSeconds(input.name))?;
+        return Some(format!("{} is {} times seconds: {list} integrates", word(to), word(from)));
+    }
+    None
+}
+
+/// Names of kinds with an input and an output of which `fits` holds.
+fn converters(cx: &Context<'_>, fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool) -> Option<String> {
+    const SHOWN: usize = 3;
+    let nodes = cx.registry.nodes().iter().filter(|entry| !entry.has_endpoint());
+    let names: Vec<String> = nodes
+        .filter(|entry| {
+            let outputs = || entry.spec.outputs.iter();
+            let mut inputs = entry.spec.inputs.iter();
+            inputs.any(|input| outputs().any(|output| fits(input, (output.kind, output.quantity))))
+        })
+        .map(|entry| format!("`{}`", entry.spec.name))
+        .take(SHOWN)
+        .collect();
+    (!names.is_empty()).then(|| names.join(" or "))
+}
+
+/// Reports the first output whose type nothing settles: a loop that no signal enters.
+fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
+    let unsettled = |node: &DraftNode| {
+        node.outputs
+            .iter()
+            .position(|output| output.kind.is_none() || output.quantity.is_none())
+    };
+    // What depends on a node that was reported is not at fault.
+    let mut excused: Vec<bool> = draft
+        .nodes
+        .iter()
+        .map(|node| node.broken || node.has_broken_input())
+        .collect();
+    let readers = draft.readers(|_| true);
+    let mut queue: Vec<usize> = (0..draft.nodes.len()).filter(|i| excused[*i]).collect();
+    while let Some(node) = queue.pop() {
+        for &reader in &readers[node] {
+            if !std::mem::replace(&mut excused[reader], true) {
+                queue.push(reader);
+            }
+        }
+    }
+    let found = (0..draft.nodes.len()).find_map(|i| Some((i, unsettled(&draft.nodes[i])?)).filter(|_| !excused[i]));
+    if let Some((node, output)) = found {
+        let target = &draft.nodes[node];
+        let message = format!("nothing says what `{}` carries", target.output_name(output));
+        let diagnostic = Diagnostic::error("E0409", target.fields.span, message)
+            .label("it follows its input, which follows its output")
+            .help("feed the loop from a node whose output has a kind and quantity of its own");
+        let diagnostic = draft.in_use(node, diagnostic, cx);
+        cx.report(diagnostic);
+    }
+    for node in &mut draft.nodes {
+        node.broken |= unsettled(node).is_some();
+    }
+}

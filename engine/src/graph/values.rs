@@ -1,0 +1,275 @@
+//! Parameters of the graph and settings of templates, put in place of their names.
+
+use super::draft::Context;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::text;
+use crate::document::value::{Body, Shape, Tagged, Value};
+use crate::settings::closest;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Values that replaced names may hold this many values together, so that no file grows without bound.
+const MAX_REPLACED: usize = 1_000_000;
+/// Brackets within brackets after replacement.
+const MAX_DEPTH: usize = 128;
+
+/// The graph's parameters.
+pub(super) struct Parameters {
+    values: HashMap<String, Parameter>,
+    replaced: usize,
+}
+
+struct Parameter {
+    value: Value,
+    used: bool,
+}
+
+/// Where a value stands, and with it what names it may use.
+#[derive(Clone, Copy)]
+pub(super) enum Place<'a> {
+    /// In the graph: `Param("name")`.
+    Graph,
+    /// In a template: `Setting("name")`; `None` is a setting that was reported.
+    Template(&'a HashMap<String, Option<Value>>),
+}
+
+impl Parameters {
+    /// The defaults, replaced by what the command line sets.
+    pub fn read(cx: &mut Context<'_>, set: &[(String, String)]) -> Self {
+        let mut values: HashMap<String, Parameter> = HashMap::new();
+        for (name, value) in &cx.document.parameters {
+            let value = value.clone();
+            values.insert(name.text.clone(), Parameter { value, used: false });
+        }
+        for (name, written) in set {
+            let line = format!("{name}={written}");
+            let id = cx.sources.add("--set".into(), Arc::from(line.as_str()));
+            let at = |start, end| Span {
+                source: id,
+                start,
+                end,
+            };
+            let Some(parameter) = values.get_mut(name) else {
+                let message = format!("the graph has no parameter `{name}`");
+                let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
+                let diagnostic = Diagnostic::error("E0209", at(0, name.len()), message).label("unknown parameter");
+                let diagnostic = suggest(diagnostic, name, known, "its parameters are", "it has no parameters");
+                cx.report(diagnostic);
+                continue;
+            };
+            // Blanks in place of the name keep the places of what follows.
+            let blanked = " ".repeat(name.len() + 1) + written;
+            let value = text::read(id, &blanked, &mut Vec::new());
+            let wants_text = matches!(parameter.value.shape, Shape::String(_));
+            parameter.value = match value {
+                Some(value) if !wants_text || matches!(value.shape, Shape::String(_)) => value,
+                _ => Value {
+                    span: at(name.len() + 1, line.len()),
+                    shape: Shape::String(written.clone()),
+                },
+            };
+        }
+        Self { values, replaced: 0 }
+    }
+
+    /// Reports parameters that nothing names.
+    pub fn warn_unused(&self, cx: &mut Context<'_>) {
+        for (name, _) in &cx.document.parameters {
+            if self.values.get(&name.text).is_some_and(|parameter| !parameter.used) {
+                let message = format!("parameter `{}` is never used", name.text);
+                cx.diagnostics.push(
+                    Diagnostic::warning("W0102", name.span, message)
+                        .label("nothing names it")
+                        .help(format!("use it as `Param(\"{}\")`, or remove it", name.text)),
+                );
+            }
+        }
+    }
+
+    /// The value with every name replaced; `None` where that was reported. `uses` gets the places of what came
+    /// from elsewhere.
+    pub fn replace(
+        &mut self,
+        cx: &mut Context<'_>,
+        value: &Value,
+        place: Place<'_>,
+        uses: &mut Vec<(Span, Span)>,
+    ) -> Option<Value> {
+        self.replace_at(cx, value, place, uses, 0)
+    }
+
+    fn replace_at(
+        &mut self,
+        cx: &mut Context<'_>,
+        value: &Value,
+        place: Place<'_>,
+        uses: &mut Vec<(Span, Span)>,
+        depth: usize,
+    ) -> Option<Value> {
+        let mut each = |value: &Value| self.replace_at(cx, value, place, uses, depth + 1);
+        let shape = match &value.shape {
+            Shape::List(values) => Shape::List(all(values, &mut each)?),
+            Shape::Map(pairs) => {
+                let replaced: Vec<Option<Value>> = pairs.iter().map(|(_, value)| each(value)).collect();
+                let keys = pairs.iter().map(|(key, _)| key.clone());
+                Shape::Map(keys.zip(replaced).map(|(key, value)| Some((key, value?))).collect::<Option<_>>()?)
+            }
+            Shape::Tagged(Tagged {
+                name: Some(name),
+                body,
+            }) if matches!(name.text.as_str(), "Param" | "Setting") => {
+                let asked = match body {
+                    Body::Tuple(values) => match values.as_slice() {
+                        [Value { shape: Shape::String(asked), .. }] => asked.clone(),
+                        _ => return malformed(cx, value, &name.text),
+                    },
+                    _ => return malformed(cx, value, &name.text),
+                };
+                let found = match name.text.as_str() {
+                    "Param" => self.parameter(cx, value, &asked, place)?,
+                    _ => setting(cx, value, &asked, place)?,
+                };
+                return self.put(cx, found, value.span, uses, depth);
+            }
+            Shape::Tagged(Tagged { name, body }) => {
+                let body = match body {
+                    Body::Bare => Body::Bare,
+                    Body::Tuple(values) => Body::Tuple(all(values, &mut each)?),
+                    Body::Fields(fields) => {
+                        let replaced: Vec<Option<Value>> = fields.iter().map(|(_, value)| each(value)).collect();
+                        let names = fields.iter().map(|(name, _)| name.clone());
+                        Body::Fields(names.zip(replaced).map(|(name, value)| Some((name, value?))).collect::<Option<_>>()?)
+                    }
+                };
+                let name = name.clone();
+                Shape::Tagged(Tagged { name, body })
+            }
+            plain => plain.clone(),
+        };
+        let span = value.span;
+        Some(Value { span, shape })
+    }
+
+    fn put(
+        &mut self,
+        cx: &mut Context<'_>,
+        found: Value,
+        at: Span,
+        uses: &mut Vec<(Span, Span)>,
+        depth: usize,
+    ) -> Option<Value> {
+        let (values, levels) = measure(&found);
+        self.replaced += values;
+        if self.replaced > MAX_REPLACED || depth + levels > MAX_DEPTH {
+            let message = "settings handed through templates grow without bound";
+            cx.report(
+                Diagnostic::error("E0702", at, message)
+                    .label("this replacement is too large")
+                    .help(format!("at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced")),
+            );
+            return None;
+        }
+        uses.push((found.span, at));
+        Some(found)
+    }
+
+    fn parameter(&mut self, cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
+        if let Place::Template(settings) = place {
+            let message = format!("a template cannot see the graph's parameter `{asked}`");
+            let mut diagnostic = Diagnostic::error("E0209", value.span, message).label("not known in a template");
+            diagnostic = match settings.contains_key(asked) {
+                true => diagnostic.help(format!("`{asked}` is a setting: write `Setting(\"{asked}\")`")),
+                false => diagnostic.help(format!(
+                    "declare a setting `\"{asked}\": Required`, use `Setting(\"{asked}\")`, and give it `Param(\"{asked}\")` where the template is used"
+                )),
+            };
+            cx.report(diagnostic);
+            return None;
+        }
+        if let Some(parameter) = self.values.get_mut(asked) {
+            parameter.used = true;
+            return Some(parameter.value.clone());
+        }
+        let message = format!("the graph has no parameter `{asked}`");
+        let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown parameter");
+        let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
+        let none = format!("declare it: `parameters: {{ \"{asked}\": ... }}`");
+        let diagnostic = suggest(diagnostic, asked, known, "its parameters are", &none);
+        cx.report(diagnostic);
+        None
+    }
+}
+
+fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
+    let Place::Template(settings) = place else {
+        cx.report(
+            Diagnostic::error("E0704", value.span, "`Setting` has a meaning only inside a template")
+                .label("not in a template")
+                .help(format!("a parameter of the graph is written `Param(\"{asked}\")`")),
+        );
+        return None;
+    };
+    if let Some(found) = settings.get(asked) {
+        return found.clone();
+    }
+    let message = format!("the template has no setting `{asked}`");
+    let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown setting");
+    let mut known: Vec<&str> = settings.keys().map(String::as_str).collect();
+    known.sort_unstable();
+    let none = format!("declare it: `settings: {{ \"{asked}\": Required }}`");
+    let diagnostic = suggest(diagnostic, asked, known.into_iter(), "its settings are", &none);
+    cx.report(diagnostic);
+    None
+}
+
+fn malformed<T>(cx: &mut Context<'_>, value: &Value, name: &str) -> Option<T> {
+    cx.reading(|reading| reading.mismatch(value, &format!("`{name}(\"name\")`")));
+    None
+}
+
+/// Every element is replaced, so that all errors are seen at once.
+fn all(values: &[Value], each: &mut impl FnMut(&Value) -> Option<Value>) -> Option<Vec<Value>> {
+    let replaced: Vec<Option<Value>> = values.iter().map(each).collect();
+    replaced.into_iter().collect()
+}
+
+/// Values within a value, and its levels.
+fn measure(value: &Value) -> (usize, usize) {
+    let inner: Vec<&Value> = match &value.shape {
+        Shape::List(values) => values.iter().collect(),
+        Shape::Map(pairs) => pairs.iter().map(|(_, value)| value).collect(),
+        Shape::Tagged(Tagged { body, .. }) => match body {
+            Body::Bare => Vec::new(),
+            Body::Tuple(values) => values.iter().collect(),
+            Body::Fields(fields) => fields.iter().map(|(_, value)| value).collect(),
+        },
+        _ => Vec::new(),
+    };
+    inner
+        .into_iter()
+        .map(measure)
+        .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
+}
+
+/// Adds "did you mean", or what there is to choose from.
+pub(super) fn suggest<'a>(
+    diagnostic: Diagnostic,
+    word: &str,
+    known: impl Iterator<Item = &'a str> + Clone,
+    choices: &str,
+    none: &str,
+) -> Diagnostic {
+    if let Some(near) = closest(word, known.clone()) {
+        return diagnostic.help(format!("did you mean `{near}`?"));
+    }
+    const SHOWN: usize = 12;
+    let total = known.clone().count();
+    if total == 0 {
+        return diagnostic.help(none);
+    }
+    let mut list = known.take(SHOWN).collect::<Vec<_>>().join(", ");
+    if total > SHOWN {
+        list += &format!(" and {} more", total - SHOWN);
+    }
+    diagnostic.help(format!("{choices} {list}"))
+}

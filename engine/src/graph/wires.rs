@@ -1,0 +1,353 @@
+//! Connections as written, followed to the outputs they name.
+
+use super::Bridge;
+use super::draft::{Context, Draft, Slot, Target, Wire};
+use super::expand::missing_input;
+use super::values::suggest;
+use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use crate::node::Presence;
+use crate::settings::{Fields, Setting, closest};
+
+/// Names that bridge or hand on a connection.
+const FORMS: [&str; 6] = ["Hold", "Linear", "Average", "Resample", "Delay", "Input"];
+/// Templates handing on connections to templates.
+const MAX_HANDED_ON: usize = 200;
+
+/// Resolves every input of every node.
+pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
+    for node in 0..draft.nodes.len() {
+        let spec = draft.nodes[node].entry.spec;
+        for (port, input) in spec.inputs.iter().enumerate() {
+            let given = draft.nodes[node].fields.take(input.name);
+            let written: Vec<Option<Value>> = match (given, input.presence) {
+                (Some(Value { shape: Shape::List(values), .. }), Presence::Many) if !values.is_empty() => {
+                    values.into_iter().map(Some).collect()
+                }
+                (Some(value), Presence::Many) if matches!(value.shape, Shape::List(_)) => {
+                    let message = format!("input `{}` of `{}` is connected to nothing", input.name, spec.name);
+                    let diagnostic = Diagnostic::error("E0401", value.span, message)
+                        .label("at least one connection is needed");
+                    let diagnostic = draft.in_use(node, diagnostic, cx);
+                    cx.report(diagnostic);
+                    vec![None]
+                }
+                (Some(value), _) => match &value.shape {
+                    Shape::List(values) => {
+                        report_doubled(cx, draft, node, input.name, &value, values.len());
+                        vec![None]
+                    }
+                    _ => vec![Some(value)],
+                },
+                (None, Presence::Optional) => {
+                    draft.nodes[node].inputs.push(Slot {
+                        port,
+                        wire: None,
+                        broken: false,
+                    });
+                    continue;
+                }
+                (None, _) => {
+                    if !draft.nodes[node].fields.is_reported(input.name) {
+                        let fields = &draft.nodes[node].fields;
+                        let kind = Name {
+                            span: fields.span,
+                            text: spec.name.to_owned(),
+                        };
+                        let mut diagnostic = missing_input(&kind, input.name, kind.span);
+                        diagnostic.secondary.clear();
+                        if let Some(near) = closest(input.name, fields.remaining().iter().map(|(name, _)| name.text.as_str())) {
+                            diagnostic = diagnostic.help(format!("is `{near}` meant to be `{}`?", input.name));
+                        }
+                        let diagnostic = draft.in_use(node, diagnostic, cx);
+                        cx.report(diagnostic);
+                    }
+                    vec![None]
+                }
+            };
+            let scope = draft.nodes[node].scope;
+            for value in written {
+                let wire = value.as_ref().and_then(|value| resolve(cx, draft, scope, value, 0));
+                let broken = wire.is_none();
+                draft.nodes[node].inputs.push(Slot { port, wire, broken });
+            }
+        }
+    }
+}
+
+fn report_doubled(cx: &mut Context<'_>, draft: &Draft, node: usize, input: &str, value: &Value, given: usize) {
+    let kind = draft.nodes[node].entry.spec.name;
+    let message = format!("input `{input}` of `{kind}` takes one connection, found a list of {given}");
+    let diagnostic = Diagnostic::error("E0402", value.span, message).label("one connection is expected here");
+    let mixers = cx.registry.nodes().iter().filter(|entry| {
+        entry.spec.inputs.iter().any(|input| input.presence == Presence::Many) && !entry.is_file()
+    });
+    let mixers: Vec<&str> = mixers.map(|entry| entry.spec.name).collect();
+    let diagnostic = match mixers.is_empty() {
+        true => diagnostic.help("remove all but one"),
+        false => diagnostic.help(format!("combine them first, for example with `{}`", mixers.join("` or `"))),
+    };
+    let diagnostic = draft.in_use(node, diagnostic, cx);
+    cx.report(diagnostic);
+}
+
+/// The output that a written connection names; `None` where it is reported or leads to what was reported.
+fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, depth: usize) -> Option<Wire> {
+    if depth > MAX_HANDED_ON {
+        cx.report(
+            Diagnostic::error("E0408", value.span, "this connection goes round in a circle and never reaches a node")
+                .label("handed on from template to template")
+                .help("an output of a template leads back to its own input"),
+        );
+        return None;
+    }
+    match &value.shape {
+        Shape::String(written) => named(cx, draft, scope, value.span, written, depth),
+        Shape::Tagged(Tagged { name: Some(form), body }) => match (form.text.as_str(), body) {
+            ("Hold" | "Linear" | "Average" | "Resample", Body::Tuple(inner)) if inner.len() == 1 => {
+                let bridge = match form.text.as_str() {
+                    "Hold" => Bridge::Hold,
+                    "Linear" => Bridge::Linear,
+                    "Average" => Bridge::Average,
+                    _ => Bridge::Resample,
+                };
+                let wire = resolve(cx, draft, scope, &inner[0], depth + 1)?;
+                bridged(cx, draft, wire, bridge, form.span, value.span, scope)
+            }
+            ("Delay", Body::Fields(fields)) => delayed(cx, draft, scope, value, form, fields, depth),
+            ("Input", Body::Tuple(inner)) => match inner.as_slice() {
+                [Value { shape: Shape::String(input), .. }] => handed_in(cx, draft, scope, value.span, input, depth),
+                _ => not_a_connection(cx, value),
+            },
+            _ => not_a_connection(cx, value),
+        },
+        _ => not_a_connection(cx, value),
+    }
+}
+
+fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
+    let message = format!("expected a connection, found {}", value.describe());
+    let mut diagnostic = Diagnostic::error("E0411", value.span, message).label("expected \"node.output\"");
+    if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
+        diagnostic = match name.text.as_str() {
+            "Delay" => diagnostic.help("write `Delay(from: \"node.output\", frames: 1)`"),
+            "Input" => diagnostic.help("write `Input(\"name\")`"),
+            known if FORMS.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
+            unknown => match closest(unknown, FORMS) {
+                Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+                None => diagnostic.help("a connection is a name in quotes, or one in Hold, Linear, Average, Resample or Delay"),
+            },
+        };
+    } else if let Shape::Number(..) = value.shape {
+        diagnostic = diagnostic.help("a constant signal comes from a node of its own");
+    }
+    cx.report(diagnostic);
+    None
+}
+
+fn named(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, written: &str, depth: usize) -> Option<Wire> {
+    let (node, port) = match written.split_once('.') {
+        Some((node, port)) => (node, Some(port)),
+        None => (written, None),
+    };
+    match draft.scopes[scope].names.get(node) {
+        Some(Target::Node(from)) => {
+            let spec = draft.nodes[*from].entry.spec;
+            let names: Vec<&str> = spec.outputs.iter().map(|output| output.name).collect();
+            let output = choose(cx, span, node, spec.name, port, &names)?;
+            Some(Wire {
+                from: *from,
+                output,
+                bridge: None,
+                general: false,
+                span,
+                via: None,
+            })
+        }
+        Some(Target::Instance(inner)) => {
+            let (template, _) = draft.scopes[*inner].template?;
+            let document = cx.document;
+            let template = &document.templates[template];
+            let names: Vec<&str> = template.outputs.iter().map(|(name, _)| name.text.as_str()).collect();
+            let output = choose(cx, span, node, &template.name.text, port, &names)?;
+            let value = &template.outputs[output].1;
+            let wire = resolve(cx, draft, *inner, value, depth + 1)?;
+            let via = Some(wire.span);
+            Some(Wire { span, via, ..wire })
+        }
+        Some(Target::Broken) => None,
+        None => {
+            unknown_node(cx, draft, scope, span, node);
+            None
+        }
+    }
+}
+
+/// The place of the named output, or of the only one.
+fn choose(cx: &mut Context<'_>, span: Span, node: &str, kind: &str, port: Option<&str>, outputs: &[&str]) -> Option<usize> {
+    let diagnostic = match (port, outputs) {
+        (None, [_]) => return Some(0),
+        (_, []) => Diagnostic::error("E0203", span, format!("`{node}` has no outputs"))
+            .label(format!("`{kind}` only takes signals in")),
+        (None, several) => {
+            let diagnostic =
+                Diagnostic::error("E0410", span, format!("`{node}` has {} outputs; name one", several.len()))
+                    .label(format!("which output of this `{kind}`?"));
+            let list: Vec<String> = several.iter().map(|output| format!("\"{node}.{output}\"")).collect();
+            diagnostic.help(format!("write {}", list.join(" or ")))
+        }
+        (Some(port), outputs) => {
+            if let Some(found) = outputs.iter().position(|output| *output == port) {
+                return Some(found);
+            }
+            let diagnostic = Diagnostic::error("E0203", span, format!("`{node}` has no output `{port}`"))
+                .label(format!("no such output of `{kind}`"));
+            suggest(diagnostic, port, outputs.iter().copied(), "its outputs are", "")
+        }
+    };
+    cx.report(diagnostic);
+    None
+}
+
+fn unknown_node(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, node: &str) {
+    let place = &draft.scopes[scope];
+    let message = match place.template {
+        Some((template, _)) => {
+            let template = &cx.document.templates[template].name.text;
+            format!("there is no node `{node}` in template `{template}`")
+        }
+        None => format!("there is no node `{node}`"),
+    };
+    let diagnostic = Diagnostic::error("E0202", span, message).label("unknown node");
+    let diagnostic = if place.inputs.contains_key(node) {
+        diagnostic.help(format!("`{node}` is an input of the template: write `Input(\"{node}\")`"))
+    } else if node.contains('/') {
+        diagnostic.help("what is inside a template is reached through the template's outputs alone")
+    } else {
+        let mut known: Vec<&str> = place.names.keys().map(String::as_str).collect();
+        known.sort_unstable();
+        suggest(diagnostic, node, known.into_iter(), "there are", "there are no nodes")
+    };
+    cx.report(diagnostic);
+}
+
+fn handed_in(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, input: &str, depth: usize) -> Option<Wire> {
+    let place = &draft.scopes[scope];
+    let Some((template, _)) = place.template else {
+        cx.report(
+            Diagnostic::error("E0704", span, "`Input` has a meaning only inside a template")
+                .label("not in a template")
+                .help("connect to a node: \"node.output\""),
+        );
+        return None;
+    };
+    match place.inputs.get(input) {
+        Some(Some(value)) => {
+            let wire = resolve(cx, draft, place.outer, value, depth + 1)?;
+            let via = Some(span);
+            Some(Wire { via, ..wire })
+        }
+        Some(None) => None,
+        None => {
+            let template = &cx.document.templates[template];
+            let message = format!("template `{}` has no input `{input}`", template.name.text);
+            let diagnostic = Diagnostic::error("E0209", span, message).label("unknown input");
+            let known = template.inputs.iter().map(|name| name.text.as_str());
+            let none = format!("declare it: `inputs: [\"{input}\"]`");
+            let diagnostic = suggest(diagnostic, input, known, "its inputs are", &none);
+            cx.report(diagnostic);
+            None
+        }
+    }
+}
+
+fn bridged(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    wire: Wire,
+    bridge: Bridge,
+    form: Span,
+    span: Span,
+    scope: usize,
+) -> Option<Wire> {
+    if let Some((first, inner)) = wire.bridge {
+        let message = format!("this connection is bridged twice, by `{}` and `{}`", name_of(first), name_of(bridge));
+        cx.report(
+            Diagnostic::error("E0407", form, message)
+                .label("the second bridge")
+                .also(inner, "the first bridge")
+                .help("keep one of them; for two steps put a node between"),
+        );
+        return None;
+    }
+    // A connection handed into a template is shown where it was given, unless the bridge is inside.
+    let general = draft.scopes[scope].template.is_some();
+    Some(Wire {
+        bridge: Some((bridge, form)),
+        general,
+        span,
+        ..wire
+    })
+}
+
+/// A bridge as written.
+pub(super) fn name_of(bridge: Bridge) -> &'static str {
+    match bridge {
+        Bridge::Direct => "Direct",
+        Bridge::Hold => "Hold",
+        Bridge::Linear => "Linear",
+        Bridge::Average => "Average",
+        Bridge::Resample => "Resample",
+        Bridge::Delay { .. } => "Delay",
+    }
+}
+
+fn delayed(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    scope: usize,
+    value: &Value,
+    form: &Name,
+    fields: &[(Name, Value)],
+    depth: usize,
+) -> Option<Wire> {
+    let (from, frames, initial) = cx.reading(|reading| {
+        let mut fields = Fields::new("`Delay`".into(), form.span, fields.to_vec(), reading);
+        let from = fields.take("from");
+        let frames = fields.take("frames");
+        let initial = fields.setting("initial", Some(0.0), None, reading);
+        if from.is_none() {
+            let diagnostic = Diagnostic::error("E0205", form.span, "`Delay` needs `from`")
+                .label("`from` is missing")
+                .help("write `Delay(from: \"node.output\", frames: 1)`");
+            reading.diagnostics.push(diagnostic);
+        }
+        let frames = match &frames {
+            None => {
+                let diagnostic = Diagnostic::error("E0205", form.span, "`Delay` needs `frames`")
+                    .label("`frames` is missing")
+                    .help("add `frames: 1`, the delay in frames of the clock");
+                reading.diagnostics.push(diagnostic);
+                None
+            }
+            Some(value) => match value.shape {
+                Shape::Number(number, _) if number < 1.0 => {
+                    let diagnostic = Diagnostic::error("E0412", value.span, "a delay has at least 1 frame")
+                        .label("must be 1 or more")
+                        .help("one frame is the shortest delay that can close a loop");
+                    reading.diagnostics.push(diagnostic);
+                    None
+                }
+                _ => u32::read(value, reading),
+            },
+        };
+        fields.finish(reading);
+        (from, frames, initial)
+    });
+    let wire = resolve(cx, draft, scope, &from?, depth + 1)?;
+    let bridge = Bridge::Delay {
+        frames: u64::from(frames?),
+        initial: initial?,
+    };
+    bridged(cx, draft, wire, bridge, form.span, value.span, scope)
+}

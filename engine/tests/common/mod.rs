@@ -1,0 +1,418 @@
+//! A small registry: one kind of everything that graphs can be wrong about.
+#![allow(dead_code)]
+
+use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    ActuatorKind, BuildContext, BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, Io, KindRule, Limit,
+    NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule, Stream, Tick, any_input, input,
+    output, output_like,
+};
+use haptograph_engine::registry::Registry;
+use haptograph_engine::{choices, settings};
+use haptograph_signal::quantity::Quantity;
+use std::path::{Path, PathBuf};
+
+pub fn registry() -> Registry {
+    let mut registry = Registry::new();
+    registry
+        .add(NodeEntry::processor::<Sine>())
+        .add(NodeEntry::processor::<Gain>())
+        .add(NodeEntry::processor::<Sum>())
+        .add(NodeEntry::processor::<Multiply>())
+        .add(NodeEntry::processor::<Derivative>())
+        .add(NodeEntry::processor::<Filter>())
+        .add(NodeEntry::processor::<Locate>())
+        .add(NodeEntry::processor::<Split>())
+        .add(NodeEntry::processor::<SpeedMeter>())
+        .add(NodeEntry::processor::<Compensator>())
+        .add(NodeEntry::file::<Wav>())
+        .add(NodeEntry::actuator::<Drive>())
+        .add(NodeEntry::source(&STYLUS))
+        .add(NodeEntry::source(&THERMOMETER));
+    registry
+        .add_device(DeviceEntry::of::<Tablet>())
+        .add_device(DeviceEntry::of::<Coil>());
+    registry
+}
+
+/// Fills its outputs with zeros: these tests check graphs, they do not run them.
+#[derive(Clone)]
+struct Silent;
+
+impl Processor for Silent {
+    fn process(&mut self, _: &Tick, _: &mut Io<'_>) {}
+}
+
+const fn spec(
+    name: &'static str,
+    doc: &'static str,
+    inputs: &'static [InputSpec],
+    outputs: &'static [OutputSpec],
+) -> NodeSpec {
+    NodeSpec {
+        name,
+        group: "test",
+        doc,
+        source: "",
+        inputs,
+        outputs,
+        example: "",
+    }
+}
+
+macro_rules! silent {
+    ($kind:ident, $settings:ty, $spec:expr) => {
+        struct $kind;
+        impl NodeKind for $kind {
+            type Settings = $settings;
+            const SPEC: NodeSpec = $spec;
+            fn build(_: $settings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+                Ok(Box::new(Silent))
+            }
+        }
+    };
+}
+
+settings! {
+    /// A tone.
+    pub struct SineSettings {
+        /// Its frequency.
+        [live] frequency_hz: f64 = 440.0, in 0.0..=24_000.0;
+        /// What its numbers are.
+        quantity: String = "number".to_owned();
+    }
+}
+
+struct Sine;
+impl NodeKind for Sine {
+    type Settings = SineSettings;
+    const SPEC: NodeSpec = spec(
+        "Sine",
+        "A tone.",
+        &[],
+        &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Scalar),
+            quantity: QuantityRule::Setting("quantity"),
+            doc: "The tone.",
+        }],
+    );
+    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let nyquist = cx.rate.hz() / 2.0;
+        if settings.frequency_hz >= nyquist {
+            let message = format!("{} Hz cannot be made at {}", settings.frequency_hz, cx.rate);
+            return Err(BuildError::at("frequency_hz", message)
+                .help(format!("stay below {nyquist} Hz, half the rate, or use a faster clock")));
+        }
+        Ok(Box::new(Silent))
+    }
+}
+
+settings! {
+    /// A factor.
+    pub struct GainSettings {
+        /// The factor.
+        [live] gain: f64;
+    }
+}
+silent!(
+    Gain,
+    GainSettings,
+    spec(
+        "Gain",
+        "Multiplies by a number.",
+        &[any_input("input", "What is multiplied.")],
+        &[output_like("output", "input", "The product.")],
+    )
+);
+
+const LIST: InputSpec = InputSpec {
+    name: "inputs",
+    kind: KindRule::Linear,
+    quantity: QuantityRule::Any,
+    flow: Flow::Sampled,
+    presence: Presence::Many,
+    doc: "The terms.",
+};
+silent!(
+    Sum,
+    haptograph_engine::settings::NoSettings,
+    spec("Sum", "Adds.", &[LIST], &[output_like("output", "inputs", "The sum.")])
+);
+
+silent!(
+    Multiply,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "Multiply",
+        "Multiplies two signals.",
+        &[
+            any_input("a", "One factor."),
+            InputSpec {
+                kind: KindRule::Same("a"),
+                ..any_input("b", "The other.")
+            },
+        ],
+        &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("a"),
+            quantity: QuantityRule::Product("a", "b"),
+            doc: "The product.",
+        }],
+    )
+);
+
+silent!(
+    Derivative,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "Derivative",
+        "Change per second.",
+        &[any_input("input", "What changes.")],
+        &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::PerSecond("input"),
+            doc: "Its change.",
+        }],
+    )
+);
+
+choices! {
+    /// How a filter is computed.
+    pub enum Form {
+        /// Directly.
+        Direct,
+        /// As a lattice.
+        Lattice,
+    }
+}
+settings! {
+    /// A filter.
+    pub struct FilterSettings {
+        /// How it is computed.
+        form: Form = Form::Lattice;
+        /// File of the surface.
+        surface: PathBuf;
+    }
+}
+struct Filter;
+impl NodeKind for Filter {
+    type Settings = FilterSettings;
+    const SPEC: NodeSpec = spec(
+        "Filter",
+        "A synthesis filter.",
+        &[
+            input("weights", Kind::Weights, Quantity::NUMBER, "Which models.").held(),
+            input("excitation", Kind::Scalar, Quantity::NUMBER, "Noise.").optional(),
+        ],
+        &[output("acceleration", Kind::Scalar, Quantity::ACCELERATION, "The vibration.")],
+    );
+    fn build(settings: FilterSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        match std::fs::metadata(&settings.surface) {
+            Ok(_) => Ok(Box::new(Silent)),
+            Err(_) => {
+                let message = format!("cannot read surface `{}`", settings.surface.display());
+                Err(BuildError::at("surface", message).help("paths are relative to the file they are written in"))
+            }
+        }
+    }
+}
+
+silent!(
+    Locate,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "Locate",
+        "Finds the models of a speed and force.",
+        &[
+            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tool."),
+            input("force", Kind::Scalar, Quantity::FORCE, "Normal force."),
+        ],
+        &[output("weights", Kind::Weights, Quantity::NUMBER, "The models.")],
+    )
+);
+silent!(
+    Split,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "Split",
+        "Takes a vector apart.",
+        &[input("position", Kind::Vector, Quantity::LENGTH, "The vector.")],
+        &[
+            output("x", Kind::Scalar, Quantity::LENGTH, "Along x."),
+            output("y", Kind::Scalar, Quantity::LENGTH, "Along y."),
+        ],
+    )
+);
+silent!(
+    SpeedMeter,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "SpeedMeter",
+        "Speed of a point.",
+        &[input("position", Kind::Vector, Quantity::LENGTH, "The point.")],
+        &[output("speed", Kind::Scalar, Quantity::SPEED, "Its speed.")],
+    )
+);
+silent!(
+    Compensator,
+    haptograph_engine::settings::NoSettings,
+    spec(
+        "Compensator",
+        "From acceleration to current.",
+        &[input("acceleration", Kind::Scalar, Quantity::ACCELERATION, "What is wanted.")],
+        &[output("current", Kind::Scalar, Quantity::CURRENT, "What makes it.")],
+    )
+);
+
+settings! {
+    /// A file.
+    pub struct WavSettings {
+        /// Its name.
+        file: String;
+    }
+}
+struct Wav;
+impl FileKind for Wav {
+    type Settings = WavSettings;
+    const SPEC: NodeSpec = spec(
+        "Wav",
+        "Writes a file.",
+        &[InputSpec {
+            kind: KindRule::Any,
+            ..LIST
+        }],
+        &[],
+    );
+    fn build(settings: WavSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
+        let rates = streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
+        if !rates {
+            return Err(BuildError::at("inputs", "a WAV file has one rate, and these signals have several")
+                .help("write a file for each rate"));
+        }
+        Ok(Box::new(WavFile(settings.file.into())))
+    }
+}
+struct WavFile(PathBuf);
+impl FileSink for WavFile {
+    fn file_name(&self) -> &Path {
+        &self.0
+    }
+    fn open(&self, _: &Path, _: &[Stream]) -> std::io::Result<Box<dyn FrameWriter>> {
+        Err(std::io::ErrorKind::Unsupported.into())
+    }
+}
+
+settings! {
+    /// What a coil may be given.
+    pub struct CoilLimit {
+        /// Largest magnitude.
+        peak_a: f64, in 0.0..=10.0;
+    }
+}
+settings! {
+    /// A drive.
+    pub struct DriveSettings {
+        /// Largest current.
+        limit: CoilLimit;
+    }
+}
+struct Drive;
+impl ActuatorKind for Drive {
+    type Settings = DriveSettings;
+    const SPEC: NodeSpec = spec(
+        "Drive",
+        "Drives a coil.",
+        &[input("current", Kind::Scalar, Quantity::CURRENT, "What is given.")],
+        &[output("delivered", Kind::Scalar, Quantity::CURRENT, "What was given.")],
+    );
+    fn limit(settings: &DriveSettings) -> Result<(f64, Limit), BuildError> {
+        let peak = settings.limit.peak_a;
+        let limit = Limit {
+            peak,
+            continuous: peak,
+            window_s: 1.0,
+            slew_per_s: None,
+        };
+        Ok((1.0, limit))
+    }
+}
+
+const STYLUS: NodeSpec = spec(
+    "Stylus",
+    "A stylus on a tablet.",
+    &[],
+    &[
+        output("position", Kind::Vector, Quantity::LENGTH, "Its tip."),
+        output("force", Kind::Scalar, Quantity::FORCE, "Normal force."),
+    ],
+);
+const THERMOMETER: NodeSpec = spec(
+    "Thermometer",
+    "Temperature.",
+    &[],
+    &[output("temperature", Kind::Scalar, Quantity::TEMPERATURE, "Now.")],
+);
+
+#[derive(Clone)]
+struct Still;
+impl Device for Still {
+    fn advance(&mut self) {}
+    fn read(&mut self, _: usize, _: &mut [f64]) {}
+    fn write(&mut self, _: usize, _: &[f64]) {}
+}
+
+const fn channel(name: &'static str, kind: Kind, quantity: Quantity) -> Channel {
+    Channel {
+        name,
+        kind,
+        quantity,
+        doc: "",
+    }
+}
+
+settings! {
+    /// A stroke.
+    pub struct TabletSettings {
+        /// Its radius.
+        radius_mm: f64 = 30.0, in 1.0..=200.0;
+    }
+}
+struct Tablet;
+impl DeviceKind for Tablet {
+    type Settings = TabletSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "Tablet",
+        doc: "A simulated tablet.",
+        source: "",
+        simulated: true,
+        senses: &[
+            channel("position", Kind::Vector, Quantity::LENGTH),
+            channel("force", Kind::Scalar, Quantity::FORCE),
+        ],
+        drives: &[],
+        example: "",
+    };
+    fn build(_: TabletSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        Ok(Box::new(Still))
+    }
+}
+
+struct Coil;
+impl DeviceKind for Coil {
+    type Settings = haptograph_engine::settings::NoSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "Coil",
+        doc: "A voice coil.",
+        source: "",
+        simulated: false,
+        senses: &[channel("temperature", Kind::Scalar, Quantity::TEMPERATURE)],
+        drives: &[channel("current", Kind::Scalar, Quantity::CURRENT)],
+        example: "",
+    };
+    fn build(_: Self::Settings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        Ok(Box::new(Still))
+    }
+}
