@@ -137,7 +137,9 @@ impl Fields {
 
     /// Was what is wrong with this field reported already?
     pub(crate) fn is_reported(&self, name: &str) -> bool {
-        self.missing.iter().any(|(missing, special)| missing == name && special.is_none())
+        self.missing
+            .iter()
+            .any(|(missing, special)| missing == name && special.is_none())
     }
 
     /// What has not been taken yet.

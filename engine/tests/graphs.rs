@@ -30,7 +30,9 @@ fn options_of(text: &str) -> CheckOptions {
 }
 
 fn load(path: &Path) -> Result<Graph, Diagnostics> {
-    let options = std::fs::read_to_string(path).map(|text| options_of(&text)).unwrap_or_default();
+    let options = std::fs::read_to_string(path)
+        .map(|text| options_of(&text))
+        .unwrap_or_default();
     let document = Document::load(path, &LoadOptions::default())?;
     check(&document, &common::registry(), &options)
 }
@@ -49,7 +51,12 @@ fn files(folder: &str) -> Vec<PathBuf> {
 fn right_graphs_are_sound_and_without_warnings() {
     for path in files("tests/right") {
         match load(&path) {
-            Ok(graph) => assert!(graph.warnings().is_empty(), "{}: {:?}", path.display(), graph.warnings()),
+            Ok(graph) => assert!(
+                graph.warnings().is_empty(),
+                "{}: {:?}",
+                path.display(),
+                graph.warnings()
+            ),
             Err(diagnostics) => panic!("{diagnostics}"),
         }
     }
@@ -86,9 +93,20 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
     let lines: Vec<String> = nodes
         .node_weights()
         .map(|node| {
-            let clock = node.clock.map_or("-", |clock| graph.clocks()[clock].name.as_str());
-            let outputs: Vec<String> = node.outputs.iter().map(|o| format!("{} {} {}", o.name, o.kind, o.quantity)).collect();
-            format!("{} @{clock} sim={} [{}]", node.path, node.simulated, outputs.join("; "))
+            let clock = node
+                .clock
+                .map_or("-", |clock| graph.clocks()[clock].name.as_str());
+            let outputs: Vec<String> = node
+                .outputs
+                .iter()
+                .map(|o| format!("{} {} {}", o.name, o.kind, o.quantity))
+                .collect();
+            format!(
+                "{} @{clock} sim={} [{}]",
+                node.path,
+                node.simulated,
+                outputs.join("; ")
+            )
         })
         .collect();
     assert_eq!(
@@ -104,7 +122,11 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
             "pen @- sim=true []",
         ]
     );
-    let bridges: Vec<Bridge> = nodes.edge_weights().map(|edge| edge.bridge).filter(|b| *b != Bridge::Direct).collect();
+    let bridges: Vec<Bridge> = nodes
+        .edge_weights()
+        .map(|edge| edge.bridge)
+        .filter(|b| *b != Bridge::Direct)
+        .collect();
     assert_eq!(bridges, [Bridge::Hold, Bridge::Resample]);
     assert_eq!(graph.devices().len(), 2);
     assert_eq!((graph.seed(), graph.about()), (7, "A tablet, a surface, a coil."));
@@ -117,13 +139,29 @@ fn a_graph_can_be_built_in_code() {
         .driver("audio", 48_000.0)
         .derived("slow", "audio", 1000.0)
         .node("tone", Part::new("Sine").on("audio").set("quantity", "force"))
-        .node("slow", Part::new("Gain").on("slow").wire("input", hold("tone.output")).set("gain", 0.5))
-        .node("mix", Part::new("Sum").wires("inputs", ["tone.output".into(), delay("mix.output", 5)]))
-        .node("file", Part::new("Wav").wires("inputs", ["slow"]).set("file", "a.wav"))
-        .node("other", Part::new("Wav").wires("inputs", ["mix"]).set("file", "b.wav"))
+        .node(
+            "slow",
+            Part::new("Gain")
+                .on("slow")
+                .wire("input", hold("tone.output"))
+                .set("gain", 0.5),
+        )
+        .node(
+            "mix",
+            Part::new("Sum").wires("inputs", ["tone.output".into(), delay("mix.output", 5)]),
+        )
+        .node(
+            "file",
+            Part::new("Wav").wires("inputs", ["slow"]).set("file", "a.wav"),
+        )
+        .node(
+            "other",
+            Part::new("Wav").wires("inputs", ["mix"]).set("file", "b.wav"),
+        )
         .build()
         .unwrap_or_else(|d| panic!("{d}"));
-    let graph = check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
+    let graph =
+        check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
     assert_eq!(graph.about(), "A tone \"and\" its echo.\nTwo lines.");
     assert_eq!(graph.nodes().node_count(), 5);
     assert!(graph.warnings().is_empty());

@@ -7,7 +7,11 @@ use serde_json::{Value, json};
 
 /// The findings as rustc would show them: message, source lines with carets, help; then how many there are.
 pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
-    let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
+    let renderer = if colour {
+        Renderer::styled()
+    } else {
+        Renderer::plain()
+    };
     let renderer = renderer.decor_style(DecorStyle::Ascii);
     let sources = &diagnostics.sources;
     let mut text = String::new();
@@ -41,7 +45,9 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let title = level.primary_title(diagnostic.message.as_str()).id(diagnostic.code);
+    let title = level
+        .primary_title(diagnostic.message.as_str())
+        .id(diagnostic.code);
     let mut group = Group::with_title(title);
     let mut files: Vec<SourceId> = Vec::new();
     let labels = || diagnostic.primary.iter().chain(&diagnostic.secondary);
@@ -52,10 +58,20 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
     }
     for file in files {
         let Some(source) = sources.get(file) else { continue };
-        let mut snippet = Snippet::source(source.text.as_ref()).path(source.path.to_string_lossy().into_owned());
-        let primary = diagnostic.primary.iter().map(|label| (AnnotationKind::Primary, label));
-        let secondary = diagnostic.secondary.iter().map(|label| (AnnotationKind::Context, label));
-        for (kind, label) in primary.chain(secondary).filter(|(_, label)| label.span.source == file) {
+        let mut snippet =
+            Snippet::source(source.text.as_ref()).path(source.path.to_string_lossy().into_owned());
+        let primary = diagnostic
+            .primary
+            .iter()
+            .map(|label| (AnnotationKind::Primary, label));
+        let secondary = diagnostic
+            .secondary
+            .iter()
+            .map(|label| (AnnotationKind::Context, label));
+        for (kind, label) in primary
+            .chain(secondary)
+            .filter(|(_, label)| label.span.source == file)
+        {
             let annotation = kind.span(within(&source.text, label.span));
             snippet = snippet.annotation(match label.text.as_str() {
                 "" => annotation,
@@ -64,7 +80,12 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         }
         group = group.element(snippet);
     }
-    group.elements(diagnostic.help.iter().map(|help| Level::HELP.message(help.as_str())))
+    group.elements(
+        diagnostic
+            .help
+            .iter()
+            .map(|help| Level::HELP.message(help.as_str())),
+    )
 }
 
 /// The range as it lies in the text, on the boundaries of letters.
@@ -109,7 +130,10 @@ fn finding(diagnostic: &Diagnostic, sources: &Sources) -> Value {
 fn place(label: &Label, sources: &Sources) -> Value {
     let span = label.span;
     let (line, column) = sources.line_column(span);
-    let end = Span { start: span.end.max(span.start), ..span };
+    let end = Span {
+        start: span.end.max(span.start),
+        ..span
+    };
     let (end_line, end_column) = sources.line_column(end);
     json!({
         "path": sources.get(span.source).map(|source| source.path.to_string_lossy()),

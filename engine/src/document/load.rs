@@ -159,13 +159,20 @@ impl Loader<'_> {
         }
         let mut at = value.span;
         let mut found = value.describe().to_owned();
-        if let Shape::Tagged(Tagged { name: Some(written), .. }) = &value.shape {
+        if let Shape::Tagged(Tagged {
+            name: Some(written), ..
+        }) = &value.shape
+        {
             at = written.span;
             found = format!("`{}`", written.text);
         }
         self.report(
-            Diagnostic::error("E0110", at, format!("{file} holds one `{name}(...)`, found {found}"))
-                .label(format!("expected `{name}(format: {FORMAT}, ...)`")),
+            Diagnostic::error(
+                "E0110",
+                at,
+                format!("{file} holds one `{name}(...)`, found {found}"),
+            )
+            .label(format!("expected `{name}(format: {FORMAT}, ...)`")),
         );
         None
     }
@@ -185,7 +192,9 @@ impl Loader<'_> {
             self.report(
                 Diagnostic::error("E0107", value.span, message)
                     .label(format!("expected {FORMAT}"))
-                    .help(format!("this program reads format {FORMAT}; is the file from a newer one?")),
+                    .help(format!(
+                        "this program reads format {FORMAT}; is the file from a newer one?"
+                    )),
             );
             // What follows would be judged by rules it was not written for.
             return None;
@@ -208,7 +217,9 @@ impl Loader<'_> {
 
     fn map(&mut self, value: &Value, what: &str) -> Vec<(Name, Value)> {
         let Shape::Map(pairs) = &value.shape else {
-            self.reading(|reading| reading.mismatch(value, &format!("a map from names, {{ \"{what}\": ... }}")));
+            self.reading(|reading| {
+                reading.mismatch(value, &format!("a map from names, {{ \"{what}\": ... }}"))
+            });
             return Vec::new();
         };
         let mut seen: HashMap<&str, Span> = HashMap::with_capacity(pairs.len());
@@ -252,7 +263,9 @@ impl Loader<'_> {
     }
 
     fn includes(&mut self, fields: &mut Fields) {
-        let Some(value) = fields.take("include") else { return };
+        let Some(value) = fields.take("include") else {
+            return;
+        };
         let Shape::List(files) = &value.shape else {
             self.reading(|reading| reading.mismatch(&value, "a list of paths, [\"parts.ron\"]"));
             return;
@@ -294,7 +307,10 @@ impl Loader<'_> {
         if !self.loaded.insert(key.clone()) {
             return;
         }
-        let id: SourceId = self.document.sources.add(path.to_path_buf(), Arc::from(text.as_str()));
+        let id: SourceId = self
+            .document
+            .sources
+            .add(path.to_path_buf(), Arc::from(text.as_str()));
         if let Some(value) = ron_text::read(id, &text, &mut self.document.findings) {
             self.open.push(key);
             self.parts(&value);
@@ -304,12 +320,20 @@ impl Loader<'_> {
 
     fn templates(&mut self, fields: &mut Fields) {
         for (name, value) in self.entries(fields, "templates", "template") {
-            if let Some(known) = self.document.templates.iter().find(|known| known.name.text == name.text) {
-                let diagnostic =
-                    Diagnostic::error("E0105", name.span, format!("there are two templates `{}`", name.text))
-                        .label("declared again here")
-                        .also(known.name.span, "first declared here")
-                        .help("rename or remove one of them");
+            if let Some(known) = self
+                .document
+                .templates
+                .iter()
+                .find(|known| known.name.text == name.text)
+            {
+                let diagnostic = Diagnostic::error(
+                    "E0105",
+                    name.span,
+                    format!("there are two templates `{}`", name.text),
+                )
+                .label("declared again here")
+                .also(known.name.span, "first declared here")
+                .help("rename or remove one of them");
                 self.report(diagnostic);
                 continue;
             }
@@ -359,14 +383,24 @@ impl Loader<'_> {
                 let (span, entries) = (written.span, entries.clone());
                 Some(self.reading(|reading| Fields::new(format!("`{name}`"), span, entries, reading)))
             }
-            Shape::Tagged(Tagged { name: Some(written), .. }) if closest(&written.text, [name]).is_some() => {
+            Shape::Tagged(Tagged {
+                name: Some(written), ..
+            }) if closest(&written.text, [name]).is_some() => {
                 let expected = format!("`{name}(...)` with fields");
-                let at = Value { span: written.span, shape: value.shape.clone() };
+                let at = Value {
+                    span: written.span,
+                    shape: value.shape.clone(),
+                };
                 self.reading(|reading| reading.mismatch(&at, &expected));
                 None
             }
             _ => {
-                self.reading(|reading| reading.mismatch(value, &format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`")));
+                self.reading(|reading| {
+                    reading.mismatch(
+                        value,
+                        &format!("`{name}(inputs: [...], nodes: {{...}}, outputs: {{...}})`"),
+                    )
+                });
                 None
             }
         }

@@ -47,9 +47,7 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self {
-            max_bytes: 16 << 20,
-        }
+        Self { max_bytes: 16 << 20 }
     }
 }
 

@@ -39,8 +39,16 @@ enum Finding {
     Error(Box<Diagnostic>),
 }
 
-fn error(code: &'static str, span: Span, message: String, label: impl Into<String>, help: impl Into<String>) -> Finding {
-    Finding::Error(Box::new(Diagnostic::error(code, span, message).label(label).help(help)))
+fn error(
+    code: &'static str,
+    span: Span,
+    message: String,
+    label: impl Into<String>,
+    help: impl Into<String>,
+) -> Finding {
+    Finding::Error(Box::new(
+        Diagnostic::error(code, span, message).label(label).help(help),
+    ))
 }
 
 /// Adds where a template hands the connection on.
@@ -51,7 +59,14 @@ pub(super) fn via(diagnostic: Diagnostic, wire: &Wire) -> Diagnostic {
     }
 }
 
-fn crossing(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks, node: usize, slot: usize, wire: &Wire) -> Finding {
+fn crossing(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    clocks: &Clocks,
+    node: usize,
+    slot: usize,
+    wire: &Wire,
+) -> Finding {
     let (from, to) = (&draft.nodes[wire.from], &draft.nodes[node]);
     let port = &to.entry.spec.inputs[to.inputs[slot].port];
     if to.entry.is_file() {
@@ -60,7 +75,10 @@ fn crossing(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks, node: usize, s
         };
         let message = format!("`{}` takes no bridges", to.entry.spec.name);
         let label = "there is no clock to cross to";
-        let help = format!("remove `{}(...)`: a file takes every signal at its own rate", name_of(bridge));
+        let help = format!(
+            "remove `{}(...)`: a file takes every signal at its own rate",
+            name_of(bridge)
+        );
         return error("E0406", form, message, label, help);
     }
     let (Some(a), Some(b)) = (from.clock, to.clock) else {
@@ -81,7 +99,13 @@ fn crossing(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks, node: usize, s
             target.name
         );
         let choices = choices(draft, clocks, a, b, port.flow, wire);
-        return error("E0405", wire.span, message, "this connection crosses clocks without a bridge", choices);
+        return error(
+            "E0405",
+            wire.span,
+            message,
+            "this connection crosses clocks without a bridge",
+            choices,
+        );
     };
     if a == b {
         if !matches!(bridge, Bridge::Delay { .. }) {
@@ -98,14 +122,21 @@ fn crossing(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks, node: usize, s
         return Finding::Sound;
     }
     if port.flow == Flow::Held && bridge != Bridge::Hold {
-        let message = format!("`{}` cannot feed `{}`, which reads a held signal", name_of(bridge), port.name);
+        let message = format!(
+            "`{}` cannot feed `{}`, which reads a held signal",
+            name_of(bridge),
+            port.name
+        );
         let help = "a held input takes every frame as it comes, by Hold(...)";
         return error("E0406", form, message, "not a held signal", help);
     }
     let slow_to_fast = rate_order(clocks, a, b);
     let two_drivers = source.driver != target.driver;
     let choices = || choices(draft, clocks, a, b, port.flow, wire);
-    let ends = format!("from {} on `{}` to {} on `{}`", source.rate, source.name, target.rate, target.name);
+    let ends = format!(
+        "from {} on `{}` to {} on `{}`",
+        source.rate, source.name, target.rate, target.name
+    );
     match bridge {
         Bridge::Delay { .. } => error(
             "E0406",
@@ -157,12 +188,16 @@ fn rate_order(clocks: &Clocks, a: usize, b: usize) -> Ordering {
 
 /// The bridges that would work, and what each does.
 fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire: &Wire) -> String {
-    let linear = draft.nodes[wire.from].outputs[wire.output].kind.is_none_or(|kind| kind.is_linear());
+    let linear = draft.nodes[wire.from].outputs[wire.output]
+        .kind
+        .is_none_or(|kind| kind.is_linear());
     let mut bridges = vec!["Hold(...), the latest frame"];
     if linear && flow == Flow::Sampled {
         if clocks.list[a].driver == clocks.list[b].driver {
             match rate_order(clocks, a, b) {
-                Ordering::Less => bridges.push("Linear(...), a straight line between frames, one slow frame late"),
+                Ordering::Less => {
+                    bridges.push("Linear(...), a straight line between frames, one slow frame late")
+                }
                 Ordering::Greater => bridges.push("Average(...), the mean of the frames since the last tick"),
                 Ordering::Equal => {}
             }

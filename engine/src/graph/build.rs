@@ -3,7 +3,7 @@
 use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode, Slot};
-use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work};
+use super::{Bridge, Edge, fingerprint, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::frame::Kind;
@@ -143,10 +143,16 @@ fn no_limit(node: &DraftNode) -> Diagnostic {
     let limit = settings.iter().find(|setting| setting.name == "limit");
     let expected = limit.map_or_else(|| "...".to_owned(), |setting| setting.expected.clone());
     let expected = expected.trim_start_matches("a structure ");
-    Diagnostic::error("E0605", node.fields.span, format!("actuator sink `{kind}` has no limit"))
-        .label("`limit` is missing")
-        .help(format!("say what the actuator may be given at most: `limit: {expected}`"))
-        .help("nothing drives an actuator without a limit")
+    Diagnostic::error(
+        "E0605",
+        node.fields.span,
+        format!("actuator sink `{kind}` has no limit"),
+    )
+    .label("`limit` is missing")
+    .help(format!(
+        "say what the actuator may be given at most: `limit: {expected}`"
+    ))
+    .help("nothing drives an actuator without a limit")
 }
 
 fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
@@ -226,7 +232,9 @@ impl Places {
         let written = fields.remaining().iter();
         Self {
             owner: fields.span,
-            fields: written.map(|(name, value)| (name.text.clone(), value.span)).collect(),
+            fields: written
+                .map(|(name, value)| (name.text.clone(), value.span))
+                .collect(),
         }
     }
 
@@ -235,7 +243,10 @@ impl Places {
             Ok(built) => return Some(built),
             Err(error) => error,
         };
-        let written = self.fields.iter().find(|(name, _)| Some(name.as_str()) == error.field);
+        let written = self
+            .fields
+            .iter()
+            .find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(self.owner, |(_, span)| *span);
         let mut diagnostic = Diagnostic::error("E0304", span, error.message);
         if let (Some(field), None) = (error.field, written) {
@@ -255,7 +266,8 @@ fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
         let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
             continue;
         };
-        let holds = |value: &Span| value.source == at.source && value.start <= at.start && at.end <= value.end;
+        let holds =
+            |value: &Span| value.source == at.source && value.start <= at.start && at.end <= value.end;
         if let Some((_, place)) = uses.iter().find(|(value, _)| holds(value)) {
             *diagnostic = diagnostic.clone().also(*place, "used here");
         }
@@ -284,9 +296,10 @@ pub(super) fn assemble(
         kept.push(match (device.bound, device.clock, body) {
             (true, Some(clock), Some(body)) => {
                 graph_devices.push(GraphDevice {
-                    name: device.name,
                     entry: device.entry,
                     clock,
+                    fingerprint: fingerprint::of_device(&cx, &clocks, &device),
+                    name: device.name,
                     device: body,
                     span: device.span,
                 });
@@ -295,7 +308,8 @@ pub(super) fn assemble(
             _ => None,
         });
     }
-    for ((node, work), simulated) in draft.nodes.iter().zip(works).zip(simulated) {
+    for (i, (work, simulated)) in works.into_iter().zip(simulated).enumerate() {
+        let node = &draft.nodes[i];
         let mut work = work?;
         if let Work::Source { device, .. } | Work::Actuator { device, .. } = &mut work {
             *device = kept.get(*device).copied()??;
@@ -309,6 +323,7 @@ pub(super) fn assemble(
             work,
             span: node.name,
             simulated,
+            fingerprint: fingerprint::of_node(&cx, &draft, &clocks, i),
         });
     }
     for (to, node) in draft.nodes.iter().enumerate() {

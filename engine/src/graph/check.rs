@@ -79,7 +79,11 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
 
 /// In the order of the files; what a template does wrong in every use is said once.
 fn put_in_order(list: &mut Vec<Diagnostic>) {
-    let place = |d: &Diagnostic| d.primary.as_ref().map(|label| (label.span.source, label.span.start));
+    let place = |d: &Diagnostic| {
+        d.primary
+            .as_ref()
+            .map(|label| (label.span.source, label.span.start))
+    };
     list.sort_by_key(place);
     let mut seen = HashSet::new();
     list.retain(|d| match &d.primary {

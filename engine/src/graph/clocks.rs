@@ -73,7 +73,12 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters) -> Clocks 
     clocks
 }
 
-fn declared<'a>(cx: &mut Context<'_>, parameters: &mut Parameters, name: &'a Name, value: &Value) -> Declared<'a> {
+fn declared<'a>(
+    cx: &mut Context<'_>,
+    parameters: &mut Parameters,
+    name: &'a Name,
+    value: &Value,
+) -> Declared<'a> {
     let mut clock = Declared {
         name,
         of: None,
@@ -138,7 +143,10 @@ fn declared<'a>(cx: &mut Context<'_>, parameters: &mut Parameters, name: &'a Nam
 fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     let rate = match &value.shape {
         Shape::Number(_, text) => Rate::parse(text),
-        Shape::Tagged(Tagged { name: None, body: Body::Tuple(parts) }) if parts.len() == 2 => {
+        Shape::Tagged(Tagged {
+            name: None,
+            body: Body::Tuple(parts),
+        }) if parts.len() == 2 => {
             let parts: Vec<Option<u64>> = parts
                 .iter()
                 .map(|part| cx.reading(|reading| u64::read(part, reading)))
@@ -169,7 +177,12 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
 }
 
 /// The driver at the root of a clock; `None` where the way there was reported.
-fn driver(cx: &mut Context<'_>, declared: &[Declared<'_>], index: &HashMap<&str, usize>, clock: usize) -> Option<usize> {
+fn driver(
+    cx: &mut Context<'_>,
+    declared: &[Declared<'_>],
+    index: &HashMap<&str, usize>,
+    clock: usize,
+) -> Option<usize> {
     let mut at = clock;
     let mut way = vec![clock];
     loop {
@@ -185,7 +198,13 @@ fn driver(cx: &mut Context<'_>, declared: &[Declared<'_>], index: &HashMap<&str,
                 let diagnostic = Diagnostic::error("E0206", *span, message).label("unknown clock");
                 let known = declared.iter().map(|clock| clock.name.text.as_str());
                 let known = known.filter(|name| *name != declared[clock].name.text);
-                let diagnostic = suggest(diagnostic, parent, known, "the clocks are", "it is the only clock");
+                let diagnostic = suggest(
+                    diagnostic,
+                    parent,
+                    known,
+                    "the clocks are",
+                    "it is the only clock",
+                );
                 cx.report(diagnostic);
             }
             return None;
@@ -226,9 +245,14 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
         }
     }
     let culprit = fails.checked_sub(1)?;
-    let message = format!("the rate of `{}` does not go with the clocks before it", clocks[culprit].name);
-    let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message)
-        .label(format!("{} has no common time unit with the others that fits 64 bits", clocks[culprit].rate));
+    let message = format!(
+        "the rate of `{}` does not go with the clocks before it",
+        clocks[culprit].name
+    );
+    let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message).label(format!(
+        "{} has no common time unit with the others that fits 64 bits",
+        clocks[culprit].rate
+    ));
     if culprit > 0 {
         diagnostic = diagnostic.also(spans[0], "the first clock");
     }
@@ -270,8 +294,8 @@ fn given_clock(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, node: u
         Some(None) => target.broken = true,
         None => {
             target.broken = true;
-            let diagnostic =
-                Diagnostic::error("E0206", value.span, format!("there is no clock `{name}`")).label("unknown clock");
+            let diagnostic = Diagnostic::error("E0206", value.span, format!("there is no clock `{name}`"))
+                .label("unknown clock");
             let known = cx.document.clocks.iter().map(|(name, _)| name.text.as_str());
             let none = format!("declare it: `clocks: {{ \"{name}\": Driver(rate_hz: 48000) }}`");
             let diagnostic = suggest(diagnostic, &name, known, "the clocks are", &none);
@@ -334,9 +358,9 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
         .filter(|i| draft.nodes[*i].clock.is_none() && !draft.nodes[*i].entry.is_file())
         .collect();
     let waits = |draft: &Draft, node: usize| {
-        draft.nodes[node].wires().any(|(_, wire)| {
-            keeps_clock(&wire.bridge) && draft.nodes[wire.from].clock.is_none()
-        })
+        draft.nodes[node]
+            .wires()
+            .any(|(_, wire)| keeps_clock(&wire.bridge) && draft.nodes[wire.from].clock.is_none())
     };
     let blameless = |draft: &Draft, node: usize| {
         let node = &draft.nodes[node];
@@ -352,12 +376,19 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
         }
         let target = &draft.nodes[node];
         let kind = target.entry.spec.name;
-        let names: Vec<String> = clocks.list.iter().map(|clock| format!("\"{}\"", clock.name)).collect();
+        let names: Vec<String> = clocks
+            .list
+            .iter()
+            .map(|clock| format!("\"{}\"", clock.name))
+            .collect();
         let help = match names.as_slice() {
             [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
             names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
         };
-        let message = format!("the clock of `{}` cannot be told from its connections", target.path);
+        let message = format!(
+            "the clock of `{}` cannot be told from its connections",
+            target.path
+        );
         let diagnostic = Diagnostic::error("E0504", target.fields.span, message)
             .label("on which clock does it run?")
             .help(help);
@@ -379,7 +410,11 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) 
         }
     }
     for (clock, used) in clocks.list.iter().zip(used) {
-        let declared = cx.document.clocks.iter().find(|(name, _)| name.text == clock.name);
+        let declared = cx
+            .document
+            .clocks
+            .iter()
+            .find(|(name, _)| name.text == clock.name);
         if let (false, Some((name, _))) = (used, declared) {
             let message = format!("clock `{}` is never used", clock.name);
             cx.report(

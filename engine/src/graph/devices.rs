@@ -34,7 +34,12 @@ pub(super) struct Devices {
 }
 
 /// Reads the devices of the set called `set`.
-pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, draft: &Draft, set: &str) -> Option<Devices> {
+pub(super) fn read(
+    cx: &mut Context<'_>,
+    parameters: &mut Parameters,
+    draft: &Draft,
+    set: &str,
+) -> Option<Devices> {
     let document = cx.document;
     let mut devices = Devices {
         set: set.to_owned(),
@@ -76,7 +81,12 @@ pub(super) fn read(cx: &mut Context<'_>, parameters: &mut Parameters, draft: &Dr
     Some(devices)
 }
 
-fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value: &Value) -> Option<DraftDevice> {
+fn device(
+    cx: &mut Context<'_>,
+    parameters: &mut Parameters,
+    name: &Name,
+    value: &Value,
+) -> Option<DraftDevice> {
     let mut uses = Vec::new();
     let value = parameters.replace(cx, value, Place::Graph, &mut uses)?;
     let (kind, entries) = parts(cx, &value, "a device, `Kind(field: value)`")?;
@@ -84,7 +94,13 @@ fn device(cx: &mut Context<'_>, parameters: &mut Parameters, name: &Name, value:
         let message = format!("there is no kind of device `{}`", kind.text);
         let diagnostic = Diagnostic::error("E0208", kind.span, message).label("unknown kind of device");
         let known = cx.registry.devices().iter().map(|entry| entry.spec.name);
-        let diagnostic = suggest(diagnostic, &kind.text, known, "there are", "no kinds of devices are registered");
+        let diagnostic = suggest(
+            diagnostic,
+            &kind.text,
+            known,
+            "there are",
+            "no kinds of devices are registered",
+        );
         cx.report(diagnostic);
         return None;
     };
@@ -125,7 +141,11 @@ fn take_on_types(node: &mut DraftNode, device: DeviceEntry) {
         return;
     }
     for (port, output) in node.entry.spec.outputs.iter().zip(&mut node.outputs) {
-        let channel = device.spec.senses.iter().find(|channel| channel.name == port.name);
+        let channel = device
+            .spec
+            .senses
+            .iter()
+            .find(|channel| channel.name == port.name);
         if let (Some(channel), KindRule::Linear | KindRule::Any) = (channel, port.kind) {
             output.kind = Some(channel.kind);
         }
@@ -148,10 +168,19 @@ fn device_of(
         if target.fields.is_reported("endpoint") {
             return None;
         }
-        let does = if target.entry.is_actuator() { "drives" } else { "reads" };
+        let does = if target.entry.is_actuator() {
+            "drives"
+        } else {
+            "reads"
+        };
         let message = format!("`{kind}` needs the device that it {does}");
-        let diagnostic = Diagnostic::error("E0601", target.fields.span, message).label("`endpoint` is missing");
-        let names: Vec<&str> = devices.iter().flat_map(|d| &d.list).map(|d| d.name.as_str()).collect();
+        let diagnostic =
+            Diagnostic::error("E0601", target.fields.span, message).label("`endpoint` is missing");
+        let names: Vec<&str> = devices
+            .iter()
+            .flat_map(|d| &d.list)
+            .map(|d| d.name.as_str())
+            .collect();
         let help = match names.as_slice() {
             [] => "add `endpoint: \"name\"`, and declare the device under `endpoints`".to_owned(),
             names => format!("add `endpoint: \"...\"`, one of {}", names.join(", ")),
@@ -169,7 +198,10 @@ fn device_of(
     let diagnostic = Diagnostic::error("E0207", value.span, message).label("unknown device");
     let mut known: Vec<&str> = devices.names.keys().map(String::as_str).collect();
     known.sort_unstable();
-    let none = format!("declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`", devices.set);
+    let none = format!(
+        "declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`",
+        devices.set
+    );
     let diagnostic = suggest(diagnostic, &name, known.into_iter(), "the devices are", &none);
     let diagnostic = draft.in_use(node, diagnostic, cx);
     cx.report(diagnostic);
@@ -182,7 +214,9 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, de
     let mut drivers: HashMap<(usize, &'static str), Span> = HashMap::new();
     let mut first: HashMap<usize, usize> = HashMap::new();
     for node in 0..draft.nodes.len() {
-        let Some(index) = draft.nodes[node].device else { continue };
+        let Some(index) = draft.nodes[node].device else {
+            continue;
+        };
         let device = &mut devices.list[index];
         for diagnostic in channels(draft, node, device) {
             draft.nodes[node].broken = true;
@@ -198,7 +232,10 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, de
                 );
                 let diagnostic = Diagnostic::error("E0603", target.fields.span, message)
                     .label(format!("this one runs on `{}`", clocks.list[clock].name))
-                    .also(draft.nodes[*other].fields.span, format!("this one on `{}`", clocks.list[known].name))
+                    .also(
+                        draft.nodes[*other].fields.span,
+                        format!("this one on `{}`", clocks.list[known].name),
+                    )
                     .help("a device ticks on one clock: give both the same, and bridge the connections");
                 device.broken = true;
                 cx.report(diagnostic);
@@ -231,7 +268,11 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
     let kind = target.entry.spec.name;
     let names = |channels: &[Channel]| match channels {
         [] => "nothing".to_owned(),
-        channels => channels.iter().map(|channel| channel.name).collect::<Vec<_>>().join(", "),
+        channels => channels
+            .iter()
+            .map(|channel| channel.name)
+            .collect::<Vec<_>>()
+            .join(", "),
     };
     let mut found = Vec::new();
     // A port that takes anything takes on the type of its signal.
@@ -257,12 +298,20 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                     format!("device `{}` cannot be driven by `{kind}`", device.name),
                 )
                 .label(format!("drives `{}`", port.name))
-                .also(device.span, format!("`{}` is driven by {}", spec.name, names(spec.drives))),
+                .also(
+                    device.span,
+                    format!("`{}` is driven by {}", spec.name, names(spec.drives)),
+                ),
             ),
             Some(channel) => {
                 let wire = target.wires().next().map(|(_, wire)| wire);
                 let carried = wire.map(|wire| draft.nodes[wire.from].outputs[wire.output]);
-                found.extend(channel_mismatch(target, type_of(port.kind, port.quantity, carried), channel, device));
+                found.extend(channel_mismatch(
+                    target,
+                    type_of(port.kind, port.quantity, carried),
+                    channel,
+                    device,
+                ));
             }
         }
         return found;
@@ -277,27 +326,46 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                         format!("device `{}` cannot be read by `{kind}`", device.name),
                     )
                     .label(format!("reads `{}`", port.name))
-                    .also(device.span, format!("`{}` senses {}", spec.name, names(spec.senses))),
+                    .also(
+                        device.span,
+                        format!("`{}` senses {}", spec.name, names(spec.senses)),
+                    ),
                 );
                 break;
             }
             Some(channel) => {
-                found.extend(channel_mismatch(target, type_of(port.kind, port.quantity, Some(*carried)), channel, device));
+                found.extend(channel_mismatch(
+                    target,
+                    type_of(port.kind, port.quantity, Some(*carried)),
+                    channel,
+                    device,
+                ));
             }
         }
     }
     found
 }
 
-fn channel_mismatch(target: &DraftNode, port: Type, channel: &Channel, device: &DraftDevice) -> Option<Diagnostic> {
+fn channel_mismatch(
+    target: &DraftNode,
+    port: Type,
+    channel: &Channel,
+    device: &DraftDevice,
+) -> Option<Diagnostic> {
     let (name, kind) = (channel.name, target.entry.spec.name);
     let body = device.entry.spec.name;
     let message = match (port.kind, port.quantity) {
         (Some(found), _) if found != channel.kind => {
-            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.kind)
+            format!(
+                "`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}",
+                channel.kind
+            )
         }
         (_, Some(found)) if found != channel.quantity => {
-            format!("`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}", channel.quantity)
+            format!(
+                "`{name}` of `{kind}` is {found}, but `{name}` of `{body}` is {}",
+                channel.quantity
+            )
         }
         _ => return None,
     };
@@ -314,7 +382,10 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, devices: &Devices) {
         cx.report(
             Diagnostic::warning("W0104", device.span, message)
                 .label("no node is bound to it")
-                .help(format!("bind a source or sink to it: `endpoint: \"{}\"`", device.name)),
+                .help(format!(
+                    "bind a source or sink to it: `endpoint: \"{}\"`",
+                    device.name
+                )),
         );
     }
 }

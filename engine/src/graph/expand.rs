@@ -43,7 +43,11 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters) -> Draft
 
 /// Reports templates of the graph file that no node uses.
 pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft) {
-    let used: HashSet<usize> = draft.scopes.iter().filter_map(|scope| Some(scope.template?.0)).collect();
+    let used: HashSet<usize> = draft
+        .scopes
+        .iter()
+        .filter_map(|scope| Some(scope.template?.0))
+        .collect();
     for (i, template) in cx.document.templates.iter().enumerate() {
         // An included file is a shelf of parts: nobody has to use all of them.
         if !used.contains(&i) && template.name.span.source == SourceId::default() {
@@ -102,9 +106,19 @@ impl Expansion<'_> {
         let Some(&template) = self.templates.get(&kind.text) else {
             let message = format!("there is no kind of node `{}`", kind.text);
             let kinds = cx.registry.nodes().iter().map(|entry| entry.spec.name);
-            let templates = cx.document.templates.iter().map(|template| template.name.text.as_str());
+            let templates = cx
+                .document
+                .templates
+                .iter()
+                .map(|template| template.name.text.as_str());
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
-            let near = suggest(diagnostic, &kind.text, kinds.chain(templates), "there are", "no kinds are registered");
+            let near = suggest(
+                diagnostic,
+                &kind.text,
+                kinds.chain(templates),
+                "there are",
+                "no kinds are registered",
+            );
             let near = near.help("`haptograph nodes` lists all kinds");
             cx.report(near);
             return None;
@@ -114,9 +128,13 @@ impl Expansion<'_> {
             let mut round: Vec<String> = open[first..].iter().map(names).collect();
             round.push(kind.text.clone());
             cx.report(
-                Diagnostic::error("E0701", kind.span, format!("template `{}` uses itself", kind.text))
-                    .label(format!("`{}`", round.join("` uses `")))
-                    .help("a template is expanded in place, so it cannot hold itself"),
+                Diagnostic::error(
+                    "E0701",
+                    kind.span,
+                    format!("template `{}` uses itself", kind.text),
+                )
+                .label(format!("`{}`", round.join("` uses `")))
+                .help("a template is expanded in place, so it cannot hold itself"),
             );
             return None;
         }
@@ -234,7 +252,9 @@ impl Expansion<'_> {
                     None
                 }
                 None if required || reported => None,
-                None => self.parameters.replace(cx, default, Place::Template(&HashMap::new()), &mut uses),
+                None => self
+                    .parameters
+                    .replace(cx, default, Place::Template(&HashMap::new()), &mut uses),
                 given => given,
             };
             scope.settings.insert(setting.text.clone(), value);
@@ -247,15 +267,27 @@ impl Expansion<'_> {
 
 /// An input that has to be connected and is not.
 pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnostic {
-    Diagnostic::error("E0401", kind.span, format!("input `{input}` of `{}` is not connected", kind.text))
-        .label(format!("`{input}` is missing"))
-        .also(declared, "declared here")
-        .help(format!("connect it: `{input}: \"node.output\"`"))
+    Diagnostic::error(
+        "E0401",
+        kind.span,
+        format!("input `{input}` of `{}` is not connected", kind.text),
+    )
+    .label(format!("`{input}` is missing"))
+    .also(declared, "declared here")
+    .help(format!("connect it: `{input}: \"node.output\"`"))
 }
 
 /// Name and fields of `Kind(field: value)`; anything else is reported.
-pub(super) fn parts<'v>(cx: &mut Context<'_>, value: &'v Value, expected: &str) -> Option<(&'v Name, &'v [(Name, Value)])> {
-    if let Shape::Tagged(Tagged { name: Some(name), body }) = &value.shape {
+pub(super) fn parts<'v>(
+    cx: &mut Context<'_>,
+    value: &'v Value,
+    expected: &str,
+) -> Option<(&'v Name, &'v [(Name, Value)])> {
+    if let Shape::Tagged(Tagged {
+        name: Some(name),
+        body,
+    }) = &value.shape
+    {
         match body {
             Body::Bare => return Some((name, &[])),
             Body::Fields(fields) => return Some((name, fields)),

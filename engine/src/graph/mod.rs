@@ -10,6 +10,7 @@ mod cycles;
 mod devices;
 mod draft;
 mod expand;
+mod fingerprint;
 mod types;
 mod unused;
 mod values;

@@ -35,7 +35,9 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
         let spec = node.entry.spec;
         let rules = spec.inputs.iter().map(|port| port.quantity);
         for rule in rules.chain(spec.outputs.iter().map(|port| port.quantity)) {
-            let QuantityRule::Setting(setting) = rule else { continue };
+            let QuantityRule::Setting(setting) = rule else {
+                continue;
+            };
             if !named.contains_key(&(i, setting)) {
                 let found = quantity_by_name(cx, node, setting);
                 node.broken |= found.is_none();
@@ -47,9 +49,19 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
 }
 
 fn quantity_by_name(cx: &mut Context<'_>, node: &DraftNode, setting: &str) -> Option<Quantity> {
-    let given = node.fields.remaining().iter().find(|(name, _)| name.text == setting);
+    let given = node
+        .fields
+        .remaining()
+        .iter()
+        .find(|(name, _)| name.text == setting);
     let (name, span) = match given {
-        Some((_, Value { span, shape: Shape::String(name) })) => (name.clone(), *span),
+        Some((
+            _,
+            Value {
+                span,
+                shape: Shape::String(name),
+            },
+        )) => (name.clone(), *span),
         Some(_) => return None, // Reported when the settings are read.
         None => {
             let specs = node.entry.settings();
@@ -102,14 +114,18 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
         // An output that says nothing of itself carries numbers.
         KindRule::Linear | KindRule::Any => Some(Kind::Scalar),
         KindRule::Same(input) => {
-            let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
+            let connected = target
+                .slots_of(input)
+                .any(|slot| slot.wire.is_some() || slot.broken);
             if !connected {
                 return match port(target, input)?.kind {
                     KindRule::Is(kind) => Some(kind),
                     _ => Some(Kind::Scalar),
                 };
             }
-            target.slots_of(input).find_map(|slot| arriving(draft, slot)?.kind)
+            target
+                .slots_of(input)
+                .find_map(|slot| arriving(draft, slot)?.kind)
         }
     }
 }
@@ -118,14 +134,18 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
 fn quantity_of(draft: &Draft, named: &Named, node: usize, rule: QuantityRule) -> Option<Quantity> {
     let target = &draft.nodes[node];
     let of = |input: &'static str| {
-        let connected = target.slots_of(input).any(|slot| slot.wire.is_some() || slot.broken);
+        let connected = target
+            .slots_of(input)
+            .any(|slot| slot.wire.is_some() || slot.broken);
         if !connected {
             return match port(target, input)?.quantity {
                 QuantityRule::Is(quantity) => Some(quantity),
                 _ => Some(Quantity::NUMBER),
             };
         }
-        target.slots_of(input).find_map(|slot| arriving(draft, slot)?.quantity)
+        target
+            .slots_of(input)
+            .find_map(|slot| arriving(draft, slot)?.quantity)
     };
     match rule {
         QuantityRule::Is(quantity) => Some(quantity),
@@ -169,7 +189,11 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
     let from = draft.nodes[wire.from].output_name(wire.output);
     let to = format!("`{}` of `{}`", port.name, target.entry.spec.name);
     let first_in_list = (target.is_many(slot) && list_is_uniform(target, port.name))
-        .then(|| target.slots_of(port.name).find_map(|other| arriving(draft, other)))
+        .then(|| {
+            target
+                .slots_of(port.name)
+                .find_map(|other| arriving(draft, other))
+        })
         .flatten();
     if let Some(kind) = carried.kind {
         let (fits, wanted) = match port.kind {
@@ -180,7 +204,10 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
                 (kind == wanted, format!("takes {wanted}, like `{other}`"))
             }
             _ => match first_in_list.and_then(|first| first.kind) {
-                Some(first) => (kind == first, format!("takes signals of one kind, and the first is {first}")),
+                Some(first) => (
+                    kind == first,
+                    format!("takes signals of one kind, and the first is {first}"),
+                ),
                 None => (true, String::new()),
             },
         };
@@ -192,7 +219,8 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
                 _ => None,
             };
             let converters = converters(cx, |input, output| {
-                input.kind == KindRule::Is(kind) && wanted.is_some_and(|wanted| output.0 == KindRule::Is(wanted))
+                input.kind == KindRule::Is(kind)
+                    && wanted.is_some_and(|wanted| output.0 == KindRule::Is(wanted))
             });
             let diagnostic = match converters {
                 Some(list) => diagnostic.help(format!("{list} makes one from the other")),
@@ -212,14 +240,20 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
     }
     let message = match first_in_list {
         Some(_) if !matches!(port.quantity, QuantityRule::Is(_)) => {
-            format!("{to} takes signals of one quantity, and the first is {wanted}, but `{from}` is {quantity}")
+            format!(
+                "{to} takes signals of one quantity, and the first is {wanted}, but `{from}` is {quantity}"
+            )
         }
         _ => format!("{to} takes {wanted}, but `{from}` is {quantity}"),
     };
     let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
     let diagnostic = match conversion(cx, quantity, wanted) {
         Some(help) => diagnostic.help(help),
-        None => diagnostic.help(format!("put a node between that turns {} into {}", word(quantity), word(wanted))),
+        None => diagnostic.help(format!(
+            "put a node between that turns {} into {}",
+            word(quantity),
+            word(wanted)
+        )),
     };
     Some(via(diagnostic, wire))
 }
@@ -237,18 +271,33 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> Option<String> 
         return Some(format!("{list} turns {} into {}", word(from), word(to)));
     }
     if to == from.per(Quantity::TIME) {
-        let list = converters(cx, |input, output| output.1 == QuantityRule::PerSecond(input.name))?;
-        return Some(format!("{} is {} per second: {list} differentiates", word(to), word(from)));
+        let list = converters(cx, |input, output| {
+            output.1 == QuantityRule::PerSecond(input.name)
+        })?;
+        return Some(format!(
+            "{} is {} per second: {list} differentiates",
+            word(to),
+            word(from)
+        ));
     }
     if to == from.times(Quantity::TIME) {
-        let list = converters(cx, |input, output| output.1 == QuantityRule::TimesSeconds(input.name))?;
-        return Some(format!("{} is {} times seconds: {list} integrates", word(to), word(from)));
+        let list = converters(cx, |input, output| {
+            output.1 == QuantityRule::TimesSeconds(input.name)
+        })?;
+        return Some(format!(
+            "{} is {} times seconds: {list} integrates",
+            word(to),
+            word(from)
+        ));
     }
     None
 }
 
 /// Names of kinds with an input and an output of which `fits` holds.
-fn converters(cx: &Context<'_>, fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool) -> Option<String> {
+fn converters(
+    cx: &Context<'_>,
+    fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool,
+) -> Option<String> {
     const SHOWN: usize = 3;
     let nodes = cx.registry.nodes().iter().filter(|entry| !entry.has_endpoint());
     let names: Vec<String> = nodes
@@ -285,7 +334,8 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
             }
         }
     }
-    let found = (0..draft.nodes.len()).find_map(|i| Some((i, unsettled(&draft.nodes[i])?)).filter(|_| !excused[i]));
+    let found =
+        (0..draft.nodes.len()).find_map(|i| Some((i, unsettled(&draft.nodes[i])?)).filter(|_| !excused[i]));
     if let Some((node, output)) = found {
         let target = &draft.nodes[node];
         let message = format!("nothing says what `{}` carries", target.output_name(output));

@@ -25,7 +25,9 @@ pub(super) fn warn(cx: &mut Context<'_>, draft: &Draft) {
                 }
                 Target::Instance(inner) => {
                     let inside = within(draft, *inner);
-                    let useful = |node: &usize| is_sink(*node) || readers[*node].iter().any(|reader| !inside.contains(reader));
+                    let useful = |node: &usize| {
+                        is_sink(*node) || readers[*node].iter().any(|reader| !inside.contains(reader))
+                    };
                     if inside.iter().any(useful) || exported.contains(name.as_str()) {
                         continue;
                     }

@@ -52,8 +52,15 @@ impl Parameters {
             let Some(parameter) = values.get_mut(name) else {
                 let message = format!("the graph has no parameter `{name}`");
                 let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
-                let diagnostic = Diagnostic::error("E0209", at(0, name.len()), message).label("unknown parameter");
-                let diagnostic = suggest(diagnostic, name, known, "its parameters are", "it has no parameters");
+                let diagnostic =
+                    Diagnostic::error("E0209", at(0, name.len()), message).label("unknown parameter");
+                let diagnostic = suggest(
+                    diagnostic,
+                    name,
+                    known,
+                    "its parameters are",
+                    "it has no parameters",
+                );
                 cx.report(diagnostic);
                 continue;
             };
@@ -75,7 +82,11 @@ impl Parameters {
     /// Reports parameters that nothing names.
     pub fn warn_unused(&self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
-            if self.values.get(&name.text).is_some_and(|parameter| !parameter.used) {
+            if self
+                .values
+                .get(&name.text)
+                .is_some_and(|parameter| !parameter.used)
+            {
                 let message = format!("parameter `{}` is never used", name.text);
                 cx.diagnostics.push(
                     Diagnostic::warning("W0102", name.span, message)
@@ -112,7 +123,11 @@ impl Parameters {
             Shape::Map(pairs) => {
                 let replaced: Vec<Option<Value>> = pairs.iter().map(|(_, value)| each(value)).collect();
                 let keys = pairs.iter().map(|(key, _)| key.clone());
-                Shape::Map(keys.zip(replaced).map(|(key, value)| Some((key, value?))).collect::<Option<_>>()?)
+                Shape::Map(
+                    keys.zip(replaced)
+                        .map(|(key, value)| Some((key, value?)))
+                        .collect::<Option<_>>()?,
+                )
             }
             Shape::Tagged(Tagged {
                 name: Some(name),
@@ -120,7 +135,12 @@ impl Parameters {
             }) if matches!(name.text.as_str(), "Param" | "Setting") => {
                 let asked = match body {
                     Body::Tuple(values) => match values.as_slice() {
-                        [Value { shape: Shape::String(asked), .. }] => asked.clone(),
+                        [
+                            Value {
+                                shape: Shape::String(asked),
+                                ..
+                            },
+                        ] => asked.clone(),
                         _ => return malformed(cx, value, &name.text),
                     },
                     _ => return malformed(cx, value, &name.text),
@@ -136,9 +156,15 @@ impl Parameters {
                     Body::Bare => Body::Bare,
                     Body::Tuple(values) => Body::Tuple(all(values, &mut each)?),
                     Body::Fields(fields) => {
-                        let replaced: Vec<Option<Value>> = fields.iter().map(|(_, value)| each(value)).collect();
+                        let replaced: Vec<Option<Value>> =
+                            fields.iter().map(|(_, value)| each(value)).collect();
                         let names = fields.iter().map(|(name, _)| name.clone());
-                        Body::Fields(names.zip(replaced).map(|(name, value)| Some((name, value?))).collect::<Option<_>>()?)
+                        Body::Fields(
+                            names
+                                .zip(replaced)
+                                .map(|(name, value)| Some((name, value?)))
+                                .collect::<Option<_>>()?,
+                        )
                     }
                 };
                 let name = name.clone();
@@ -165,7 +191,9 @@ impl Parameters {
             cx.report(
                 Diagnostic::error("E0702", at, message)
                     .label("this replacement is too large")
-                    .help(format!("at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced")),
+                    .help(format!(
+                        "at most {MAX_REPLACED} values, {MAX_DEPTH} levels deep, are replaced"
+                    )),
             );
             return None;
         }
@@ -173,10 +201,17 @@ impl Parameters {
         Some(found)
     }
 
-    fn parameter(&mut self, cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
+    fn parameter(
+        &mut self,
+        cx: &mut Context<'_>,
+        value: &Value,
+        asked: &str,
+        place: Place<'_>,
+    ) -> Option<Value> {
         if let Place::Template(settings) = place {
             let message = format!("a template cannot see the graph's parameter `{asked}`");
-            let mut diagnostic = Diagnostic::error("E0209", value.span, message).label("not known in a template");
+            let mut diagnostic =
+                Diagnostic::error("E0209", value.span, message).label("not known in a template");
             diagnostic = match settings.contains_key(asked) {
                 true => diagnostic.help(format!("`{asked}` is a setting: write `Setting(\"{asked}\")`")),
                 false => diagnostic.help(format!(
@@ -203,9 +238,15 @@ impl Parameters {
 fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -> Option<Value> {
     let Place::Template(settings) = place else {
         cx.report(
-            Diagnostic::error("E0704", value.span, "`Setting` has a meaning only inside a template")
-                .label("not in a template")
-                .help(format!("a parameter of the graph is written `Param(\"{asked}\")`")),
+            Diagnostic::error(
+                "E0704",
+                value.span,
+                "`Setting` has a meaning only inside a template",
+            )
+            .label("not in a template")
+            .help(format!(
+                "a parameter of the graph is written `Param(\"{asked}\")`"
+            )),
         );
         return None;
     };

@@ -21,11 +21,18 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
         for (port, input) in spec.inputs.iter().enumerate() {
             let given = draft.nodes[node].fields.take(input.name);
             let written: Vec<Option<Value>> = match (given, input.presence) {
-                (Some(Value { shape: Shape::List(values), .. }), Presence::Many) if !values.is_empty() => {
-                    values.into_iter().map(Some).collect()
-                }
+                (
+                    Some(Value {
+                        shape: Shape::List(values),
+                        ..
+                    }),
+                    Presence::Many,
+                ) if !values.is_empty() => values.into_iter().map(Some).collect(),
                 (Some(value), Presence::Many) if matches!(value.shape, Shape::List(_)) => {
-                    let message = format!("input `{}` of `{}` is connected to nothing", input.name, spec.name);
+                    let message = format!(
+                        "input `{}` of `{}` is connected to nothing",
+                        input.name, spec.name
+                    );
                     let diagnostic = Diagnostic::error("E0401", value.span, message)
                         .label("at least one connection is needed");
                     let diagnostic = draft.in_use(node, diagnostic, cx);
@@ -56,8 +63,12 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                         };
                         let mut diagnostic = missing_input(&kind, input.name, kind.span);
                         diagnostic.secondary.clear();
-                        if let Some(near) = closest(input.name, fields.remaining().iter().map(|(name, _)| name.text.as_str())) {
-                            diagnostic = diagnostic.help(format!("is `{near}` meant to be `{}`?", input.name));
+                        if let Some(near) = closest(
+                            input.name,
+                            fields.remaining().iter().map(|(name, _)| name.text.as_str()),
+                        ) {
+                            diagnostic =
+                                diagnostic.help(format!("is `{near}` meant to be `{}`?", input.name));
                         }
                         let diagnostic = draft.in_use(node, diagnostic, cx);
                         cx.report(diagnostic);
@@ -67,7 +78,9 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
             };
             let scope = draft.nodes[node].scope;
             for value in written {
-                let wire = value.as_ref().and_then(|value| resolve(cx, draft, scope, value, 0));
+                let wire = value
+                    .as_ref()
+                    .and_then(|value| resolve(cx, draft, scope, value, 0));
                 let broken = wire.is_none();
                 draft.nodes[node].inputs.push(Slot { port, wire, broken });
             }
@@ -75,17 +88,32 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
     }
 }
 
-fn report_doubled(cx: &mut Context<'_>, draft: &Draft, node: usize, input: &str, value: &Value, given: usize) {
+fn report_doubled(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    node: usize,
+    input: &str,
+    value: &Value,
+    given: usize,
+) {
     let kind = draft.nodes[node].entry.spec.name;
     let message = format!("input `{input}` of `{kind}` takes one connection, found a list of {given}");
     let diagnostic = Diagnostic::error("E0402", value.span, message).label("one connection is expected here");
     let mixers = cx.registry.nodes().iter().filter(|entry| {
-        entry.spec.inputs.iter().any(|input| input.presence == Presence::Many) && !entry.is_file()
+        entry
+            .spec
+            .inputs
+            .iter()
+            .any(|input| input.presence == Presence::Many)
+            && !entry.is_file()
     });
     let mixers: Vec<&str> = mixers.map(|entry| entry.spec.name).collect();
     let diagnostic = match mixers.is_empty() {
         true => diagnostic.help("remove all but one"),
-        false => diagnostic.help(format!("combine them first, for example with `{}`", mixers.join("` or `"))),
+        false => diagnostic.help(format!(
+            "combine them first, for example with `{}`",
+            mixers.join("` or `")
+        )),
     };
     let diagnostic = draft.in_use(node, diagnostic, cx);
     cx.report(diagnostic);
@@ -95,15 +123,22 @@ fn report_doubled(cx: &mut Context<'_>, draft: &Draft, node: usize, input: &str,
 fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, depth: usize) -> Option<Wire> {
     if depth > MAX_HANDED_ON {
         cx.report(
-            Diagnostic::error("E0408", value.span, "this connection goes round in a circle and never reaches a node")
-                .label("handed on from template to template")
-                .help("an output of a template leads back to its own input"),
+            Diagnostic::error(
+                "E0408",
+                value.span,
+                "this connection goes round in a circle and never reaches a node",
+            )
+            .label("handed on from template to template")
+            .help("an output of a template leads back to its own input"),
         );
         return None;
     }
     match &value.shape {
         Shape::String(written) => named(cx, draft, scope, value.span, written, depth),
-        Shape::Tagged(Tagged { name: Some(form), body }) => match (form.text.as_str(), body) {
+        Shape::Tagged(Tagged {
+            name: Some(form),
+            body,
+        }) => match (form.text.as_str(), body) {
             ("Hold" | "Linear" | "Average" | "Resample", Body::Tuple(inner)) if inner.len() == 1 => {
                 let bridge = match form.text.as_str() {
                     "Hold" => Bridge::Hold,
@@ -116,7 +151,12 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
             }
             ("Delay", Body::Fields(fields)) => delayed(cx, draft, scope, value, form, fields, depth),
             ("Input", Body::Tuple(inner)) => match inner.as_slice() {
-                [Value { shape: Shape::String(input), .. }] => handed_in(cx, draft, scope, value.span, input, depth),
+                [
+                    Value {
+                        shape: Shape::String(input),
+                        ..
+                    },
+                ] => handed_in(cx, draft, scope, value.span, input, depth),
                 _ => not_a_connection(cx, value),
             },
             _ => not_a_connection(cx, value),
@@ -135,7 +175,9 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
             known if FORMS.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
             unknown => match closest(unknown, FORMS) {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
-                None => diagnostic.help("a connection is a name in quotes, or one in Hold, Linear, Average, Resample or Delay"),
+                None => diagnostic.help(
+                    "a connection is a name in quotes, or one in Hold, Linear, Average, Resample or Delay",
+                ),
             },
         };
     } else if let Shape::Number(..) = value.shape {
@@ -145,7 +187,14 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
     None
 }
 
-fn named(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, written: &str, depth: usize) -> Option<Wire> {
+fn named(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    scope: usize,
+    span: Span,
+    written: &str,
+    depth: usize,
+) -> Option<Wire> {
     let (node, port) = match written.split_once('.') {
         Some((node, port)) => (node, Some(port)),
         None => (written, None),
@@ -168,7 +217,11 @@ fn named(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, written:
             let (template, _) = draft.scopes[*inner].template?;
             let document = cx.document;
             let template = &document.templates[template];
-            let names: Vec<&str> = template.outputs.iter().map(|(name, _)| name.text.as_str()).collect();
+            let names: Vec<&str> = template
+                .outputs
+                .iter()
+                .map(|(name, _)| name.text.as_str())
+                .collect();
             let output = choose(cx, span, node, &template.name.text, port, &names)?;
             let value = &template.outputs[output].1;
             let wire = resolve(cx, draft, *inner, value, depth + 1)?;
@@ -184,16 +237,29 @@ fn named(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, written:
 }
 
 /// The place of the named output, or of the only one.
-fn choose(cx: &mut Context<'_>, span: Span, node: &str, kind: &str, port: Option<&str>, outputs: &[&str]) -> Option<usize> {
+fn choose(
+    cx: &mut Context<'_>,
+    span: Span,
+    node: &str,
+    kind: &str,
+    port: Option<&str>,
+    outputs: &[&str],
+) -> Option<usize> {
     let diagnostic = match (port, outputs) {
         (None, [_]) => return Some(0),
         (_, []) => Diagnostic::error("E0203", span, format!("`{node}` has no outputs"))
             .label(format!("`{kind}` only takes signals in")),
         (None, several) => {
-            let diagnostic =
-                Diagnostic::error("E0410", span, format!("`{node}` has {} outputs; name one", several.len()))
-                    .label(format!("which output of this `{kind}`?"));
-            let list: Vec<String> = several.iter().map(|output| format!("\"{node}.{output}\"")).collect();
+            let diagnostic = Diagnostic::error(
+                "E0410",
+                span,
+                format!("`{node}` has {} outputs; name one", several.len()),
+            )
+            .label(format!("which output of this `{kind}`?"));
+            let list: Vec<String> = several
+                .iter()
+                .map(|output| format!("\"{node}.{output}\""))
+                .collect();
             diagnostic.help(format!("write {}", list.join(" or ")))
         }
         (Some(port), outputs) => {
@@ -220,18 +286,33 @@ fn unknown_node(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, n
     };
     let diagnostic = Diagnostic::error("E0202", span, message).label("unknown node");
     let diagnostic = if place.inputs.contains_key(node) {
-        diagnostic.help(format!("`{node}` is an input of the template: write `Input(\"{node}\")`"))
+        diagnostic.help(format!(
+            "`{node}` is an input of the template: write `Input(\"{node}\")`"
+        ))
     } else if node.contains('/') {
         diagnostic.help("what is inside a template is reached through the template's outputs alone")
     } else {
         let mut known: Vec<&str> = place.names.keys().map(String::as_str).collect();
         known.sort_unstable();
-        suggest(diagnostic, node, known.into_iter(), "there are", "there are no nodes")
+        suggest(
+            diagnostic,
+            node,
+            known.into_iter(),
+            "there are",
+            "there are no nodes",
+        )
     };
     cx.report(diagnostic);
 }
 
-fn handed_in(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, input: &str, depth: usize) -> Option<Wire> {
+fn handed_in(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    scope: usize,
+    span: Span,
+    input: &str,
+    depth: usize,
+) -> Option<Wire> {
     let place = &draft.scopes[scope];
     let Some((template, _)) = place.template else {
         cx.report(
@@ -271,7 +352,11 @@ fn bridged(
     scope: usize,
 ) -> Option<Wire> {
     if let Some((first, inner)) = wire.bridge {
-        let message = format!("this connection is bridged twice, by `{}` and `{}`", name_of(first), name_of(bridge));
+        let message = format!(
+            "this connection is bridged twice, by `{}` and `{}`",
+            name_of(first),
+            name_of(bridge)
+        );
         cx.report(
             Diagnostic::error("E0407", form, message)
                 .label("the second bridge")

@@ -4,9 +4,9 @@
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, Io, KindRule, Limit,
-    NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule, Stream, Tick, any_input, input,
-    output, output_like,
+    ActuatorKind, BuildContext, BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, Io, KindRule,
+    Limit, NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule, Stream, Tick,
+    any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -102,8 +102,9 @@ impl NodeKind for Sine {
         let nyquist = cx.rate.hz() / 2.0;
         if settings.frequency_hz >= nyquist {
             let message = format!("{} Hz cannot be made at {}", settings.frequency_hz, cx.rate);
-            return Err(BuildError::at("frequency_hz", message)
-                .help(format!("stay below {nyquist} Hz, half the rate, or use a faster clock")));
+            return Err(BuildError::at("frequency_hz", message).help(format!(
+                "stay below {nyquist} Hz, half the rate, or use a faster clock"
+            )));
         }
         Ok(Box::new(Silent))
     }
@@ -138,7 +139,12 @@ const LIST: InputSpec = InputSpec {
 silent!(
     Sum,
     haptograph_engine::settings::NoSettings,
-    spec("Sum", "Adds.", &[LIST], &[output_like("output", "inputs", "The sum.")])
+    spec(
+        "Sum",
+        "Adds.",
+        &[LIST],
+        &[output_like("output", "inputs", "The sum.")]
+    )
 );
 
 silent!(
@@ -207,14 +213,20 @@ impl NodeKind for Filter {
             input("weights", Kind::Weights, Quantity::NUMBER, "Which models.").held(),
             input("excitation", Kind::Scalar, Quantity::NUMBER, "Noise.").optional(),
         ],
-        &[output("acceleration", Kind::Scalar, Quantity::ACCELERATION, "The vibration.")],
+        &[output(
+            "acceleration",
+            Kind::Scalar,
+            Quantity::ACCELERATION,
+            "The vibration.",
+        )],
     );
     fn build(settings: FilterSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         match std::fs::metadata(&settings.surface) {
             Ok(_) => Ok(Box::new(Silent)),
             Err(_) => {
                 let message = format!("cannot read surface `{}`", settings.surface.display());
-                Err(BuildError::at("surface", message).help("paths are relative to the file they are written in"))
+                Err(BuildError::at("surface", message)
+                    .help("paths are relative to the file they are written in"))
             }
         }
     }
@@ -262,8 +274,18 @@ silent!(
     spec(
         "Compensator",
         "From acceleration to current.",
-        &[input("acceleration", Kind::Scalar, Quantity::ACCELERATION, "What is wanted.")],
-        &[output("current", Kind::Scalar, Quantity::CURRENT, "What makes it.")],
+        &[input(
+            "acceleration",
+            Kind::Scalar,
+            Quantity::ACCELERATION,
+            "What is wanted."
+        )],
+        &[output(
+            "current",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "What makes it."
+        )],
     )
 );
 
@@ -289,8 +311,11 @@ impl FileKind for Wav {
     fn build(settings: WavSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
         let rates = streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
         if !rates {
-            return Err(BuildError::at("inputs", "a WAV file has one rate, and these signals have several")
-                .help("write a file for each rate"));
+            return Err(BuildError::at(
+                "inputs",
+                "a WAV file has one rate, and these signals have several",
+            )
+            .help("write a file for each rate"));
         }
         Ok(Box::new(WavFile(settings.file.into())))
     }
@@ -325,8 +350,18 @@ impl ActuatorKind for Drive {
     const SPEC: NodeSpec = spec(
         "Drive",
         "Drives a coil.",
-        &[input("current", Kind::Scalar, Quantity::CURRENT, "What is given.")],
-        &[output("delivered", Kind::Scalar, Quantity::CURRENT, "What was given.")],
+        &[input(
+            "current",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "What is given.",
+        )],
+        &[output(
+            "delivered",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "What was given.",
+        )],
     );
     fn limit(settings: &DriveSettings) -> Result<(f64, Limit), BuildError> {
         let peak = settings.limit.peak_a;

@@ -49,7 +49,11 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
                     continue;
                 }
                 None => {
-                    let span = Span { source, start, end: start + 2 };
+                    let span = Span {
+                        source,
+                        start,
+                        end: start + 2,
+                    };
                     diagnostics.push(
                         Diagnostic::error("E0103", span, "this comment is never closed")
                             .label("opened here")
@@ -93,7 +97,11 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
             None => at += c.len_utf8(),
             Some((token, length)) => {
                 at += length;
-                lexemes.push(Lexeme { token, start, end: at });
+                lexemes.push(Lexeme {
+                    token,
+                    start,
+                    end: at,
+                });
             }
         }
     }
@@ -187,10 +195,16 @@ fn mistaken(
     let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
     let until = |close: char| {
         let inner = &line[c.len_utf8()..];
-        inner.find(close).map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
+        inner
+            .find(close)
+            .map_or(c.len_utf8(), |i| c.len_utf8() + i + close.len_utf8())
     };
     let (token, length, help) = match c {
-        '\'' => (Token::Mistaken, until('\''), "strings stand in double quotes: \"...\""),
+        '\'' => (
+            Token::Mistaken,
+            until('\''),
+            "strings stand in double quotes: \"...\"",
+        ),
         '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
         ';' => (Token::Comma, 1, "separate with `,`"),
@@ -267,7 +281,14 @@ pub(super) fn match_brackets(
     diagnostics.push(
         Diagnostic::error("E0102", span(&lexemes[innermost]), message)
             .label("opened here")
-            .also(Span { source, start: end, end }, "the file ends here")
+            .also(
+                Span {
+                    source,
+                    start: end,
+                    end,
+                },
+                "the file ends here",
+            )
             .help(format!("close it with `{}`", closing(slice(&lexemes[innermost])))),
     );
     None
