@@ -3,7 +3,7 @@
 use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode, Slot};
-use super::{Bridge, Edge, fingerprint, Graph, GraphDevice, Input, Node, Output, Work};
+use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::frame::Kind;

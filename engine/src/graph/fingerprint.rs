@@ -17,8 +17,14 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
     fields(cx, &target.fields, &mut state);
     target.clock.map(|clock| clocks.list[clock].rate).hash(&mut state);
     for slot in &target.inputs {
-        let carried = slot.wire.as_ref().map(|wire| draft.nodes[wire.from].outputs[wire.output]);
-        carried.and_then(|carried| carried.kind).map(Kind::width).hash(&mut state);
+        let carried = slot
+            .wire
+            .as_ref()
+            .map(|wire| draft.nodes[wire.from].outputs[wire.output]);
+        carried
+            .and_then(|carried| carried.kind)
+            .map(Kind::width)
+            .hash(&mut state);
     }
     state.finish()
 }
