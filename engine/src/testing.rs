@@ -1,0 +1,253 @@
+//! A bench that runs one node outside a graph: for tests of nodes, the shipped ones and yours.
+//!
+//! ```
+//! use haptograph_engine::frame::Kind;
+//! # use haptograph_engine::node::*;
+//! # use haptograph_signal::quantity::Quantity;
+//! # haptograph_engine::settings! { /** Settings of the example. */ pub struct TwiceSettings {} }
+//! # struct Twice;
+//! # #[derive(Clone)] struct Doubler;
+//! # impl NodeKind for Twice {
+//! #     type Settings = TwiceSettings;
+//! #     const SPEC: NodeSpec = NodeSpec { name: "Twice", group: "math", doc: "Doubles.", source: "",
+//! #         inputs: &[any_input("input", "What is doubled.")],
+//! #         outputs: &[output_like("output", "input", "Twice the input.")], example: "" };
+//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Doubler)) }
+//! # }
+//! # impl Processor for Doubler {
+//! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+//! #         let x = io.lanes(0);
+//! #         io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
+//! #     }
+//! # }
+//! use haptograph_engine::testing::Bench;
+//!
+//! let mut bench = Bench::new::<Twice>(TwiceSettings {}, 1000.0, &[Kind::Scalar]).unwrap();
+//! assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[2.0, 4.0, 6.0]]);
+//! ```
+
+use crate::frame::Kind;
+use crate::io::{Binding, Buffer, Form, Io, Placing};
+use crate::node::{
+    BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
+};
+use haptograph_signal::time::Rate;
+
+/// The most frames a node on the bench gets at a time.
+pub const MAX_FRAMES: usize = 1024;
+
+/// A node, its clock and its wires.
+pub struct Bench {
+    processor: Box<dyn Processor>,
+    tick: Tick,
+    bindings: Vec<Binding>,
+    buffers: Vec<Buffer>,
+    placings: Vec<Placing>,
+    out: Buffer,
+}
+
+impl Bench {
+    /// Builds a node at a whole rate in hertz, its random stream seeded with 1.
+    ///
+    /// `inputs` has the kind of each connection in the order of the spec, those of a `Many` port last; inputs left
+    /// out at the end are not connected.
+    ///
+    /// # Errors
+    /// [`BuildError`] as the node reports it.
+    ///
+    /// # Panics
+    /// Where the rate is not a whole number of hertz above zero.
+    pub fn new<K: NodeKind>(settings: K::Settings, rate_hz: f64, inputs: &[Kind]) -> Result<Self, BuildError> {
+        let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
+        let cx = context(&K::SPEC, rate_hz, &connected);
+        let processor = K::build(settings, &cx)?;
+        Ok(Self::around(processor, &K::SPEC, &cx, &connected))
+    }
+
+    /// As [`new`](Self::new), with `None` for inputs that are not connected.
+    ///
+    /// # Errors
+    /// [`BuildError`] as the node reports it.
+    pub fn with_gaps<K: NodeKind>(
+        settings: K::Settings,
+        rate_hz: f64,
+        inputs: &[Option<Kind>],
+    ) -> Result<Self, BuildError> {
+        let cx = context(&K::SPEC, rate_hz, inputs);
+        let processor = K::build(settings, &cx)?;
+        Ok(Self::around(processor, &K::SPEC, &cx, inputs))
+    }
+
+    fn around(
+        processor: Box<dyn Processor>,
+        spec: &NodeSpec,
+        cx: &BuildContext,
+        inputs: &[Option<Kind>],
+    ) -> Self {
+        let ports = ports(spec, cx.input_widths.len());
+        let bind = |(slot, port): (usize, &&InputSpec)| Binding {
+            slot: slot as u32,
+            start: 0,
+            width: cx.input_widths[slot] as u32,
+            form: match (inputs.get(slot).copied().flatten(), port.flow) {
+                (None, _) => Form::Absent,
+                (Some(_), Flow::Held) => Form::Runs,
+                (Some(_), Flow::Sampled) => Form::Sampled,
+            },
+            clock: 0,
+        };
+        let mut start = 0;
+        let mut place = |width: usize| {
+            let placing = Placing {
+                start,
+                width: width as u32,
+            };
+            start += (MAX_FRAMES * width) as u32;
+            placing
+        };
+        let widths = spec.outputs.iter().map(|port| match port.kind {
+            KindRule::Is(kind) => kind.width(),
+            KindRule::Same(name) => {
+                let at = ports.iter().position(|input| input.name == name);
+                at.map_or(1, |at| cx.input_widths[at])
+            }
+            KindRule::Linear | KindRule::Any => 1,
+        });
+        Self {
+            processor,
+            tick: Tick {
+                first: 0,
+                frames: 0,
+                period_s: cx.rate.period_s(),
+            },
+            bindings: ports.iter().enumerate().map(bind).collect(),
+            buffers: cx
+                .input_widths
+                .iter()
+                .map(|width| Buffer::new(1 + MAX_FRAMES * (width + 1)))
+                .collect(),
+            placings: widths.map(&mut place).collect(),
+            out: Buffer::new(start as usize),
+        }
+    }
+
+    /// Puts frames on the wires, the lanes of each input frame by frame; equal successive frames of a held input
+    /// make one run. At most [`MAX_FRAMES`]; all inputs have to have the same number.
+    pub fn load(&mut self, inputs: &[&[f64]], frames: usize) {
+        assert!(frames <= MAX_FRAMES, "at most {MAX_FRAMES} frames at a time");
+        self.tick.first += self.tick.frames as u64;
+        self.tick.frames = frames;
+        for ((binding, buffer), lanes) in self.bindings.iter().zip(&mut self.buffers).zip(inputs) {
+            let width = binding.width as usize;
+            match binding.form {
+                Form::Absent => {}
+                Form::Sampled => buffer.all_mut()[..frames * width].copy_from_slice(lanes),
+                Form::Runs => write_runs(buffer.all_mut(), lanes, width),
+            }
+        }
+    }
+
+    /// Calls `process` once for the frames that were loaded.
+    pub fn step(&mut self) {
+        let mut io = Io {
+            frames: self.tick.frames,
+            offset: 0,
+            inputs: &self.bindings,
+            buffers: &self.buffers,
+            outputs: &self.placings,
+            out: self.out.all_mut(),
+        };
+        self.processor.process(&self.tick, &mut io);
+    }
+
+    /// The lanes of an output after [`step`](Self::step).
+    pub fn output(&self, output: usize) -> &[f64] {
+        let Placing { start, width } = self.placings[output];
+        &self.out.all()[start as usize..][..self.tick.frames * width as usize]
+    }
+
+    /// Runs the node over signals that are all there, in blocks of [`MAX_FRAMES`]; the lanes of every output.
+    pub fn run(&mut self, inputs: &[&[f64]]) -> Vec<Vec<f64>> {
+        self.run_in_blocks(inputs, &[MAX_FRAMES])
+    }
+
+    /// The same in blocks of the given sizes, over and over.
+    pub fn run_in_blocks(&mut self, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
+        let first = self.bindings.iter().zip(inputs);
+        let frames = first
+            .filter(|(binding, _)| binding.form != Form::Absent)
+            .map(|(binding, lanes)| lanes.len() / binding.width as usize)
+            .next();
+        self.run_frames(frames.unwrap_or(0), inputs, blocks)
+    }
+
+    /// Runs a source for a number of frames.
+    pub fn run_source(&mut self, frames: usize) -> Vec<Vec<f64>> {
+        self.run_frames(frames, &[], &[MAX_FRAMES])
+    }
+
+    /// Runs the node for a number of frames in blocks of the given sizes, over and over.
+    pub fn run_frames(&mut self, frames: usize, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
+        let mut outputs = vec![Vec::new(); self.placings.len()];
+        let (mut done, mut blocks) = (0, blocks.iter().copied().cycle());
+        while done < frames {
+            let block = blocks.next().unwrap_or(MAX_FRAMES).min(frames - done);
+            let parts: Vec<&[f64]> = self
+                .bindings
+                .iter()
+                .zip(inputs)
+                .map(|(binding, lanes)| match binding.form {
+                    Form::Absent => &[][..],
+                    _ => &lanes[done * binding.width as usize..][..block * binding.width as usize],
+                })
+                .collect();
+            self.load(&parts, block);
+            self.step();
+            for (output, all) in outputs.iter_mut().enumerate() {
+                all.extend_from_slice(self.output(output));
+            }
+            done += block;
+        }
+        outputs
+    }
+
+    /// The node itself, for live settings and its latency.
+    pub fn processor(&mut self) -> &mut dyn Processor {
+        &mut *self.processor
+    }
+}
+
+/// The port of each connection: a `Many` port as often as it is connected.
+fn ports(spec: &NodeSpec, connections: usize) -> Vec<&InputSpec> {
+    (0..connections)
+        .filter_map(|i| spec.inputs.get(i).or(spec.inputs.last()))
+        .collect()
+}
+
+fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildContext {
+    let single = spec.inputs.iter().filter(|port| port.presence != Presence::Many);
+    let connections = inputs.len().max(single.count());
+    let width = |i: usize| inputs.get(i).copied().flatten().map_or(0, Kind::width);
+    BuildContext {
+        path: "bench".into(),
+        rate: Rate::parse(&format!("{rate_hz}")).unwrap_or_else(|error| panic!("{error}")),
+        max_frames: MAX_FRAMES,
+        seed: 1,
+        input_widths: (0..connections).map(width).collect(),
+    }
+}
+
+fn write_runs(buffer: &mut [f64], lanes: &[f64], width: usize) {
+    let (mut runs, mut previous) = (0, &[][..]);
+    for (start, frame) in lanes.chunks_exact(width).enumerate() {
+        let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        if runs == 0 || !frame.iter().zip(previous).all(same) {
+            let run = &mut buffer[1 + runs * (width + 1)..][..width + 1];
+            run[0] = start as f64;
+            run[1..].copy_from_slice(frame);
+            runs += 1;
+        }
+        previous = frame;
+    }
+    buffer[0] = runs as f64;
+}
