@@ -549,8 +549,10 @@ macro_rules! choices {
                 value: &$crate::document::value::Value,
                 reading: &mut $crate::settings::Reading<'_>,
             ) -> Option<Self> {
-                use $crate::document::value::{Shape, Tagged};
-                let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape else {
+                // Full paths: the enum itself may be called `Shape`.
+                let $crate::document::value::Shape::Tagged($crate::document::value::Tagged {
+                    name: Some(name), ..
+                }) = &value.shape else {
                     reading.mismatch(value, &Self::expected());
                     return None;
                 };

@@ -57,7 +57,11 @@ impl Bench {
     ///
     /// # Panics
     /// Where the rate is not a whole number of hertz above zero.
-    pub fn new<K: NodeKind>(settings: K::Settings, rate_hz: f64, inputs: &[Kind]) -> Result<Self, BuildError> {
+    pub fn new<K: NodeKind>(
+        settings: K::Settings,
+        rate_hz: f64,
+        inputs: &[Kind],
+    ) -> Result<Self, BuildError> {
         let connected: Vec<Option<Kind>> = inputs.iter().copied().map(Some).collect();
         let cx = context(&K::SPEC, rate_hz, &connected);
         let processor = K::build(settings, &cx)?;

@@ -1,10 +1,94 @@
 //! The node kinds of haptograph: sensing, texture, friction, tapping, actuators, simulated bodies.
+//!
+//! [`registry`] has them all. Each is declared in one place: its settings, its ports and its documentation are what
+//! graphs are checked against and what `haptograph nodes` prints.
 
 pub mod actuators;
 pub mod contact;
+pub mod filters;
 pub mod friction;
+pub mod math;
 pub mod sensing;
 pub mod simulated;
+pub mod sinks;
+pub mod sources;
 pub mod tapping;
+pub mod texture;
+mod units;
 
 pub(crate) use haptograph_signal::vector;
+
+use haptograph_engine::node::{NodeEntry, Processor};
+use haptograph_engine::registry::Registry;
+
+/// All node and device kinds that come with haptograph.
+pub fn registry() -> Registry {
+    let mut all = Registry::new();
+    sources_and_sinks(&mut all);
+    plain_blocks(&mut all);
+    touch(&mut all);
+    all
+}
+
+fn sources_and_sinks(all: &mut Registry) {
+    all.add(NodeEntry::processor::<sources::steps::Constant>())
+        .add(NodeEntry::processor::<sources::steps::ConstantVector>())
+        .add(NodeEntry::processor::<sources::steps::Step>())
+        .add(NodeEntry::processor::<sources::steps::Ramp>())
+        .add(NodeEntry::processor::<sources::steps::Pulse>())
+        .add(NodeEntry::processor::<sources::waves::Sine>())
+        .add(NodeEntry::processor::<sources::waves::Chirp>())
+        .add(NodeEntry::processor::<sources::noise::Noise>())
+        .add(NodeEntry::processor::<sources::csv::CsvSource>())
+        .add(NodeEntry::processor::<sources::wav::WavSource>())
+        .add(NodeEntry::file::<sinks::wav::WavSink>())
+        .add(NodeEntry::file::<sinks::csv::CsvSink>())
+        .add(NodeEntry::processor::<sinks::meter::Meter>());
+}
+
+fn plain_blocks(all: &mut Registry) {
+    all.add(NodeEntry::processor::<math::scaling::Gain>())
+        .add(NodeEntry::processor::<math::scaling::Offset>())
+        .add(NodeEntry::processor::<math::scaling::Calibrate>())
+        .add(NodeEntry::processor::<math::scaling::Abs>())
+        .add(NodeEntry::processor::<math::sums::Add>())
+        .add(NodeEntry::processor::<math::sums::Subtract>())
+        .add(NodeEntry::processor::<math::sums::Mixer>())
+        .add(NodeEntry::processor::<math::products::Multiply>())
+        .add(NodeEntry::processor::<math::products::Divide>())
+        .add(NodeEntry::processor::<math::limits::Clamp>())
+        .add(NodeEntry::processor::<math::limits::SoftClip>())
+        .add(NodeEntry::processor::<math::limits::SlewLimit>())
+        .add(NodeEntry::processor::<math::calculus::Derivative>())
+        .add(NodeEntry::processor::<math::calculus::Integrator>())
+        .add(NodeEntry::processor::<math::vectors::Magnitude>())
+        .add(NodeEntry::processor::<math::vectors::Dot>())
+        .add(NodeEntry::processor::<math::vectors::Cross>())
+        .add(NodeEntry::processor::<math::vectors::Components>())
+        .add(NodeEntry::processor::<math::vectors::Pack>())
+        .add(NodeEntry::processor::<math::vectors::WrenchParts>())
+        .add(NodeEntry::processor::<math::vectors::MakeWrench>())
+        .add(NodeEntry::processor::<math::routing::Switch>())
+        .add(NodeEntry::processor::<math::routing::Delay>())
+        .add(NodeEntry::processor::<filters::classical::LowPass>())
+        .add(NodeEntry::processor::<filters::classical::HighPass>())
+        .add(NodeEntry::processor::<filters::classical::BandPass>())
+        .add(NodeEntry::processor::<filters::classical::Bessel>())
+        .add(NodeEntry::processor::<filters::classical::DoublePole>())
+        .add(NodeEntry::processor::<filters::section::Biquad>())
+        .add(NodeEntry::processor::<filters::section::SecondOrderSection>());
+}
+
+fn touch(all: &mut Registry) {
+    all.add(NodeEntry::processor::<sensing::speed_node::SpeedEstimator>())
+        .add(NodeEntry::processor::<texture::locator::Saturation>())
+        .add(NodeEntry::processor::<texture::locator::TriangleLocator>())
+        .add(NodeEntry::processor::<texture::interpolator::LsfInterpolator>())
+        .add(NodeEntry::processor::<texture::excitation::Excitation>())
+        .add(NodeEntry::processor::<texture::filter::ArmaFilter>());
+}
+
+/// The processor that takes over, if it is of the same type.
+fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
+    new.as_any_mut().downcast_mut()
+}

@@ -1,3 +1,4 @@
 //! What is known of the hand from what the sensors say.
 
 pub mod speed;
+pub mod speed_node;

@@ -163,6 +163,16 @@ impl SectionsState {
         }
     }
 
+    /// Goes on from the state of another filter of as many sections.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        if self.sections.len() == other.sections.len() {
+            self.since_settled = other.since_settled;
+            for (section, other) in self.sections.iter_mut().zip(&other.sections) {
+                section.state = other.state;
+            }
+        }
+    }
+
     /// Puts the filter to rest.
     pub fn reset(&mut self) {
         for section in &mut self.sections {

@@ -105,8 +105,23 @@ impl Interpolator {
     /// and what is not a number count as zero). The same to within rounding from whichever triangle the walk began.
     pub fn interpolate(&mut self, speed_m_s: f64, force_n: f64, into: &mut Coefficients) -> Spot {
         let spot = self.locate(speed_m_s, force_n);
+        self.interpolate_at(spot.vertices, spot.weights, into);
+        // All models at rest are silent: without this, rounding could leave the weight of one that is not.
+        if spot.speed_m_s == 0.0 || spot.force_n == 0.0 {
+            into.variance = 0.0;
+        }
+        spot
+    }
+
+    /// The coefficients of a mix of three models by number, as a located spot has them; silence for numbers of no model.
+    pub fn interpolate_at(&self, models: Triangle, weights: [f64; 3], into: &mut Coefficients) {
+        let count = self.rows.len() / self.stride;
+        if models.iter().any(|model| *model as usize >= count) {
+            *into = Coefficients::SILENCE;
+            return;
+        }
         let mut mix = [0.0; MAX_ROW];
-        self.mix(&spot, &mut mix);
+        self.mix(models, weights, &mut mix);
         let (ar_lsf, rest) = mix.split_at(self.ar_order);
         let (ma_lsf, rest) = rest.split_at(self.ma_order);
         into.ar_order = self.ar_order;
@@ -116,10 +131,7 @@ impl Interpolator {
         lsf_to_ar(ma_lsf, &mut into.ma[..self.ma_order]);
         into.ma[self.ma_order..].fill(0.0);
         into.gain = rest[0];
-        // All models at rest are silent: without this, rounding could leave the weight of one that is not.
-        let at_rest = spot.speed_m_s == 0.0 || spot.force_n == 0.0;
-        into.variance = if at_rest { 0.0 } else { rest[1] };
-        spot
+        into.variance = rest[1];
     }
 
     /// The triangle and weights at a speed in m/s and a force in N, saturated.
@@ -153,13 +165,12 @@ impl Interpolator {
 
     /// The weighted mean of the three models' rows; exactly a model's row at its vertex.
     #[inline]
-    fn mix(&self, spot: &Spot, mix: &mut [f64; MAX_ROW]) {
+    fn mix(&self, models: Triangle, [u, v, w]: [f64; 3], mix: &mut [f64; MAX_ROW]) {
         let row = |vertex: u32| {
             let start = vertex as usize * self.stride;
             self.rows[start..start + self.stride].as_chunks::<LANES>().0
         };
-        let [a, b, c] = spot.vertices.map(row);
-        let [u, v, w] = spot.weights;
+        let [a, b, c] = models.map(row);
         for (((mix, a), b), c) in mix.as_chunks_mut::<LANES>().0.iter_mut().zip(a).zip(b).zip(c) {
             *mix = std::array::from_fn(|i| u * a[i] + v * b[i] + w * c[i]);
         }

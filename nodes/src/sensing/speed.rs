@@ -76,6 +76,14 @@ impl<const N: usize> SpeedEstimator<N> {
         self.filters.iter_mut().for_each(SectionsState::reset);
     }
 
+    /// Goes on from where another estimator is.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        (self.previous_m, self.velocity_m_s) = (other.previous_m, other.velocity_m_s);
+        for (filter, other) in self.filters.iter_mut().zip(&other.filters) {
+            filter.copy_state_from(other);
+        }
+    }
+
     /// The latest velocity, m/s.
     pub fn velocity_m_s(&self) -> [f64; N] {
         self.velocity_m_s

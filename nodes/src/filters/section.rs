@@ -1,0 +1,347 @@
+//! One second-order section, by its response or by its coefficients.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, any_input, output_like,
+};
+use haptograph_signal::filter;
+use std::f64::consts::PI;
+
+use super::LaneFilter;
+use crate::successor;
+
+haptograph_engine::choices! {
+    /// What a [`Biquad`] does about its frequency.
+    pub enum Shape {
+        /// Passes what lies below.
+        LowPass,
+        /// Passes what lies above.
+        HighPass,
+        /// Passes what lies around, with unit gain at the centre.
+        BandPass,
+        /// Takes out what lies around.
+        Notch,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Biquad`].
+    pub struct BiquadSettings {
+        /// What passes.
+        shape: Shape = Shape::LowPass;
+        /// Corner or centre, above zero and below half the rate.
+        [live] frequency_hz: f64, in 1e-6..=1e9;
+        /// Quality: 0.7071 is a Butterworth low-pass, more is a resonance.
+        [live] q: f64 = std::f64::consts::FRAC_1_SQRT_2, in 0.01..=10_000.0;
+    }
+}
+
+/// A second-order filter whose frequency and quality can be turned while it runs.
+pub struct Biquad;
+
+impl NodeKind for Biquad {
+    type Settings = BiquadSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Biquad",
+        group: "filters",
+        doc: "A second-order filter whose frequency and quality can be turned while it runs.",
+        source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "The filtered signal.")],
+        example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#,
+    };
+
+    fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let nyquist_hz = cx.rate.hz() / 2.0;
+        if settings.frequency_hz >= nyquist_hz {
+            let message = format!(
+                "{} Hz is not below half the rate, {nyquist_hz} Hz",
+                settings.frequency_hz
+            );
+            return Err(
+                BuildError::at("frequency_hz", message).help("lower it, or run the node on a faster clock")
+            );
+        }
+        let rate_hz = cx.rate.hz();
+        Ok(Box::new(StateVariable {
+            tuning: Tuning::of(&settings, rate_hz),
+            states: [[0.0; 2]; WIDEST],
+            settings,
+            rate_hz,
+        }))
+    }
+}
+
+/// Lanes of the widest linear frame.
+const WIDEST: usize = Kind::Wrench.width();
+/// Ticks between looks at whether a state has died away or is no number.
+const SETTLE: u64 = 64;
+
+/// The section as two trapezoidal integrators. Their states mean the same at any frequency, so that turning it leaves
+/// no jump; the response is that of the section by the bilinear transform.
+#[derive(Debug, Clone)]
+struct StateVariable {
+    tuning: Tuning,
+    /// Of each lane, what the two integrators hold.
+    states: [[f64; 2]; WIDEST],
+    settings: BiquadSettings,
+    rate_hz: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Tuning {
+    /// Gains of the implicit loop.
+    a: [f64; 3],
+    /// 1 / q.
+    damping: f64,
+    /// What the input, the band-pass and the low-pass contribute to the output.
+    mix: [f64; 3],
+}
+
+impl Tuning {
+    fn of(settings: &BiquadSettings, rate_hz: f64) -> Self {
+        let g = (PI * settings.frequency_hz / rate_hz).tan();
+        let damping = 1.0 / settings.q;
+        let a1 = 1.0 / (1.0 + g * (g + damping));
+        let mix = match settings.shape {
+            Shape::LowPass => [0.0, 0.0, 1.0],
+            Shape::HighPass => [1.0, -damping, -1.0],
+            Shape::BandPass => [0.0, damping, 0.0],
+            Shape::Notch => [1.0, -damping, 0.0],
+        };
+        Self {
+            a: [a1, g * a1, g * g * a1],
+            damping,
+            mix,
+        }
+    }
+
+    /// The same filter as a section, to know its delay.
+    fn section(&self, settings: &BiquadSettings, rate_hz: f64) -> filter::Biquad {
+        let g = (PI * settings.frequency_hz / rate_hz).tan();
+        let [a1, ..] = self.a;
+        let low = g * g * a1;
+        let [b_low, b_band, b_high] = match settings.shape {
+            Shape::LowPass => [low, 0.0, 0.0],
+            Shape::HighPass => [0.0, 0.0, a1],
+            Shape::BandPass => [0.0, g * self.damping * a1, 0.0],
+            Shape::Notch => [low, 0.0, a1],
+        };
+        filter::Biquad {
+            b: [
+                b_low + b_band + b_high,
+                2.0 * (b_low - b_high),
+                b_low - b_band + b_high,
+            ],
+            a: [2.0 * (g * g - 1.0) * a1, (1.0 + g * (g - self.damping)) * a1],
+        }
+    }
+}
+
+impl Processor for StateVariable {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+        let Tuning {
+            a: [a1, a2, a3],
+            mix: [direct, band, low],
+            ..
+        } = self.tuning;
+        let frames = io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width));
+        for ((y, x), now) in frames.zip(tick.first..) {
+            for ((y, x), [s1, s2]) in y.iter_mut().zip(x).zip(&mut self.states) {
+                let rest = x - *s2;
+                let v1 = a1 * *s1 + a2 * rest;
+                let v2 = *s2 + a2 * *s1 + a3 * rest;
+                *s1 = 2.0 * v1 - *s1;
+                *s2 = 2.0 * v2 - *s2;
+                *y = direct * x + band * v1 + low * v2;
+            }
+            if now % SETTLE == SETTLE - 1 {
+                self.states.iter_mut().for_each(settle);
+            }
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if !value.is_finite() {
+            return;
+        }
+        match setting {
+            // Just inside half the rate: at it, the integrators would be infinitely fast.
+            1 => self.settings.frequency_hz = value.clamp(1e-6, 0.499 * self.rate_hz),
+            2 => self.settings.q = value.clamp(0.01, 10_000.0),
+            _ => return,
+        }
+        self.tuning = Tuning::of(&self.settings, self.rate_hz);
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.states = self.states;
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        let sections = filter::Sections {
+            sections: vec![self.tuning.section(&self.settings, self.rate_hz)],
+        };
+        let passband_hz = match self.settings.shape {
+            Shape::LowPass | Shape::Notch => 0.01 * self.settings.frequency_hz,
+            Shape::BandPass => self.settings.frequency_hz,
+            Shape::HighPass => (self.settings.frequency_hz * 0.5 * self.rate_hz).sqrt(),
+        };
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: sections.group_delay_s(passband_hz, self.rate_hz),
+        }
+    }
+}
+
+/// Silence is exactly zero, and a bad sample does not stick.
+fn settle(state: &mut [f64; 2]) {
+    let silent = state.iter().all(|s| s.abs() < 1e-30);
+    if silent || !state.iter().all(|s| s.is_finite()) {
+        *state = [0.0; 2];
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SecondOrderSection`].
+    pub struct SecondOrderSectionSettings {
+        /// b_0, b_1, b_2.
+        b: [f64; 3];
+        /// a_1, a_2 of the denominator 1 + a_1 z^-1 + a_2 z^-2.
+        a: [f64; 2];
+    }
+}
+
+/// A second-order section given by its coefficients.
+pub struct SecondOrderSection;
+
+impl NodeKind for SecondOrderSection {
+    type Settings = SecondOrderSectionSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "SecondOrderSection",
+        group: "filters",
+        doc: "A second-order section given by its coefficients: (b_0 + b_1 z^-1 + b_2 z^-2) / (1 + a_1 z^-1 + a_2 z^-2).",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "The filtered signal.")],
+        example: r#""shape": SecondOrderSection(input: "noise.output", b: (0.2, 0.0, -0.2), a: (-1.2, 0.6))"#,
+    };
+
+    fn build(
+        settings: SecondOrderSectionSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Processor>, BuildError> {
+        let section = filter::Biquad {
+            b: settings.b,
+            a: settings.a,
+        };
+        if !section.is_stable() {
+            let message = "the section is not stable: a pole lies on or outside the unit circle";
+            return Err(BuildError::at("a", message).help("stable means |a_2| < 1 and |a_1| < 1 + a_2"));
+        }
+        let sections = filter::Sections {
+            sections: vec![section],
+        };
+        Ok(Box::new(LaneFilter::new(&sections, cx, 0.0)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+    use haptograph_signal::filter::{SectionsState, butterworth_lowpass};
+
+    fn settings(shape: Shape, frequency_hz: f64, q: f64) -> BiquadSettings {
+        BiquadSettings {
+            shape,
+            frequency_hz,
+            q,
+        }
+    }
+
+    fn section(settings: &BiquadSettings, rate_hz: f64) -> filter::Biquad {
+        Tuning::of(settings, rate_hz).section(settings, rate_hz)
+    }
+
+    #[test]
+    fn the_default_quality_is_butterworth() {
+        let section = section(
+            &settings(Shape::LowPass, 80.0, std::f64::consts::FRAC_1_SQRT_2),
+            1000.0,
+        );
+        let butterworth = butterworth_lowpass(2, 80.0, 1000.0).unwrap().sections[0];
+        let pairs = section
+            .b
+            .iter()
+            .chain(&section.a)
+            .zip(butterworth.b.iter().chain(&butterworth.a));
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-14));
+    }
+
+    #[test]
+    fn gains_at_and_around_the_frequency() {
+        let gain = |shape, at_hz| {
+            let section = section(&settings(shape, 100.0, 5.0), 2000.0);
+            filter::Sections {
+                sections: vec![section],
+            }
+            .response(at_hz, 2000.0)
+            .norm()
+        };
+        assert!((gain(Shape::LowPass, 100.0) - 5.0).abs() < 1e-9);
+        assert!((gain(Shape::HighPass, 100.0) - 5.0).abs() < 1e-9);
+        assert!((gain(Shape::BandPass, 100.0) - 1.0).abs() < 1e-9);
+        assert!(gain(Shape::Notch, 100.0) < 1e-9);
+        assert!((gain(Shape::Notch, 1e-3) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_runs_is_the_section() {
+        for shape in [Shape::LowPass, Shape::HighPass, Shape::BandPass, Shape::Notch] {
+            let settings = settings(shape, 130.0, 2.0);
+            let sections = filter::Sections {
+                sections: vec![section(&settings, 1000.0)],
+            };
+            let x: Vec<f64> = (0..900).map(|k| (0.1 * f64::from(k * k)).sin()).collect();
+            let mut wanted = vec![0.0; 300];
+            let middle: Vec<f64> = x.iter().skip(1).step_by(3).copied().collect();
+            SectionsState::new(&sections).process(&middle, &mut wanted);
+            let mut bench = Bench::new::<Biquad>(settings, 1000.0, &[Kind::Vector]).unwrap();
+            let y = bench.run_in_blocks(&[&x], &[5, 64]).remove(0);
+            let lane = y.iter().skip(1).step_by(3);
+            assert!(lane.zip(&wanted).all(|(y, w)| (y - w).abs() < 1e-12));
+        }
+    }
+
+    #[test]
+    fn turning_keeps_the_state_and_the_bounds() {
+        let mut bench =
+            Bench::new::<Biquad>(settings(Shape::LowPass, 10.0, 0.7), 1000.0, &[Kind::Scalar]).unwrap();
+        let ones = vec![1.0; 1000];
+        let settled = bench.run(&[&ones])[0][999];
+        assert!((settled - 1.0).abs() < 1e-6);
+        bench.processor().set(1, 200.0);
+        let after = bench.run(&[&ones])[0]
+            .iter()
+            .map(|y| (y - 1.0).abs())
+            .fold(0.0, f64::max);
+        assert!(after < 1e-6, "a constant stays constant: {after}");
+        bench.processor().set(1, 1e9);
+        bench.processor().set(1, f64::NAN);
+        assert!(bench.run(&[&ones])[0].iter().all(|y| y.is_finite()));
+    }
+
+    #[test]
+    fn unstable_coefficients_are_refused() {
+        let settings = SecondOrderSectionSettings {
+            b: [1.0, 0.0, 0.0],
+            a: [0.0, 1.0],
+        };
+        let refused = Bench::new::<SecondOrderSection>(settings, 1000.0, &[Kind::Scalar]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("a"));
+    }
+}

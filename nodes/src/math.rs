@@ -1,0 +1,9 @@
+//! Plain arithmetic on signals, lane by lane where the frames have several.
+
+pub mod calculus;
+pub mod limits;
+pub mod products;
+pub mod routing;
+pub mod scaling;
+pub mod sums;
+pub mod vectors;

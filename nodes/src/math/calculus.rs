@@ -1,0 +1,231 @@
+//! Derivative and integral in time.
+
+use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, OutputSpec, Processor,
+    QuantityRule, Tick, any_input,
+};
+use haptograph_engine::settings::NoSettings;
+
+use crate::successor;
+
+/// Lanes of the widest linear frame.
+const WIDEST: usize = Kind::Wrench.width();
+
+/// The change a second.
+pub struct Derivative;
+
+impl NodeKind for Derivative {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Derivative",
+        group: "math",
+        doc: "The change since the frame before, per second. Zero at the first frame. Follow it with a low-pass: it \
+              amplifies noise in proportion to frequency.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::PerSecond("input"),
+            doc: "Its derivative.",
+        }],
+        example: r#""velocity": Derivative(input: "stylus.position")"#,
+    };
+
+    fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Difference {
+            previous: [0.0; WIDEST],
+            started: false,
+            rate_hz: cx.rate.hz(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Difference {
+    previous: [f64; WIDEST],
+    started: bool,
+    rate_hz: f64,
+}
+
+impl Processor for Difference {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+        for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
+            if !self.started {
+                self.previous[..width].copy_from_slice(x);
+                self.started = true;
+            }
+            for ((y, previous), x) in y.iter_mut().zip(&mut self.previous).zip(x) {
+                *y = (x - *previous) * self.rate_hz;
+                *previous = *x;
+            }
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.previous, new.started) = (self.previous, self.started);
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: 0.5 / self.rate_hz,
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Integrator`].
+    pub struct IntegratorSettings {
+        /// Time constant with which the past is forgotten, s; none: nothing is forgotten.
+        leak_s: Option<f64> = None, in 1e-6..=1e9;
+        /// Value at the start and after a reset, in the SI unit of the output.
+        start: f64 = 0.0;
+    }
+}
+
+/// The sum over time.
+pub struct Integrator;
+
+impl NodeKind for Integrator {
+    type Settings = IntegratorSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Integrator",
+        group: "math",
+        doc: "The integral over time by the trapezoidal rule; with `leak_s` it forgets the past exponentially. A frame \
+              that is not a number is not added up.",
+        source: "",
+        inputs: &[
+            any_input("input", "The signal."),
+            InputSpec {
+                kind: KindRule::Is(Kind::Event),
+                ..any_input("reset", "Puts the integral back to `start`.").optional()
+            },
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::TimesSeconds("input"),
+            doc: "Its integral up to this frame.",
+        }],
+        example: r#""distance": Integrator(input: "speed.speed")"#,
+    };
+
+    fn build(settings: IntegratorSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let period_s = cx.rate.period_s();
+        let keep = settings.leak_s.map_or(1.0, |leak_s| (-period_s / leak_s).exp());
+        Ok(Box::new(Integral {
+            keep,
+            half_period_s: 0.5 * period_s,
+            start: settings.start,
+            sum: [settings.start; WIDEST],
+            previous: [0.0; WIDEST],
+            started: false,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Integral {
+    /// Part of the sum that is left a frame later.
+    keep: f64,
+    half_period_s: f64,
+    start: f64,
+    sum: [f64; WIDEST],
+    previous: [f64; WIDEST],
+    started: bool,
+}
+
+impl Processor for Integral {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+        let resets = io.frames_of::<{ Event::WIDTH }>(1);
+        let frames = io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width));
+        for (frame, (y, x)) in frames.enumerate() {
+            if resets
+                .get(frame)
+                .is_some_and(|lanes| Event::from_lanes(lanes).fired)
+            {
+                self.sum = [self.start; WIDEST];
+                self.started = false;
+            }
+            for (((y, x), sum), previous) in y.iter_mut().zip(x).zip(&mut self.sum).zip(&mut self.previous) {
+                let before = if self.started { *previous } else { *x };
+                let added = if self.started {
+                    self.half_period_s * (before + x)
+                } else {
+                    0.0
+                };
+                let next = self.keep * *sum + added;
+                if next.is_finite() {
+                    // A leaking sum must not linger among the denormals.
+                    *sum = if next.abs() < 1e-200 { 0.0 } else { next };
+                    *previous = *x;
+                }
+                *y = *sum;
+            }
+            self.started = true;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.sum, new.previous, new.started) = (self.sum, self.previous, self.started);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn the_derivative_of_a_line_is_its_slope() {
+        let mut bench = Bench::new::<Derivative>(NoSettings {}, 250.0, &[Kind::Vector]).unwrap();
+        let x: Vec<f64> = (0..40)
+            .flat_map(|k| [f64::from(k) / 250.0, 1.0, -2.0 * f64::from(k) / 250.0])
+            .collect();
+        let y = &bench.run_in_blocks(&[&x], &[1, 7])[0];
+        assert_eq!(y[..3], [0.0; 3]);
+        for frame in &y.as_chunks::<3>().0[1..] {
+            assert!((frame[0] - 1.0).abs() < 1e-12 && frame[1] == 0.0 && (frame[2] + 2.0).abs() < 1e-12);
+        }
+    }
+
+    fn integrator(leak_s: Option<f64>, inputs: &[Kind]) -> Bench {
+        Bench::new::<Integrator>(IntegratorSettings { leak_s, start: 0.0 }, 1000.0, inputs).unwrap()
+    }
+
+    #[test]
+    fn the_integral_of_a_line_is_exact() {
+        let x: Vec<f64> = (0..=1000).map(|k| f64::from(k) / 1000.0).collect();
+        let y = &integrator(None, &[Kind::Scalar]).run(&[&x])[0];
+        for (t, y) in x.iter().zip(y) {
+            assert!((y - t * t / 2.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_leak_forgets_with_its_time_constant_and_ends_at_zero() {
+        let mut bench = integrator(Some(0.01), &[Kind::Scalar]);
+        let mut x = vec![0.0; 6000];
+        x[1] = 1.0;
+        let y = &bench.run(&[&x])[0];
+        assert!((y[12] / y[2] - (-1.0_f64).exp()).abs() < 1e-9);
+        assert_eq!(y[5999], 0.0);
+    }
+
+    #[test]
+    fn a_reset_starts_again_and_a_bad_frame_does_not_stick() {
+        let mut bench = integrator(None, &[Kind::Scalar, Kind::Event]);
+        let x = [2.0, 2.0, f64::NAN, 2.0, 2.0];
+        let resets = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+        let y = &bench.run(&[&x, &resets])[0];
+        assert_eq!(y, &[0.0, 0.002, 0.002, 0.0, 0.002]);
+    }
+}

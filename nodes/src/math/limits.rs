@@ -1,0 +1,249 @@
+//! Keeping signals within bounds: clamp, soft clip, slew limit. What is not a number passes, so that the engine's
+//! watch at the sinks finds where it came from; it does not stick.
+
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, any_input, output_like,
+};
+
+use crate::successor;
+
+haptograph_engine::settings! {
+    /// Settings of [`Clamp`].
+    pub struct ClampSettings {
+        /// Smallest output, in the SI unit of the signal.
+        [live] lowest: f64;
+        /// Largest output, in the SI unit of the signal.
+        [live] highest: f64;
+    }
+}
+
+/// Cuts a signal off at two bounds.
+pub struct Clamp;
+
+impl NodeKind for Clamp {
+    type Settings = ClampSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Clamp",
+        group: "math",
+        doc: "Cuts every lane of a signal off at two bounds.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "The signal within the bounds.")],
+        example: r#""pressed": Clamp(input: "stylus.force", lowest: 0.0, highest: 3.0)"#,
+    };
+
+    fn build(settings: ClampSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let ClampSettings { lowest, highest } = settings;
+        if lowest > highest {
+            let message = format!("the lowest value {lowest} is above the highest, {highest}");
+            return Err(BuildError::at("lowest", message).help("swap them"));
+        }
+        Ok(Box::new(Clamping { lowest, highest }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Clamping {
+    lowest: f64,
+    highest: f64,
+}
+
+impl Processor for Clamping {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (x, low, high) = (io.lanes(0), self.lowest, self.highest);
+        for (y, &x) in io.out(0).iter_mut().zip(x) {
+            let above = if x < low { low } else { x };
+            *y = if above > high { high } else { above };
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            0 => self.lowest = value,
+            1 => self.highest = value,
+            _ => {}
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SoftClip`].
+    pub struct SoftClipSettings {
+        /// What the output approaches and never exceeds, in the SI unit of the signal.
+        [live] limit: f64, in 1e-12..=1e12;
+    }
+}
+
+/// Bends a signal into bounds without a corner.
+pub struct SoftClip;
+
+impl NodeKind for SoftClip {
+    type Settings = SoftClipSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "SoftClip",
+        group: "math",
+        doc: "Bends every lane of a signal into bounds without a corner: limit tanh(x / limit). Small signals pass \
+              unchanged.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like(
+            "output",
+            "input",
+            "The signal within plus and minus the limit.",
+        )],
+        example: r#""soft": SoftClip(input: "texture.acceleration", limit: 20.0)"#,
+    };
+
+    fn build(settings: SoftClipSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(SoftClipping {
+            limit: settings.limit,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct SoftClipping {
+    limit: f64,
+}
+
+impl Processor for SoftClipping {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (x, limit) = (io.lanes(0), self.limit);
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            *y = limit * (x / limit).tanh();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.limit = value;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SlewLimit`].
+    pub struct SlewLimitSettings {
+        /// Largest rate of change, in the SI unit of the signal per second.
+        [live] most_per_s: f64, in 0.0..=1e15;
+    }
+}
+
+/// Limits how fast a signal changes.
+pub struct SlewLimit;
+
+impl NodeKind for SlewLimit {
+    type Settings = SlewLimitSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "SlewLimit",
+        group: "math",
+        doc: "Limits how fast a signal changes; of a vector, the length of its change. The output starts at the first \
+              input.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like(
+            "output",
+            "input",
+            "The signal, late where it changes too fast.",
+        )],
+        example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#,
+    };
+
+    fn build(settings: SlewLimitSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(SlewLimiting {
+            most_per_s: settings.most_per_s,
+            previous: [0.0; 6],
+            started: false,
+            period_s: cx.rate.period_s(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct SlewLimiting {
+    most_per_s: f64,
+    /// As many lanes as the widest linear frame has.
+    previous: [f64; 6],
+    started: bool,
+    period_s: f64,
+}
+
+impl Processor for SlewLimiting {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x) = (io.width(0).clamp(1, 6), io.lanes(0));
+        let step = self.most_per_s * self.period_s;
+        for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
+            let previous = &mut self.previous[..width];
+            let square = |(x, p): (&f64, &f64)| (x - p) * (x - p);
+            let change = x.iter().zip(previous.iter()).map(square).sum::<f64>().sqrt();
+            if !change.is_finite() {
+                y.copy_from_slice(x);
+                continue;
+            }
+            let part = if self.started && change > step {
+                step / change
+            } else {
+                1.0
+            };
+            for ((y, p), x) in y.iter_mut().zip(previous).zip(x) {
+                // The whole way is taken exactly.
+                *p = if part < 1.0 { *p + part * (x - *p) } else { *x };
+                *y = *p;
+            }
+            self.started = true;
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.most_per_s = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.previous, new.started) = (self.previous, self.started);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::frame::Kind;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_clamp_keeps_its_bounds_and_lets_nan_be_seen() {
+        let settings = |lowest, highest| ClampSettings { lowest, highest };
+        let mut bench = Bench::new::<Clamp>(settings(-1.0, 2.0), 1.0, &[Kind::Scalar]).unwrap();
+        let y = &bench.run(&[&[-5.0, 0.5, 7.0, f64::NAN, f64::INFINITY]])[0];
+        assert_eq!((y[0], y[1], y[2], y[4]), (-1.0, 0.5, 2.0, 2.0));
+        assert!(y[3].is_nan());
+        assert!(Bench::new::<Clamp>(settings(1.0, 0.0), 1.0, &[Kind::Scalar]).is_err());
+    }
+
+    #[test]
+    fn a_soft_clip_is_the_signal_when_small_and_the_limit_when_large() {
+        let mut bench =
+            Bench::new::<SoftClip>(SoftClipSettings { limit: 2.0 }, 1.0, &[Kind::Scalar]).unwrap();
+        let y = &bench.run(&[&[1e-4, 1e6, -1e6]])[0];
+        assert!((y[0] - 1e-4).abs() < 1e-12);
+        assert_eq!((y[1], y[2]), (2.0, -2.0));
+    }
+
+    #[test]
+    fn a_vector_changes_by_no_more_than_its_slew_and_arrives_exactly() {
+        let settings = SlewLimitSettings { most_per_s: 500.0 };
+        let mut bench = Bench::new::<SlewLimit>(settings, 1000.0, &[Kind::Vector]).unwrap();
+        let target = [3.0, 4.0, 0.0];
+        let mut x = vec![0.0; 3];
+        (0..12).for_each(|_| x.extend(target));
+        let y = &bench.run(&[&x])[0];
+        for pair in y.as_chunks::<3>().0.windows(2) {
+            assert!(crate::vector::distance(pair[0], pair[1]) <= 0.5 + 1e-12);
+        }
+        assert_eq!(y[y.len() - 3..], target);
+        assert!((y[3] - 0.3).abs() < 1e-12 && (y[4] - 0.4).abs() < 1e-12);
+    }
+}

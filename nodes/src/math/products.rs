@@ -1,0 +1,126 @@
+//! Products and quotients of signals; the quantity of the result is that of the product or quotient.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
+    QuantityRule, Tick, any_input,
+};
+use haptograph_engine::settings::NoSettings;
+
+const fn scalar_input(name: &'static str, doc: &'static str) -> InputSpec {
+    InputSpec {
+        kind: KindRule::Is(Kind::Scalar),
+        ..any_input(name, doc)
+    }
+}
+
+/// Multiplies a signal by a scalar signal.
+pub struct Multiply;
+
+impl NodeKind for Multiply {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Multiply",
+        group: "math",
+        doc: "Multiplies a signal, every lane of it, by a scalar signal.",
+        source: "",
+        inputs: &[
+            any_input("input", "The signal."),
+            scalar_input("by", "The factor."),
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::Product("input", "by"),
+            doc: "The product, of the product's quantity.",
+        }],
+        example: r#""power": Multiply(input: "stylus.force", by: "speed.speed")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Multiplier))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Multiplier;
+
+impl Processor for Multiplier {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x, by) = (io.width(0), io.lanes(0), io.lanes(1));
+        if width == 1 {
+            for ((y, x), by) in io.out(0).iter_mut().zip(x).zip(by) {
+                *y = x * by;
+            }
+            return;
+        }
+        let frames = io.out(0).chunks_exact_mut(width.max(1));
+        for ((y, x), by) in frames.zip(x.chunks_exact(width.max(1))).zip(by) {
+            for (y, x) in y.iter_mut().zip(x) {
+                *y = x * by;
+            }
+        }
+    }
+}
+
+/// Divides a signal by a scalar signal.
+pub struct Divide;
+
+impl NodeKind for Divide {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Divide",
+        group: "math",
+        doc: "Divides a signal, every lane of it, by a scalar signal. Where the divisor is zero the quotient is zero, \
+              as is wanted of a ratio of forces while nothing touches.",
+        source: "",
+        inputs: &[
+            any_input("input", "The dividend."),
+            scalar_input("by", "The divisor."),
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::Quotient("input", "by"),
+            doc: "The quotient, of the quotient's quantity.",
+        }],
+        example: r#""mu": Divide(input: "friction.magnitude", by: "normal.magnitude")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Divider))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Divider;
+
+impl Processor for Divider {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x, by) = (io.width(0).max(1), io.lanes(0), io.lanes(1));
+        let frames = io.out(0).chunks_exact_mut(width);
+        for ((y, x), by) in frames.zip(x.chunks_exact(width)).zip(by) {
+            for (y, x) in y.iter_mut().zip(x) {
+                *y = if *by == 0.0 { 0.0 } else { x / by };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn every_lane_is_multiplied_and_divided() {
+        let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let mut bench = Bench::new::<Multiply>(NoSettings {}, 1.0, &[Kind::Vector, Kind::Scalar]).unwrap();
+        assert_eq!(
+            bench.run(&[&x, &[2.0, -1.0]]),
+            [[2.0, 4.0, 6.0, -4.0, -5.0, -6.0]]
+        );
+        let mut bench = Bench::new::<Divide>(NoSettings {}, 1.0, &[Kind::Vector, Kind::Scalar]).unwrap();
+        assert_eq!(bench.run(&[&x, &[2.0, 0.0]]), [[0.5, 1.0, 1.5, 0.0, 0.0, 0.0]]);
+    }
+}

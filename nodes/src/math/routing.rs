@@ -1,0 +1,205 @@
+//! Which signal goes on, and when: switch and delay.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, Presence,
+    Processor, QuantityRule, Tick, any_input, input, output_like,
+};
+use haptograph_signal::quantity::Quantity;
+
+use crate::successor;
+
+haptograph_engine::settings! {
+    /// Settings of [`Switch`].
+    pub struct SwitchSettings {
+        /// Which input goes on while `selector` is not connected: 0 is the first.
+        [live] select: u32 = 0;
+    }
+}
+
+/// Passes one of several signals on.
+pub struct Switch;
+
+impl NodeKind for Switch {
+    type Settings = SwitchSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Switch",
+        group: "math",
+        doc: "Passes one of several signals of one kind and quantity on, chosen by a signal or by a setting.",
+        source: "",
+        inputs: &[
+            input(
+                "selector",
+                Kind::Scalar,
+                Quantity::NUMBER,
+                "Rounded to the number of an input, from 0; beyond the last it means the last.",
+            )
+            .optional(),
+            InputSpec {
+                name: "inputs",
+                kind: KindRule::Any,
+                quantity: QuantityRule::Any,
+                flow: Flow::Sampled,
+                presence: Presence::Many,
+                doc: "The signals to choose from.",
+            },
+        ],
+        outputs: &[output_like("output", "inputs", "The chosen signal.")],
+        example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#,
+    };
+
+    fn build(settings: SwitchSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let inputs = cx.input_widths.len().saturating_sub(1);
+        let select = settings.select as usize;
+        if select >= inputs {
+            let message = format!("there is no input {select} among {inputs}");
+            return Err(BuildError::at("select", message).help("inputs are counted from 0"));
+        }
+        Ok(Box::new(Switching { select }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Switching {
+    select: usize,
+}
+
+impl Processor for Switching {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let last = io.input_count().saturating_sub(2);
+        if !io.connected(0) {
+            let x = io.lanes(1 + self.select.min(last));
+            io.out(0).copy_from_slice(x);
+            return;
+        }
+        let (selector, width) = (io.lanes(0), io.width(1).max(1));
+        for (frame, selected) in selector.iter().enumerate() {
+            // The conversion saturates, and what is not a number is 0.
+            let x = io.lanes(1 + (selected.round() as usize).min(last));
+            let lanes = frame * width..(frame + 1) * width;
+            io.out(0)[lanes.clone()].copy_from_slice(&x[lanes]);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.select = value.round() as usize;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Delay`].
+    pub struct DelaySettings {
+        /// How many frames later, at most ten million.
+        frames: u32, in 0..=10_000_000;
+    }
+}
+
+/// The same signal, later.
+pub struct Delay;
+
+impl NodeKind for Delay {
+    type Settings = DelaySettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Delay",
+        group: "math",
+        doc: "Passes a signal on a number of frames later; zero before that. It does not close a feedback loop: for \
+              that, write the delay on the connection, as `Delay(...)` in place of the input.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "The signal, later.")],
+        example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#,
+    };
+
+    fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let width = cx.input_widths.first().copied().unwrap_or(1);
+        let frames = settings.frames as usize;
+        Ok(Box::new(Later {
+            ring: vec![0.0; frames * width].into(),
+            next: 0,
+            delay_s: frames as f64 * cx.rate.period_s(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Later {
+    /// The lanes of the last frames, the oldest at `next`.
+    ring: Box<[f64]>,
+    next: usize,
+    delay_s: f64,
+}
+
+impl Processor for Later {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        if self.ring.is_empty() {
+            io.out(0).copy_from_slice(x);
+            return;
+        }
+        let (mut x, mut y) = (x, io.out(0));
+        while !x.is_empty() {
+            let part = x.len().min(self.ring.len() - self.next);
+            let ring = &mut self.ring[self.next..self.next + part];
+            let (now, later) = y.split_at_mut(part);
+            now.copy_from_slice(ring);
+            ring.copy_from_slice(&x[..part]);
+            self.next = (self.next + part) % self.ring.len();
+            (x, y) = (&x[part..], later);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new)
+            && new.ring.len() == self.ring.len()
+        {
+            new.ring.copy_from_slice(&self.ring);
+            new.next = self.next;
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: self.delay_s,
+            group_delay_s: 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_switch_follows_its_setting_or_its_selector() {
+        let settings = || SwitchSettings { select: 1 };
+        let scalar = Some(Kind::Scalar);
+        let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar, scalar]).unwrap();
+        let (a, b) = ([1.0, 2.0, 3.0, 4.0], [-1.0, -2.0, -3.0, -4.0]);
+        assert_eq!(bench.run(&[&[], &a, &b]), [b]);
+        bench.processor().set(0, 0.0);
+        assert_eq!(bench.run(&[&[], &a, &b]), [a]);
+        let mut bench = Bench::with_gaps::<Switch>(settings(), 1.0, &[scalar; 3]).unwrap();
+        let selector = [0.0, 1.0, 99.0, f64::NAN];
+        assert_eq!(bench.run(&[&selector, &a, &b]), [[1.0, -2.0, -3.0, 4.0]]);
+        let few = Bench::with_gaps::<Switch>(settings(), 1.0, &[None, scalar]);
+        assert_eq!(few.err().and_then(|e| e.field), Some("select"));
+    }
+
+    #[test]
+    fn what_goes_in_comes_out_later_however_it_is_cut() {
+        let x: Vec<f64> = (1..=600).map(f64::from).collect();
+        for frames in [0, 1, 3, 64, 500] {
+            for blocks in [&[1][..], &[7, 64, 3], &[512]] {
+                let mut bench =
+                    Bench::new::<Delay>(DelaySettings { frames }, 1000.0, &[Kind::Vector]).unwrap();
+                let y = &bench.run_in_blocks(&[&x], blocks)[0];
+                let shift = 3 * frames as usize;
+                assert!(y[..shift.min(600)].iter().all(|y| *y == 0.0));
+                assert_eq!(y[shift.min(600)..], x[..600 - shift.min(600)]);
+            }
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! One number applied to a signal: gain, offset, calibration, absolute value.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
+    Processor, QuantityRule, Tick, any_input, output_like,
+};
+use haptograph_engine::settings::NoSettings;
+
+haptograph_engine::settings! {
+    /// Settings of [`Gain`].
+    pub struct GainSettings {
+        /// The factor, a plain number.
+        [live] gain: f64 = 1.0;
+    }
+}
+
+/// Multiplies a signal by a number.
+pub struct Gain;
+
+impl NodeKind for Gain {
+    type Settings = GainSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Gain",
+        group: "math",
+        doc: "Multiplies a signal by a plain number. The quantity stays; to turn one into another use `Calibrate`.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "The signal times the gain.")],
+        example: r#""louder": Gain(input: "texture.acceleration", gain: 2.0)"#,
+    };
+
+    fn build(settings: GainSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Scaler {
+            factor: settings.gain,
+        }))
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Calibrate`].
+    pub struct CalibrateSettings {
+        /// What comes out per unit of what goes in, both in SI: A per m/s2, V per N.
+        [live] factor: f64;
+        /// The quantity that goes in, by name.
+        from: String;
+        /// The quantity that comes out, by name.
+        to: String;
+    }
+}
+
+/// Turns one quantity into another by a factor.
+pub struct Calibrate;
+
+impl NodeKind for Calibrate {
+    type Settings = CalibrateSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Calibrate",
+        group: "math",
+        doc: "Turns a signal of one quantity into another by a factor: the sensitivity of a sensor, the constant of an \
+              actuator, the gain of an amplifier.",
+        source: "",
+        inputs: &[InputSpec {
+            name: "input",
+            kind: KindRule::Linear,
+            quantity: QuantityRule::Setting("from"),
+            flow: Flow::Sampled,
+            presence: Presence::Required,
+            doc: "The signal, of the quantity that `from` names.",
+        }],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Same("input"),
+            quantity: QuantityRule::Setting("to"),
+            doc: "The signal times the factor, of the quantity that `to` names.",
+        }],
+        example: r#""drive": Calibrate(input: "texture.acceleration", from: "acceleration", to: "current", factor: 0.02)"#,
+    };
+
+    fn build(settings: CalibrateSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Scaler {
+            factor: settings.factor,
+        }))
+    }
+}
+
+/// Multiplies; the factor is the first setting.
+#[derive(Debug, Clone)]
+struct Scaler {
+    factor: f64,
+}
+
+impl Processor for Scaler {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        let factor = self.factor;
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            *y = factor * x;
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.factor = value;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Offset`].
+    pub struct OffsetSettings {
+        /// What is added, in the SI unit of the signal.
+        [live] offset: f64 = 0.0;
+    }
+}
+
+/// Adds a number to a scalar.
+pub struct Offset;
+
+impl NodeKind for Offset {
+    type Settings = OffsetSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Offset",
+        group: "math",
+        doc: "Adds a number to a scalar signal.",
+        source: "",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Scalar),
+            ..any_input("input", "The signal.")
+        }],
+        outputs: &[output_like("output", "input", "The signal plus the offset.")],
+        example: r#""zeroed": Offset(input: "stylus.force", offset: -0.02)"#,
+    };
+
+    fn build(settings: OffsetSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Shifter {
+            offset: settings.offset,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Shifter {
+    offset: f64,
+}
+
+impl Processor for Shifter {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        let offset = self.offset;
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            *y = x + offset;
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.offset = value;
+        }
+    }
+}
+
+/// The absolute value of every lane.
+pub struct Abs;
+
+impl NodeKind for Abs {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Abs",
+        group: "math",
+        doc: "The absolute value of every lane. For the length of a vector use `Magnitude`.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[output_like("output", "input", "Its absolute value.")],
+        example: r#""rectified": Abs(input: "texture.acceleration")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Rectifier))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Rectifier;
+
+impl Processor for Rectifier {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            *y = x.abs();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_gain_multiplies_every_lane_and_can_be_turned() {
+        let mut bench = Bench::new::<Gain>(GainSettings { gain: -2.0 }, 1000.0, &[Kind::Vector]).unwrap();
+        assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[-2.0, -4.0, -6.0]]);
+        bench.processor().set(0, 0.5);
+        assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[0.5, 1.0, 1.5]]);
+    }
+
+    #[test]
+    fn offset_and_absolute_value() {
+        let mut bench = Bench::new::<Offset>(OffsetSettings { offset: 0.25 }, 1.0, &[Kind::Scalar]).unwrap();
+        assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[-0.75, 2.25]]);
+        let mut bench = Bench::new::<Abs>(NoSettings {}, 1.0, &[Kind::Scalar]).unwrap();
+        assert_eq!(bench.run(&[&[-1.0, 2.0]]), [[1.0, 2.0]]);
+    }
+}

@@ -1,0 +1,208 @@
+//! Sums of signals of one quantity: add, subtract, mix. Terms are added in the order in which they are connected.
+
+use haptograph_engine::node::{
+    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, Presence, Processor,
+    QuantityRule, Tick, any_input, output_like,
+};
+use haptograph_engine::settings::NoSettings;
+
+const TERMS: InputSpec = InputSpec {
+    name: "inputs",
+    kind: KindRule::Linear,
+    quantity: QuantityRule::Any,
+    flow: Flow::Sampled,
+    presence: Presence::Many,
+    doc: "The terms, all of one kind and quantity.",
+};
+
+/// Adds signals.
+pub struct Add;
+
+impl NodeKind for Add {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Add",
+        group: "math",
+        doc: "Adds any number of signals of one kind and quantity.",
+        source: "",
+        inputs: &[TERMS],
+        outputs: &[output_like(
+            "output",
+            "inputs",
+            "The sum, added in the order of the list.",
+        )],
+        example: r#""total": Add(inputs: ["texture.acceleration", "taps.acceleration"])"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Adder))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Adder;
+
+impl Processor for Adder {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let terms = io.input_count();
+        let first = io.lanes(0);
+        if terms < 2 {
+            io.out(0).copy_from_slice(first);
+            return;
+        }
+        let second = io.lanes(1);
+        for ((y, a), b) in io.out(0).iter_mut().zip(first).zip(second) {
+            *y = a + b;
+        }
+        for term in 2..terms {
+            let x = io.lanes(term);
+            for (y, x) in io.out(0).iter_mut().zip(x) {
+                *y += x;
+            }
+        }
+    }
+}
+
+/// Subtracts one signal from another.
+pub struct Subtract;
+
+impl NodeKind for Subtract {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Subtract",
+        group: "math",
+        doc: "Subtracts `less` from `input`, both of one kind and quantity.",
+        source: "",
+        inputs: &[
+            any_input("input", "What is subtracted from."),
+            InputSpec {
+                kind: KindRule::Same("input"),
+                quantity: QuantityRule::Same("input"),
+                ..any_input("less", "What is subtracted.")
+            },
+        ],
+        outputs: &[output_like("output", "input", "The difference.")],
+        example: r#""error": Subtract(input: "reference.output", less: "sensor.force")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Subtractor))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Subtractor;
+
+impl Processor for Subtractor {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (a, b) = (io.lanes(0), io.lanes(1));
+        for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+            *y = a - b;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Mixer`].
+    pub struct MixerSettings {
+        /// A gain for each input, in the order of `inputs`.
+        gains: Vec<f64>;
+        /// A gain on the whole mix.
+        [live] master: f64 = 1.0;
+    }
+}
+
+/// Adds signals with a gain each.
+pub struct Mixer;
+
+impl NodeKind for Mixer {
+    type Settings = MixerSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Mixer",
+        group: "math",
+        doc: "Adds any number of signals of one kind and quantity, each with a gain of its own.",
+        source: "",
+        inputs: &[TERMS],
+        outputs: &[output_like(
+            "output",
+            "inputs",
+            "The weighted sum, added in the order of the list.",
+        )],
+        example: r#""mix": Mixer(inputs: ["texture.acceleration", "taps.acceleration"], gains: [1.0, 0.5])"#,
+    };
+
+    fn build(settings: MixerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let (gains, inputs) = (settings.gains.len(), cx.input_widths.len());
+        if gains != inputs {
+            let message = format!("{gains} gains for {inputs} inputs");
+            return Err(
+                BuildError::at("gains", message).help("give one gain for each input, in the same order")
+            );
+        }
+        Ok(Box::new(Mixing {
+            gains: settings.gains.into(),
+            master: settings.master,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Mixing {
+    gains: Box<[f64]>,
+    master: f64,
+}
+
+impl Processor for Mixing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        io.out(0).fill(0.0);
+        for (term, gain) in self.gains.iter().enumerate() {
+            let (x, gain) = (io.lanes(term), gain * self.master);
+            for (y, x) in io.out(0).iter_mut().zip(x) {
+                *y += gain * x;
+            }
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 1 {
+            self.master = value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::frame::Kind;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn sums_of_one_two_and_four_terms() {
+        for terms in [1, 2, 4] {
+            let kinds = vec![Kind::Scalar; terms];
+            let mut bench = Bench::new::<Add>(NoSettings {}, 1.0, &kinds).unwrap();
+            let inputs: Vec<[f64; 2]> = (0..terms).map(|i| [i as f64 + 1.0, 10.0 * i as f64]).collect();
+            let inputs: Vec<&[f64]> = inputs.iter().map(|x| &x[..]).collect();
+            let n = terms as f64;
+            assert_eq!(bench.run(&inputs), [[n * (n + 1.0) / 2.0, 5.0 * n * (n - 1.0)]]);
+        }
+    }
+
+    #[test]
+    fn a_difference_has_a_sign() {
+        let mut bench = Bench::new::<Subtract>(NoSettings {}, 1.0, &[Kind::Scalar; 2]).unwrap();
+        assert_eq!(bench.run(&[&[3.0], &[5.0]]), [[-2.0]]);
+    }
+
+    #[test]
+    fn a_mixer_needs_a_gain_for_every_input() {
+        let settings = |gains: &[f64]| MixerSettings {
+            gains: gains.to_vec(),
+            master: 10.0,
+        };
+        let mut bench = Bench::new::<Mixer>(settings(&[1.0, -0.5]), 1.0, &[Kind::Scalar; 2]).unwrap();
+        assert_eq!(bench.run(&[&[3.0], &[4.0]]), [[10.0]]);
+        let refused = Bench::new::<Mixer>(settings(&[1.0]), 1.0, &[Kind::Scalar; 2]).err();
+        assert_eq!(refused.map(|e| e.field), Some(Some("gains")));
+    }
+}

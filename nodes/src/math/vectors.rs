@@ -1,0 +1,336 @@
+//! 3-vectors and wrenches: length, products, parts.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
+    QuantityRule, Tick, any_input, input, output,
+};
+use haptograph_engine::settings::NoSettings;
+use haptograph_signal::quantity::Quantity;
+
+use crate::vector::{cross, dot};
+
+const fn vector_input(name: &'static str, doc: &'static str) -> InputSpec {
+    InputSpec {
+        kind: KindRule::Is(Kind::Vector),
+        ..any_input(name, doc)
+    }
+}
+
+const fn scalar_of(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
+    OutputSpec {
+        name,
+        kind: KindRule::Is(Kind::Scalar),
+        quantity: QuantityRule::Same(like),
+        doc,
+    }
+}
+
+/// The length of a vector.
+pub struct Magnitude;
+
+impl NodeKind for Magnitude {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Magnitude",
+        group: "math",
+        doc: "The length of a 3-vector.",
+        source: "",
+        inputs: &[vector_input("input", "The vector.")],
+        outputs: &[scalar_of("output", "input", "Its length.")],
+        example: r#""pull": Magnitude(input: "arm.force")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Length))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Length;
+
+impl Processor for Length {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.frames_of::<3>(0);
+        for (y, [a, b, c]) in io.out(0).iter_mut().zip(x) {
+            *y = (a * a + b * b + c * c).sqrt();
+        }
+    }
+}
+
+/// The scalar product.
+pub struct Dot;
+
+impl NodeKind for Dot {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Dot",
+        group: "math",
+        doc: "The scalar product of two 3-vectors: force and velocity give power.",
+        source: "",
+        inputs: &[
+            vector_input("a", "The first vector."),
+            vector_input("b", "The second vector."),
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Scalar),
+            quantity: QuantityRule::Product("a", "b"),
+            doc: "a . b",
+        }],
+        example: r#""power": Dot(a: "arm.force", b: "arm.velocity")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(ScalarProduct))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct ScalarProduct;
+
+impl Processor for ScalarProduct {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (a, b) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
+        for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+            *y = dot(*a, *b);
+        }
+    }
+}
+
+/// The vector product.
+pub struct Cross;
+
+impl NodeKind for Cross {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Cross",
+        group: "math",
+        doc: "The vector product of two 3-vectors: lever arm and force give torque.",
+        source: "",
+        inputs: &[
+            vector_input("a", "The first vector."),
+            vector_input("b", "The second vector."),
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Vector),
+            quantity: QuantityRule::Product("a", "b"),
+            doc: "a x b",
+        }],
+        example: r#""torque": Cross(a: "arm.position", b: "arm.force")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(VectorProduct))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct VectorProduct;
+
+impl Processor for VectorProduct {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (a, b) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
+        for ((y, a), b) in io.out_frames::<3>(0).iter_mut().zip(a).zip(b) {
+            *y = cross(*a, *b);
+        }
+    }
+}
+
+/// A vector's three numbers.
+pub struct Components;
+
+impl NodeKind for Components {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Components",
+        group: "math",
+        doc: "The three components of a 3-vector as scalars.",
+        source: "",
+        inputs: &[vector_input("input", "The vector.")],
+        outputs: &[
+            scalar_of("x", "input", "Along x."),
+            scalar_of("y", "input", "Along y."),
+            scalar_of("z", "input", "Along z."),
+        ],
+        example: r#""tip": Components(input: "stylus.position")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Unpacking))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Unpacking;
+
+impl Processor for Unpacking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let vectors = io.frames_of::<3>(0);
+        let [x, y, z] = io.outs();
+        for (((x, y), z), vector) in x.iter_mut().zip(y).zip(z).zip(vectors) {
+            [*x, *y, *z] = *vector;
+        }
+    }
+}
+
+/// Three numbers as a vector.
+pub struct Pack;
+
+impl NodeKind for Pack {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Pack",
+        group: "math",
+        doc: "Makes a 3-vector of three scalars of one quantity.",
+        source: "",
+        inputs: &[
+            InputSpec {
+                kind: KindRule::Is(Kind::Scalar),
+                ..any_input("x", "Along x.")
+            },
+            InputSpec {
+                kind: KindRule::Is(Kind::Scalar),
+                quantity: QuantityRule::Same("x"),
+                ..any_input("y", "Along y.")
+            },
+            InputSpec {
+                kind: KindRule::Is(Kind::Scalar),
+                quantity: QuantityRule::Same("x"),
+                ..any_input("z", "Along z.")
+            },
+        ],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Vector),
+            quantity: QuantityRule::Same("x"),
+            doc: "The vector.",
+        }],
+        example: r#""path": Pack(x: "east.output", y: "north.output", z: "up.output")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Packing))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Packing;
+
+impl Processor for Packing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (x, y, z) = (io.lanes(0), io.lanes(1), io.lanes(2));
+        for (((vector, x), y), z) in io.out_frames::<3>(0).iter_mut().zip(x).zip(y).zip(z) {
+            *vector = [*x, *y, *z];
+        }
+    }
+}
+
+/// A wrench's force and torque.
+pub struct WrenchParts;
+
+impl NodeKind for WrenchParts {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "WrenchParts",
+        group: "math",
+        doc: "The force and the torque of a wrench.",
+        source: "",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Wrench),
+            ..any_input("input", "The wrench.")
+        }],
+        outputs: &[
+            output("force", Kind::Vector, Quantity::FORCE, "Its force, N."),
+            output("torque", Kind::Vector, Quantity::TORQUE, "Its torque, N m."),
+        ],
+        example: r#""parts": WrenchParts(input: "sensor.wrench")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(WrenchUnpacking))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct WrenchUnpacking;
+
+impl Processor for WrenchUnpacking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let wrenches = io.frames_of::<6>(0);
+        let [force, torque] = io.outs();
+        let parts = force.as_chunks_mut().0.iter_mut().zip(torque.as_chunks_mut().0);
+        for ((force, torque), [fx, fy, fz, tx, ty, tz]) in parts.zip(wrenches) {
+            *force = [*fx, *fy, *fz];
+            *torque = [*tx, *ty, *tz];
+        }
+    }
+}
+
+/// A force and a torque as a wrench.
+pub struct MakeWrench;
+
+impl NodeKind for MakeWrench {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "MakeWrench",
+        group: "math",
+        doc: "Makes a wrench of a force and a torque about the origin.",
+        source: "",
+        inputs: &[
+            input("force", Kind::Vector, Quantity::FORCE, "The force, N."),
+            input("torque", Kind::Vector, Quantity::TORQUE, "The torque, N m."),
+        ],
+        outputs: &[output("output", Kind::Wrench, Quantity::FORCE, "The wrench.")],
+        example: r#""load": MakeWrench(force: "arm.force", torque: "torque.output")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(WrenchPacking))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct WrenchPacking;
+
+impl Processor for WrenchPacking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (force, torque) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
+        for ((wrench, force), torque) in io.out_frames::<6>(0).iter_mut().zip(force).zip(torque) {
+            wrench[..3].copy_from_slice(force);
+            wrench[3..].copy_from_slice(torque);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    const A: [f64; 3] = [1.0, 2.0, -2.0];
+    const B: [f64; 3] = [0.0, 3.0, 4.0];
+
+    fn run<K: NodeKind<Settings = NoSettings>>(kinds: &[Kind], inputs: &[&[f64]]) -> Vec<Vec<f64>> {
+        Bench::new::<K>(NoSettings {}, 1.0, kinds).unwrap().run(inputs)
+    }
+
+    #[test]
+    fn lengths_and_products() {
+        assert_eq!(run::<Magnitude>(&[Kind::Vector], &[&A]), [[3.0]]);
+        assert_eq!(run::<Dot>(&[Kind::Vector; 2], &[&A, &B]), [[-2.0]]);
+        assert_eq!(run::<Cross>(&[Kind::Vector; 2], &[&A, &B]), [[14.0, -4.0, 3.0]]);
+    }
+
+    #[test]
+    fn taken_apart_and_put_together_again() {
+        let parts = run::<Components>(&[Kind::Vector], &[&[A, B].concat()]);
+        assert_eq!(parts, [[1.0, 0.0], [2.0, 3.0], [-2.0, 4.0]]);
+        let parts: Vec<&[f64]> = parts.iter().map(|x| &x[..]).collect();
+        assert_eq!(run::<Pack>(&[Kind::Scalar; 3], &parts), [[A, B].concat()]);
+        let wrench = run::<MakeWrench>(&[Kind::Vector; 2], &[&A, &B]);
+        assert_eq!(wrench, [[A, B].concat()]);
+        assert_eq!(run::<WrenchParts>(&[Kind::Wrench], &[&wrench[0]]), [A, B]);
+    }
+}

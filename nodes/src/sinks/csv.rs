@@ -1,0 +1,191 @@
+//! Writing signals to a table.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence, QuantityRule,
+    Stream,
+};
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::inside_the_run;
+use crate::units;
+
+haptograph_engine::settings! {
+    /// Settings of [`CsvSink`].
+    pub struct CsvSinkSettings {
+        /// Name of the file in the run's folder.
+        file: String;
+    }
+}
+
+/// Writes signals of one rate to a CSV file.
+pub struct CsvSink;
+
+impl FileKind for CsvSink {
+    type Settings = CsvSinkSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "CsvSink",
+        group: "sinks",
+        doc: "Writes signals of one rate to a CSV file: a column `time_s`, then one for each lane of each signal, \
+              named after its port with its SI unit: `stylus.force_n`. Every number is written with all its digits.",
+        source: "",
+        inputs: &[InputSpec {
+            name: "inputs",
+            kind: KindRule::Any,
+            quantity: QuantityRule::Any,
+            flow: Flow::Sampled,
+            presence: Presence::Many,
+            doc: "The signals, of any kinds and quantities.",
+        }],
+        outputs: &[],
+        example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#,
+    };
+
+    fn build(settings: CsvSinkSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
+        if let Some(other) = streams.iter().find(|stream| stream.rate != streams[0].rate) {
+            let message = format!(
+                "{} has {} but {} has {}; the rows of a table have one rate",
+                streams[0].name, streams[0].rate, other.name, other.rate
+            );
+            return Err(BuildError::at("inputs", message).help("write each rate to a file of its own"));
+        }
+        Ok(Box::new(Table {
+            file: inside_the_run(&settings.file)?,
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Table {
+    file: PathBuf,
+}
+
+impl FileSink for Table {
+    fn file_name(&self) -> &Path {
+        &self.file
+    }
+
+    fn open(&self, path: &Path, streams: &[Stream]) -> io::Result<Box<dyn FrameWriter>> {
+        let mut writer = csv::Writer::from_path(path).map_err(io::Error::other)?;
+        let columns = streams.iter().flat_map(columns_of);
+        let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(columns).collect();
+        writer.write_record(&header).map_err(io::Error::other)?;
+        Ok(Box::new(Rows {
+            writer,
+            waiting: streams
+                .iter()
+                .map(|stream| (stream.kind.width(), VecDeque::new()))
+                .collect(),
+            period_s: streams.first().map_or(0.0, |stream| stream.rate.period_s()),
+            row: 0,
+        }))
+    }
+}
+
+/// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: lanes of a linear kind carry its unit.
+fn columns_of(stream: &Stream) -> Vec<String> {
+    let unit = if stream.kind.is_linear() && stream.kind != Kind::Wrench {
+        units::suffix(stream.quantity)
+    } else {
+        String::new()
+    };
+    let named = |lane: String| match (stream.kind, lane.as_str()) {
+        (Kind::Scalar, _) => format!("{}{unit}", stream.name),
+        (Kind::Wrench, lane) => {
+            let unit = if lane.starts_with("force") { "_n" } else { "_n_m" };
+            format!("{}_{lane}{unit}", stream.name)
+        }
+        (_, lane) => format!("{}_{lane}{unit}", stream.name),
+    };
+    stream.kind.lane_names().into_iter().map(named).collect()
+}
+
+struct Rows {
+    writer: csv::Writer<File>,
+    /// Width of each stream, and its lanes that wait for those of the others.
+    waiting: Vec<(usize, VecDeque<f64>)>,
+    period_s: f64,
+    row: u64,
+}
+
+impl FrameWriter for Rows {
+    fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
+        if let Some((_, lanes)) = self.waiting.get_mut(stream) {
+            lanes.extend(frames);
+        }
+        while self.waiting.iter().all(|(width, lanes)| lanes.len() >= *width) {
+            let time_s = self.row as f64 * self.period_s;
+            self.row += 1;
+            self.writer
+                .write_field(time_s.to_string())
+                .map_err(io::Error::other)?;
+            for (width, lanes) in &mut self.waiting {
+                for lane in lanes.drain(..*width) {
+                    self.writer
+                        .write_field(lane.to_string())
+                        .map_err(io::Error::other)?;
+                }
+            }
+            self.writer
+                .write_record(None::<&[u8]>)
+                .map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::quantity::Quantity;
+    use haptograph_signal::time::Rate;
+
+    fn stream(name: &str, kind: Kind, quantity: Quantity, rate: &str) -> Stream {
+        Stream {
+            name: name.into(),
+            kind,
+            quantity,
+            rate: Rate::parse(rate).unwrap(),
+            simulated: false,
+        }
+    }
+
+    #[test]
+    fn rows_wait_until_every_signal_has_come() {
+        let folder = tempfile::tempdir().unwrap();
+        let streams = [
+            stream("stylus.position", Kind::Vector, Quantity::LENGTH, "125"),
+            stream("stylus.force", Kind::Scalar, Quantity::FORCE, "125"),
+        ];
+        let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &streams).unwrap();
+        let path = folder.path().join(sink.file_name());
+        let mut writer = sink.open(&path, &streams).unwrap();
+        writer.write(0, &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]).unwrap();
+        writer.write(1, &[1.5]).unwrap();
+        writer.write(1, &[1e-7]).unwrap();
+        writer.finish().unwrap();
+        let text = std::fs::read_to_string(path).unwrap();
+        assert_eq!(
+            text,
+            "time_s,stylus.position_x_m,stylus.position_y_m,stylus.position_z_m,stylus.force_n\n\
+             0,0.1,0.2,0.3,1.5\n0.008,0.4,0.5,0.6,0.0000001\n"
+        );
+    }
+
+    #[test]
+    fn one_table_has_one_rate() {
+        let streams = [
+            stream("a.x", Kind::Scalar, Quantity::FORCE, "125"),
+            stream("b.x", Kind::Scalar, Quantity::FORCE, "240"),
+        ];
+        let refused = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &streams).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("inputs"));
+    }
+}

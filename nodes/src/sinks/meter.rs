@@ -1,0 +1,107 @@
+//! How loud a signal is.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor, QuantityRule, Tick,
+    any_input,
+};
+
+use crate::successor;
+
+haptograph_engine::settings! {
+    /// Settings of [`Meter`].
+    pub struct MeterSettings {
+        /// Time constant: how long a moment is remembered.
+        window_s: f64 = 0.3, in 1e-6..=1e6;
+    }
+}
+
+/// Peak and root mean square.
+pub struct Meter;
+
+impl NodeKind for Meter {
+    type Settings = MeterSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Meter",
+        group: "sinks",
+        doc: "The loudness of a signal: the root of its exponentially weighted mean square, and a peak that falls with \
+              the same time constant. Of a vector, its length counts.",
+        source: "",
+        inputs: &[any_input("input", "The signal.")],
+        outputs: &[
+            level("rms", "Root mean square over the time constant."),
+            level("peak", "Largest magnitude, falling exponentially."),
+        ],
+        example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#,
+    };
+
+    fn build(settings: MeterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Level {
+            keep: (-cx.rate.period_s() / settings.window_s).exp(),
+            mean_square: 0.0,
+            peak: 0.0,
+        }))
+    }
+}
+
+const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
+    OutputSpec {
+        name,
+        kind: KindRule::Is(Kind::Scalar),
+        quantity: QuantityRule::Same("input"),
+        doc,
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Level {
+    /// Part of the past that is left a frame later.
+    keep: f64,
+    mean_square: f64,
+    peak: f64,
+}
+
+impl Processor for Level {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (width, x) = (io.width(0).max(1), io.lanes(0));
+        let [rms, peak] = io.outs();
+        for ((rms, peak), x) in rms.iter_mut().zip(peak).zip(x.chunks_exact(width)) {
+            let square = x.iter().map(|x| x * x).sum::<f64>();
+            // What is not a number, or too large to square, is not remembered.
+            let square = if square.is_finite() { square } else { 0.0 };
+            self.mean_square = flushed(self.keep * self.mean_square + (1.0 - self.keep) * square);
+            self.peak = flushed((self.keep * self.peak).max(square.sqrt()));
+            (*rms, *peak) = (self.mean_square.sqrt(), self.peak);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.mean_square, new.peak) = (self.mean_square, self.peak);
+        }
+    }
+}
+
+fn flushed(value: f64) -> f64 {
+    if value < 1e-200 { 0.0 } else { value }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_sine_reads_its_rms_and_peak_and_silence_reads_zero() {
+        let mut bench =
+            Bench::new::<Meter>(MeterSettings { window_s: 0.1 }, 1000.0, &[Kind::Scalar]).unwrap();
+        let mut x: Vec<f64> = (0..5000).map(|k| 3.0 * (0.7 * f64::from(k)).sin()).collect();
+        x.resize(60_000, 0.0);
+        let y = bench.run(&[&x]);
+        assert!((y[0][4999] - 3.0 / 2.0_f64.sqrt()).abs() < 0.05);
+        let highest = y[1][..5000].iter().fold(0.0_f64, |m, y| m.max(*y));
+        assert!((highest - 3.0).abs() < 1e-3);
+        assert!((y[1][5200] / y[1][5100] - (-1.0_f64).exp()).abs() < 1e-9);
+        assert_eq!((y[0][59_999], y[1][59_999]), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,276 @@
+//! A signal from a column of a table.
+
+use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_signal::quantity::Quantity;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::made;
+use super::wav::Playback;
+use crate::units;
+
+haptograph_engine::choices! {
+    /// What lies between two rows.
+    pub enum Between {
+        /// The row before holds.
+        Hold,
+        /// A straight line.
+        Linear,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`CsvSource`].
+    pub struct CsvSourceSettings {
+        /// The CSV file, relative to the graph file.
+        file: PathBuf;
+        /// The header of the column; its ending is the unit: `stylus.force_n`, `speed_mm_s`.
+        column: String;
+        /// What it is, by name; has to fit the unit in the header.
+        quantity: String = "number".into();
+        /// What lies between two rows, where the file has a column `time_s`. Without one, each row is a tick.
+        between: Between = Between::Linear;
+        /// Start again at the end; otherwise the last value holds.
+        repeat: bool = false;
+    }
+}
+
+/// Plays a column of a CSV file.
+pub struct CsvSource;
+
+impl NodeKind for CsvSource {
+    type Settings = CsvSourceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "CsvSource",
+        group: "sources",
+        doc: "Plays a column of a CSV file with a header. A column `time_s` says when; without one each row is a tick. \
+              The unit at the end of the column's name is converted to SI.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The column.")],
+        example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#,
+    };
+
+    fn build(settings: CsvSourceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let scale = scale(&settings)?;
+        let table = Table::read(&settings, scale)?;
+        if table.time_s.is_empty() {
+            return Ok(Box::new(Rows(Playback {
+                samples: table.values,
+                repeat: settings.repeat,
+            })));
+        }
+        Ok(Box::new(Curve {
+            table,
+            between: settings.between,
+            repeat: settings.repeat,
+        }))
+    }
+}
+
+/// SI per unit of the column, where its unit is one of the quantity asked for.
+fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
+    let (unit, scale) = units::of_header(&settings.column);
+    let Some(wanted) = Quantity::by_name(&settings.quantity) else {
+        return Err(BuildError::at(
+            "quantity",
+            format!("there is no quantity called {}", settings.quantity),
+        ));
+    };
+    if unit == wanted {
+        return Ok(scale);
+    }
+    let message = format!(
+        "the column {} is {unit} by its name, not {wanted}",
+        settings.column
+    );
+    let help = format!(
+        "set `quantity` to what the column is, or rename it: ..{}",
+        units::suffix(wanted)
+    );
+    Err(BuildError::at("quantity", message).help(help))
+}
+
+#[derive(Debug, Clone)]
+struct Table {
+    /// Ascending; empty where the file has no such column.
+    time_s: Arc<[f64]>,
+    values: Arc<[f64]>,
+}
+
+impl Table {
+    fn read(settings: &CsvSourceSettings, scale: f64) -> Result<Self, BuildError> {
+        let file = settings.file.display();
+        let failed = |problem: String| BuildError::at("file", format!("{file}: {problem}"));
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_path(&settings.file)
+            .map_err(|error| failed(error.to_string()))?;
+        let headers = reader
+            .headers()
+            .map_err(|error| failed(error.to_string()))?
+            .clone();
+        let place = |name: &str| headers.iter().position(|header| header == name);
+        let Some(column) = place(&settings.column) else {
+            let message = format!("{file} has no column {}", settings.column);
+            let known: Vec<&str> = headers.iter().collect();
+            return Err(
+                BuildError::at("column", message).help(format!("its columns are {}", known.join(", ")))
+            );
+        };
+        let time = place("time_s");
+        let (mut times, mut values) = (Vec::new(), Vec::new());
+        for record in reader.records() {
+            let record = record.map_err(|error| failed(error.to_string()))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let number = |column: usize| {
+                let text = record.get(column).unwrap_or_default();
+                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+                number.ok_or_else(|| failed(format!("line {line}: '{text}' is not a finite number")))
+            };
+            if let Some(time) = time {
+                let time_s = number(time)?;
+                if times.last().is_some_and(|last| time_s <= *last) {
+                    return Err(failed(format!(
+                        "line {line}: the time {time_s} s is not after the one before"
+                    )));
+                }
+                times.push(time_s);
+            }
+            values.push(scale * number(column)?);
+        }
+        if values.is_empty() {
+            return Err(failed("there are no rows".into()));
+        }
+        Ok(Self {
+            time_s: times.into(),
+            values: values.into(),
+        })
+    }
+}
+
+/// A row a tick; the last one holds.
+#[derive(Debug, Clone)]
+struct Rows(Playback);
+
+impl Processor for Rows {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        self.0.process(tick, io);
+        let length = self.0.samples.len() as u64;
+        if let (false, Some(last)) = (self.0.repeat, self.0.samples.last()) {
+            let beyond = length.saturating_sub(tick.first).min(tick.frames as u64) as usize;
+            io.out(0)[beyond..].fill(*last);
+        }
+    }
+}
+
+/// A curve over time, from the first row's time on.
+#[derive(Debug, Clone)]
+struct Curve {
+    table: Table,
+    between: Between,
+    repeat: bool,
+}
+
+impl Curve {
+    fn at(&self, time_s: f64) -> f64 {
+        let (times, values) = (&self.table.time_s, &self.table.values);
+        let (Some(first), Some(last)) = (times.first(), times.last()) else {
+            return 0.0;
+        };
+        let length = last - first;
+        let time_s = if self.repeat && length > 0.0 {
+            first + time_s % length
+        } else {
+            first + time_s
+        };
+        let next = times.partition_point(|t| *t <= time_s);
+        let before = next.saturating_sub(1);
+        match self.between {
+            Between::Linear if next > 0 && next < times.len() => {
+                let part = (time_s - times[before]) / (times[next] - times[before]);
+                values[before] + part * (values[next] - values[before])
+            }
+            _ => values[before],
+        }
+    }
+}
+
+impl Processor for Curve {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        for (frame, y) in io.out(0).iter_mut().enumerate() {
+            *y = self.at(tick.time_s(frame));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    struct File {
+        folder: tempfile::TempDir,
+    }
+
+    impl File {
+        fn new(text: &str) -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::write(folder.path().join("x.csv"), text).unwrap();
+            Self { folder }
+        }
+
+        fn settings(&self, column: &str, quantity: &str) -> CsvSourceSettings {
+            CsvSourceSettings {
+                file: self.folder.path().join("x.csv"),
+                column: column.into(),
+                quantity: quantity.into(),
+                between: Between::Linear,
+                repeat: false,
+            }
+        }
+    }
+
+    #[test]
+    fn rows_without_time_are_ticks_and_units_are_converted() {
+        let file = File::new("speed_mm_s, force_n\n100, 1\n200, 2\n300, 3\n");
+        let settings = file.settings("speed_mm_s", "speed");
+        let mut bench = Bench::new::<CsvSource>(settings, 10.0, &[]).unwrap();
+        let y = bench.run_frames(5, &[], &[2]).remove(0);
+        let wanted = [0.1, 0.2, 0.3, 0.3, 0.3];
+        assert!(y.iter().zip(wanted).all(|(y, w)| (y - w).abs() < 1e-12), "{y:?}");
+    }
+
+    #[test]
+    fn rows_with_time_are_joined_by_lines_or_steps() {
+        let file = File::new("time_s,force_n\n5.0,1\n5.2,3\n5.3,0\n");
+        let near = |y: &[f64], wanted: &[f64]| {
+            assert!(y.iter().zip(wanted).all(|(y, w)| (y - w).abs() < 1e-9), "{y:?}")
+        };
+        let mut settings = file.settings("force_n", "force");
+        let mut bench = Bench::new::<CsvSource>(settings.clone(), 10.0, &[]).unwrap();
+        near(&bench.run_source(5)[0], &[1.0, 2.0, 3.0, 0.0, 0.0]);
+        settings.between = Between::Hold;
+        let mut bench = Bench::new::<CsvSource>(settings, 20.0, &[]).unwrap();
+        near(&bench.run_source(6)[0], &[1.0, 1.0, 1.0, 1.0, 3.0, 3.0]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_at_its_field() {
+        let file = File::new("time_s,force_n\n0,1\n0,3\n");
+        let field = |settings| {
+            Bench::new::<CsvSource>(settings, 10.0, &[])
+                .err()
+                .and_then(|e| e.field)
+        };
+        assert_eq!(field(file.settings("force_n", "speed")), Some("quantity"));
+        assert_eq!(field(file.settings("pull_n", "force")), Some("column"));
+        assert_eq!(
+            field(file.settings("force_n", "force")),
+            Some("file"),
+            "time stands still"
+        );
+        let file = File::new("force_n\nmany\n");
+        assert_eq!(field(file.settings("force_n", "force")), Some("file"));
+    }
+}

@@ -1,0 +1,90 @@
+//! White Gaussian noise.
+
+use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_signal::noise::Gaussian;
+
+use super::made;
+use crate::successor;
+
+haptograph_engine::settings! {
+    /// Settings of [`Noise`].
+    pub struct NoiseSettings {
+        /// Variance, in the SI unit of `quantity` squared.
+        [live] variance: f64 = 1.0, in 0.0..=1e30;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// White Gaussian noise.
+pub struct Noise;
+
+impl NodeKind for Noise {
+    type Settings = NoiseSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Noise",
+        group: "sources",
+        doc: "White Gaussian noise. Each node has a stream of its own, from the graph's seed and the node's path.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The noise.")],
+        example: r#""hiss": Noise(clock: "synth", variance: 0.01, quantity: "acceleration")"#,
+    };
+
+    fn build(settings: NoiseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Source {
+            stream: Gaussian::new(cx.seed),
+            deviation: settings.variance.sqrt(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Source {
+    stream: Gaussian,
+    deviation: f64,
+}
+
+impl Processor for Source {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let out = io.out(0);
+        self.stream.fill(out);
+        for y in out {
+            *y *= self.deviation;
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.deviation = value.max(0.0).sqrt();
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.stream.clone_from(&self.stream);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn noise_has_its_variance_and_no_memory() {
+        let settings = NoiseSettings {
+            variance: 9.0,
+            quantity: "number".into(),
+        };
+        let mut bench = Bench::new::<Noise>(settings, 1000.0, &[]).unwrap();
+        let n = 200_000;
+        let y = bench.run_frames(n, &[], &[64, 1]).remove(0);
+        let mean = |f: &dyn Fn(usize) -> f64| (1..n).map(f).sum::<f64>() / (n - 1) as f64;
+        let four_sigma = 4.0 / (n as f64).sqrt();
+        assert!(mean(&|k| y[k] / 3.0).abs() < four_sigma);
+        assert!((mean(&|k| y[k] * y[k] / 9.0) - 1.0).abs() < 2.0_f64.sqrt() * four_sigma);
+        assert!(mean(&|k| y[k] * y[k - 1] / 9.0).abs() < four_sigma);
+    }
+}

@@ -1,0 +1,363 @@
+//! Signals made of constants and straight lines: constant, step, ramp, pulse.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor, QuantityRule, Tick,
+};
+
+use super::{made, tick_at};
+
+haptograph_engine::settings! {
+    /// Settings of [`Constant`].
+    pub struct ConstantSettings {
+        /// The value, in the SI unit of `quantity`.
+        [live] value: f64;
+        /// What it is, by name: `"force"`, `"speed"`.
+        quantity: String = "number".into();
+    }
+}
+
+/// The same number for ever.
+pub struct Constant;
+
+impl NodeKind for Constant {
+    type Settings = ConstantSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Constant",
+        group: "sources",
+        doc: "The same number at every tick.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The value.")],
+        example: r#""speed": Constant(clock: "control", value: 0.13, quantity: "speed")"#,
+    };
+
+    fn build(settings: ConstantSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Same {
+            value: settings.value,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Same {
+    value: f64,
+}
+
+impl Processor for Same {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        io.out(0).fill(self.value);
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.value = value;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`ConstantVector`].
+    pub struct ConstantVectorSettings {
+        /// x, y and z, in the SI unit of `quantity`.
+        value: [f64; 3];
+        /// What it is, by name: `"force"`, `"length"`.
+        quantity: String = "number".into();
+    }
+}
+
+/// The same vector for ever.
+pub struct ConstantVector;
+
+impl NodeKind for ConstantVector {
+    type Settings = ConstantVectorSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ConstantVector",
+        group: "sources",
+        doc: "The same 3-vector at every tick.",
+        source: "",
+        inputs: &[],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Vector),
+            quantity: QuantityRule::Setting("quantity"),
+            doc: "The value.",
+        }],
+        example: r#""weight": ConstantVector(clock: "servo", value: (0.0, 0.0, -0.5), quantity: "force")"#,
+    };
+
+    fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(SameVector {
+            value: settings.value,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct SameVector {
+    value: [f64; 3],
+}
+
+impl Processor for SameVector {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        io.out_frames::<3>(0).fill(self.value);
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Step`].
+    pub struct StepSettings {
+        /// Value before the step, in the SI unit of `quantity`.
+        before: f64 = 0.0;
+        /// Value from the step on, in the SI unit of `quantity`.
+        after: f64 = 1.0;
+        /// When it steps.
+        at_s: f64 = 0.0, in 0.0..=1e9;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// One value, then another.
+pub struct Step;
+
+impl NodeKind for Step {
+    type Settings = StepSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Step",
+        group: "sources",
+        doc: "One value before a time, another from then on.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The step.")],
+        example: r#""press": Step(clock: "control", after: 1.2, at_s: 0.5, quantity: "force")"#,
+    };
+
+    fn build(settings: StepSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Line {
+            from: settings.before,
+            to: settings.after,
+            first: tick_at(settings.at_s, cx),
+            ticks: 0.0,
+        }))
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Ramp`].
+    pub struct RampSettings {
+        /// Value up to the start, in the SI unit of `quantity`.
+        from: f64 = 0.0;
+        /// Value from the end on, in the SI unit of `quantity`.
+        to: f64 = 1.0;
+        /// When it starts.
+        start_s: f64 = 0.0, in 0.0..=1e9;
+        /// How long it takes.
+        duration_s: f64 = 1.0, in 0.0..=1e9;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// A straight line from one value to another.
+pub struct Ramp;
+
+impl NodeKind for Ramp {
+    type Settings = RampSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Ramp",
+        group: "sources",
+        doc: "A straight line from one value to another; constant before and after.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The ramp.")],
+        example: r#""faster": Ramp(clock: "control", to: 0.2, duration_s: 10.0, quantity: "speed")"#,
+    };
+
+    fn build(settings: RampSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Line {
+            from: settings.from,
+            to: settings.to,
+            first: tick_at(settings.start_s, cx),
+            ticks: settings.duration_s * cx.rate.hz(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Line {
+    from: f64,
+    to: f64,
+    first: u64,
+    /// From start to end; zero is a step.
+    ticks: f64,
+}
+
+impl Processor for Line {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+            let since = now.saturating_sub(self.first) as f64;
+            *y = if now < self.first {
+                self.from
+            } else if since >= self.ticks {
+                self.to
+            } else {
+                self.from + (self.to - self.from) * (since / self.ticks)
+            };
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Pulse`].
+    pub struct PulseSettings {
+        /// Value between the pulses, in the SI unit of `quantity`.
+        low: f64 = 0.0;
+        /// Value during a pulse, in the SI unit of `quantity`.
+        high: f64 = 1.0;
+        /// When the first pulse starts.
+        start_s: f64 = 0.0, in 0.0..=1e9;
+        /// How long each takes.
+        width_s: f64 = 0.5, in 0.0..=1e9;
+        /// From one start to the next; none: there is one pulse only.
+        period_s: Option<f64> = None, in 1e-9..=1e9;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// One rectangular pulse, or a square wave.
+pub struct Pulse;
+
+impl NodeKind for Pulse {
+    type Settings = PulseSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Pulse",
+        group: "sources",
+        doc: "One rectangular pulse or, with a period, a square wave. Every edge falls on the first tick at or after \
+              its time.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The pulses.")],
+        example: r#""knock": Pulse(clock: "servo", high: 2.0, width_s: 0.01, period_s: 1.0, quantity: "force")"#,
+    };
+
+    fn build(settings: PulseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let ticks = |time_s: f64| time_s * cx.rate.hz();
+        if settings.period_s.is_some_and(|period_s| ticks(period_s) < 1.0) {
+            let message = format!("the period is shorter than a tick of {}", cx.rate);
+            return Err(
+                BuildError::at("period_s", message).help("make it longer, or run the node on a faster clock")
+            );
+        }
+        Ok(Box::new(Pulsing {
+            low: settings.low,
+            high: settings.high,
+            start: ticks(settings.start_s),
+            width: ticks(settings.width_s),
+            period: settings.period_s.map(ticks),
+        }))
+    }
+}
+
+/// Times in ticks, not always whole.
+#[derive(Debug, Clone)]
+struct Pulsing {
+    low: f64,
+    high: f64,
+    start: f64,
+    width: f64,
+    period: Option<f64>,
+}
+
+impl Processor for Pulsing {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+            // An edge on a tick must not be lost to rounding.
+            let since = now as f64 - self.start + 1e-6;
+            let within = match self.period {
+                Some(period) => since.rem_euclid(period),
+                None => since,
+            };
+            let high = since >= 0.0 && within < self.width;
+            *y = if high { self.high } else { self.low };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    fn number() -> String {
+        "number".into()
+    }
+
+    fn run<K: NodeKind>(settings: K::Settings, frames: usize) -> Vec<f64> {
+        let mut bench = Bench::new::<K>(settings, 10.0, &[]).unwrap();
+        bench.run_frames(frames, &[], &[1, 3]).remove(0)
+    }
+
+    #[test]
+    fn a_constant_is_constant_and_can_be_turned() {
+        let settings = ConstantSettings {
+            value: 2.5,
+            quantity: number(),
+        };
+        let mut bench = Bench::new::<Constant>(settings, 10.0, &[]).unwrap();
+        assert_eq!(bench.run_source(3), [[2.5; 3]]);
+        bench.processor().set(0, -1.0);
+        assert_eq!(bench.run_source(3), [[-1.0; 3]]);
+        let settings = ConstantVectorSettings {
+            value: [1.0, 2.0, 3.0],
+            quantity: number(),
+        };
+        assert_eq!(run::<ConstantVector>(settings, 2), [1.0, 2.0, 3.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_step_falls_on_its_tick() {
+        let settings = StepSettings {
+            before: -1.0,
+            after: 1.0,
+            at_s: 0.3,
+            quantity: number(),
+        };
+        assert_eq!(run::<Step>(settings, 5), [-1.0, -1.0, -1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_ramp_is_straight() {
+        let settings = RampSettings {
+            from: 1.0,
+            to: 3.0,
+            start_s: 0.1,
+            duration_s: 0.4,
+            quantity: number(),
+        };
+        assert_eq!(run::<Ramp>(settings, 7), [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]);
+    }
+
+    #[test]
+    fn pulses_have_their_width_and_period() {
+        let settings = |period_s| PulseSettings {
+            low: 0.0,
+            high: 1.0,
+            start_s: 0.2,
+            width_s: 0.1,
+            period_s,
+            quantity: number(),
+        };
+        assert_eq!(
+            run::<Pulse>(settings(None), 8),
+            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        );
+        assert_eq!(
+            run::<Pulse>(settings(Some(0.3)), 8),
+            [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+        );
+        let refused = Bench::new::<Pulse>(settings(Some(0.01)), 10.0, &[]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("period_s"));
+    }
+}

@@ -1,0 +1,278 @@
+//! Sines of fixed and of sweeping frequency.
+
+use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use std::f64::consts::TAU;
+
+use super::made;
+use crate::successor;
+
+haptograph_engine::settings! {
+    /// Settings of [`Sine`].
+    pub struct SineSettings {
+        /// Its frequency, below half the rate.
+        [live] frequency_hz: f64, in 0.0..=1e9;
+        /// Its amplitude, in the SI unit of `quantity`.
+        [live] amplitude: f64 = 1.0;
+        /// Phase at the start, as an angle of the sine.
+        phase_deg: f64 = 0.0;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// A sine.
+pub struct Sine;
+
+impl NodeKind for Sine {
+    type Settings = SineSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Sine",
+        group: "sources",
+        doc: "A sine. A new frequency goes on from the phase that was reached.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The sine.")],
+        example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#,
+    };
+
+    fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        below_half_the_rate("frequency_hz", settings.frequency_hz, cx)?;
+        Ok(Box::new(Oscillator {
+            turns_per_tick: settings.frequency_hz / cx.rate.hz(),
+            amplitude: settings.amplitude,
+            anchor: 0,
+            anchor_turns: settings.phase_deg / 360.0,
+            next: 0,
+            rate_hz: cx.rate.hz(),
+        }))
+    }
+}
+
+fn below_half_the_rate(field: &'static str, frequency_hz: f64, cx: &BuildContext) -> Result<(), BuildError> {
+    let nyquist_hz = cx.rate.hz() / 2.0;
+    if frequency_hz < nyquist_hz {
+        return Ok(());
+    }
+    let message = format!("{frequency_hz} Hz is not below half the rate, {nyquist_hz} Hz");
+    Err(BuildError::at(field, message).help("lower it, or run the node on a faster clock"))
+}
+
+/// The phase is counted from an anchor, so that it does not depend on how often it was computed.
+#[derive(Debug, Clone)]
+struct Oscillator {
+    turns_per_tick: f64,
+    amplitude: f64,
+    /// Tick from which the phase is counted.
+    anchor: u64,
+    anchor_turns: f64,
+    /// The tick that comes next.
+    next: u64,
+    rate_hz: f64,
+}
+
+impl Oscillator {
+    fn turns_at(&self, tick: u64) -> f64 {
+        self.anchor_turns + (tick - self.anchor) as f64 * self.turns_per_tick
+    }
+}
+
+impl Processor for Oscillator {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        self.next = tick.first + tick.frames as u64;
+        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+            let turns = self.turns_at(now);
+            *y = self.amplitude * (TAU * (turns - turns.floor())).sin();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            0 => {
+                let turns = self.turns_at(self.next);
+                (self.anchor, self.anchor_turns) = (self.next, turns - turns.floor());
+                self.turns_per_tick = value / self.rate_hz;
+            }
+            1 => self.amplitude = value,
+            _ => {}
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            let turns = self.turns_at(self.next);
+            (new.anchor, new.next) = (self.next, self.next);
+            new.anchor_turns = turns - turns.floor();
+            if new.turns_per_tick == self.turns_per_tick {
+                // Nothing changed: the same bits as before.
+                (new.anchor, new.anchor_turns) = (self.anchor, self.anchor_turns);
+            }
+        }
+    }
+}
+
+haptograph_engine::choices! {
+    /// How a [`Chirp`] gets from one frequency to the other.
+    pub enum Sweep {
+        /// The same number of hertz every second.
+        Linear,
+        /// The same number of octaves every second.
+        Logarithmic,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Chirp`].
+    pub struct ChirpSettings {
+        /// Frequency at the start.
+        from_hz: f64 = 10.0, in 1e-6..=1e9;
+        /// Frequency at the end, below half the rate.
+        to_hz: f64 = 500.0, in 1e-6..=1e9;
+        /// How long the sweep takes; silence follows.
+        duration_s: f64 = 10.0, in 1e-6..=1e9;
+        /// Amplitude, in the SI unit of `quantity`.
+        [live] amplitude: f64 = 1.0;
+        /// How the frequency rises.
+        sweep: Sweep = Sweep::Logarithmic;
+        /// What it is, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// A sine whose frequency sweeps.
+pub struct Chirp;
+
+impl NodeKind for Chirp {
+    type Settings = ChirpSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Chirp",
+        group: "sources",
+        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator by.",
+        source: "",
+        inputs: &[],
+        outputs: &[made("The sweep.")],
+        example: r#""sweep": Chirp(clock: "synth", from_hz: 10.0, to_hz: 1000.0, amplitude: 0.2, quantity: "current")"#,
+    };
+
+    fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        below_half_the_rate("from_hz", settings.from_hz, cx)?;
+        below_half_the_rate("to_hz", settings.to_hz, cx)?;
+        Ok(Box::new(Sweeping { settings }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Sweeping {
+    settings: ChirpSettings,
+}
+
+impl Sweeping {
+    fn turns_at(&self, time_s: f64) -> f64 {
+        let ChirpSettings {
+            from_hz,
+            to_hz,
+            duration_s,
+            ..
+        } = self.settings;
+        let part = time_s / duration_s;
+        let octaves = (to_hz / from_hz).ln();
+        if self.settings.sweep == Sweep::Linear || octaves.abs() < 1e-9 {
+            time_s * (from_hz + 0.5 * (to_hz - from_hz) * part)
+        } else {
+            from_hz * duration_s / octaves * (octaves * part).exp_m1()
+        }
+    }
+}
+
+impl Processor for Sweeping {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        for (frame, y) in io.out(0).iter_mut().enumerate() {
+            let time_s = tick.time_s(frame);
+            let turns = self.turns_at(time_s.min(self.settings.duration_s));
+            let sounds = time_s < self.settings.duration_s;
+            *y = if sounds {
+                self.settings.amplitude * (TAU * (turns - turns.floor())).sin()
+            } else {
+                0.0
+            };
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 3 {
+            self.settings.amplitude = value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    fn sine(frequency_hz: f64, phase_deg: f64) -> Bench {
+        let settings = SineSettings {
+            frequency_hz,
+            amplitude: 2.0,
+            phase_deg,
+            quantity: "number".into(),
+        };
+        Bench::new::<Sine>(settings, 1000.0, &[]).unwrap()
+    }
+
+    #[test]
+    fn a_sine_is_a_sine_after_any_time() {
+        let y = sine(37.0, 90.0).run_frames(100_000, &[], &[64]).remove(0);
+        for (k, y) in y.iter().enumerate() {
+            let exact = 2.0 * (TAU * ((37 * k % 1000) as f64 / 1000.0 + 0.25)).sin();
+            assert!((y - exact).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_new_frequency_goes_on_from_the_phase_that_was_reached() {
+        let mut bench = sine(10.0, 0.0);
+        let before = bench.run_source(130).remove(0);
+        bench.processor().set(0, 20.0);
+        let after = bench.run_source(10).remove(0);
+        let jump = (after[0] - before[129]).abs();
+        assert!(jump < 2.0 * TAU * 0.02, "{jump}");
+        assert!((after[0] - 2.0 * (TAU * 0.3).sin()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_chirp_passes_through_its_frequencies_and_ends() {
+        for (sweep, middle_hz) in [(Sweep::Linear, 55.0), (Sweep::Logarithmic, 1000.0_f64.sqrt())] {
+            let settings = ChirpSettings {
+                from_hz: 10.0,
+                to_hz: 100.0,
+                duration_s: 4.0,
+                amplitude: 1.0,
+                sweep,
+                quantity: "current".into(),
+            };
+            let chirp = Sweeping {
+                settings: settings.clone(),
+            };
+            let frequency_at = |t: f64| (chirp.turns_at(t + 1e-6) - chirp.turns_at(t - 1e-6)) / 2e-6;
+            assert!((frequency_at(0.0) - 10.0).abs() < 1e-3);
+            assert!((frequency_at(2.0) - middle_hz).abs() < 1e-3);
+            assert!((frequency_at(4.0) - 100.0).abs() < 1e-3);
+            let mut bench = Bench::new::<Chirp>(settings, 1000.0, &[]).unwrap();
+            let y = bench.run_frames(5000, &[], &[777]).remove(0);
+            assert!(y[4000..].iter().all(|y| *y == 0.0));
+            assert!(y[3000..4000].iter().any(|y| y.abs() > 0.9));
+        }
+    }
+
+    #[test]
+    fn frequencies_beyond_half_the_rate_are_refused() {
+        let settings = SineSettings {
+            frequency_hz: 500.0,
+            amplitude: 1.0,
+            phase_deg: 0.0,
+            quantity: "number".into(),
+        };
+        let refused = Bench::new::<Sine>(settings, 1000.0, &[]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("frequency_hz"));
+    }
+}

@@ -1,0 +1,33 @@
+//! Rendering a texture (thesis 2.4): locate, interpolate, excite, filter.
+
+pub mod excitation;
+pub mod filter;
+pub mod interpolator;
+pub mod locator;
+
+use haptograph_engine::node::BuildError;
+use haptograph_surfaces::{Surface, TextureModel, files};
+use std::path::Path;
+
+/// The surface in a file named by the setting `surface`.
+pub(crate) fn load_surface(path: &Path) -> Result<Surface, BuildError> {
+    files::load(path).map_err(|error| {
+        BuildError::at("surface", error.to_string())
+            .help("give a surface file, by its path from the graph file")
+    })
+}
+
+/// Its texture, without which there is nothing to render.
+pub(crate) fn load_texture(path: &Path) -> Result<TextureModel, BuildError> {
+    let surface = load_surface(path)?;
+    surface.texture.ok_or_else(|| {
+        let message = format!("the surface {} has no texture", surface.name);
+        BuildError::at("surface", message).help("choose a surface with one, or leave the texture nodes out")
+    })
+}
+
+/// The shipped surface, for tests.
+#[cfg(test)]
+pub(crate) fn modest() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/modest.ron")
+}

@@ -1,0 +1,122 @@
+//! The synthesis filter at a point of the map of a texture.
+
+use haptograph_engine::frame::{self, Kind, Weights};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+use haptograph_surfaces::{Coefficients, Interpolator};
+
+use super::load_texture;
+use super::locator::SurfaceSettings;
+
+/// Mixes the models of a triangle.
+pub struct LsfInterpolator;
+
+impl NodeKind for LsfInterpolator {
+    type Settings = SurfaceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "LsfInterpolator",
+        group: "texture",
+        doc: "Mixes the line spectral frequencies, gains and variances of three models by their weights and converts \
+              the mix to filter coefficients, AR or ARMA as the surface has them. At zero speed or force the variance \
+              is exactly zero.",
+        source: "2.4.1",
+        inputs: &[input(
+            "weights",
+            Kind::Weights,
+            Quantity::NUMBER,
+            "From a TriangleLocator of the same surface.",
+        )],
+        outputs: &[output(
+            "coefficients",
+            Kind::Coefficients,
+            Quantity::NUMBER,
+            "The synthesis filter and the variance of its excitation.",
+        )],
+        example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let texture = load_texture(&settings.surface)?;
+        Ok(Box::new(Mixing {
+            texture: Interpolator::new(&texture),
+            mix: Coefficients::SILENCE,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Mixing {
+    texture: Interpolator,
+    mix: Coefficients,
+}
+
+impl Processor for Mixing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let places = io.weights(0);
+        for (lanes, at) in io.out_frames(0).iter_mut().zip(places) {
+            self.interpolate(&at);
+            frame::Coefficients {
+                ar: self.mix.ar(),
+                ma: self.mix.ma(),
+                gain: self.mix.gain,
+                variance: self.mix.variance,
+            }
+            .write(lanes);
+        }
+    }
+}
+
+impl Mixing {
+    fn interpolate(&mut self, at: &Weights) {
+        self.texture.interpolate_at(at.models, at.weights, &mut self.mix);
+        // All models at rest are silent: without this, rounding could leave the weight of one that is not.
+        if at.speed_m_s == 0.0 || at.force_n == 0.0 {
+            self.mix.variance = 0.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::locator::TriangleLocator;
+    use super::super::modest;
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn locator_and_interpolator_together_are_the_interpolation_of_the_surface() {
+        let settings = || SurfaceSettings { surface: modest() };
+        let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::Scalar; 2]).unwrap();
+        let mut mixer = Bench::new::<LsfInterpolator>(settings(), 240.0, &[Kind::Weights]).unwrap();
+        let mut whole = Interpolator::new(&load_texture(&modest()).unwrap());
+        let (speed, force): (Vec<f64>, Vec<f64>) = (0..500)
+            .map(|k| {
+                (
+                    (0.02 * f64::from(k)).sin() * 0.2,
+                    (0.03 * f64::from(k)).cos().max(0.0) * 3.0,
+                )
+            })
+            .unzip();
+        let weights = locator.run(&[&speed, &force]).remove(0);
+        let filters = mixer.run_in_blocks(&[&weights], &[3, 64]).remove(0);
+        let mut wanted = Coefficients::SILENCE;
+        for (k, lanes) in filters.as_chunks().0.iter().enumerate() {
+            whole.interpolate(speed[k], force[k], &mut wanted);
+            let got = frame::Coefficients::from_lanes(lanes);
+            assert_eq!((got.ar, got.ma), (wanted.ar(), wanted.ma()));
+            assert_eq!((got.gain, got.variance), (wanted.gain, wanted.variance));
+        }
+    }
+
+    #[test]
+    fn weights_of_no_model_are_silence() {
+        let settings = SurfaceSettings { surface: modest() };
+        let mut mixer = Bench::new::<LsfInterpolator>(settings, 240.0, &[Kind::Weights]).unwrap();
+        let nowhere = [1e9, f64::NAN, 2.0, 0.3, 0.3, 0.4, 0.1, 1.0];
+        let filter = mixer.run(&[&nowhere]).remove(0);
+        let got = frame::Coefficients::from_lanes(filter.as_chunks().0.first().unwrap());
+        assert_eq!((got.ar.len(), got.variance), (0, 0.0));
+    }
+}

@@ -1,0 +1,171 @@
+//! Where the hand is on the map of a texture.
+
+use haptograph_engine::frame::{Kind, Weights};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+use haptograph_surfaces::Interpolator;
+use std::path::PathBuf;
+
+use super::load_texture;
+
+haptograph_engine::settings! {
+    /// The surface to render.
+    pub struct SurfaceSettings {
+        /// The surface file, relative to the graph file.
+        surface: PathBuf;
+    }
+}
+
+/// Keeps speed and force within what a surface models.
+pub struct Saturation;
+
+impl NodeKind for Saturation {
+    type Settings = SurfaceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Saturation",
+        group: "texture",
+        doc: "Keeps speed and force within what the surface models: from zero to the largest modelled of each. \
+              `TriangleLocator` does this by itself; use it to know what is rendered.",
+        source: "2.4.1",
+        inputs: &[
+            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tip, m/s."),
+            input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+        ],
+        outputs: &[
+            output(
+                "speed",
+                Kind::Scalar,
+                Quantity::SPEED,
+                "Speed within the model, m/s.",
+            ),
+            output(
+                "force",
+                Kind::Scalar,
+                Quantity::FORCE,
+                "Force within the model, N.",
+            ),
+        ],
+        example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Saturating {
+            texture: Interpolator::new(&load_texture(&settings.surface)?),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Saturating {
+    texture: Interpolator,
+}
+
+impl Processor for Saturating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (speed_in, force_in) = (io.lanes(0), io.lanes(1));
+        let [speed, force] = io.outs();
+        for (((speed, force), v), f) in speed.iter_mut().zip(force).zip(speed_in).zip(force_in) {
+            (*speed, *force) = self.texture.map().saturate(*v, *f);
+        }
+    }
+}
+
+/// Finds the triangle of models around a speed and force.
+pub struct TriangleLocator;
+
+impl NodeKind for TriangleLocator {
+    type Settings = SurfaceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "TriangleLocator",
+        group: "texture",
+        doc: "Finds the triangle of models around the hand's speed and force, and the barycentric weights of its three \
+              corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on the edge.",
+        source: "2.4.1, Eq. 2.4.1",
+        inputs: &[
+            input("speed", Kind::Scalar, Quantity::SPEED, "Speed of the tip, m/s."),
+            input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+        ],
+        outputs: &[output(
+            "weights",
+            Kind::Weights,
+            Quantity::NUMBER,
+            "Three models and their weights.",
+        )],
+        example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Walker {
+            texture: Interpolator::new(&load_texture(&settings.surface)?),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Walker {
+    texture: Interpolator,
+}
+
+impl Processor for Walker {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (speed, force) = (io.lanes(0), io.lanes(1));
+        for ((lanes, v), f) in io.out_frames(0).iter_mut().zip(speed).zip(force) {
+            let spot = self.texture.locate(*v, *f);
+            *lanes = Weights {
+                models: spot.vertices,
+                weights: spot.weights,
+                speed_m_s: spot.speed_m_s,
+                force_n: spot.force_n,
+            }
+            .to_lanes();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::modest;
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn weights_give_back_the_point_they_were_found_for() {
+        let texture = load_texture(&modest()).unwrap();
+        let settings = || SurfaceSettings { surface: modest() };
+        let kinds = [Kind::Scalar; 2];
+        let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &kinds).unwrap();
+        let mut within = Bench::new::<Saturation>(settings(), 240.0, &kinds).unwrap();
+        let (speed, force): (Vec<f64>, Vec<f64>) = (0..2000)
+            .map(|k| {
+                (
+                    0.15 * (0.37 * f64::from(k)).sin() + 0.1,
+                    2.0 * (0.11 * f64::from(k)).sin() + 1.0,
+                )
+            })
+            .unzip();
+        let found = locator.run_in_blocks(&[&speed, &force], &[1, 9]).remove(0);
+        let kept = within.run(&[&speed, &force]);
+        for (k, lanes) in found.as_chunks().0.iter().enumerate() {
+            let at = Weights::from_lanes(lanes);
+            let mean = |f: &dyn Fn(usize) -> f64| -> f64 {
+                (0..3).map(|i| at.weights[i] * f(at.models[i] as usize)).sum()
+            };
+            assert!((at.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            assert!((mean(&|i| texture.models()[i].speed_m_s) - kept[0][k]).abs() < 1e-12);
+            assert!((mean(&|i| texture.models()[i].force_n) - kept[1][k]).abs() < 1e-12);
+            assert_eq!((at.speed_m_s, at.force_n), (kept[0][k], kept[1][k]));
+            assert_eq!(kept[0][k], speed[k].clamp(0.0, texture.max_speed_m_s()));
+        }
+    }
+
+    #[test]
+    fn a_missing_surface_is_an_error_at_its_field() {
+        let settings = SurfaceSettings {
+            surface: "nowhere.ron".into(),
+        };
+        let refused = Bench::new::<TriangleLocator>(settings, 240.0, &[Kind::Scalar; 2]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("surface"));
+    }
+}
