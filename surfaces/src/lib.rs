@@ -12,6 +12,7 @@ pub mod learning;
 pub mod lsf;
 pub mod model;
 pub mod provenance;
+pub mod recording;
 pub mod resampling;
 pub mod surface;
 pub mod taps;

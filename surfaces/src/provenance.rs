@@ -16,6 +16,19 @@ pub enum Origin {
 }
 
 impl Origin {
+    /// All origins.
+    pub const ALL: [Origin; 4] = [
+        Origin::Simulated,
+        Origin::Measured,
+        Origin::Imported,
+        Origin::Procedural,
+    ];
+
+    /// The origin of that word.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|origin| origin.word() == word)
+    }
+
     /// The word for people and files, such as `simulated`.
     pub fn word(self) -> &'static str {
         match self {

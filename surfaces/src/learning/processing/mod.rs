@@ -1,0 +1,286 @@
+//! From sensor readings to what models are learned from (thesis 2.2.3): acceleration on one axis, normal and tangential force, speed.
+//!
+//! Everything runs offline and without phase shift. The thesis's slips are corrected: forces here act on the tool, so that with the
+//! surface's outward normal `n` and the direction of motion `t` pressing is `F.n > 0` and friction `-F.t > 0`.
+
+mod geometry;
+mod reduction;
+#[cfg(test)]
+mod tests;
+
+pub use geometry::SurfaceNormal;
+pub use reduction::{AxisReduction, reduce};
+
+use crate::recording::{
+    AnyRecording, ProcessedRecording, Recording, RecordingError, Series, Signals, Wrench,
+};
+use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
+use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
+
+/// How to process; the default is the thesis's, where it says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProcessingSettings {
+    /// Removes gravity and the hand's own motion from the acceleration.
+    pub highpass_hz: f64,
+    /// How three axes of acceleration become one.
+    pub reduction: AxisReduction,
+    /// Smooths forces and speed; never above nine tenths of the tracker's (for forces the force sensor's) Nyquist frequency.
+    pub lowpass_hz: f64,
+    /// Smooths the velocity vector before its length is taken. Not in the thesis: a tracker that resolves 0.5 mm at 240 Hz has 25 mm/s
+    /// of noise, whose length would count as speed. No hand moves faster than this.
+    pub velocity_lowpass_hz: f64,
+    /// Where the surface's normal comes from.
+    pub normal: SurfaceNormal,
+}
+
+impl Default for ProcessingSettings {
+    fn default() -> Self {
+        Self {
+            highpass_hz: 20.0,
+            reduction: AxisReduction::Dft321,
+            lowpass_hz: 100.0,
+            velocity_lowpass_hz: 20.0,
+            normal: SurfaceNormal::PlaneFit,
+        }
+    }
+}
+
+/// Order of each Butterworth filter; run forward and backward they count twice. The thesis does not give it.
+const FILTER_ORDER: usize = 2;
+/// A tool slower than this keeps its last direction of motion, m/s.
+const SLOWEST_DIRECTION_M_S: f64 = 0.002;
+
+/// Why a recording cannot be processed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum ProcessingError {
+    #[error("a filter of the processing cannot be made: {0}")]
+    Filter(#[from] DesignError),
+    #[error(
+        "the tip's path in contact shows no plane (it spreads {spread_mm:.2} mm along its second direction, {thickness_mm:.2} mm across): drag over an area, or take the normal from the force or as given"
+    )]
+    NoPlane { spread_mm: f64, thickness_mm: f64 },
+    #[error("the mean force is zero: it shows no direction to take as the normal")]
+    NoForce,
+    #[error("the recording has no third axis {0}: axes are 0, 1 and 2")]
+    Axis(usize),
+    #[error("the recording keeps no separate acceleration axes: it can only be used as it was combined")]
+    NoAxes,
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// A recording ready to learn from: processed if it was raw, as it is if it was processed before.
+pub fn processed(
+    recording: &AnyRecording,
+    settings: &ProcessingSettings,
+) -> Result<ProcessedRecording, ProcessingError> {
+    match recording {
+        AnyRecording::Raw(raw) => process(raw, settings),
+        AnyRecording::Processed(processed) => Ok(processed.clone()),
+    }
+}
+
+/// Processes a raw recording. The result has the accelerometer's rate and covers the time in which all sensors were on.
+pub fn process(
+    recording: &Recording,
+    settings: &ProcessingSettings,
+) -> Result<ProcessedRecording, ProcessingError> {
+    let axes = acceleration_axes(recording);
+    let accelerometer = recording.acceleration_v();
+    let combined = combined(&axes, accelerometer.rate_hz, settings)?;
+    let times: Vec<f64> = (0..axes.len()).map(|i| accelerometer.time_s(i)).collect();
+    let overlap = |series: (f64, f64)| move |time: f64| time >= series.0 - 1e-9 && time <= series.1 + 1e-9;
+    let in_motion = overlap((recording.motion().start_s, recording.motion().end_s()));
+    let in_wrench = overlap((recording.wrench().start_s, recording.wrench().end_s()));
+    let kept: Vec<usize> = (0..times.len())
+        .filter(|&i| in_motion(times[i]) && in_wrench(times[i]))
+        .collect();
+    let times: Vec<f64> = kept.iter().map(|&i| times[i]).collect();
+    let contact = contact_signals(recording, settings, &times)?;
+    let signals = Signals {
+        rate_hz: accelerometer.rate_hz,
+        acceleration_m_s2: kept.iter().map(|&i| combined[i]).collect(),
+        force_normal_n: contact.force_normal_n,
+        force_tangential_n: Some(contact.force_tangential_n),
+        speed_m_s: contact.speed_m_s,
+        axes_m_s2: Some(kept.iter().map(|&i| axes[i]).collect()),
+    };
+    Ok(ProcessedRecording::new(
+        signals,
+        recording.gesture(),
+        recording.provenance().clone(),
+    )?)
+}
+
+/// The same processed recording with its axes combined in another way.
+pub fn recombined(
+    recording: &ProcessedRecording,
+    settings: &ProcessingSettings,
+) -> Result<ProcessedRecording, ProcessingError> {
+    let mut signals = recording.signals().clone();
+    let axes = signals.axes_m_s2.as_ref().ok_or(ProcessingError::NoAxes)?;
+    signals.acceleration_m_s2 = combined(axes, signals.rate_hz, settings)?;
+    Ok(ProcessedRecording::new(
+        signals,
+        recording.gesture(),
+        recording.provenance().clone(),
+    )?)
+}
+
+/// Acceleration axes high-passed and combined to one, m/s².
+pub fn combined(
+    axes: &[[f64; 3]],
+    rate_hz: f64,
+    settings: &ProcessingSettings,
+) -> Result<Vec<f64>, ProcessingError> {
+    let highpass = butterworth_highpass(FILTER_ORDER, settings.highpass_hz, rate_hz)?;
+    let filtered: [Vec<f64>; 3] =
+        std::array::from_fn(|axis| filtfilt(&highpass, &axes.iter().map(|a| a[axis]).collect::<Vec<_>>()));
+    let combined = reduce(&filtered, settings.reduction).ok_or_else(|| match settings.reduction {
+        AxisReduction::SingleAxis(axis) => ProcessingError::Axis(axis),
+        _ => ProcessingError::NoAxes,
+    })?;
+    Ok(match settings.reduction {
+        // A magnitude is never negative: it has a mean of its own.
+        AxisReduction::VectorMagnitude => filtfilt(&highpass, &combined),
+        _ => combined,
+    })
+}
+
+/// Acceleration, m/s², sample by sample of the accelerometer.
+pub fn acceleration_axes(recording: &Recording) -> Vec<[f64; 3]> {
+    let calibration = recording.calibration();
+    let physical = |volts: &[f64; 3]| {
+        std::array::from_fn(|axis| {
+            (volts[axis] - calibration.acceleration_zero_v[axis]) * calibration.acceleration_m_s2_per_v[axis]
+        })
+    };
+    recording.acceleration_v().samples.iter().map(physical).collect()
+}
+
+/// Loads on the tool in its own frame, sample by sample of the force sensor.
+pub fn tool_wrench(recording: &Recording) -> Vec<Wrench> {
+    let rotation = recording.calibration().force_sensor_to_tool;
+    let turn = |v: [f64; 3]| rotation.map(|row| dot(row, v));
+    let turned = |w: &Wrench| Wrench {
+        force_n: turn(w.force_n),
+        torque_n_m: turn(w.torque_n_m),
+    };
+    recording.wrench().samples.iter().map(turned).collect()
+}
+
+/// The tip in the world, m, sample by sample of the tracker.
+pub fn tip_positions(recording: &Recording) -> Vec<[f64; 3]> {
+    let to_tip = recording.calibration().tracker_to_tip_m;
+    let tip = |pose: &crate::recording::Pose| along(pose.position_m, 1.0, rotate(pose.orientation, to_tip));
+    recording.motion().samples.iter().map(tip).collect()
+}
+
+/// Forces and speed at given moments.
+pub(super) struct ContactSignals {
+    pub force_normal_n: Vec<f64>,
+    pub force_tangential_n: Vec<f64>,
+    pub speed_m_s: Vec<f64>,
+}
+
+/// Forces and speed, low-passed, at evenly spaced `times`.
+pub(super) fn contact_signals(
+    recording: &Recording,
+    settings: &ProcessingSettings,
+    times: &[f64],
+) -> Result<ContactSignals, ProcessingError> {
+    let forces = world_forces(recording);
+    let tips = tip_positions(recording);
+    let normal = geometry::surface_normal(recording, &forces, &tips, settings.normal)?;
+    let velocity = velocities(recording, &tips, settings)?;
+    let mut direction: Vector = [0.0; 3];
+    let (mut normal_n, mut tangential_n, mut speed_m_s) = (vec![], vec![], vec![]);
+    for &time in times {
+        let (force, velocity) = (forces.at(time), velocity.at(time));
+        let in_plane = along(velocity, -dot(velocity, normal), normal);
+        if norm(in_plane) > SLOWEST_DIRECTION_M_S {
+            direction = in_plane.map(|x| x / norm(in_plane));
+        }
+        normal_n.push(dot(force, normal));
+        tangential_n.push(-dot(force, direction));
+        speed_m_s.push(norm(velocity));
+    }
+    let rate_hz = match times {
+        [first, .., last] => (times.len() - 1) as f64 / (last - first),
+        _ => {
+            return Err(RecordingError::TooShort {
+                quantity: "recording",
+                samples: times.len(),
+            }
+            .into());
+        }
+    };
+    let smooth = |signal: &[f64], sensor_hz: f64| -> Result<Vec<f64>, ProcessingError> {
+        let cutoff_hz = settings.lowpass_hz.min(0.45 * sensor_hz.min(rate_hz));
+        Ok(filtfilt(
+            &butterworth_lowpass(FILTER_ORDER, cutoff_hz, rate_hz)?,
+            signal,
+        ))
+    };
+    let (force_hz, tracker_hz) = (recording.wrench().rate_hz, recording.motion().rate_hz);
+    Ok(ContactSignals {
+        force_normal_n: smooth(&normal_n, force_hz)?,
+        force_tangential_n: smooth(&tangential_n, force_hz)?,
+        // Smoothing may undershoot zero where the tool stops.
+        speed_m_s: smooth(&speed_m_s, tracker_hz)?
+            .into_iter()
+            .map(|v| v.max(0.0))
+            .collect(),
+    })
+}
+
+/// Forces on the tool in the world, N, sample by sample of the force sensor.
+fn world_forces(recording: &Recording) -> Series<Vector> {
+    let wrench = recording.wrench();
+    let turned = |(i, w): (usize, Wrench)| {
+        rotate(
+            interpolated_orientation(recording.motion(), wrench.time_s(i)),
+            w.force_n,
+        )
+    };
+    let samples = tool_wrench(recording)
+        .into_iter()
+        .enumerate()
+        .map(turned)
+        .collect();
+    Series {
+        rate_hz: wrench.rate_hz,
+        start_s: wrench.start_s,
+        samples,
+    }
+}
+
+/// Velocities of the tip, m/s, sample by sample of the tracker.
+fn velocities(
+    recording: &Recording,
+    tips: &[Vector],
+    settings: &ProcessingSettings,
+) -> Result<Series<Vector>, ProcessingError> {
+    let motion = recording.motion();
+    let cutoff_hz = settings.velocity_lowpass_hz.min(0.45 * motion.rate_hz);
+    let lowpass = butterworth_lowpass(FILTER_ORDER, cutoff_hz, motion.rate_hz)?;
+    let last = tips.len() - 1;
+    let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+        let derivative: Vec<f64> = (0..=last)
+            .map(|i| {
+                let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
+                (tips[after][axis] - tips[before][axis]) * motion.rate_hz / (after - before) as f64
+            })
+            .collect();
+        filtfilt(&lowpass, &derivative)
+    });
+    let samples = (0..=last)
+        .map(|i| std::array::from_fn(|axis| smooth[axis][i]))
+        .collect();
+    Ok(Series {
+        rate_hz: motion.rate_hz,
+        start_s: motion.start_s,
+        samples,
+    })
+}

@@ -1,0 +1,457 @@
+//! haptograph's own recording file: an uncompressed `.npz` archive, one file, that `numpy.load` opens as well.
+//!
+//! | member | shape | what |
+//! |---|---|---|
+//! | `head.ron` | text | format, kind, rates, calibration, gesture, provenance |
+//! | raw: `position_m`, `orientation` | (m, 3), (m, 4) | of the tracker's sensor; quaternion w, x, y, z |
+//! | raw: `force_n`, `torque_n_m` | (n, 3) | on the tool, in the force sensor's frame |
+//! | raw: `acceleration_v` | (k, 3) | accelerometer readings, V |
+//! | processed: `acceleration_m_s2`, `force_normal_n`, `speed_m_s` | (n) | at one rate |
+//! | processed, optional: `force_tangential_n`, `axes_m_s2` | (n), (n, 3) | |
+//!
+//! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision is read too. Reading is
+//! total: any bytes give a recording or an error, in memory of at most a few times the file's size.
+
+use super::file::ReadError;
+use super::{
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
+};
+use crate::{Origin, Provenance};
+use npyz::{NpyHeader, Order, WriterBuilder};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::io::{Cursor, Read, Seek, Write};
+use zip::write::{SimpleFileOptions, ZipWriter};
+use zip::{CompressionMethod, ZipArchive};
+
+/// The format's number in the head. A reader refuses others.
+const FORMAT: u32 = 1;
+/// The most a head may hold, bytes.
+const MAX_HEAD_BYTES: u64 = 1 << 20;
+/// The most an array's own header may hold, bytes. NumPy writes 128.
+const MAX_ARRAY_HEADER_BYTES: usize = 4096;
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename = "Recording", deny_unknown_fields)]
+struct Head {
+    format: u32,
+    kind: Kind,
+    gesture: String,
+    provenance: ProvenanceHead,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+enum Kind {
+    Raw {
+        motion: Timing,
+        wrench: Timing,
+        acceleration: Timing,
+        calibration: CalibrationHead,
+    },
+    Processed {
+        rate_hz: f64,
+    },
+}
+
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Timing {
+    rate_hz: f64,
+    start_s: f64,
+}
+
+impl Timing {
+    fn of<T>(series: &Series<T>) -> Self {
+        Self {
+            rate_hz: series.rate_hz,
+            start_s: series.start_s,
+        }
+    }
+
+    fn series<T>(self, samples: Vec<T>) -> Series<T> {
+        Series {
+            rate_hz: self.rate_hz,
+            start_s: self.start_s,
+            samples,
+        }
+    }
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CalibrationHead {
+    acceleration_m_s2_per_v: [f64; 3],
+    acceleration_zero_v: [f64; 3],
+    force_sensor_to_tool: [[f64; 3]; 3],
+    tracker_to_tip_m: [f64; 3],
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProvenanceHead {
+    origin: String,
+    source: String,
+    settings: BTreeMap<String, String>,
+    made_by: String,
+}
+
+/// The bytes of a recording's archive.
+pub fn write_archive(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    let head = ron::ser::to_string_pretty(
+        &head_of(recording),
+        ron::ser::PrettyConfig::new().struct_names(true),
+    )
+    .map_err(std::io::Error::other)?;
+    start(&mut archive, "head.ron")?;
+    archive.write_all(head.as_bytes())?;
+    match recording {
+        AnyRecording::Raw(raw) => {
+            let motion = &raw.motion().samples;
+            put(
+                &mut archive,
+                "position_m",
+                &[3],
+                motion.iter().flat_map(|pose| pose.position_m),
+            )?;
+            put(
+                &mut archive,
+                "orientation",
+                &[4],
+                motion.iter().flat_map(|pose| pose.orientation),
+            )?;
+            let wrench = &raw.wrench().samples;
+            put(
+                &mut archive,
+                "force_n",
+                &[3],
+                wrench.iter().flat_map(|w| w.force_n),
+            )?;
+            put(
+                &mut archive,
+                "torque_n_m",
+                &[3],
+                wrench.iter().flat_map(|w| w.torque_n_m),
+            )?;
+            let acceleration = &raw.acceleration_v().samples;
+            put(
+                &mut archive,
+                "acceleration_v",
+                &[3],
+                acceleration.iter().copied().flatten(),
+            )?;
+        }
+        AnyRecording::Processed(processed) => {
+            let signals = processed.signals();
+            put(
+                &mut archive,
+                "acceleration_m_s2",
+                &[],
+                signals.acceleration_m_s2.iter().copied(),
+            )?;
+            put(
+                &mut archive,
+                "force_normal_n",
+                &[],
+                signals.force_normal_n.iter().copied(),
+            )?;
+            if let Some(tangential) = &signals.force_tangential_n {
+                put(
+                    &mut archive,
+                    "force_tangential_n",
+                    &[],
+                    tangential.iter().copied(),
+                )?;
+            }
+            put(&mut archive, "speed_m_s", &[], signals.speed_m_s.iter().copied())?;
+            if let Some(axes) = &signals.axes_m_s2 {
+                put(&mut archive, "axes_m_s2", &[3], axes.iter().copied().flatten())?;
+            }
+        }
+    }
+    Ok(archive.finish().map_err(std::io::Error::other)?.into_inner())
+}
+
+fn head_of(recording: &AnyRecording) -> Head {
+    let kind = match recording {
+        AnyRecording::Raw(raw) => {
+            let calibration = raw.calibration();
+            Kind::Raw {
+                motion: Timing::of(raw.motion()),
+                wrench: Timing::of(raw.wrench()),
+                acceleration: Timing::of(raw.acceleration_v()),
+                calibration: CalibrationHead {
+                    acceleration_m_s2_per_v: calibration.acceleration_m_s2_per_v,
+                    acceleration_zero_v: calibration.acceleration_zero_v,
+                    force_sensor_to_tool: calibration.force_sensor_to_tool,
+                    tracker_to_tip_m: calibration.tracker_to_tip_m,
+                },
+            }
+        }
+        AnyRecording::Processed(processed) => Kind::Processed {
+            rate_hz: processed.rate_hz(),
+        },
+    };
+    let provenance = recording.provenance();
+    Head {
+        format: FORMAT,
+        kind,
+        gesture: recording.gesture().word().to_owned(),
+        provenance: ProvenanceHead {
+            origin: provenance.origin.word().to_owned(),
+            source: provenance.source.clone(),
+            settings: provenance.settings.clone(),
+            made_by: provenance.version.clone(),
+        },
+    }
+}
+
+fn start<W: Write + Seek>(archive: &mut ZipWriter<W>, name: &str) -> std::io::Result<()> {
+    // Stored, so that reading costs no more memory than the file; dated 1980, so that the same recording gives the same bytes.
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    archive.start_file(name, options).map_err(std::io::Error::other)
+}
+
+/// Adds an array; `row` is the shape of one sample.
+fn put<W: Write + Seek>(
+    archive: &mut ZipWriter<W>,
+    name: &str,
+    row: &[u64],
+    values: impl Iterator<Item = f64>,
+) -> std::io::Result<()> {
+    start(archive, &format!("{name}.npy"))?;
+    let values: Vec<f64> = values.collect();
+    let rows = values.len() as u64 / row.iter().product::<u64>();
+    let shape: Vec<u64> = std::iter::once(rows).chain(row.iter().copied()).collect();
+    let mut bytes = Vec::with_capacity(8 * values.len() + 128);
+    let mut writer = npyz::WriteOptions::new()
+        .default_dtype()
+        .shape(&shape)
+        .writer(&mut bytes)
+        .begin_nd()?;
+    writer.extend(values)?;
+    writer.finish()?;
+    archive.write_all(&bytes)
+}
+
+/// A recording from the bytes of an archive.
+pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
+    let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| ReadError::Archive(e.to_string()))?;
+    let mut archive = Archive {
+        archive,
+        bytes: bytes.len() as u64,
+    };
+    let head = archive.member("head.ron", MAX_HEAD_BYTES)?;
+    let head =
+        std::str::from_utf8(&head).map_err(|_| ReadError::member("head.ron", "it is not UTF-8 text"))?;
+    let head: Head = ron::from_str(head).map_err(|e| ReadError::member("head.ron", e))?;
+    if head.format != FORMAT {
+        let message = format!("its format is {}, this version reads {FORMAT}", head.format);
+        return Err(ReadError::member("head.ron", message));
+    }
+    let gesture = Gesture::from_word(&head.gesture)
+        .ok_or_else(|| ReadError::member("head.ron", format!("gesture {:?} is unknown", head.gesture)))?;
+    let provenance = provenance_of(head.provenance)?;
+    Ok(match head.kind {
+        Kind::Processed { rate_hz } => {
+            let signals = Signals {
+                rate_hz,
+                acceleration_m_s2: archive.column("acceleration_m_s2")?,
+                force_normal_n: archive.column("force_normal_n")?,
+                force_tangential_n: archive.optional("force_tangential_n", Archive::column)?,
+                speed_m_s: archive.column("speed_m_s")?,
+                axes_m_s2: archive.optional("axes_m_s2", Archive::rows)?,
+            };
+            AnyRecording::Processed(ProcessedRecording::new(signals, gesture, provenance)?)
+        }
+        Kind::Raw {
+            motion,
+            wrench,
+            acceleration,
+            calibration,
+        } => {
+            let poses = zip_rows(
+                "orientation",
+                archive.rows("position_m")?,
+                archive.rows("orientation")?,
+            )?
+            .map(|(position_m, orientation)| Pose {
+                position_m,
+                orientation,
+            });
+            let wrenches = zip_rows(
+                "torque_n_m",
+                archive.rows("force_n")?,
+                archive.rows("torque_n_m")?,
+            )?
+            .map(|(force_n, torque_n_m)| Wrench { force_n, torque_n_m });
+            let calibration = Calibration {
+                acceleration_m_s2_per_v: calibration.acceleration_m_s2_per_v,
+                acceleration_zero_v: calibration.acceleration_zero_v,
+                force_sensor_to_tool: calibration.force_sensor_to_tool,
+                tracker_to_tip_m: calibration.tracker_to_tip_m,
+            };
+            AnyRecording::Raw(Recording::new(
+                motion.series(poses.collect()),
+                wrench.series(wrenches.collect()),
+                acceleration.series(archive.rows("acceleration_v")?),
+                calibration,
+                gesture,
+                provenance,
+            )?)
+        }
+    })
+}
+
+fn provenance_of(head: ProvenanceHead) -> Result<Provenance, ReadError> {
+    let origin = Origin::from_word(&head.origin)
+        .ok_or_else(|| ReadError::member("head.ron", format!("origin {:?} is unknown", head.origin)))?;
+    Ok(Provenance {
+        origin,
+        source: head.source,
+        settings: head.settings,
+        version: head.made_by,
+    })
+}
+
+/// Pairs the rows of two arrays, of which the second is called `name`.
+fn zip_rows<const A: usize, const B: usize>(
+    name: &str,
+    a: Vec<[f64; A]>,
+    b: Vec<[f64; B]>,
+) -> Result<impl Iterator<Item = ([f64; A], [f64; B])>, ReadError> {
+    if a.len() == b.len() {
+        Ok(a.into_iter().zip(b))
+    } else {
+        Err(ReadError::member(
+            name,
+            format!("it has {} rows where {} are expected", b.len(), a.len()),
+        ))
+    }
+}
+
+struct Archive<'a> {
+    archive: ZipArchive<Cursor<&'a [u8]>>,
+    bytes: u64,
+}
+
+impl Archive<'_> {
+    fn member(&mut self, name: &str, most: u64) -> Result<Vec<u8>, ReadError> {
+        let index = self
+            .archive
+            .index_for_name(name)
+            .ok_or_else(|| ReadError::member(name, "it is missing"))?;
+        // Looked at raw first: a compressed member might be far larger than the file.
+        let raw = self
+            .archive
+            .by_index_raw(index)
+            .map_err(|e| ReadError::member(name, e))?;
+        let (method, size) = (raw.compression(), raw.size());
+        drop(raw);
+        if method != CompressionMethod::Stored {
+            let advice =
+                "it is compressed; write the archive without compression (numpy.savez, not savez_compressed)";
+            return Err(ReadError::member(name, advice));
+        }
+        if size > most.min(self.bytes) {
+            return Err(ReadError::member(
+                name,
+                format!("it claims to be {size} bytes long"),
+            ));
+        }
+        let member = self
+            .archive
+            .by_index(index)
+            .map_err(|e| ReadError::member(name, e))?;
+        let mut bytes = Vec::with_capacity(size as usize);
+        // One byte more than there is: the check sum is compared at the end.
+        member
+            .take(size + 1)
+            .read_to_end(&mut bytes)
+            .map_err(|e| ReadError::member(name, e))?;
+        Ok(bytes)
+    }
+
+    /// What `read` gives, or nothing where the archive has no such array.
+    fn optional<T>(
+        &mut self,
+        name: &str,
+        read: impl Fn(&mut Self, &str) -> Result<T, ReadError>,
+    ) -> Result<Option<T>, ReadError> {
+        let there = self.archive.index_for_name(&format!("{name}.npy")).is_some();
+        there.then(|| read(self, name)).transpose()
+    }
+
+    fn column(&mut self, name: &str) -> Result<Vec<f64>, ReadError> {
+        self.array(name, &[])
+    }
+
+    fn rows<const N: usize>(&mut self, name: &str) -> Result<Vec<[f64; N]>, ReadError> {
+        let values = self.array(name, &[N as u64])?;
+        Ok(values.as_chunks().0.to_vec())
+    }
+
+    /// The values of an array of rows of shape `row`.
+    fn array(&mut self, name: &str, row: &[u64]) -> Result<Vec<f64>, ReadError> {
+        let name = format!("{name}.npy");
+        let bytes = self.member(&name, self.bytes)?;
+        parse_array(&bytes, row).map_err(|message| ReadError::member(&name, message))
+    }
+}
+
+fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
+    check_array_header(bytes)?;
+    let mut data = bytes;
+    let header = NpyHeader::from_reader(&mut data).map_err(|e| e.to_string())?;
+    if header.shape().get(1..) != Some(row) {
+        return Err(format!(
+            "its shape is {:?}, expected is (n) followed by {row:?}",
+            header.shape()
+        ));
+    }
+    if header.order() != Order::C && !row.is_empty() {
+        return Err("it is in Fortran order; save it in C order".to_owned());
+    }
+    let count = header
+        .shape()
+        .iter()
+        .try_fold(1_u64, |product, &n| product.checked_mul(n));
+    let is_long = |width: u64| count.and_then(|count| count.checked_mul(width)) == Some(data.len() as u64);
+    match header.dtype().descr().as_str() {
+        "'<f8'" if is_long(8) => Ok(data
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&b| f64::from_le_bytes(b))
+            .collect()),
+        "'<f4'" if is_long(4) => Ok(data
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&b| f32::from_le_bytes(b).into())
+            .collect()),
+        "'<f8'" | "'<f4'" => Err(format!(
+            "it holds {} bytes, which is not what its shape says",
+            data.len()
+        )),
+        other => Err(format!("its numbers are {other}; save little-endian doubles")),
+    }
+}
+
+/// The array's header is a Python expression of any length and depth; NumPy's own are short and shallow.
+fn check_array_header(bytes: &[u8]) -> Result<(), String> {
+    let wide = bytes.get(6).is_some_and(|&major| major > 1);
+    let length = match (wide, bytes.get(8..12)) {
+        (true, Some(&[a, b, c, d])) => u32::from_le_bytes([a, b, c, d]) as usize,
+        (false, Some(&[a, b, ..])) => usize::from(u16::from_le_bytes([a, b])),
+        _ => return Err("it is no array".to_owned()),
+    };
+    let text = bytes
+        .get(if wide { 12 } else { 10 }..)
+        .and_then(|rest| rest.get(..length));
+    let opening = |text: &[u8]| text.iter().filter(|b| matches!(b, b'(' | b'[' | b'{')).count();
+    match text {
+        Some(text) if length <= MAX_ARRAY_HEADER_BYTES && opening(text) <= 4 => Ok(()),
+        _ => Err("its header is not one that NumPy writes".to_owned()),
+    }
+}

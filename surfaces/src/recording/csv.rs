@@ -1,0 +1,570 @@
+//! Recordings as CSV: a header that names quantity and unit, one row a moment.
+//!
+//! | columns | kind |
+//! |---|---|
+//! | `time_s` (or `time_ms`), or a line `# rate_hz: 10000` above the header | either |
+//! | `accel_m_s2`, or `accel_x_m_s2`, `accel_y_m_s2`, `accel_z_m_s2` (or `_g`) | either |
+//! | `force_normal_n`, `force_tangential_n` (optional), `speed_mm_s` (or `_m_s`) | processed |
+//! | `force_x_n` .. `force_z_n`, `torque_x_n_m` .. (or `_n_mm`; optional), `position_x_mm` .. (or `_m`), `orientation_w`, `_x`, `_y`, `_z` | raw |
+//!
+//! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor had no sample.
+//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are ignored.
+
+use super::file::ReadError;
+use super::{
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
+};
+use crate::files::decimal::{format_thousandfold, parse_thousandth};
+use crate::learning::processing;
+use crate::{Origin, Provenance};
+use csv::{ByteRecord, ReaderBuilder, Trim};
+use std::collections::BTreeMap;
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A recording from the bytes of a CSV file; `source` is where they came from, unless they say so themselves.
+pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
+    let table = Table::read(bytes)?;
+    let notes = &table.notes;
+    let gesture = match notes.get("gesture") {
+        Some(word) => Gesture::from_word(word).ok_or_else(|| {
+            table.error(
+                1,
+                format!("gesture {word:?} is unknown; known are drag, circle, tap, press"),
+            )
+        })?,
+        None => Gesture::Drag,
+    };
+    let origin = match notes.get("origin") {
+        Some(word) => {
+            Origin::from_word(word).ok_or_else(|| table.error(1, format!("origin {word:?} is unknown")))?
+        }
+        None => Origin::Imported,
+    };
+    let provenance = Provenance::new(origin, notes.get("source").map_or(source, String::as_str));
+    if table.has("force_x") || table.has("position_x") {
+        raw(&table, gesture, provenance).map(AnyRecording::Raw)
+    } else {
+        processed(&table, gesture, provenance).map(AnyRecording::Processed)
+    }
+}
+
+/// One column of numbers by its name as the header has it, for any CSV file with a header.
+pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
+    let mut reader = reader(bytes);
+    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
+    let column = header
+        .iter()
+        .position(|field| field == name.as_bytes())
+        .ok_or_else(|| {
+            let known: Vec<_> = header.iter().map(String::from_utf8_lossy).collect();
+            ReadError::Csv {
+                line: 1,
+                message: format!("there is no column {name:?}; there are {}", known.join(", ")),
+            }
+        })?;
+    let mut values = vec![];
+    let mut record = ByteRecord::new();
+    while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
+        let line = record.position().map_or(0, csv::Position::line);
+        let cell = record.get(column).unwrap_or_default();
+        let value = number(cell, Scale::One).ok_or_else(|| not_a_number(line, name, cell))?;
+        values.push(value);
+    }
+    Ok(values)
+}
+
+fn processed(
+    table: &Table,
+    gesture: Gesture,
+    provenance: Provenance,
+) -> Result<ProcessedRecording, ReadError> {
+    let axes = AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
+    let (names, rate_hz) = (
+        ["accel", "force_normal", "force_tangential", "speed"],
+        table.rate_hz()?,
+    );
+    let [combined, normal, tangential, speed] = names.map(|name| table.full(name));
+    let axes: Option<Vec<[f64; 3]>> = match axes {
+        true => Some(columns(
+            ["accel_x", "accel_y", "accel_z"].map(|name| table.full(name)),
+        )?),
+        false => None,
+    };
+    let acceleration_m_s2 = match &axes {
+        Some(axes) if !table.has("accel") => processing::combined(axes, rate_hz, &Default::default())
+            .map_err(|e| table.error(table.header_line, e))?,
+        _ => combined?,
+    };
+    let force_tangential_n = table.has("force_tangential").then_some(tangential).transpose()?;
+    let signals = Signals {
+        rate_hz,
+        acceleration_m_s2,
+        force_normal_n: normal?,
+        force_tangential_n,
+        speed_m_s: speed?,
+        axes_m_s2: axes,
+    };
+    Ok(ProcessedRecording::new(signals, gesture, provenance)?)
+}
+
+fn raw(table: &Table, gesture: Gesture, provenance: Provenance) -> Result<Recording, ReadError> {
+    let acceleration = table.sensor(&["accel_x", "accel_y", "accel_z"])?;
+    let poses = table.sensor(&[
+        "position_x",
+        "position_y",
+        "position_z",
+        "orientation_w",
+        "orientation_x",
+        "orientation_y",
+        "orientation_z",
+    ])?;
+    let mut load = vec!["force_x", "force_y", "force_z"];
+    if table.has("torque_x") {
+        load.extend(["torque_x", "torque_y", "torque_z"]);
+    }
+    let load = table.sensor(&load)?;
+    let three = |row: &[f64], from: usize| std::array::from_fn(|i| row.get(from + i).copied().unwrap_or(0.0));
+    let pose = |row: &Vec<f64>| Pose {
+        position_m: three(row, 0),
+        orientation: std::array::from_fn(|i| row[3 + i]),
+    };
+    let wrench = |row: &Vec<f64>| Wrench {
+        force_n: three(row, 0),
+        torque_n_m: three(row, 3),
+    };
+    Ok(Recording::new(
+        series(&poses, pose),
+        series(&load, wrench),
+        series(&acceleration, |row| three(row, 0)),
+        Calibration::default(),
+        gesture,
+        provenance,
+    )?)
+}
+
+fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T> {
+    Series {
+        rate_hz: rows.rate_hz,
+        start_s: rows.start_s,
+        samples: rows.samples.iter().map(make).collect(),
+    }
+}
+
+fn columns(columns: [Result<Vec<f64>, ReadError>; 3]) -> Result<Vec<[f64; 3]>, ReadError> {
+    let [x, y, z] = columns;
+    Ok(x?
+        .into_iter()
+        .zip(y?)
+        .zip(z?)
+        .map(|((x, y), z)| [x, y, z])
+        .collect())
+}
+
+/// What a column's unit is in SI.
+#[derive(Clone, Copy)]
+enum Scale {
+    One,
+    Thousandth,
+    StandardGravity,
+}
+
+/// Quantities and the units their columns may have. An axis or component stands between the two.
+const UNITS: [(&str, &[(&str, Scale)]); 7] = [
+    ("time", &[("s", Scale::One), ("ms", Scale::Thousandth)]),
+    ("accel", &[("m_s2", Scale::One), ("g", Scale::StandardGravity)]),
+    ("force", &[("n", Scale::One), ("mn", Scale::Thousandth)]),
+    ("torque", &[("n_m", Scale::One), ("n_mm", Scale::Thousandth)]),
+    ("position", &[("m", Scale::One), ("mm", Scale::Thousandth)]),
+    ("speed", &[("m_s", Scale::One), ("mm_s", Scale::Thousandth)]),
+    ("orientation", &[("", Scale::One)]),
+];
+/// What may stand between quantity and unit.
+const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
+
+/// The name without its unit, and the unit; `None` for columns that are none of ours.
+fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
+    let (quantity, units) = UNITS.iter().find(|(quantity, _)| {
+        name.strip_prefix(quantity)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+    })?;
+    let rest = name[quantity.len()..].trim_start_matches('_');
+    let part = PARTS.iter().find(|part| {
+        rest.strip_prefix(**part)
+            .is_some_and(|unit| unit.is_empty() || unit.starts_with('_'))
+    });
+    let unit = part.map_or(rest, |part| rest[part.len()..].trim_start_matches('_'));
+    let plain = part.map_or_else(|| (*quantity).to_owned(), |part| format!("{quantity}_{part}"));
+    Some(match units.iter().find(|(known, _)| *known == unit) {
+        Some((_, scale)) => Ok((plain, *scale)),
+        None => {
+            let known: Vec<_> = units.iter().map(|(unit, _)| format!("{plain}_{unit}")).collect();
+            Err(format!(
+                "column {name:?} has no unit that is understood; name it {}",
+                known.join(" or ")
+            ))
+        }
+    })
+}
+
+/// The columns that are understood, in SI; cells that were empty are NaN.
+struct Table {
+    header_line: u64,
+    notes: BTreeMap<String, String>,
+    columns: Vec<(String, Vec<f64>)>,
+    /// Line of each row.
+    lines: Vec<u64>,
+}
+
+fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+    let header = bytes
+        .split(|&b| b == b'\n')
+        .find(|line| !line.starts_with(b"#") && !line.trim_ascii().is_empty());
+    let count = |delimiter: u8| header.map_or(0, |line| line.iter().filter(|&&b| b == delimiter).count());
+    let delimiter = [b',', b';', b'\t']
+        .into_iter()
+        .max_by_key(|&d| (count(d), d == b','))
+        .unwrap_or(b',');
+    ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .delimiter(delimiter)
+        .from_reader(bytes)
+}
+
+impl Table {
+    fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+        let mut reader = reader(bytes);
+        let header = reader.headers().map_err(|e| csv_error(&e))?.clone();
+        let header_line = header.position().map_or(1, csv::Position::line);
+        let mut wanted = vec![];
+        let mut columns: Vec<(String, Vec<f64>)> = vec![];
+        for (index, name) in header.iter().enumerate() {
+            let Some(parsed) = parse_name(&name.to_ascii_lowercase()) else {
+                continue;
+            };
+            let (plain, scale) = parsed.map_err(|message| ReadError::Csv {
+                line: header_line,
+                message,
+            })?;
+            if columns.iter().any(|(known, _)| *known == plain) {
+                let message = format!("there are two columns of {plain}");
+                return Err(ReadError::Csv {
+                    line: header_line,
+                    message,
+                });
+            }
+            wanted.push((index, scale));
+            columns.push((plain, vec![]));
+        }
+        let mut table = Self {
+            header_line,
+            notes: notes(bytes),
+            columns,
+            lines: vec![],
+        };
+        let mut record = ByteRecord::new();
+        while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
+            let line = record.position().map_or(0, csv::Position::line);
+            table.lines.push(line);
+            for (&(index, scale), (name, values)) in wanted.iter().zip(&mut table.columns) {
+                let cell = record.get(index).unwrap_or_default();
+                values.push(match cell {
+                    b"" => f64::NAN,
+                    cell => number(cell, scale).ok_or_else(|| not_a_number(line, name, cell))?,
+                });
+            }
+        }
+        Ok(table)
+    }
+
+    fn error(&self, line: u64, message: impl ToString) -> ReadError {
+        ReadError::Csv {
+            line,
+            message: message.to_string(),
+        }
+    }
+
+    fn column(&self, name: &str) -> Option<&[f64]> {
+        self.columns
+            .iter()
+            .find(|(known, _)| known == name)
+            .map(|(_, values)| &values[..])
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.column(name).is_some()
+    }
+
+    fn needed(&self, name: &str) -> Result<&[f64], ReadError> {
+        self.column(name).ok_or_else(|| {
+            let known: Vec<_> = self.columns.iter().map(|(name, _)| &name[..]).collect();
+            self.error(
+                self.header_line,
+                format!(
+                    "a column of {name} is missing; understood were: {}",
+                    known.join(", ")
+                ),
+            )
+        })
+    }
+
+    /// A column without empty cells.
+    fn full(&self, name: &str) -> Result<Vec<f64>, ReadError> {
+        let values = self.needed(name)?;
+        match values.iter().position(|x| x.is_nan()) {
+            Some(row) => Err(self.error(self.lines[row], format!("{name} is missing"))),
+            None => Ok(values.to_vec()),
+        }
+    }
+
+    fn noted_rate_hz(&self) -> Result<Option<f64>, ReadError> {
+        let Some(text) = self.notes.get("rate_hz") else {
+            return Ok(None);
+        };
+        match text.parse::<f64>() {
+            Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
+            _ => Err(self.error(1, format!("the rate {text:?} is no number above 0"))),
+        }
+    }
+
+    fn rate_hz(&self) -> Result<f64, ReadError> {
+        match self.noted_rate_hz()? {
+            Some(rate_hz) => Ok(rate_hz),
+            None => self
+                .timing(&(0..self.lines.len()).collect::<Vec<_>>())
+                .map(|(rate_hz, _)| rate_hz),
+        }
+    }
+
+    /// The rate and start of the samples in these rows.
+    fn timing(&self, rows: &[usize]) -> Result<(f64, f64), ReadError> {
+        let times = self.needed("time")?;
+        let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else {
+            return Err(self.error(self.header_line, "there are no samples"));
+        };
+        if let Some(&row) = rows.iter().find(|&&row| times[row].is_nan()) {
+            return Err(self.error(self.lines[row], "time is missing"));
+        }
+        let start = times[first];
+        let rate = (rows.len() - 1) as f64 / (times[last] - start);
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(self.error(
+                self.lines[last],
+                "time must ascend, and there must be two samples at least",
+            ));
+        }
+        // Times are rounded when written, rates are round numbers.
+        let round = rate.round();
+        let rate = if round > 0.0 && (rate / round - 1.0).abs() < 1e-5 {
+            round
+        } else {
+            rate
+        };
+        for (i, &row) in rows.iter().enumerate() {
+            let expected = start + i as f64 / rate;
+            if (times[row] - expected).abs() > 0.25 / rate {
+                let message = format!(
+                    "time jumps: {} s where {expected} s is expected at an even rate of {rate} Hz",
+                    times[row]
+                );
+                return Err(self.error(self.lines[row], message));
+            }
+        }
+        Ok((rate, start))
+    }
+
+    /// Samples of columns that belong together, from the rows where they are not empty.
+    fn sensor(&self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
+        let columns: Vec<&[f64]> = names
+            .iter()
+            .map(|name| self.needed(name))
+            .collect::<Result<_, _>>()?;
+        let mut rows = vec![];
+        for row in 0..self.lines.len() {
+            let there = columns.iter().filter(|column| !column[row].is_nan()).count();
+            if there == names.len() {
+                rows.push(row);
+            } else if there > 0 {
+                let message = format!("{} must all be there or all be empty", names.join(", "));
+                return Err(self.error(self.lines[row], message));
+            }
+        }
+        let (rate_hz, start_s) = match self.noted_rate_hz()? {
+            Some(rate_hz) if !self.has("time") => (rate_hz, 0.0),
+            _ => self.timing(&rows)?,
+        };
+        let samples = rows
+            .iter()
+            .map(|&row| columns.iter().map(|column| column[row]).collect())
+            .collect();
+        Ok(Series {
+            rate_hz,
+            start_s,
+            samples,
+        })
+    }
+}
+
+/// Lines `# key: value`.
+fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
+    let lines = bytes
+        .split(|&b| b == b'\n')
+        .take_while(|line| line.starts_with(b"#"));
+    lines
+        .filter_map(|line| {
+            let text = std::str::from_utf8(&line[1..]).ok()?;
+            let (key, value) = text.split_once(':')?;
+            Some((key.trim().to_owned(), value.trim().to_owned()))
+        })
+        .collect()
+}
+
+fn number(cell: &[u8], scale: Scale) -> Option<f64> {
+    let text = std::str::from_utf8(cell).ok()?;
+    let value = match scale {
+        Scale::One => text.parse().ok()?,
+        Scale::Thousandth => parse_thousandth(text)?,
+        Scale::StandardGravity => text.parse::<f64>().ok()? * 9.80665,
+    };
+    value.is_finite().then_some(value)
+}
+
+fn not_a_number(line: u64, name: &str, cell: &[u8]) -> ReadError {
+    let start: String = String::from_utf8_lossy(cell).chars().take(20).collect();
+    ReadError::Csv {
+        line,
+        message: format!("{start:?} in {name} is no finite number"),
+    }
+}
+
+fn csv_error(error: &csv::Error) -> ReadError {
+    ReadError::Csv {
+        line: error.position().map_or(1, csv::Position::line),
+        message: error.to_string(),
+    }
+}
+
+/// The bytes of a CSV file. A raw recording comes out calibrated: acceleration in m/s² and forces in the tool's frame, positions of
+/// the tip.
+pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
+    let provenance = recording.provenance();
+    let one_line = |text: &str| text.replace(['\n', '\r'], " ");
+    let mut bytes = format!(
+        "# gesture: {}\n# origin: {}\n# source: {}\n",
+        recording.gesture().word(),
+        provenance.origin.word(),
+        one_line(&provenance.source)
+    )
+    .into_bytes();
+    let mut writer = csv::Writer::from_writer(&mut bytes);
+    match recording {
+        AnyRecording::Processed(processed) => write_processed(processed, &mut writer)?,
+        AnyRecording::Raw(raw) => write_raw(raw, &mut writer)?,
+    }
+    writer.flush()?;
+    drop(writer);
+    Ok(bytes)
+}
+
+type Writer<'a> = csv::Writer<&'a mut Vec<u8>>;
+
+fn write_processed(processed: &ProcessedRecording, writer: &mut Writer) -> std::io::Result<()> {
+    let signals = processed.signals();
+    let mut header = vec!["time_s", "accel_m_s2"];
+    if signals.axes_m_s2.is_some() {
+        header.extend(["accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"]);
+    }
+    header.push("force_normal_n");
+    if signals.force_tangential_n.is_some() {
+        header.push("force_tangential_n");
+    }
+    header.push("speed_mm_s");
+    writer.write_record(&header)?;
+    for i in 0..processed.samples() {
+        writer.write_field(format!("{}", i as f64 / signals.rate_hz))?;
+        writer.write_field(format!("{:?}", signals.acceleration_m_s2[i]))?;
+        for value in signals.axes_m_s2.iter().flat_map(|axes| axes[i]) {
+            writer.write_field(format!("{value:?}"))?;
+        }
+        writer.write_field(format!("{:?}", signals.force_normal_n[i]))?;
+        if let Some(tangential) = &signals.force_tangential_n {
+            writer.write_field(format!("{:?}", tangential[i]))?;
+        }
+        writer.write_field(format_thousandfold(signals.speed_m_s[i]))?;
+        writer.write_record(None::<&[u8]>)?;
+    }
+    Ok(())
+}
+
+fn write_raw(raw: &Recording, writer: &mut Writer) -> std::io::Result<()> {
+    let mut header = vec!["time_s".to_owned()];
+    header.extend(AXES.map(|axis| format!("accel_{axis}_m_s2")));
+    header.extend(AXES.map(|axis| format!("force_{axis}_n")));
+    header.extend(AXES.map(|axis| format!("torque_{axis}_n_mm")));
+    header.extend(AXES.map(|axis| format!("position_{axis}_mm")));
+    header.extend(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
+    writer.write_record(&header)?;
+    let plain = |value: f64| format!("{value:?}");
+    let acceleration = processing::acceleration_axes(raw);
+    let load = processing::tool_wrench(raw);
+    let tips = processing::tip_positions(raw);
+    let mut next = [0; 3];
+    loop {
+        let times = [
+            (next[0] < acceleration.len()).then(|| raw.acceleration_v().time_s(next[0])),
+            (next[1] < load.len()).then(|| raw.wrench().time_s(next[1])),
+            (next[2] < tips.len()).then(|| raw.motion().time_s(next[2])),
+        ];
+        let Some(now) = times.into_iter().flatten().min_by(f64::total_cmp) else {
+            return Ok(());
+        };
+        let due = times.map(|time| time == Some(now));
+        let mut row = vec![format!("{now}")];
+        let mut put = |due: bool, width: usize, cells: &mut dyn Iterator<Item = String>| {
+            if due {
+                row.extend(cells);
+            } else {
+                row.extend(std::iter::repeat_n(String::new(), width));
+            }
+        };
+        put(
+            due[0],
+            3,
+            &mut acceleration.get(next[0]).into_iter().flatten().map(|&a| plain(a)),
+        );
+        put(
+            due[1],
+            3,
+            &mut load.get(next[1]).into_iter().flat_map(|w| w.force_n).map(plain),
+        );
+        put(
+            due[1],
+            3,
+            &mut load
+                .get(next[1])
+                .into_iter()
+                .flat_map(|w| w.torque_n_m)
+                .map(format_thousandfold),
+        );
+        put(
+            due[2],
+            3,
+            &mut tips
+                .get(next[2])
+                .into_iter()
+                .flatten()
+                .map(|&p| format_thousandfold(p)),
+        );
+        let pose = raw.motion().samples.get(next[2]);
+        put(
+            due[2],
+            4,
+            &mut pose.into_iter().flat_map(|pose| pose.orientation).map(plain),
+        );
+        writer.write_record(&row)?;
+        for (next, due) in next.iter_mut().zip(due) {
+            *next += usize::from(due);
+        }
+    }
+}

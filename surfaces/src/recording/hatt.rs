@@ -1,0 +1,277 @@
+//! Recordings of the public haptic texture toolkit (HaTT): three XML files of a material, everything at 10 kHz in the world frame
+//! (Table A.1 of the thesis). They are read as a stream, a value at a time.
+
+use super::file::ReadError;
+use super::{Gesture, ProcessedRecording, Signals};
+use crate::{Origin, Provenance};
+use quick_xml::Reader;
+use quick_xml::events::Event;
+use std::io::BufRead;
+
+/// A recording from the contents of `Accel_<material>.xml`, `Position_<material>.xml` and `Force_<material>.xml`, which need
+/// not be free of other fields. `source` says where they came from.
+pub fn read_hatt(
+    accel: impl BufRead,
+    position: impl BufRead,
+    force: impl BufRead,
+    source: &str,
+) -> Result<ProcessedRecording, ReadError> {
+    let names = [
+        "AccelUnits",
+        "SampleRate",
+        "Accel",
+        "Accel_X",
+        "Accel_Y",
+        "Accel_Z",
+    ];
+    let mut accel = Fields::read("the Accel file", accel, &names)?;
+    let mut position = Fields::read(
+        "the Position file",
+        position,
+        &["SpeedUnits", "SampleRate", "Speed"],
+    )?;
+    let names = ["ForceUnits", "SampleRate", "ForceNormal", "ForceTangential"];
+    let mut force = Fields::read("the Force file", force, &names)?;
+
+    accel.expect_unit("AccelUnits", &["m/s^2", "m/s2", "m/s²"])?;
+    position.expect_unit("SpeedUnits", &["mm/s"])?;
+    force.expect_unit("ForceUnits", &["N"])?;
+    let rate_hz = accel.rate_hz()?;
+    for other in [&position, &force] {
+        let rate = other.rate_hz()?;
+        if rate != rate_hz {
+            return Err(other.error(format!("its rate is {rate} Hz, the Accel file's {rate_hz} Hz")));
+        }
+    }
+    let axes = ["Accel_X", "Accel_Y", "Accel_Z"].map(|name| accel.array(name).unwrap_or_default());
+    let [x, y, z] = &axes;
+    let axes = (!x.is_empty() && x.len() == y.len() && x.len() == z.len())
+        .then(|| x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect());
+    let mut speed = position.array("Speed")?;
+    speed.iter_mut().for_each(|v| *v /= 1000.0);
+    let signals = Signals {
+        rate_hz,
+        acceleration_m_s2: accel.array("Accel")?,
+        force_normal_n: force.array("ForceNormal")?,
+        force_tangential_n: force.array("ForceTangential").ok(),
+        speed_m_s: speed,
+        axes_m_s2: axes,
+    };
+    Ok(ProcessedRecording::new(
+        signals,
+        Gesture::Drag,
+        Provenance::new(Origin::Imported, source),
+    )?)
+}
+
+/// The fields of one file that are wanted.
+struct Fields {
+    file: &'static str,
+    byte: u64,
+    fields: Vec<Field>,
+}
+
+struct Field {
+    name: &'static str,
+    /// The first text in it, for units.
+    text: String,
+    values: Vec<f64>,
+}
+
+impl Fields {
+    fn read(file: &'static str, source: impl BufRead, names: &[&'static str]) -> Result<Self, ReadError> {
+        let fields = names
+            .iter()
+            .map(|&name| Field {
+                name,
+                text: String::new(),
+                values: vec![],
+            })
+            .collect();
+        let mut this = Self {
+            file,
+            byte: 0,
+            fields,
+        };
+        let mut reader = Reader::from_reader(source);
+        let mut buffer = Vec::new();
+        // The wanted field that is open, and how deep in it and in the document we are.
+        let (mut open, mut depth) = (None, 0_usize);
+        loop {
+            this.byte = reader.buffer_position();
+            match reader.read_event_into(&mut buffer) {
+                Err(error) => return Err(this.error(error)),
+                Ok(Event::Start(tag)) => {
+                    depth += 1;
+                    if open.is_none() {
+                        let name = tag.local_name();
+                        let found = this
+                            .fields
+                            .iter()
+                            .position(|f| f.name.as_bytes() == name.as_ref());
+                        open = found.map(|field| (field, depth));
+                    }
+                }
+                Ok(Event::End(_)) => {
+                    if open.is_some_and(|(_, at)| at == depth) {
+                        open = None;
+                    }
+                    depth = depth.saturating_sub(1);
+                }
+                Ok(Event::Text(text)) => {
+                    if let Some((field, _)) = open {
+                        let text = std::str::from_utf8(&text).map_err(|e| this.error(e))?;
+                        this.take(field, text)?;
+                    }
+                }
+                Ok(Event::GeneralRef(_) | Event::CData(_)) if open.is_some() => {
+                    return Err(this.error("a plain number or word is expected here"));
+                }
+                Ok(Event::Eof) if depth == 0 => return Ok(this),
+                Ok(Event::Eof) => return Err(this.error("the file ends in the middle of an element")),
+                Ok(_) => {}
+            }
+            buffer.clear();
+        }
+    }
+
+    fn take(&mut self, field: usize, text: &str) -> Result<(), ReadError> {
+        let is_unit = self.fields[field].name.ends_with("Units");
+        for word in text.split_ascii_whitespace() {
+            if is_unit {
+                self.fields[field].text = text.trim().to_owned();
+                break;
+            }
+            let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+            let value = value.ok_or_else(|| {
+                let start: String = word.chars().take(20).collect();
+                self.error(format!(
+                    "{start:?} in {} is no finite number",
+                    self.fields[field].name
+                ))
+            })?;
+            self.fields[field].values.push(value);
+        }
+        Ok(())
+    }
+
+    fn error(&self, message: impl ToString) -> ReadError {
+        ReadError::Xml {
+            file: self.file,
+            byte: self.byte,
+            message: message.to_string(),
+        }
+    }
+
+    fn field(&mut self, name: &'static str) -> Option<&mut Field> {
+        self.fields.iter_mut().find(|field| field.name == name)
+    }
+
+    /// A unit other than these would be silently wrong; none at all is taken as the toolkit's.
+    fn expect_unit(&mut self, name: &'static str, known: &[&str]) -> Result<(), ReadError> {
+        let text = self
+            .field(name)
+            .map(|field| field.text.clone())
+            .unwrap_or_default();
+        if text.is_empty() || known.contains(&text.as_str()) {
+            return Ok(());
+        }
+        Err(self.error(format!("{name} is {text:?}; only {known:?} is understood")))
+    }
+
+    fn rate_hz(&self) -> Result<f64, ReadError> {
+        let values = self
+            .fields
+            .iter()
+            .find(|field| field.name == "SampleRate")
+            .map(|field| &field.values[..]);
+        match values {
+            Some(&[rate_hz]) if rate_hz > 0.0 => Ok(rate_hz),
+            _ => Err(self.error("it has no SampleRate above 0")),
+        }
+    }
+
+    /// Takes an array out.
+    fn array(&mut self, name: &'static str) -> Result<Vec<f64>, ReadError> {
+        let values = self
+            .field(name)
+            .map(|field| std::mem::take(&mut field.values))
+            .unwrap_or_default();
+        if values.is_empty() {
+            Err(self.error(format!("it has no values in {name}")))
+        } else {
+            Ok(values)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An array as the toolkit writes it.
+    fn array(name: &str, values: &[f64]) -> String {
+        let values: String = values
+            .iter()
+            .map(|v| format!("    <value>{v}</value>\n"))
+            .collect();
+        format!("  <{name} type=\"array\">\n{values}  </{name}>\n")
+    }
+
+    fn triple() -> [String; 3] {
+        let file =
+            |inside: String| format!("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<set>\n{inside}</set>\n");
+        let rate = "  <SampleRate>10000</SampleRate>\n";
+        [
+            file(format!(
+                "  <AccelUnits>m/s^2</AccelUnits>\n{rate}{}{}{}{}",
+                array("Accel", &[0.5, -0.25, 1e-3]),
+                array("Accel_X", &[1.0, 2.0, 3.0]),
+                array("Accel_Y", &[4.0, 5.0, 6.0]),
+                array("Accel_Z", &[7.0, 8.0, 9.0]),
+            )),
+            file(format!(
+                "  <SpeedUnits>mm/s</SpeedUnits>\n  <PositionUnits>mm</PositionUnits>\n{rate}{}{}",
+                array("Speed", &[100.0, 110.0, 120.5]),
+                array("Position_X", &[1.0]),
+            )),
+            file(format!(
+                "  <ForceUnits>N</ForceUnits>\n{rate}{}{}",
+                array("ForceNormal", &[1.0, 1.5, 2.0]),
+                array("ForceTangential", &[0.3, 0.4, 0.5]),
+            )),
+        ]
+    }
+
+    fn read([a, p, f]: &[String; 3]) -> Result<ProcessedRecording, ReadError> {
+        read_hatt(a.as_bytes(), p.as_bytes(), f.as_bytes(), "Cork")
+    }
+
+    #[test]
+    fn a_triple_becomes_a_processed_recording_in_si_units() {
+        let recording = read(&triple()).unwrap();
+        let signals = recording.signals();
+        assert_eq!(signals.rate_hz, 10_000.0);
+        assert_eq!(signals.acceleration_m_s2, [0.5, -0.25, 1e-3]);
+        assert_eq!(signals.speed_m_s, [0.1, 0.11, 0.1205]);
+        assert_eq!(signals.force_tangential_n.as_deref(), Some(&[0.3, 0.4, 0.5][..]));
+        assert_eq!(signals.axes_m_s2.as_ref().unwrap()[1], [2.0, 5.0, 8.0]);
+        assert_eq!(recording.provenance().origin, Origin::Imported);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_place() {
+        let broken = |file: usize, from: &str, to: &str| {
+            let mut triple = triple();
+            triple[file] = triple[file].replace(from, to);
+            read(&triple).unwrap_err().to_string()
+        };
+        assert!(broken(0, "-0.25", "nan").contains("Accel is no finite number"));
+        assert!(broken(1, "mm/s<", "m/s<").contains("SpeedUnits is \"m/s\""));
+        assert!(broken(1, "10000", "1000").contains("its rate is 1000 Hz"));
+        assert!(broken(2, "ForceNormal", "Other").contains("no values in ForceNormal"));
+        assert!(broken(2, "</set>", "").contains("in the middle"));
+        assert!(broken(2, "</ForceNormal>", "</Oops>").contains("the Force file, byte"));
+        assert!(broken(0, "    <value>-0.25</value>\n", "").contains("normal force has 3 samples"));
+    }
+}

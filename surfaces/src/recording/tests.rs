@@ -1,0 +1,255 @@
+use super::synthetic::{circle, drag, provenance};
+use super::*;
+use crate::Origin;
+use proptest::prelude::*;
+
+fn raw() -> AnyRecording {
+    AnyRecording::Raw(circle(0.2, 0.03, 1.0, 1.0, 0.3))
+}
+
+fn processed() -> AnyRecording {
+    let recording = drag(&[(0.05, 0.1, 1.0), (0.02, 0.2, 2.0)], 0.3, 1, |_, _| {
+        (vec![-0.5], 1.0)
+    });
+    let mut signals = recording.signals().clone();
+    signals.axes_m_s2 = Some(
+        signals
+            .acceleration_m_s2
+            .iter()
+            .map(|&a| [a, 0.1, -a / 3.0])
+            .collect(),
+    );
+    let provenance = provenance()
+        .with_setting("seed", 7)
+        .with_setting("Größe", "\"ß\"\n");
+    AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Tap, provenance).unwrap())
+}
+
+#[test]
+fn an_archive_keeps_every_bit() {
+    for recording in [raw(), processed()] {
+        let bytes = write_archive(&recording).unwrap();
+        assert!(read_archive(&bytes).unwrap() == recording);
+        assert!(
+            write_archive(&recording).unwrap() == bytes,
+            "the same recording gives the same bytes"
+        );
+    }
+}
+
+#[test]
+fn a_file_is_told_by_its_content() {
+    let folder = tempfile::tempdir().unwrap();
+    for (recording, name) in [
+        (raw(), "raw.npz"),
+        (processed(), "misnamed.csv.bak"),
+        (processed(), "table.CSV"),
+    ] {
+        let path = folder.path().join(name);
+        save(&recording, &path).unwrap();
+        let back = load(&path).unwrap();
+        assert_eq!(back.gesture(), recording.gesture());
+        assert_eq!(back.provenance().origin, Origin::Simulated);
+    }
+    assert!(matches!(
+        load(&folder.path().join("missing")),
+        Err(LoadError::Io { .. })
+    ));
+    assert!(matches!(load(folder.path()), Err(LoadError::Io { .. })));
+    let stray = folder.path().join("stray.xml");
+    std::fs::write(&stray, "<?xml version=\"1.0\"?><set/>").unwrap();
+    assert!(matches!(
+        load(&stray),
+        Err(LoadError::Read {
+            source: ReadError::NotATriple,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn csv_keeps_every_bit_of_a_processed_recording() {
+    let recording = processed();
+    let AnyRecording::Processed(expected) = &recording else {
+        panic!()
+    };
+    let bytes = write_csv(&recording).unwrap();
+    let Ok(AnyRecording::Processed(back)) = read_csv(&bytes, "here") else {
+        panic!()
+    };
+    assert_eq!(back.signals(), expected.signals());
+    assert_eq!(back.gesture(), Gesture::Tap);
+    assert_eq!(back.provenance().source, "made up for a test");
+    assert_eq!(
+        read_column(&bytes, "accel_m_s2").unwrap(),
+        expected.signals().acceleration_m_s2
+    );
+    assert!(
+        read_column(&bytes, "nonsense")
+            .unwrap_err()
+            .to_string()
+            .contains("there are time_s, accel_m_s2")
+    );
+}
+
+#[test]
+fn csv_of_a_raw_recording_holds_the_same_physical_quantities() {
+    let recording = raw();
+    let AnyRecording::Raw(expected) = &recording else {
+        panic!()
+    };
+    let bytes = write_csv(&recording).unwrap();
+    let Ok(AnyRecording::Raw(back)) = read_csv(&bytes, "here") else {
+        panic!()
+    };
+    use crate::learning::processing::{acceleration_axes, tip_positions, tool_wrench};
+    assert_eq!(acceleration_axes(&back), acceleration_axes(expected));
+    assert_eq!(tip_positions(&back), tip_positions(expected));
+    assert_eq!(tool_wrench(&back), tool_wrench(expected));
+    assert_eq!((back.motion().rate_hz, back.wrench().rate_hz), (240.0, 10_000.0));
+}
+
+#[test]
+fn csv_understands_units_delimiters_and_a_noted_rate() {
+    let text = "# rate_hz: 1000\n# gesture: circle\nforce_normal_n;speed_m_s;accel_g;comment\n1;0.1;1;a\n2;0.2;-2;b\n";
+    let Ok(AnyRecording::Processed(recording)) = read_csv(text.as_bytes(), "here") else {
+        panic!()
+    };
+    assert_eq!(recording.signals().acceleration_m_s2, [9.80665, -19.6133]);
+    assert_eq!(
+        (recording.rate_hz(), recording.gesture()),
+        (1000.0, Gesture::Circle)
+    );
+    assert_eq!(recording.provenance().origin, Origin::Imported);
+    assert_eq!(recording.signals().force_tangential_n, None);
+}
+
+#[test]
+fn what_is_wrong_with_a_table_is_said_with_its_line() {
+    let error = |text: &str| read_csv(text.as_bytes(), "here").unwrap_err().to_string();
+    let head = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
+    assert!(error("").contains("missing"));
+    assert!(error("time_s,accel_m_s2,force_normal_n,speed_kmh\n").contains("speed_m_s or speed_mm_s"));
+    assert!(error("time_s,accel_m_s2\n0,1\n0.1,1\n").contains("force_normal is missing"));
+    assert!(error(&format!("{head}0,1,1,1\n0.1,x,1,1\n")).contains("line 3: \"x\" in accel"));
+    assert!(error(&format!("{head}0,1,1,1\n0.1,inf,1,1\n")).contains("no finite number"));
+    assert!(error(&format!("{head}0,1,1,1\n0.1,,1,1\n")).contains("line 3: accel is missing"));
+    assert!(error(&format!("{head}0,1,1,1\n0.1,1,1\n")).contains("line 3"));
+    assert!(error(&format!("{head}0,1,1,1\n0.1,1,1,1\n0.5,1,1,1\n0.6,1,1,1\n")).contains("time jumps"));
+    assert!(error(&format!("{head}0,1,1,1\n")).contains("two samples"));
+    assert!(error("# gesture: wave\ntime_s\n").contains("known are drag"));
+}
+
+#[test]
+fn damaged_archives_are_refused_with_the_member() {
+    let error = |bytes: &[u8]| read_archive(bytes).unwrap_err().to_string();
+    assert!(error(b"PK\x03\x04").contains("damaged"));
+    let bytes = write_archive(&processed()).unwrap();
+    assert!(read_archive(&bytes[..bytes.len() / 2]).is_err());
+    // Same length, so that the archive stays well-formed but for the check sum.
+    let with = |from: &[u8], to: &[u8]| {
+        let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
+        [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+    };
+    assert!(error(&with(b"rate_hz: 10000.0", b"rate_hz: -1000.0")).contains("head.ron"));
+    assert!(error(&with(b"(700, )", b"(701, )")).contains("acceleration_m_s2.npy"));
+}
+
+#[test]
+fn unsound_recordings_are_refused() {
+    let Ok(AnyRecording::Raw(good)) = read_archive(&write_archive(&raw()).unwrap()) else {
+        panic!()
+    };
+    let remake = |motion: Series<Pose>, calibration: Calibration| {
+        let (wrench, acceleration) = (good.wrench().clone(), good.acceleration_v().clone());
+        Recording::new(
+            motion,
+            wrench,
+            acceleration,
+            calibration,
+            Gesture::Drag,
+            provenance(),
+        )
+    };
+    let mut mirrored = *good.calibration();
+    mirrored.force_sensor_to_tool[0] = mirrored.force_sensor_to_tool[0].map(|x| -x);
+    assert_eq!(
+        remake(good.motion().clone(), mirrored),
+        Err(RecordingError::Calibration)
+    );
+    let mut late = good.motion().clone();
+    late.start_s = 100.0;
+    assert!(matches!(
+        remake(late, *good.calibration()),
+        Err(RecordingError::NoOverlap { .. })
+    ));
+    let mut skewed = good.motion().clone();
+    skewed.samples[3].orientation[0] += 0.5;
+    assert!(matches!(
+        remake(skewed, *good.calibration()),
+        Err(RecordingError::Orientation { sample: 3, .. })
+    ));
+    let signals = |speed: f64| Signals {
+        rate_hz: 1.0,
+        acceleration_m_s2: vec![0.0; 2],
+        force_normal_n: vec![0.0; 2],
+        force_tangential_n: None,
+        speed_m_s: vec![0.0, speed],
+        axes_m_s2: None,
+    };
+    let make = |signals| ProcessedRecording::new(signals, Gesture::Drag, provenance());
+    assert!(make(signals(0.1)).is_ok());
+    assert!(matches!(
+        make(signals(-0.1)),
+        Err(RecordingError::NegativeSpeed { sample: 1, .. })
+    ));
+    assert!(matches!(
+        make(signals(f64::NAN)),
+        Err(RecordingError::NotFinite { sample: 1, .. })
+    ));
+    assert!(matches!(
+        make(Signals {
+            speed_m_s: vec![0.0],
+            ..signals(0.1)
+        }),
+        Err(RecordingError::Lengths { .. })
+    ));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..Default::default() })]
+
+    #[test]
+    fn any_bytes_give_an_error_or_a_recording(flips in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), kind in 0_usize..3, cut in any::<prop::sample::Index>()) {
+        use std::sync::LazyLock;
+        static FILES: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+            let small = AnyRecording::Processed(drag(&[(0.002, 0.1, 1.0)], 0.3, 1, |_, _| (vec![], 1.0)));
+            let raw = AnyRecording::Raw(circle(0.02, 0.03, 1.0, 1.0, 0.3));
+            [write_archive(&small).unwrap(), write_archive(&raw).unwrap(), write_csv(&raw).unwrap()]
+        });
+        let mut bytes = FILES[kind].clone();
+        for (index, value) in flips {
+            let at = index.index(bytes.len());
+            bytes[at] = value;
+        }
+        let _ = read_archive(&bytes);
+        let _ = read_csv(&bytes, "here");
+        bytes.truncate(cut.index(bytes.len()));
+        let _ = read_archive(&bytes);
+        let _ = read_csv(&bytes, "here");
+        let _ = read_hatt(&bytes[..], &bytes[..], &bytes[..], "here");
+    }
+}
+
+#[test]
+#[ignore = "timing: run in release, alone"]
+fn ten_seconds_load_in_well_under_a_tenth_of_a_second() {
+    let recording = AnyRecording::Raw(circle(10.0, 0.03, 1.0, 1.0, 0.3));
+    let bytes = write_archive(&recording).unwrap();
+    let began = std::time::Instant::now();
+    let back = read_archive(&bytes).unwrap();
+    let took = began.elapsed();
+    assert!(back == recording, "what was read is not what was written");
+    println!("{took:?} for {} bytes", bytes.len());
+    assert!(took.as_millis() < 100, "{took:?} for {} bytes", bytes.len());
+}
