@@ -250,6 +250,5 @@ fn ten_seconds_load_in_well_under_a_tenth_of_a_second() {
     let back = read_archive(&bytes).unwrap();
     let took = began.elapsed();
     assert!(back == recording, "what was read is not what was written");
-    println!("{took:?} for {} bytes", bytes.len());
     assert!(took.as_millis() < 100, "{took:?} for {} bytes", bytes.len());
 }

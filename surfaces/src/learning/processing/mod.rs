@@ -137,7 +137,7 @@ pub fn combined(
     let highpass = butterworth_highpass(FILTER_ORDER, settings.highpass_hz, rate_hz)?;
     let filtered: [Vec<f64>; 3] =
         std::array::from_fn(|axis| filtfilt(&highpass, &axes.iter().map(|a| a[axis]).collect::<Vec<_>>()));
-    let combined = reduce(&filtered, settings.reduction).ok_or_else(|| match settings.reduction {
+    let combined = reduce(&filtered, settings.reduction).ok_or(match settings.reduction {
         AxisReduction::SingleAxis(axis) => ProcessingError::Axis(axis),
         _ => ProcessingError::NoAxes,
     })?;
