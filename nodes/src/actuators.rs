@@ -1,5 +1,6 @@
 //! Actuators and what stands before them: the voice-coil model, its identification and its compensation.
 
 pub mod compensator;
+pub mod drive;
 pub mod identify;
 pub mod two_mass;

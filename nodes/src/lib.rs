@@ -18,6 +18,7 @@ mod units;
 
 pub(crate) use haptograph_signal::vector;
 
+use haptograph_engine::device::DeviceEntry;
 use haptograph_engine::node::{NodeEntry, Processor};
 use haptograph_engine::registry::Registry;
 
@@ -85,7 +86,13 @@ fn touch(all: &mut Registry) {
         .add(NodeEntry::processor::<texture::locator::TriangleLocator>())
         .add(NodeEntry::processor::<texture::interpolator::LsfInterpolator>())
         .add(NodeEntry::processor::<texture::excitation::Excitation>())
-        .add(NodeEntry::processor::<texture::filter::ArmaFilter>());
+        .add(NodeEntry::processor::<texture::filter::ArmaFilter>())
+        .add(NodeEntry::processor::<actuators::drive::DynamicCompensator>())
+        .add(NodeEntry::actuator::<actuators::drive::ActuatorSink>())
+        .add(NodeEntry::source(&simulated::tablet_node::TABLET))
+        .add(NodeEntry::source(&simulated::haptuator::ACCELEROMETER))
+        .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
+        .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>());
 }
 
 /// The processor that takes over, if it is of the same type.

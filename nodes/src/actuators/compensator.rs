@@ -98,6 +98,11 @@ impl Compensator {
         self.state.process_in_place(samples);
     }
 
+    /// Goes on from the state of another compensator.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.state.copy_state_from(&other.state);
+    }
+
     /// The corner of the high-pass that was reached, Hz.
     pub fn corner_hz(&self) -> f64 {
         self.corner_hz

@@ -1,0 +1,213 @@
+//! What stands before a voice-coil actuator: the compensator of its dynamics, and the sink that drives it.
+
+use super::compensator::{Compensator, CompensatorError, CompensatorSettings};
+use crate::simulated::haptuator::TwoMassSettings;
+use crate::successor;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::limiter::Limiter;
+use haptograph_engine::node::{
+    ActuatorKind, BuildContext, BuildError, Io, Limit, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`DynamicCompensator`].
+    pub struct DynamicCompensatorSettings {
+        /// The actuator; the defaults are placeholders, not measurements.
+        model: TwoMassSettings = TwoMassSettings::placeholder();
+        /// Corner of the high-pass that commanded to felt acceleration follows.
+        corner_hz: f64 = 20.0, in 0.1..=10_000.0;
+        /// Most current per acceleration at any frequency, A/(m/s2); the corner moves up until it is kept.
+        most_a_per_m_s2: f64 = 0.5, in 1e-6..=1e6;
+    }
+}
+
+/// The current that makes the hand feel an acceleration.
+pub struct DynamicCompensator;
+
+impl NodeKind for DynamicCompensator {
+    type Settings = DynamicCompensatorSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "DynamicCompensator",
+        group: "actuators",
+        doc: "The current that makes the hand feel the acceleration that is asked for: the inverse of a two-mass model \
+              of the voice-coil actuator, in series with a high-pass of fourth order.",
+        source: "3.1.2; McMahan and Kuchenbecker 2014",
+        inputs: &[input(
+            "acceleration",
+            Kind::Scalar,
+            Quantity::ACCELERATION,
+            "What is to be felt, m/s2.",
+        )],
+        outputs: &[output(
+            "current",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current for the actuator, A.",
+        )],
+        example: r#""drive": DynamicCompensator(acceleration: "texture.acceleration")"#,
+    };
+
+    fn build(
+        settings: DynamicCompensatorSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Processor>, BuildError> {
+        let model = settings.model.to_two_mass();
+        let model = model
+            .checked()
+            .map_err(|error| BuildError::at("model", error.to_string()))?;
+        let wanted = CompensatorSettings {
+            corner_hz: settings.corner_hz,
+            most_a_per_m_s2: settings.most_a_per_m_s2,
+        };
+        let designed = Compensator::design(&model.response(), &wanted, cx.rate.hz());
+        let compensator = designed.map_err(|error| {
+            let field = match error {
+                CompensatorError::NoActuator => "model",
+                CompensatorError::Corner { .. } => "corner_hz",
+                CompensatorError::Gain { .. } => "most_a_per_m_s2",
+            };
+            BuildError::at(field, error.to_string())
+        })?;
+        Ok(Box::new(Compensating { compensator }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Compensating {
+    compensator: Compensator,
+}
+
+impl Processor for Compensating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let acceleration = io.lanes(0);
+        let current = io.out(0);
+        current.copy_from_slice(acceleration);
+        self.compensator.process(current);
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.compensator.copy_state_from(&self.compensator);
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// What a coil may be given.
+    pub struct CurrentLimitSettings {
+        /// Largest current at any time, A.
+        peak_a: f64, in 1e-9..=1e6;
+        /// Largest root mean square over the window, A.
+        continuous_a: f64, in 1e-9..=1e6;
+        /// Time constant of the coil's heat, s.
+        window_s: f64 = 10.0, in 1e-3..=1e6;
+        /// Largest rate of change, A/s; none: not limited.
+        slew_a_per_s: Option<f64> = None, in 1e-6..=1e12;
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`ActuatorSink`].
+    pub struct ActuatorSinkSettings {
+        /// A plain factor on the current, before the limit.
+        gain: f64 = 1.0;
+        /// What the actuator may be given.
+        limit: CurrentLimitSettings;
+    }
+}
+
+/// Drives a voice-coil actuator.
+pub struct ActuatorSink;
+
+impl ActuatorKind for ActuatorSink {
+    type Settings = ActuatorSinkSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ActuatorSink",
+        group: "sinks",
+        doc: "Drives a voice-coil actuator by current, within limits that it has to state. What is not a number \
+              becomes no current.",
+        source: "3.1.2",
+        inputs: &[input(
+            "current",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current that is asked for, A.",
+        )],
+        outputs: &[output(
+            "delivered",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current that the actuator was given, A.",
+        )],
+        example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#,
+    };
+
+    fn limit(settings: &ActuatorSinkSettings) -> Result<(f64, Limit), BuildError> {
+        let limit = Limit {
+            peak: settings.limit.peak_a,
+            continuous: settings.limit.continuous_a,
+            window_s: settings.limit.window_s,
+            slew_per_s: settings.limit.slew_a_per_s,
+        };
+        keepable(&limit)?;
+        Ok((settings.gain, limit))
+    }
+}
+
+/// Can the limit be kept at any rate that an actuator is driven at?
+pub(crate) fn keepable(limit: &Limit) -> Result<(), BuildError> {
+    const FASTEST_HZ: f64 = 192_000.0;
+    match Limiter::<1>::new(limit, FASTEST_HZ) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(BuildError::at("limit", error.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_tone_through_compensator_and_actuator_is_felt_as_commanded() {
+        let settings = DynamicCompensatorSettings {
+            model: TwoMassSettings::placeholder(),
+            corner_hz: 20.0,
+            most_a_per_m_s2: 0.5,
+        };
+        let mut bench = Bench::new::<DynamicCompensator>(settings, 10_000.0, &[Kind::Scalar]).unwrap();
+        let tone = |k: u32| (std::f64::consts::TAU * 95.0 * f64::from(k) / 10_000.0).sin();
+        let wanted: Vec<f64> = (0..30_000).map(tone).collect();
+        let current = bench.run_in_blocks(&[&wanted], &[1, 64]).remove(0);
+        let mut machine = TwoMassSettings::placeholder().to_two_mass().machine(10_000.0);
+        let mut power = 0.0;
+        for (k, current_a) in current.iter().enumerate() {
+            machine.advance(*current_a, 0.0);
+            power += if k < 20_000 {
+                0.0
+            } else {
+                machine.read().acceleration_m_s2.powi(2) / 10_000.0
+            };
+        }
+        assert!((power / 0.5 - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_limit_with_more_continuous_than_peak_is_refused() {
+        let settings = |peak_a| ActuatorSinkSettings {
+            gain: 1.0,
+            limit: CurrentLimitSettings {
+                peak_a,
+                continuous_a: 0.25,
+                window_s: 10.0,
+                slew_a_per_s: None,
+            },
+        };
+        assert!(ActuatorSink::limit(&settings(0.5)).is_ok());
+        assert_eq!(
+            ActuatorSink::limit(&settings(0.2)).err().and_then(|e| e.field),
+            Some("limit")
+        );
+    }
+}

@@ -1,0 +1,166 @@
+//! The voice-coil actuator as a device of graphs, and the source that reads the accelerometer on it.
+
+use crate::actuators::two_mass::{TwoMass, TwoMassMachine};
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_signal::quantity::Quantity;
+
+/// Reads the accelerometer of a tool.
+pub const ACCELEROMETER: NodeSpec = NodeSpec {
+    name: "Accelerometer",
+    group: "sources",
+    doc: "The acceleration of a tool along its actuator: what the hand feels.",
+    source: "3.1.2",
+    inputs: &[],
+    outputs: &[output(
+        "acceleration",
+        Kind::Scalar,
+        Quantity::ACCELERATION,
+        "Acceleration of the tool, m/s2.",
+    )],
+    example: r#""felt": Accelerometer(clock: "audio", endpoint: "haptuator")"#,
+};
+
+haptograph_engine::settings! {
+    /// The masses, springs and dampers of a voice-coil actuator on a tool in a hand. The defaults are placeholders,
+    /// not measurements: replace them by a fit to your own actuator.
+    pub struct TwoMassSettings {
+        /// Force per current, N/A.
+        force_n_per_a: f64 = TwoMass::PLACEHOLDER.force_n_per_a, in 1e-6..=1e6;
+        /// Mass of the magnet, g.
+        magnet_g: f64 = TwoMass::PLACEHOLDER.magnet_kg * 1e3, in 1e-6..=1e6;
+        /// Stiffness of the magnet's suspension, N/mm.
+        suspension_n_per_mm: f64 = TwoMass::PLACEHOLDER.suspension_n_per_m * 1e-3, in 1e-9..=1e6;
+        /// Damping of the magnet's suspension, N s/m.
+        suspension_n_s_per_m: f64 = TwoMass::PLACEHOLDER.suspension_n_s_per_m, in 1e-9..=1e6;
+        /// Mass of the actuator's body, the tool and what of the hand moves with it, g.
+        body_g: f64 = TwoMass::PLACEHOLDER.body_kg * 1e3, in 1e-6..=1e6;
+        /// Stiffness of the grip, N/mm.
+        hand_n_per_mm: f64 = TwoMass::PLACEHOLDER.hand_n_per_m * 1e-3, in 1e-9..=1e6;
+        /// Damping of the grip, N s/m.
+        hand_n_s_per_m: f64 = TwoMass::PLACEHOLDER.hand_n_s_per_m, in 1e-9..=1e6;
+    }
+}
+
+impl TwoMassSettings {
+    /// The placeholders.
+    pub fn placeholder() -> Self {
+        let TwoMass {
+            force_n_per_a,
+            magnet_kg,
+            suspension_n_per_m,
+            suspension_n_s_per_m,
+            body_kg,
+            hand_n_per_m,
+            hand_n_s_per_m,
+        } = TwoMass::PLACEHOLDER;
+        Self {
+            force_n_per_a,
+            magnet_g: magnet_kg * 1e3,
+            suspension_n_per_mm: suspension_n_per_m * 1e-3,
+            suspension_n_s_per_m,
+            body_g: body_kg * 1e3,
+            hand_n_per_mm: hand_n_per_m * 1e-3,
+            hand_n_s_per_m,
+        }
+    }
+
+    /// The model in SI.
+    pub fn to_two_mass(&self) -> TwoMass {
+        TwoMass {
+            force_n_per_a: self.force_n_per_a,
+            magnet_kg: self.magnet_g * 1e-3,
+            suspension_n_per_m: self.suspension_n_per_mm * 1e3,
+            suspension_n_s_per_m: self.suspension_n_s_per_m,
+            body_kg: self.body_g * 1e-3,
+            hand_n_per_m: self.hand_n_per_mm * 1e3,
+            hand_n_s_per_m: self.hand_n_s_per_m,
+        }
+    }
+}
+
+/// A voice-coil actuator on a tool in a hand.
+pub struct SimulatedHaptuator;
+
+impl DeviceKind for SimulatedHaptuator {
+    type Settings = TwoMassSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "SimulatedHaptuator",
+        doc: "A voice-coil actuator on a tool in a hand: two masses driven by current. Its parameters are placeholders \
+              unless you set them.",
+        source: "3.1.2; McMahan and Kuchenbecker 2014",
+        simulated: true,
+        senses: &[
+            Channel {
+                name: "acceleration",
+                kind: Kind::Scalar,
+                quantity: Quantity::ACCELERATION,
+                doc: "Acceleration of the tool, m/s2.",
+            },
+            Channel {
+                name: "stroke",
+                kind: Kind::Scalar,
+                quantity: Quantity::LENGTH,
+                doc: "Displacement of the magnet in its housing, m.",
+            },
+        ],
+        drives: &[Channel {
+            name: "current",
+            kind: Kind::Scalar,
+            quantity: Quantity::CURRENT,
+            doc: "Current through the coil, A.",
+        }],
+        example: r#""haptuator": SimulatedHaptuator()"#,
+    };
+
+    fn build(settings: TwoMassSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        let checked = settings.to_two_mass().checked();
+        let model = checked.map_err(|error| BuildError::at("force_n_per_a", error.to_string()))?;
+        Ok(Box::new(Coil {
+            machine: model.machine(cx.rate.hz()),
+            current_a: 0.0,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Coil {
+    machine: TwoMassMachine,
+    current_a: f64,
+}
+
+impl Device for Coil {
+    fn advance(&mut self) {
+        self.machine.advance(self.current_a, 0.0);
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        let reading = self.machine.read();
+        frame.fill(if channel == 0 {
+            reading.acceleration_m_s2
+        } else {
+            reading.stroke_m
+        });
+    }
+
+    fn write(&mut self, _: usize, frame: &[f64]) {
+        if let [current_a] = frame {
+            self.current_a = *current_a;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_settings_are_the_placeholder() {
+        let (a, b) = (TwoMassSettings::placeholder().to_two_mass(), TwoMass::PLACEHOLDER);
+        assert!((a.magnet_kg - b.magnet_kg).abs() < 1e-15);
+        assert!((a.body_kg - b.body_kg).abs() < 1e-15);
+        assert!((a.suspension_n_per_m - b.suspension_n_per_m).abs() < 1e-9);
+        assert!((a.hand_n_per_m - b.hand_n_per_m).abs() < 1e-9);
+    }
+}

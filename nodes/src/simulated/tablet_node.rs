@@ -1,0 +1,120 @@
+//! The pen tablet as a device of graphs, and the source that reads one.
+
+use super::drawing::DrawingSettings;
+use super::tablet::{self, TABLET_RATE_HZ, TabletReading};
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_signal::quantity::Quantity;
+
+/// Reads a pen tablet.
+pub const TABLET: NodeSpec = NodeSpec {
+    name: "Tablet",
+    group: "sources",
+    doc: "A pen tablet: where its stylus is and how hard it is pressed.",
+    source: "3.1.1",
+    inputs: &[],
+    outputs: &[
+        output(
+            "position",
+            Kind::Vector,
+            Quantity::LENGTH,
+            "Position of the tip, m; z is zero.",
+        ),
+        output(
+            "force",
+            Kind::Scalar,
+            Quantity::FORCE,
+            "Normal force of the tip, N; zero while lifted.",
+        ),
+        output(
+            "touching",
+            Kind::Scalar,
+            Quantity::NUMBER,
+            "1 while the tip touches, else 0.",
+        ),
+    ],
+    example: r#""stylus": Tablet(clock: "tablet", endpoint: "stylus")"#,
+};
+
+/// A tablet that a simulated hand draws on.
+pub struct SimulatedTablet;
+
+impl DeviceKind for SimulatedTablet {
+    type Settings = DrawingSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "SimulatedTablet",
+        doc: "A pen tablet at 125 Hz with the resolutions of the thesis (4.934 and 4.861 um, 0.0013 N), drawn on by a \
+              simulated hand. The seed is the person: two seeds differ in pace, size and pressure.",
+        source: "3.1.1",
+        simulated: true,
+        senses: &[
+            Channel {
+                name: "position",
+                kind: Kind::Vector,
+                quantity: Quantity::LENGTH,
+                doc: "Position of the tip, m.",
+            },
+            Channel {
+                name: "force",
+                kind: Kind::Scalar,
+                quantity: Quantity::FORCE,
+                doc: "Normal force of the tip, N.",
+            },
+            Channel {
+                name: "touching",
+                kind: Kind::Scalar,
+                quantity: Quantity::NUMBER,
+                doc: "1 while the tip touches.",
+            },
+        ],
+        drives: &[],
+        example: r#""stylus": SimulatedTablet(stroke: Circles(radius_mm: 30.0, period_s: 1.2), force_n: 1.0)"#,
+    };
+
+    fn build(settings: DrawingSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        if cx.rate.hz() != TABLET_RATE_HZ {
+            return Err(BuildError {
+                field: None,
+                message: format!(
+                    "this tablet reports {TABLET_RATE_HZ} times a second, its clock has {}",
+                    cx.rate
+                ),
+                help: Some(format!(
+                    "read it on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
+                )),
+            });
+        }
+        let stroke = settings.to_stroke()?;
+        let tablet = tablet::SimulatedTablet::new(stroke, cx.seed)
+            .map_err(|error| BuildError::at("stroke", error.to_string()))?;
+        Ok(Box::new(Drawn {
+            reading: tablet.read(),
+            tablet,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Drawn {
+    tablet: tablet::SimulatedTablet,
+    reading: TabletReading,
+}
+
+impl Device for Drawn {
+    fn advance(&mut self) {
+        self.tablet.advance();
+        self.reading = self.tablet.read();
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        let [x, y] = self.reading.position_m;
+        match channel {
+            0 => frame.copy_from_slice(&[x, y, 0.0]),
+            1 => frame.fill(self.reading.force_n),
+            _ => frame.fill(f64::from(u8::from(self.reading.force_n > 0.0))),
+        }
+    }
+
+    fn write(&mut self, _: usize, _: &[f64]) {}
+}

@@ -1,0 +1,67 @@
+//! The shipped TexturePad, as its users run it: graphs/texturepad.ron.
+
+use haptograph_engine::document::{Document, LoadOptions};
+use haptograph_engine::graph::{CheckOptions, Graph, check};
+use haptograph_engine::run::Offline;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+fn graphs() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs")
+}
+
+fn texturepad(set: &[(&str, &str)]) -> Graph {
+    let document = Document::load(graphs().join("texturepad.ron"), &LoadOptions::default())
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    let options = CheckOptions {
+        set: set
+            .iter()
+            .map(|(name, value)| ((*name).into(), (*value).into()))
+            .collect(),
+        ..CheckOptions::default()
+    };
+    check(&document, &haptograph_nodes::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+/// Samples of `texture.wav` and `current.wav`.
+fn render(graph: &Graph, seconds: f64, block: usize) -> [Vec<f32>; 2] {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Offline::new(graph, block);
+    run.open_files(folder.path()).unwrap();
+    let outcome = run.run(seconds, &AtomicBool::new(false), &mut |_| {}).unwrap();
+    assert_eq!(outcome.faults.ticks, 0);
+    ["texture.wav", "current.wav"].map(|file| {
+        let mut reader = hound::WavReader::open(folder.path().join(file)).unwrap();
+        reader.samples::<f32>().map(Result::unwrap).collect()
+    })
+}
+
+#[test]
+fn it_is_sound_and_renders_vibration() {
+    let graph = texturepad(&[]);
+    assert!(graph.warnings().is_empty(), "{:?}", graph.warnings());
+    let [vibration, current] = render(&graph, 1.0, 0);
+    assert_eq!((vibration.len(), current.len()), (10_000, 48_000));
+    assert!(
+        vibration.iter().any(|a| a.abs() > 1e-3),
+        "there is something to feel"
+    );
+    assert!(current.iter().any(|i| i.abs() > 1e-3));
+    assert!(current.iter().all(|i| i.abs() <= 0.5), "the limit holds");
+}
+
+#[test]
+fn the_same_bits_for_any_block() {
+    let graph = texturepad(&[]);
+    let whole = render(&graph, 0.5, 0);
+    for block in [1, 17, 1024] {
+        let cut = render(&graph, 0.5, block);
+        assert!(whole == cut, "block {block}");
+    }
+}
+
+#[test]
+fn gain_zero_is_no_current() {
+    let [_, current] = render(&texturepad(&[("gain", "0.0")]), 0.2, 0);
+    assert!(current.iter().all(|i| *i == 0.0));
+}
