@@ -56,13 +56,14 @@ pub struct Reading<'a> {
 impl Reading<'_> {
     /// Reports that `value` is not what was expected there.
     pub fn mismatch(&mut self, value: &Value, expected: &str) {
+        let found = match &value.shape {
+            Shape::Number(_, text) => text.clone(),
+            Shape::Tagged(Tagged { name: Some(name), .. }) => format!("`{}`", name.text),
+            _ => value.describe().to_owned(),
+        };
         self.diagnostics.push(
-            Diagnostic::error(
-                "E0301",
-                value.span,
-                format!("expected {expected}, found {}", value.describe()),
-            )
-            .label(format!("expected {expected}")),
+            Diagnostic::error("E0301", value.span, format!("expected {expected}, found {found}"))
+                .label(format!("expected {expected}")),
         );
     }
 
@@ -83,6 +84,8 @@ pub struct Fields {
     known: Vec<String>,
     /// What to say of fields that are missing: their names, with `None` for nothing, as it was said already.
     missing: Vec<(String, Option<Diagnostic>)>,
+    /// What was missing; said at the end, as an unknown field may turn out to be a misspelt one of these.
+    missed: Vec<(String, Diagnostic)>,
 }
 
 impl Fields {
@@ -114,6 +117,7 @@ impl Fields {
             entries: kept,
             known: Vec::new(),
             missing: Vec::new(),
+            missed: Vec::new(),
         }
     }
 
@@ -135,6 +139,11 @@ impl Fields {
         self.missing.push((name.to_owned(), diagnostic));
     }
 
+    /// Keeps what to report of a field that is missing until all fields have been taken.
+    pub(crate) fn miss(&mut self, name: &str, diagnostic: Diagnostic) {
+        self.missed.push((name.to_owned(), diagnostic));
+    }
+
     /// Was what is wrong with this field reported already?
     pub(crate) fn is_reported(&self, name: &str) -> bool {
         self.missing
@@ -147,18 +156,26 @@ impl Fields {
         &self.entries
     }
 
-    /// Reports all fields that nobody took.
-    pub fn finish(self, reading: &mut Reading<'_>) {
+    /// Reports what is missing, and all fields that nobody took.
+    pub fn finish(mut self, reading: &mut Reading<'_>) {
         for (name, _) in &self.entries {
             let message = format!("{} has no field `{}`", self.owner, name.text);
             let mut diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
-            diagnostic = match closest(&name.text, self.known.iter().map(String::as_str)) {
+            // A field that is missing is the likeliest to be meant.
+            let missed = closest(&name.text, self.missed.iter().map(|(name, _)| name.as_str()));
+            let near = missed.or_else(|| closest(&name.text, self.known.iter().map(String::as_str)));
+            diagnostic = match near {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
                 None if self.known.is_empty() => diagnostic.help("it takes no fields"),
                 None => diagnostic.help(format!("its fields are {}", self.known.join(", "))),
             };
+            if let Some(misspelt) = missed.map(str::to_owned) {
+                self.missed.retain(|(name, _)| *name != misspelt);
+            }
             reading.diagnostics.push(diagnostic);
         }
+        let missed = self.missed.into_iter().map(|(_, diagnostic)| diagnostic);
+        reading.diagnostics.extend(missed);
     }
 
     /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings).
@@ -170,17 +187,18 @@ impl Fields {
         reading: &mut Reading<'_>,
     ) -> Option<T> {
         let Some(value) = self.take(name) else {
-            if default.is_none()
-                && let Some((_, special)) = self.missing.iter().find(|(missing, _)| missing == name)
-            {
-                reading.diagnostics.extend(special.clone());
-            } else if default.is_none() {
-                let message = format!("{} needs `{name}`", self.owner);
-                reading.diagnostics.push(
-                    Diagnostic::error("E0205", self.span, message)
-                        .label(format!("`{name}` is missing"))
-                        .help(format!("add `{name}: ...`, {}", T::expected())),
-                );
+            if default.is_none() {
+                let special = self.missing.iter().find(|(missing, _)| missing == name);
+                let diagnostic = match special {
+                    Some((_, special)) => special.clone(),
+                    None => Some(
+                        Diagnostic::error("E0205", self.span, format!("{} needs `{name}`", self.owner))
+                            .label(format!("`{name}` is missing"))
+                            .help(format!("add `{name}: ...`, {}", T::expected())),
+                    ),
+                };
+                self.missed
+                    .extend(diagnostic.map(|diagnostic| (name.to_owned(), diagnostic)));
             }
             return default;
         };
@@ -188,12 +206,11 @@ impl Fields {
         if let (Some((low, high)), Some(number)) = (range, read.number())
             && !(low..=high).contains(&number)
         {
-            let message = format!("`{name}` is out of range");
-            reading.diagnostics.push(
-                Diagnostic::error("E0302", value.span, message)
-                    .label(format!("must be from {low} to {high}"))
-                    .help(format!("choose a value from {low} to {high}")),
-            );
+            let message = format!("`{name}` is out of range: {number}");
+            let label = format!("choose a value from {low} to {high}");
+            reading
+                .diagnostics
+                .push(Diagnostic::error("E0302", value.span, message).label(label));
             return None;
         }
         Some(read)
@@ -238,19 +255,24 @@ pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     (edit_distance(&lower, &nearest.to_lowercase()) <= allowed).then_some(nearest)
 }
 
+/// Insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
 fn edit_distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.chars().collect();
     let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(row[j + 1] + 1);
+    let mut before_last: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut row = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let substituted = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            row[j] = substituted.min(row[j - 1] + 1).min(last[j] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before_last[j - 2] + 1);
+            }
         }
+        before_last = std::mem::replace(&mut last, row);
     }
-    row[b.len()]
+    last[b.len()]
 }
 
 impl Setting for f64 {

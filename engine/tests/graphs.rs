@@ -5,7 +5,7 @@
 
 mod common;
 
-use haptograph_engine::diagnostic::{Diagnostics, render};
+use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold};
 use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
 use std::path::{Path, PathBuf};
@@ -165,4 +165,203 @@ fn a_graph_can_be_built_in_code() {
     assert_eq!(graph.about(), "A tone \"and\" its echo.\nTwo lines.");
     assert_eq!(graph.nodes().node_count(), 5);
     assert!(graph.warnings().is_empty());
+}
+
+/// A graph of `count` gains and sums, in the words of a file.
+fn large(count: usize) -> String {
+    let mut nodes = String::from("\"n0\": Sine(clock: \"audio\", frequency_hz: Param(\"pitch\")),\n");
+    for i in 1..count {
+        let (a, b) = (i - 1, i / 2);
+        nodes += &match i % 2 {
+            0 => format!("        \"n{i}\": Gain(input: \"n{a}.output\", gain: 0.5), // a gain\n"),
+            _ => format!("        \"n{i}\": Sum(inputs: [\"n{a}.output\", \"n{b}\"]),\n"),
+        };
+    }
+    format!(
+        "Graph(format: 1, parameters: {{ \"pitch\": 220 }}, clocks: {{ \"audio\": Driver(rate_hz: 48000) }}, nodes: {{\n\
+         {nodes} \"file\": Wav(inputs: [\"n{}\"], file: \"a.wav\") }})",
+        count - 1
+    )
+}
+
+#[test]
+fn a_thousand_nodes_are_read_and_checked() {
+    let text = large(1000);
+    let started = std::time::Instant::now();
+    let document = Document::parse("large.ron", &text).unwrap_or_else(|d| panic!("{d}"));
+    let read = started.elapsed();
+    let graph =
+        check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
+    println!(
+        "1000 nodes: read in {read:?}, read and checked in {:?}",
+        started.elapsed()
+    );
+    assert_eq!(graph.nodes().node_count(), 1001);
+    assert!(graph.warnings().is_empty());
+}
+
+/// Deep chains and wide templates end in a graph or a message, never in a crash.
+#[test]
+fn size_alone_breaks_nothing() {
+    let document = Document::parse("large.ron", &large(50_000)).unwrap_or_else(|d| panic!("{d}"));
+    assert!(check(&document, &common::registry(), &CheckOptions::default()).is_ok());
+
+    let mut templates = String::from(
+        "\"T0\": Template(inputs: [\"x\"], nodes: { \"g\": Gain(input: Input(\"x\"), gain: 1) }, outputs: { \"y\": \"g\" }),",
+    );
+    for i in 1..40 {
+        let k = i - 1;
+        templates += &format!(
+            "\"T{i}\": Template(inputs: [\"x\"], nodes: {{ \"a\": T{k}(x: Input(\"x\")), \"b\": T{k}(x: \"a\") }}, outputs: {{ \"y\": \"b\" }}),"
+        );
+    }
+    let text = format!(
+        "Graph(format: 1, clocks: {{ \"c\": Driver(rate_hz: 1000) }}, templates: {{ {templates} }}, nodes: {{ \"s\": Sine(), \"t\": T39(x: \"s\") }})"
+    );
+    let document = Document::parse("bomb.ron", &text).unwrap_or_else(|d| panic!("{d}"));
+    let diagnostics =
+        check(&document, &common::registry(), &CheckOptions::default()).expect_err("too many nodes");
+    assert!(
+        diagnostics.list.iter().any(|d| d.code == "E0702"),
+        "{diagnostics}"
+    );
+}
+
+/// Whatever is done to a right file, the answer is a graph or at least one finding, and the finding can be shown.
+#[test]
+fn mutations_of_right_files_never_panic() {
+    use rand::{RngExt, SeedableRng};
+    let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(2);
+    let registry = common::registry();
+    let texts: Vec<String> = files("tests/right")
+        .iter()
+        .chain(&files("tests/wrong"))
+        .map(|path| std::fs::read_to_string(path).expect("readable"))
+        .collect();
+    let words: Vec<&str> = texts
+        .iter()
+        .flat_map(|text| text.split_inclusive(|c: char| !c.is_alphanumeric()))
+        .collect();
+    let (mut graphs, mut refused) = (0, 0);
+    for _ in 0..20_000 {
+        // Half of them begin as right files, which are the first.
+        let of = [2, texts.len()][random.random_range(0..2)];
+        let mut text = texts[random.random_range(0..of)].clone();
+        for _ in 0..random.random_range(1..4) {
+            let boundary = |text: &str, mut at: usize| {
+                while !text.is_char_boundary(at) {
+                    at -= 1;
+                }
+                at
+            };
+            let start = boundary(&text, random.random_range(0..=text.len()));
+            let length = random.random_range(0..12).min(text.len() - start);
+            let end = boundary(&text, start + length);
+            let put = match random.random_range(0..4) {
+                0 => "",
+                1 => [
+                    "(", ")", "[", "]", "{", "}", "\"", ",", ":", "//", "/*", "µ", "-", "1e9",
+                ][random.random_range(0..14)],
+                _ => words[random.random_range(0..words.len())],
+            };
+            text.replace_range(start..end.max(start), put);
+        }
+        let found = Document::parse("tests/right/mutant.ron", &text)
+            .and_then(|document| check(&document, &registry, &CheckOptions::default()));
+        match found {
+            Ok(_) => graphs += 1,
+            Err(diagnostics) => {
+                refused += 1;
+                assert!(!diagnostics.list.is_empty(), "{text}");
+                assert!(!render(&diagnostics, false).is_empty());
+                assert!(to_json(&diagnostics).starts_with('['));
+            }
+        }
+    }
+    println!("{graphs} graphs, {refused} refused");
+    assert!(graphs > 200 && refused > 10_000);
+}
+
+#[test]
+fn findings_for_editors_have_their_place() {
+    let diagnostics = load(Path::new("tests/wrong/syntax_many_byte_letters.ron")).expect_err("wrong");
+    let json: serde_json::Value = serde_json::from_str(&to_json(&diagnostics)).expect("JSON");
+    let first = &json[0];
+    assert_eq!(first["code"], "E0204");
+    assert_eq!(first["path"], "tests/wrong/syntax_many_byte_letters.ron");
+    assert_eq!(
+        (first["line"].as_u64(), first["column"].as_u64()),
+        (Some(6), Some(35))
+    );
+    assert_eq!(
+        (first["end_line"].as_u64(), first["end_column"].as_u64()),
+        (Some(6), Some(39))
+    );
+    assert_eq!(first["help"][0], "did you mean `gain`?");
+}
+
+/// `docs/diagnostics.md` lists every code, each with one meaning, and no others; and the corpus shows nearly all.
+#[test]
+fn every_code_is_documented() {
+    use std::collections::BTreeSet;
+    fn codes(text: &str, before: char) -> BTreeSet<String> {
+        let starts = text.match_indices(before).map(|(i, c)| &text[i + c.len()..]);
+        let code = |rest: &str| {
+            let code = rest.get(..5)?;
+            let digits = code.bytes().skip(1).all(|b| b.is_ascii_digit());
+            (code.starts_with(['E', 'W']) && digits).then(|| code.to_owned())
+        };
+        starts.filter_map(code).collect()
+    }
+    fn sources(folder: &Path, text: &mut String) {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            match path.is_dir() {
+                true => sources(&path, text),
+                false => *text += &std::fs::read_to_string(&path).expect("readable"),
+            }
+        }
+    }
+    let mut source = String::new();
+    sources(Path::new("src"), &mut source);
+    let used = codes(&source, '"');
+    let page = std::fs::read_to_string("../docs/diagnostics.md").expect("docs/diagnostics.md");
+    assert_eq!(
+        used,
+        codes(&page, '`'),
+        "the source and docs/diagnostics.md differ"
+    );
+
+    let printed: String = files("tests/wrong")
+        .iter()
+        .map(|path| std::fs::read_to_string(path.with_extension("stderr")).unwrap_or_default())
+        .collect();
+    let shown = codes(&printed, '[');
+    let never: Vec<&String> = used.difference(&shown).collect();
+    assert_eq!(never, ["E0702"], "codes that no wrong graph shows");
+}
+
+/// The examples of the documentation are right: the graph runs, and the parts fit into one.
+#[test]
+fn the_page_about_the_format_is_true() {
+    let page = std::fs::read_to_string("../docs/format.md").expect("docs/format.md");
+    let examples: Vec<&str> = page
+        .split("```ron\n")
+        .skip(1)
+        .filter_map(|rest| rest.split("```").next())
+        .collect();
+    let (graph, template) = (examples[0], examples[2]);
+    let around = format!(
+        "Graph(format: 1, clocks: {{ \"synth\": Driver(rate_hz: 10000), \"tablet\": Derived(of: \"synth\", rate_hz: 125) }},
+         endpoints: {{ \"simulated\": {{ \"stylus\": Tablet() }} }},\n{template})"
+    );
+    let around = around.replace(
+        "nodes: {\n    \"texture\"",
+        "nodes: {\n \"stylus\": Stylus(clock: \"tablet\", endpoint: \"stylus\"), \"speed\": SpeedMeter(position: \"stylus.position\"),\n    \"texture\"",
+    );
+    let around = around.replace("canvas.ron", "surface.txt");
+    for text in [graph, &around] {
+        let document = Document::parse("tests/right/page.ron", text).unwrap_or_else(|d| panic!("{d}"));
+        check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
+    }
 }

@@ -252,7 +252,10 @@ impl Loader<'_> {
         for (name, _) in entries {
             let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
             if name.text.trim().is_empty() || name.text.contains(bad) {
-                let message = format!("`{}` cannot be the name of a {what}", name.text.escape_debug());
+                let message = match name.text.trim() {
+                    "" => format!("a {what} needs a name"),
+                    text => format!("`{}` cannot be the name of a {what}", text.escape_debug()),
+                };
                 self.report(
                     Diagnostic::error("E0211", name.span, message)
                         .label("not a name")

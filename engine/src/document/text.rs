@@ -31,6 +31,14 @@ pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
         diagnostics,
     };
     reader.skip_extensions();
+    if reader.token().is_none() {
+        let diagnostic = Diagnostic::error("E0110", reader.span(), "the file is empty");
+        let help = "begin with `Graph(format: 1, nodes: { ... })`";
+        reader
+            .diagnostics
+            .push(diagnostic.label("nothing to read").help(help));
+        return None;
+    }
     let value = reader.value(0);
     if value.is_some() && reader.at < reader.lexemes.len() {
         reader.unexpected("the end of the file");

@@ -48,10 +48,10 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     let mut devices = devices::read(&mut cx, &mut parameters, &draft, &options.endpoints);
     devices::bind(&mut cx, &mut draft, &mut devices);
     wires::connect(&mut cx, &mut draft);
+    cycles::check(&mut cx, &mut draft);
     clocks::assign(&mut cx, &mut draft, &clocks);
     types::check(&mut cx, &mut draft);
     bridges::check(&mut cx, &mut draft, &clocks);
-    cycles::check(&mut cx, &mut draft);
     if let Some(devices) = &mut devices {
         devices::check(&mut cx, &mut draft, &clocks, devices);
     }

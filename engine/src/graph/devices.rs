@@ -155,6 +155,16 @@ fn take_on_types(node: &mut DraftNode, device: DeviceEntry) {
     }
 }
 
+/// Has the device the channels that the node asks for?
+fn fits(node: &DraftNode, device: &DraftDevice) -> bool {
+    let has = |channels: &[Channel], name: &str| channels.iter().any(|channel| channel.name == name);
+    let (spec, body) = (node.entry.spec, device.entry.spec);
+    match node.entry.is_actuator() {
+        true => spec.inputs.iter().all(|port| has(body.drives, port.name)),
+        false => spec.outputs.iter().all(|port| has(body.senses, port.name)),
+    }
+}
+
 fn device_of(
     cx: &mut Context<'_>,
     draft: &Draft,
@@ -176,11 +186,11 @@ fn device_of(
         let message = format!("`{kind}` needs the device that it {does}");
         let diagnostic =
             Diagnostic::error("E0601", target.fields.span, message).label("`endpoint` is missing");
-        let names: Vec<&str> = devices
+        let fitting = devices
             .iter()
-            .flat_map(|d| &d.list)
-            .map(|d| d.name.as_str())
-            .collect();
+            .flat_map(|devices| &devices.list)
+            .filter(|device| fits(target, device));
+        let names: Vec<&str> = fitting.map(|device| device.name.as_str()).collect();
         let help = match names.as_slice() {
             [] => "add `endpoint: \"name\"`, and declare the device under `endpoints`".to_owned(),
             names => format!("add `endpoint: \"...\"`, one of {}", names.join(", ")),

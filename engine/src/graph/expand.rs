@@ -232,7 +232,7 @@ impl Expansion<'_> {
         for input in &declared.inputs {
             let given = fields.take(&input.text);
             if given.is_none() && !fields.is_reported(&input.text) {
-                cx.report(missing_input(kind, &input.text, input.span));
+                fields.miss(&input.text, missing_input(kind, &input.text, input.span));
             }
             scope.inputs.insert(input.text.clone(), given);
         }
@@ -243,12 +243,11 @@ impl Expansion<'_> {
             let value = match given {
                 None if required && !reported => {
                     let message = format!("`{}` needs `{}`", kind.text, setting.text);
-                    cx.report(
-                        Diagnostic::error("E0205", kind.span, message)
-                            .label(format!("`{}` is missing", setting.text))
-                            .also(setting.span, "required here")
-                            .help(format!("add `{}: ...`", setting.text)),
-                    );
+                    let diagnostic = Diagnostic::error("E0205", kind.span, message)
+                        .label(format!("`{}` is missing", setting.text))
+                        .also(setting.span, "required here")
+                        .help(format!("add `{}: ...`", setting.text));
+                    fields.miss(&setting.text, diagnostic);
                     None
                 }
                 None if required || reported => None,

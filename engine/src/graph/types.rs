@@ -197,23 +197,24 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         .flatten();
     if let Some(kind) = carried.kind {
         let (fits, wanted) = match port.kind {
-            KindRule::Is(wanted) => (kind == wanted, format!("takes {wanted}")),
+            KindRule::Is(wanted) => (kind == wanted, format!("takes {}", a(wanted))),
             KindRule::Linear if !kind.is_linear() => (false, "takes scalars, 3-vectors or wrenches".into()),
             KindRule::Same(other) if other != port.name => {
                 let wanted = kind_of(draft, node, port.kind)?;
-                (kind == wanted, format!("takes {wanted}, like `{other}`"))
+                (kind == wanted, format!("takes {}, like `{other}`", a(wanted)))
             }
             _ => match first_in_list.and_then(|first| first.kind) {
                 Some(first) => (
                     kind == first,
-                    format!("takes signals of one kind, and the first is {first}"),
+                    format!("takes signals of one kind, and the first is {}", a(first)),
                 ),
                 None => (true, String::new()),
             },
         };
         if !fits {
-            let message = format!("{to} {wanted}, but `{from}` carries {kind}");
-            let diagnostic = Diagnostic::error("E0403", wire.span, message).label(format!("this is {kind}"));
+            let message = format!("{to} {wanted}, but `{from}` is {}", a(kind));
+            let diagnostic =
+                Diagnostic::error("E0403", wire.span, message).label(format!("this is {}", a(kind)));
             let wanted = match port.kind {
                 KindRule::Is(wanted) => Some(wanted),
                 _ => None,
@@ -256,6 +257,15 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         )),
     };
     Some(via(diagnostic, wire))
+}
+
+/// The kind with its article.
+fn a(kind: Kind) -> String {
+    match kind {
+        Kind::Weights | Kind::Coefficients => kind.to_string(),
+        Kind::Event => format!("an {kind}"),
+        _ => format!("a {kind}"),
+    }
 }
 
 fn word(quantity: Quantity) -> String {

@@ -63,15 +63,7 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                         };
                         let mut diagnostic = missing_input(&kind, input.name, kind.span);
                         diagnostic.secondary.clear();
-                        if let Some(near) = closest(
-                            input.name,
-                            fields.remaining().iter().map(|(name, _)| name.text.as_str()),
-                        ) {
-                            diagnostic =
-                                diagnostic.help(format!("is `{near}` meant to be `{}`?", input.name));
-                        }
-                        let diagnostic = draft.in_use(node, diagnostic, cx);
-                        cx.report(diagnostic);
+                        draft.nodes[node].fields.miss(input.name, diagnostic);
                     }
                     vec![None]
                 }
@@ -166,8 +158,12 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
 }
 
 fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
-    let message = format!("expected a connection, found {}", value.describe());
-    let mut diagnostic = Diagnostic::error("E0411", value.span, message).label("expected \"node.output\"");
+    let (found, span) = match &value.shape {
+        Shape::Tagged(Tagged { name: Some(name), .. }) => (format!("`{}`", name.text), name.span),
+        _ => (value.describe().to_owned(), value.span),
+    };
+    let message = format!("expected a connection, found {found}");
+    let mut diagnostic = Diagnostic::error("E0411", span, message).label("expected \"node.output\"");
     if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
         diagnostic = match name.text.as_str() {
             "Delay" => diagnostic.help("write `Delay(from: \"node.output\", frames: 1)`"),
