@@ -251,7 +251,8 @@ pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     let candidates = candidates.into_iter();
     let comparable = candidates.filter(|candidate| candidate.len() <= MAX_COMPARED);
     let nearest = comparable.min_by_key(distance)?;
-    let allowed = (word.chars().count() / 3).max(1);
+    let letters = word.chars().count();
+    let allowed = (letters / 3).max(1).min(letters.saturating_sub(1));
     (edit_distance(&lower, &nearest.to_lowercase()) <= allowed).then_some(nearest)
 }
 

@@ -45,6 +45,11 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     let mut parameters = Parameters::read(&mut cx, &options.set);
     let clocks = clocks::read(&mut cx, &mut parameters);
     let mut draft = expand::expand(&mut cx, &mut parameters);
+    if draft.cut {
+        put_in_order(&mut cx.diagnostics);
+        let (sources, list) = (cx.sources, cx.diagnostics);
+        return Err(Diagnostics { sources, list });
+    }
     let mut devices = devices::read(&mut cx, &mut parameters, &draft, &options.endpoints);
     devices::bind(&mut cx, &mut draft, &mut devices);
     wires::connect(&mut cx, &mut draft);

@@ -51,6 +51,8 @@ pub(super) struct Draft {
     pub nodes: Vec<DraftNode>,
     /// The graph itself first, then every use of a template.
     pub scopes: Vec<Scope>,
+    /// There were too many nodes: the rest is missing, and nothing that follows can be believed.
+    pub cut: bool,
 }
 
 /// A node of a known kind.

@@ -21,8 +21,8 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters) -> Draft
         draft: Draft {
             nodes: Vec::with_capacity(cx.document.nodes.len()),
             scopes: vec![Scope::default()],
+            cut: false,
         },
-        full: false,
     };
     for (i, template) in cx.document.templates.iter().enumerate() {
         let name = &template.name;
@@ -65,18 +65,17 @@ struct Expansion<'a> {
     templates: HashMap<String, usize>,
     parameters: &'a mut Parameters,
     draft: Draft,
-    full: bool,
 }
 
 impl Expansion<'_> {
     /// Adds the nodes of a scope. `open` are the templates being expanded, outermost first.
     fn fill(&mut self, cx: &mut Context<'_>, scope: usize, nodes: &[(Name, Value)], open: &mut Vec<usize>) {
         for (name, value) in nodes {
-            if self.full {
+            if self.draft.cut {
                 return;
             }
             if self.draft.nodes.len() >= MAX_NODES || self.draft.scopes.len() >= MAX_NODES {
-                self.full = true;
+                self.draft.cut = true;
                 let message = format!("the graph has more than {MAX_NODES} nodes");
                 cx.report(
                     Diagnostic::error("E0702", name.span, message)
