@@ -1,0 +1,9 @@
+//! Everything a person looks at: plots, drawings of graphs, and the page a run leaves behind. All of it is SVG and
+//! HTML that needs no network, no script and no font of its own, and follows the reader's light or dark theme.
+
+pub mod plot;
+mod raster;
+mod scale;
+mod svg;
+pub mod theme;
+pub mod thinning;

@@ -1,0 +1,223 @@
+//! The drawing of a graph: data flows from left to right, clocks are coloured regions, units and bridges are written
+//! on the wires, templates are frames, and bodies close their loops around below.
+
+mod paint;
+mod sketch;
+
+use super::layout::{Block, Layout, Link, Route, Side, layout};
+use super::svg::{Rect, text_width};
+use super::theme;
+use haptograph_engine::graph::Graph;
+use sketch::{NodeBox, Role, Sketch};
+
+/// The drawing of `graph` as a picture of its own.
+pub fn standalone_svg(graph: &Graph, title: &str) -> String {
+    draw(&Sketch::of(graph), title, &theme::css())
+}
+
+/// The drawing of `graph` for a page that has the style sheet.
+pub fn svg(graph: &Graph, title: &str) -> String {
+    draw(&Sketch::of(graph), title, "")
+}
+
+fn draw(sketch: &Sketch, title: &str, style: &str) -> String {
+    let everything: Vec<usize> = (0..sketch.boxes.len()).collect();
+    let scene = arrange(sketch, &everything, "");
+    paint::paint(sketch, &scene, title, style)
+}
+
+/// Where everything of a sketch, or of one group of it, stands.
+#[derive(Debug, Default)]
+struct Scene {
+    size: (f64, f64),
+    boxes: Vec<(usize, Rect)>,
+    groups: Vec<(String, Rect)>,
+    /// Parts of wires, a wire that enters a group having several.
+    routes: Vec<(usize, Route)>,
+    /// Heights at which wires cross the frame: (wire, height), on the left and on the right.
+    entering: Vec<(usize, f64)>,
+    leaving: Vec<(usize, f64)>,
+}
+
+const HEADER: f64 = 36.0;
+const PORT: f64 = 16.0;
+const FRAME: f64 = 16.0;
+const FRAME_TITLE: f64 = 18.0;
+
+/// A child of a group: a node or a group of its own.
+enum Child {
+    Node(usize),
+    Group(String, Scene),
+}
+
+/// Lays out the boxes `members`, all of them in the group whose path is `prefix`: groups in it first, each a block.
+fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
+    let mut children: Vec<Child> = Vec::new();
+    let mut child_of = vec![None; sketch.boxes.len()];
+    for member in members {
+        let rest = &sketch.boxes[*member].path[prefix.len()..];
+        let group = match rest.split_once('/') {
+            Some((group, _)) if sketch.boxes[*member].role != Role::Body => format!("{prefix}{group}/"),
+            _ => {
+                child_of[*member] = Some(children.len());
+                children.push(Child::Node(*member));
+                continue;
+            }
+        };
+        if child_of[*member].is_some() {
+            continue;
+        }
+        let inside: Vec<usize> =
+            members.iter().copied().filter(|m| sketch.boxes[*m].path.starts_with(&group)).collect();
+        inside.iter().for_each(|m| child_of[*m] = Some(children.len()));
+        let scene = arrange(sketch, &inside, &group);
+        children.push(Child::Group(group, scene));
+    }
+    let mut blocks: Vec<Block> = children
+        .iter()
+        .map(|child| {
+            let (width, height) = match child {
+                Child::Node(node) => box_size(&sketch.boxes[*node]),
+                Child::Group(_, scene) => scene.size,
+            };
+            Block { width, height, side: Side::Free }
+        })
+        .collect();
+    let (links, wires, pins) = connect(sketch, &children, &child_of, &mut blocks);
+    let placed = layout(&blocks, &links);
+    collect(sketch, children, placed, &wires, &pins, prefix)
+}
+
+/// Wires as links between children; a wire from or to the outside gets a pin, a block without size.
+/// Returns the links, the wire of each, and the pins: (block, wire, is it on the left).
+#[allow(clippy::type_complexity)]
+fn connect(
+    sketch: &Sketch,
+    children: &[Child],
+    child_of: &[Option<usize>],
+    blocks: &mut Vec<Block>,
+) -> (Vec<Link>, Vec<usize>, Vec<(usize, usize, bool)>) {
+    let (mut links, mut wires, mut pins) = (Vec::new(), Vec::new(), Vec::new());
+    for (number, wire) in sketch.wires.iter().enumerate() {
+        let (from, to) = (child_of[wire.from.0], child_of[wire.to.0]);
+        if from.is_none() && to.is_none() {
+            continue;
+        }
+        if let (Some(a), Some(b)) = (from, to)
+            && a == b
+            && matches!(children[a], Child::Group(..))
+        {
+            continue;
+        }
+        let mut pin = |left: bool| {
+            let side = if left { Side::Left } else { Side::Right };
+            blocks.push(Block { width: 0.0, height: 0.0, side });
+            pins.push((blocks.len() - 1, number, left));
+            (blocks.len() - 1, 0.0)
+        };
+        let end = |child: Option<usize>, port: f64, crossing: fn(&Scene) -> &[(usize, f64)]| {
+            child.map(|child| match &children[child] {
+                Child::Node(_) => (child, port),
+                Child::Group(_, scene) => {
+                    let at = crossing(scene).iter().find(|(wire, _)| *wire == number);
+                    (child, at.map_or(0.0, |(_, y)| *y))
+                }
+            })
+        };
+        let start = end(from, port_height(wire.from.1), |scene| &scene.leaving).unwrap_or_else(|| pin(true));
+        let finish = end(to, port_height(wire.to.1), |scene| &scene.entering).unwrap_or_else(|| pin(false));
+        // Words are written where a wire begins and ends, not where it crosses a frame.
+        let at_node = |child: Option<usize>| child.is_some_and(|c| matches!(children[c], Child::Node(_)));
+        let written = |word: &str, room: f64| if word.is_empty() { 0.0 } else { text_width(word, 9.0) + room };
+        links.push(Link {
+            from: start.0,
+            from_y: start.1,
+            to: finish.0,
+            to_y: finish.1,
+            room: (
+                if at_node(from) { written(&wire.unit, 4.0) } else { 0.0 },
+                if at_node(to) { written(&wire.bridge, 16.0) } else { 0.0 },
+            ),
+            closes_loop: wire.closes_loop,
+        });
+        wires.push(number);
+    }
+    (links, wires, pins)
+}
+
+/// Puts what was laid out, children's insides included, into one scene with a frame around it.
+fn collect(
+    sketch: &Sketch,
+    children: Vec<Child>,
+    placed: Layout,
+    wires: &[usize],
+    pins: &[(usize, usize, bool)],
+    prefix: &str,
+) -> Scene {
+    let framed = !prefix.is_empty();
+    let (pad_x, pad_top, pad_bottom) = if framed { (0.0, FRAME_TITLE + 8.0, FRAME) } else { (0.0, 0.0, 0.0) };
+    let move_by = |route: &Route, by: (f64, f64)| {
+        let mut route = route.clone();
+        route.points_mut().iter_mut().for_each(|p| *p = (p.0 + by.0, p.1 + by.1));
+        route
+    };
+    let mut scene = Scene {
+        size: (placed.size.0 + 2.0 * pad_x, placed.size.1 + pad_top + pad_bottom),
+        ..Scene::default()
+    };
+    for (child, corner) in children.into_iter().zip(&placed.corners) {
+        let at = (corner.0 + pad_x, corner.1 + pad_top);
+        match child {
+            Child::Node(node) => {
+                let (width, height) = box_size(&sketch.boxes[node]);
+                scene.boxes.push((node, Rect { x: at.0, y: at.1, width, height }));
+            }
+            Child::Group(path, inner) => {
+                let moved = |r: Rect| Rect { x: r.x + at.0, y: r.y + at.1, ..r };
+                let frame = Rect { x: at.0, y: at.1, width: inner.size.0, height: inner.size.1 };
+                scene.groups.push((path, frame));
+                scene.groups.extend(inner.groups.into_iter().map(|(path, r)| (path, moved(r))));
+                scene.boxes.extend(inner.boxes.into_iter().map(|(node, r)| (node, moved(r))));
+                scene.routes.extend(inner.routes.iter().map(|(wire, route)| (*wire, move_by(route, at))));
+            }
+        }
+    }
+    let own = placed.routes.iter().zip(wires);
+    scene.routes.extend(own.map(|(route, wire)| (*wire, move_by(route, (pad_x, pad_top)))));
+    for (block, wire, left) in pins {
+        let crossing = (*wire, placed.corners[*block].1 + pad_top);
+        if *left { scene.entering.push(crossing) } else { scene.leaving.push(crossing) }
+    }
+    // Without pins on a side nothing keeps the frame away from the boxes there.
+    let slack = |pinned: bool| if framed && !pinned { FRAME } else { 0.0 };
+    let left = slack(!scene.entering.is_empty());
+    scene.shift(left);
+    scene.size.0 += left + slack(!scene.leaving.is_empty());
+    scene
+}
+
+impl Scene {
+    fn shift(&mut self, by: f64) {
+        self.boxes.iter_mut().for_each(|(_, r)| r.x += by);
+        self.groups.iter_mut().for_each(|(_, r)| r.x += by);
+        let points = self.routes.iter_mut().flat_map(|(_, route)| route.points_mut());
+        points.for_each(|p| p.0 += by);
+    }
+}
+
+/// The height of port number `i` below the top of its box.
+fn port_height(i: usize) -> f64 {
+    HEADER + PORT * (i as f64 + 0.5) + 2.0
+}
+
+fn box_size(node: &NodeBox) -> (f64, f64) {
+    let rows = node.inputs.len().max(node.outputs.len());
+    let words = |ports: &[sketch::Port]| ports.iter().map(|p| text_width(&p.name, 10.0)).fold(0.0, f64::max);
+    let ports = words(&node.inputs) + words(&node.outputs) + 44.0;
+    let head = text_width(&node.name, 12.0).max(text_width(&node.kind, 10.0)) * 1.04 + 34.0;
+    let bottom = if rows == 0 { 2.0 } else { 8.0 };
+    (ports.max(head).max(84.0), HEADER + PORT * rows as f64 + bottom)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,315 @@
+//! Where the blocks of a drawing stand and how its links run: a layered layout in the manner of Sugiyama, left to
+//! right. Layers by longest path, order within a layer by barycentres and exchanges of neighbours, heights by least
+//! squares under the order. Links that run backwards are led around below.
+
+mod heights;
+mod order;
+
+use std::collections::VecDeque;
+
+/// A rectangle to be placed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Block {
+    pub width: f64,
+    pub height: f64,
+    pub side: Side,
+}
+
+/// Where a block may stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Side {
+    /// Anywhere.
+    Free,
+    /// Left of all others.
+    Left,
+    /// Right of all others.
+    Right,
+}
+
+/// A link from the right side of one block to the left side of another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Link {
+    pub from: usize,
+    /// Height of its start below the top of its block.
+    pub from_y: f64,
+    pub to: usize,
+    pub to_y: f64,
+    /// Room for what is written at its start and at its end.
+    pub room: (f64, f64),
+    /// Does it close a loop, so that it rather than another should run backwards?
+    pub closes_loop: bool,
+}
+
+/// The result: the top left corner of every block, the course of every link, the size of it all.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Layout {
+    pub corners: Vec<(f64, f64)>,
+    pub routes: Vec<Route>,
+    pub size: (f64, f64),
+}
+
+/// The course of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Route {
+    /// Points to be joined by curves that leave and arrive horizontally.
+    Forward(Vec<(f64, f64)>),
+    /// Corners of a course of horizontal and vertical stretches.
+    Around(Vec<(f64, f64)>),
+}
+
+/// A block, or a place where a long link passes a layer.
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    layer: usize,
+    height: f64,
+    /// Is there a block, rather than a link passing?
+    solid: bool,
+}
+
+/// Part of a link between items of neighbouring layers.
+#[derive(Debug, Clone, Copy)]
+struct Segment {
+    from: usize,
+    from_y: f64,
+    to: usize,
+    to_y: f64,
+}
+
+const LAYER_GAP: f64 = 44.0;
+const LANE: f64 = 11.0;
+
+/// Places everything.
+pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
+    let backward = backward_links(blocks.len(), links);
+    let layers = layers(blocks, links, &backward);
+    let (items, segments, chains) = subdivide(blocks, links, &backward, &layers);
+    let order = order::order(&items, &segments);
+    let tops = heights::heights(&items, &segments, &order);
+    let columns = columns(blocks, links, &backward, &layers);
+    let corner = |i: usize| {
+        let column = columns[layers[i]];
+        let slack = column.1 - blocks[i].width;
+        let shift = match blocks[i].side {
+            Side::Left => 0.0,
+            Side::Right => slack,
+            Side::Free => slack / 2.0,
+        };
+        (column.0 + shift, tops[i])
+    };
+    let corners: Vec<_> = (0..blocks.len()).map(corner).collect();
+    let bottom = |item: usize| tops[item] + items[item].height;
+    let mut lanes = Lanes::default();
+    let routes = links.iter().enumerate().map(|(number, link)| {
+        let (from, to) = (corners[link.from], corners[link.to]);
+        let start = (from.0 + blocks[link.from].width, from.1 + link.from_y);
+        let end = (to.0, to.1 + link.to_y);
+        if backward[number] {
+            let span = (layers[link.to].min(layers[link.from]), layers[link.from].max(layers[link.to]));
+            let within = (0..items.len()).filter(|i| (span.0..=span.1).contains(&items[*i].layer));
+            let floor = within.map(bottom).fold(f64::NEG_INFINITY, f64::max);
+            let right = columns[layers[link.from]].0 + columns[layers[link.from]].1 + link.room.0;
+            let left = columns[layers[link.to]].0 - link.room.1;
+            Route::Around(lanes.around(span, floor, (start, right), (end, left)))
+        } else {
+            let mut points = vec![start];
+            let edge = |layer: usize| (columns[layer].0, columns[layer].0 + columns[layer].1);
+            points.push((edge(layers[link.from]).1, start.1));
+            for item in &chains[number] {
+                let (left, right) = edge(items[*item].layer);
+                points.extend([(left, tops[*item]), (right, tops[*item])]);
+            }
+            points.extend([(edge(layers[link.to]).0, end.1), end]);
+            Route::Forward(points)
+        }
+    });
+    let mut layout = Layout { routes: routes.collect(), corners, size: (0.0, 0.0) };
+    layout.settle(blocks);
+    layout
+}
+
+impl Layout {
+    /// Moves everything so that it begins at (0, 0), and measures it.
+    fn settle(&mut self, blocks: &[Block]) {
+        let ends = self.corners.iter().zip(blocks).flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
+        let points: Vec<_> = ends.chain(self.routes.iter().flat_map(|r| r.points().iter().copied())).collect();
+        let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| (l.0.min(p.0), l.1.min(p.1)));
+        let high = points.iter().fold((0.0_f64, 0.0_f64), |h, p| (h.0.max(p.0 - low.0), h.1.max(p.1 - low.1)));
+        let moved = |p: &mut (f64, f64)| *p = (p.0 - low.0, p.1 - low.1);
+        self.corners.iter_mut().for_each(moved);
+        self.routes.iter_mut().flat_map(|r| r.points_mut()).for_each(moved);
+        self.size = high;
+    }
+}
+
+impl Route {
+    pub fn points(&self) -> &[(f64, f64)] {
+        match self {
+            Self::Forward(points) | Self::Around(points) => points,
+        }
+    }
+    pub fn points_mut(&mut self) -> &mut [(f64, f64)] {
+        match self {
+            Self::Forward(points) | Self::Around(points) => points,
+        }
+    }
+}
+
+/// Which links run against the layers: those that say they close a loop where they do, then whatever else does.
+fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
+    let mut backward: Vec<bool> = links.iter().map(|link| link.closes_loop || link.from == link.to).collect();
+    let mut outgoing = vec![Vec::new(); blocks];
+    for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
+        outgoing[link.from].push((number, link.to));
+    }
+    #[derive(Clone, Copy, PartialEq)]
+    enum State {
+        New,
+        Open,
+        Done,
+    }
+    let mut state = vec![State::New; blocks];
+    for root in 0..blocks {
+        let mut path = vec![(root, 0)];
+        while let Some((block, next)) = path.pop() {
+            if next == 0 && state[block] != State::New {
+                continue;
+            }
+            state[block] = State::Open;
+            let Some((number, to)) = outgoing[block].get(next).copied() else {
+                state[block] = State::Done;
+                continue;
+            };
+            path.push((block, next + 1));
+            match state[to] {
+                State::Open => backward[number] = true,
+                State::New => path.push((to, 0)),
+                State::Done => {}
+            }
+        }
+    }
+    backward
+}
+
+/// The layer of every block: as far left as its inputs allow, those without inputs as far right as their readers do.
+fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
+    let forward: Vec<&Link> = links.iter().zip(backward).filter(|(_, b)| !**b).map(|(l, _)| l).collect();
+    let first = usize::from(blocks.iter().any(|b| b.side == Side::Left));
+    let mut layer: Vec<usize> = blocks.iter().map(|b| if b.side == Side::Left { 0 } else { first }).collect();
+    let mut waiting = vec![0; blocks.len()];
+    let mut outgoing = vec![Vec::new(); blocks.len()];
+    let mut incoming = vec![0; blocks.len()];
+    for link in &forward {
+        waiting[link.to] += 1;
+        incoming[link.to] += 1;
+        outgoing[link.from].push(link.to);
+    }
+    let mut ready: VecDeque<usize> = (0..blocks.len()).filter(|i| waiting[*i] == 0).collect();
+    let mut sorted = Vec::with_capacity(blocks.len());
+    while let Some(block) = ready.pop_front() {
+        sorted.push(block);
+        for to in &outgoing[block] {
+            layer[*to] = layer[*to].max(layer[block] + 1);
+            waiting[*to] -= 1;
+            if waiting[*to] == 0 {
+                ready.push_back(*to);
+            }
+        }
+    }
+    for block in sorted.into_iter().rev() {
+        let nearest = outgoing[block].iter().map(|to| layer[*to]).min();
+        if let (0, Side::Free, Some(nearest)) = (incoming[block], blocks[block].side, nearest) {
+            layer[block] = nearest.saturating_sub(1).max(first);
+        }
+    }
+    let inner = blocks.iter().zip(&layer).filter(|(b, _)| b.side != Side::Right).map(|(_, l)| *l);
+    let last = inner.max().map_or(0, |l| l + 1);
+    for (block, layer) in blocks.iter().zip(&mut layer) {
+        if block.side == Side::Right {
+            *layer = last;
+        }
+    }
+    layer
+}
+
+type Subdivision = (Vec<Item>, Vec<Segment>, Vec<Vec<usize>>);
+
+/// Cuts links into segments between neighbouring layers; the items added for a link are its chain.
+fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usize]) -> Subdivision {
+    let mut items: Vec<Item> = blocks
+        .iter()
+        .zip(layers)
+        .map(|(block, layer)| Item { layer: *layer, height: block.height, solid: true })
+        .collect();
+    let mut segments = Vec::new();
+    let mut chains = vec![Vec::new(); links.len()];
+    for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
+        let mut at = (link.from, link.from_y);
+        for layer in layers[link.from] + 1..layers[link.to] {
+            items.push(Item { layer, height: 0.0, solid: false });
+            let item = items.len() - 1;
+            segments.push(Segment { from: at.0, from_y: at.1, to: item, to_y: 0.0 });
+            chains[number].push(item);
+            at = (item, 0.0);
+        }
+        segments.push(Segment { from: at.0, from_y: at.1, to: link.to, to_y: link.to_y });
+    }
+    (items, segments, chains)
+}
+
+/// (left edge, width) of every layer, with room between them for what is written on the links.
+fn columns(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usize]) -> Vec<(f64, f64)> {
+    let count = layers.iter().max().map_or(0, |l| l + 1);
+    let mut width = vec![0.0_f64; count];
+    for (block, layer) in blocks.iter().zip(layers) {
+        width[*layer] = width[*layer].max(block.width);
+    }
+    // Room right and left of each layer; a link that goes around takes a lane of its own.
+    let mut room = vec![(0.0_f64, 0.0_f64); count];
+    let mut lanes = vec![(0.0, 0.0); count];
+    for (link, backward) in links.iter().zip(backward) {
+        let (from, to) = (layers[link.from], layers[link.to]);
+        room[from].0 = room[from].0.max(link.room.0);
+        room[to].1 = room[to].1.max(link.room.1);
+        if *backward {
+            lanes[from].0 += LANE;
+            lanes[to].1 += LANE;
+        }
+    }
+    let mut x = 0.0;
+    (0..count)
+        .map(|layer| {
+            if layer > 0 {
+                let left = room[layer - 1].0 + lanes[layer - 1].0;
+                x += width[layer - 1] + LAYER_GAP + left + room[layer].1 + lanes[layer].1;
+            }
+            (x, width[layer])
+        })
+        .collect()
+}
+
+/// Lanes below the blocks that links running backwards have taken.
+#[derive(Default)]
+struct Lanes {
+    /// (first layer, last layer, height).
+    taken: Vec<(usize, usize, f64)>,
+}
+
+impl Lanes {
+    fn around(
+        &mut self,
+        span: (usize, usize),
+        floor: f64,
+        (start, right): ((f64, f64), f64),
+        (end, left): ((f64, f64), f64),
+    ) -> Vec<(f64, f64)> {
+        let beside = |at: usize| self.taken.iter().filter(|t| t.0 == at || t.1 == at).count() as f64 * LANE;
+        let (right, left) = (right + 10.0 + beside(span.1), left - 10.0 - beside(span.0));
+        let overlapping = self.taken.iter().filter(|t| t.0 <= span.1 && span.0 <= t.1);
+        let lowest = overlapping.map(|t| t.2 + LANE).fold(floor + 24.0, f64::max);
+        self.taken.push((span.0, span.1, lowest));
+        vec![start, (right, start.1), (right, lowest), (left, lowest), (left, end.1), end]
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,220 @@
+//! Axes: from values to pixels, and round numbers to write beside them.
+
+/// How values spread along an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Spread {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// By their logarithm; values at or below zero are not shown.
+    Log,
+}
+
+/// Maps values of `low..=high` to pixels of `from..=to`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scale {
+    pub low: f64,
+    pub high: f64,
+    pub from: f64,
+    pub to: f64,
+    pub spread: Spread,
+}
+
+/// A mark on an axis; minor ones have no text.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tick {
+    pub value: f64,
+    pub text: String,
+}
+
+impl Scale {
+    pub fn pixel(&self, value: f64) -> f64 {
+        let part = match self.spread {
+            Spread::Linear => (value - self.low) / (self.high - self.low),
+            Spread::Log => (value / self.low).ln() / (self.high / self.low).ln(),
+        };
+        self.from + part * (self.to - self.from)
+    }
+
+    /// Round values, about `most` of them with a text.
+    pub fn ticks(&self, most: usize) -> Vec<Tick> {
+        match self.spread {
+            Spread::Linear => linear_ticks(self.low, self.high, most),
+            Spread::Log => log_ticks(self.low, self.high, most),
+        }
+    }
+}
+
+/// A range that holds all values, is not empty, and has a little air around it.
+pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64, f64) {
+    let usable = values.filter(|v| v.is_finite() && (spread == Spread::Linear || *v > 0.0));
+    let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    if low > high {
+        return if spread == Spread::Log {
+            (0.1, 10.0)
+        } else {
+            (-1.0, 1.0)
+        };
+    }
+    match spread {
+        Spread::Log if low == high => (low / 2.0, high * 2.0),
+        Spread::Log => (low, high),
+        Spread::Linear if low == high => {
+            let air = if low == 0.0 { 1.0 } else { low.abs() * 0.5 };
+            (low - air, high + air)
+        }
+        Spread::Linear => {
+            let air = (high - low) * 0.06;
+            // A quantity that does not go below zero keeps its zero.
+            let bottom = if low >= 0.0 && low < 0.4 * high {
+                0.0
+            } else {
+                low - air
+            };
+            let top = if high <= 0.0 && high > 0.4 * low {
+                0.0
+            } else {
+                high + air
+            };
+            (bottom, top)
+        }
+    }
+}
+
+fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
+    let rough = (high - low) / most.max(1) as f64;
+    let decade = 10f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .map(|m| m * decade)
+        .into_iter()
+        .find(|step| *step >= rough * 0.999);
+    let step = step.unwrap_or(rough);
+    if !(step.is_finite() && step > 0.0) {
+        return Vec::new();
+    }
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    let largest = low.abs().max(high.abs());
+    (first..=last.min(first.saturating_add(50)))
+        .map(|k| k as f64 * step)
+        .map(|value| Tick {
+            value,
+            text: format_value(value, step, largest),
+        })
+        .collect()
+}
+
+fn log_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
+    let decades = (high / low).log10();
+    let labelled: &[u32] = if decades * 3.0 <= most as f64 {
+        &[1, 2, 5]
+    } else {
+        &[1]
+    };
+    let skip = (decades / most.max(1) as f64).ceil().max(1.0) as i32;
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let mut ticks = Vec::new();
+    for exponent in first..=last.min(first.saturating_add(60)) {
+        for digit in 1..10 {
+            let value = f64::from(digit) * 10f64.powi(exponent);
+            if value < low * 0.9999 || value > high * 1.0001 {
+                continue;
+            }
+            let shown = labelled.contains(&digit) && (exponent - first) % skip == 0;
+            let text = if shown {
+                format_value(value, value, value)
+            } else {
+                String::new()
+            };
+            ticks.push(Tick { value, text });
+        }
+    }
+    ticks
+}
+
+/// `value` with the digits that a step of `step` needs, in powers of ten where the largest is far from one.
+fn format_value(value: f64, step: f64, largest: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    if (1e-3..1e6).contains(&largest) {
+        let digits = (-(step.log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+        return format!("{value:.digits$}").replace('-', "\u{2212}");
+    }
+    let exponent = largest.log10().floor() as i32;
+    let scaled = value / 10f64.powi(exponent);
+    let digits = (-((step / 10f64.powi(exponent)).log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+    let power = superscript(exponent);
+    if digits == 0 && scaled == 1.0 {
+        return format!("10{power}");
+    }
+    format!("{scaled:.digits$}\u{d7}10{power}").replace('-', "\u{2212}")
+}
+
+fn superscript(exponent: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    let digits = exponent.unsigned_abs().to_string();
+    let raised = digits
+        .chars()
+        .filter_map(|c| c.to_digit(10))
+        .map(|d| DIGITS[d as usize]);
+    if exponent < 0 {
+        "⁻".chars().chain(raised).collect()
+    } else {
+        raised.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts(low: f64, high: f64, spread: Spread) -> Vec<String> {
+        let scale = Scale {
+            low,
+            high,
+            from: 0.0,
+            to: 1.0,
+            spread,
+        };
+        scale
+            .ticks(5)
+            .into_iter()
+            .map(|t| t.text)
+            .filter(|t| !t.is_empty())
+            .collect()
+    }
+
+    #[test]
+    fn ticks_are_round_and_carry_the_digits_they_need() {
+        assert_eq!(texts(0.0, 10.0, Spread::Linear), ["0", "2", "4", "6", "8", "10"]);
+        assert_eq!(
+            texts(-0.3, 0.31, Spread::Linear),
+            ["−0.2", "0.0", "0.2"].map(|t| if t == "0.0" { "0" } else { t })
+        );
+        assert_eq!(
+            texts(0.0, 3e-5, Spread::Linear),
+            ["0", "1×10⁻⁵", "2×10⁻⁵", "3×10⁻⁵"]
+        );
+        assert_eq!(texts(10.0, 5000.0, Spread::Log), ["10", "100", "1000"]);
+    }
+
+    #[test]
+    fn every_range_can_be_drawn() {
+        for values in [
+            vec![],
+            vec![0.0],
+            vec![-3.0],
+            vec![f64::NAN],
+            vec![1e300, -1e300],
+            vec![1e-300],
+        ] {
+            for spread in [Spread::Linear, Spread::Log] {
+                let (low, high) = padded(values.iter().copied(), spread);
+                assert!(low < high, "{values:?} {low} {high}");
+            }
+        }
+    }
+}
