@@ -1,6 +1,8 @@
 //! Everything a person looks at: plots, drawings of graphs, and the page a run leaves behind. All of it is SVG and
 //! HTML that needs no network, no script and no font of its own, and follows the reader's light or dark theme.
 
+pub mod drawing;
+mod layout;
 pub mod plot;
 mod raster;
 mod scale;

@@ -75,7 +75,7 @@ struct Segment {
     to_y: f64,
 }
 
-const LAYER_GAP: f64 = 44.0;
+const LAYER_GAP: f64 = 34.0;
 const LANE: f64 = 11.0;
 
 /// Places everything.
@@ -104,9 +104,17 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
         let start = (from.0 + blocks[link.from].width, from.1 + link.from_y);
         let end = (to.0, to.1 + link.to_y);
         if backward[number] {
-            let span = (layers[link.to].min(layers[link.from]), layers[link.from].max(layers[link.to]));
+            let span = (
+                layers[link.to].min(layers[link.from]),
+                layers[link.from].max(layers[link.to]),
+            );
             let within = (0..items.len()).filter(|i| (span.0..=span.1).contains(&items[*i].layer));
-            let floor = within.map(bottom).fold(f64::NEG_INFINITY, f64::max);
+            // A block's own loop stays close to it.
+            let floor = if link.from == link.to {
+                bottom(link.from) - 12.0
+            } else {
+                within.map(bottom).fold(f64::NEG_INFINITY, f64::max)
+            };
             let right = columns[layers[link.from]].0 + columns[layers[link.from]].1 + link.room.0;
             let left = columns[layers[link.to]].0 - link.room.1;
             Route::Around(lanes.around(span, floor, (start, right), (end, left)))
@@ -122,7 +130,11 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
             Route::Forward(points)
         }
     });
-    let mut layout = Layout { routes: routes.collect(), corners, size: (0.0, 0.0) };
+    let mut layout = Layout {
+        routes: routes.collect(),
+        corners,
+        size: (0.0, 0.0),
+    };
     layout.settle(blocks);
     layout
 }
@@ -130,13 +142,26 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
 impl Layout {
     /// Moves everything so that it begins at (0, 0), and measures it.
     fn settle(&mut self, blocks: &[Block]) {
-        let ends = self.corners.iter().zip(blocks).flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
-        let points: Vec<_> = ends.chain(self.routes.iter().flat_map(|r| r.points().iter().copied())).collect();
-        let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| (l.0.min(p.0), l.1.min(p.1)));
-        let high = points.iter().fold((0.0_f64, 0.0_f64), |h, p| (h.0.max(p.0 - low.0), h.1.max(p.1 - low.1)));
+        let ends = self
+            .corners
+            .iter()
+            .zip(blocks)
+            .flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
+        let points: Vec<_> = ends
+            .chain(self.routes.iter().flat_map(|r| r.points().iter().copied()))
+            .collect();
+        let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| {
+            (l.0.min(p.0), l.1.min(p.1))
+        });
+        let high = points.iter().fold((0.0_f64, 0.0_f64), |h, p| {
+            (h.0.max(p.0 - low.0), h.1.max(p.1 - low.1))
+        });
         let moved = |p: &mut (f64, f64)| *p = (p.0 - low.0, p.1 - low.1);
         self.corners.iter_mut().for_each(moved);
-        self.routes.iter_mut().flat_map(|r| r.points_mut()).for_each(moved);
+        self.routes
+            .iter_mut()
+            .flat_map(|r| r.points_mut())
+            .for_each(moved);
         self.size = high;
     }
 }
@@ -156,7 +181,10 @@ impl Route {
 
 /// Which links run against the layers: those that say they close a loop where they do, then whatever else does.
 fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
-    let mut backward: Vec<bool> = links.iter().map(|link| link.closes_loop || link.from == link.to).collect();
+    let mut backward: Vec<bool> = links
+        .iter()
+        .map(|link| link.closes_loop || link.from == link.to)
+        .collect();
     let mut outgoing = vec![Vec::new(); blocks];
     for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
         outgoing[link.from].push((number, link.to));
@@ -192,9 +220,17 @@ fn backward_links(blocks: usize, links: &[Link]) -> Vec<bool> {
 
 /// The layer of every block: as far left as its inputs allow, those without inputs as far right as their readers do.
 fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
-    let forward: Vec<&Link> = links.iter().zip(backward).filter(|(_, b)| !**b).map(|(l, _)| l).collect();
+    let forward: Vec<&Link> = links
+        .iter()
+        .zip(backward)
+        .filter(|(_, b)| !**b)
+        .map(|(l, _)| l)
+        .collect();
     let first = usize::from(blocks.iter().any(|b| b.side == Side::Left));
-    let mut layer: Vec<usize> = blocks.iter().map(|b| if b.side == Side::Left { 0 } else { first }).collect();
+    let mut layer: Vec<usize> = blocks
+        .iter()
+        .map(|b| if b.side == Side::Left { 0 } else { first })
+        .collect();
     let mut waiting = vec![0; blocks.len()];
     let mut outgoing = vec![Vec::new(); blocks.len()];
     let mut incoming = vec![0; blocks.len()];
@@ -221,7 +257,11 @@ fn layers(blocks: &[Block], links: &[Link], backward: &[bool]) -> Vec<usize> {
             layer[block] = nearest.saturating_sub(1).max(first);
         }
     }
-    let inner = blocks.iter().zip(&layer).filter(|(b, _)| b.side != Side::Right).map(|(_, l)| *l);
+    let inner = blocks
+        .iter()
+        .zip(&layer)
+        .filter(|(b, _)| b.side != Side::Right)
+        .map(|(_, l)| *l);
     let last = inner.max().map_or(0, |l| l + 1);
     for (block, layer) in blocks.iter().zip(&mut layer) {
         if block.side == Side::Right {
@@ -238,20 +278,38 @@ fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usiz
     let mut items: Vec<Item> = blocks
         .iter()
         .zip(layers)
-        .map(|(block, layer)| Item { layer: *layer, height: block.height, solid: true })
+        .map(|(block, layer)| Item {
+            layer: *layer,
+            height: block.height,
+            solid: true,
+        })
         .collect();
     let mut segments = Vec::new();
     let mut chains = vec![Vec::new(); links.len()];
     for (number, link) in links.iter().enumerate().filter(|(n, _)| !backward[*n]) {
         let mut at = (link.from, link.from_y);
         for layer in layers[link.from] + 1..layers[link.to] {
-            items.push(Item { layer, height: 0.0, solid: false });
+            items.push(Item {
+                layer,
+                height: 0.0,
+                solid: false,
+            });
             let item = items.len() - 1;
-            segments.push(Segment { from: at.0, from_y: at.1, to: item, to_y: 0.0 });
+            segments.push(Segment {
+                from: at.0,
+                from_y: at.1,
+                to: item,
+                to_y: 0.0,
+            });
             chains[number].push(item);
             at = (item, 0.0);
         }
-        segments.push(Segment { from: at.0, from_y: at.1, to: link.to, to_y: link.to_y });
+        segments.push(Segment {
+            from: at.0,
+            from_y: at.1,
+            to: link.to,
+            to_y: link.to_y,
+        });
     }
     (items, segments, chains)
 }
@@ -307,7 +365,14 @@ impl Lanes {
         let overlapping = self.taken.iter().filter(|t| t.0 <= span.1 && span.0 <= t.1);
         let lowest = overlapping.map(|t| t.2 + LANE).fold(floor + 24.0, f64::max);
         self.taken.push((span.0, span.1, lowest));
-        vec![start, (right, start.1), (right, lowest), (left, lowest), (left, end.1), end]
+        vec![
+            start,
+            (right, start.1),
+            (right, lowest),
+            (left, lowest),
+            (left, end.1),
+            end,
+        ]
     }
 }
 

@@ -197,6 +197,16 @@ impl Graph {
     }
 }
 
+impl Node {
+    /// The device that a source reads or an actuator sink drives, as an index into [`Graph::devices`].
+    pub fn device(&self) -> Option<usize> {
+        match &self.work {
+            Work::Source { device, .. } | Work::Actuator { device, .. } => Some(*device),
+            Work::Process(_) | Work::File(_) => None,
+        }
+    }
+}
+
 impl std::fmt::Debug for Graph {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(

@@ -1,0 +1,234 @@
+//! What of a graph is drawn: boxes with named ports, wires with the words on them, clocks.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::{Bridge, Graph, Node};
+use haptograph_signal::quantity::Quantity;
+use petgraph::visit::EdgeRef;
+
+/// Everything that a drawing shows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sketch {
+    pub boxes: Vec<NodeBox>,
+    pub wires: Vec<WireLine>,
+    /// Names and rates.
+    pub clocks: Vec<(String, String)>,
+}
+
+/// A node, or the body of a device.
+#[derive(Debug, Clone)]
+pub(super) struct NodeBox {
+    /// `texture/filter`; the name of a body.
+    pub path: String,
+    /// The last part of the path.
+    pub name: String,
+    pub kind: String,
+    pub role: Role,
+    pub clock: Option<usize>,
+    pub inputs: Vec<Port>,
+    pub outputs: Vec<Port>,
+    /// What a resting pointer is told.
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    Process,
+    Source,
+    Actuator,
+    File,
+    Body,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Port {
+    pub name: String,
+    pub connected: bool,
+}
+
+/// A wire: (box, port) at both ends.
+#[derive(Debug, Clone)]
+pub(super) struct WireLine {
+    pub from: (usize, usize),
+    pub to: (usize, usize),
+    /// What is written at its end, where it crosses rates or time.
+    pub bridge: String,
+    /// What is written at its start.
+    pub unit: String,
+    pub stroke: Stroke,
+    pub closes_loop: bool,
+}
+
+/// How a wire is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stroke {
+    /// One number.
+    Thin,
+    /// Several.
+    Thick,
+    /// Between a body and its nodes: no signal, but touch.
+    Touch,
+}
+
+impl Sketch {
+    pub fn of(graph: &Graph) -> Self {
+        let clocks = graph
+            .clocks()
+            .iter()
+            .map(|clock| (clock.name.clone(), rate_text(clock.rate.hz())));
+        let mut sketch = Self {
+            clocks: clocks.collect(),
+            ..Self::default()
+        };
+        let nodes = graph.nodes();
+        for node in nodes.node_weights() {
+            sketch.boxes.push(node_box(node));
+        }
+        for edge in nodes.edge_references() {
+            let (source, target) = (&nodes[edge.source()], &nodes[edge.target()]);
+            let (Some(output), Some(_)) = (
+                source.outputs.get(edge.weight().output),
+                target.inputs.get(edge.weight().input),
+            ) else {
+                continue;
+            };
+            let from = (edge.source().index(), edge.weight().output);
+            // One unit is enough where an output has several readers.
+            let named = sketch.wires.iter().any(|wire| wire.from == from);
+            sketch.wires.push(WireLine {
+                from,
+                to: (edge.target().index(), edge.weight().input),
+                bridge: bridge_text(edge.weight().bridge),
+                unit: if named {
+                    String::new()
+                } else {
+                    unit_text(output.kind, output.quantity)
+                },
+                stroke: if output.kind == Kind::Scalar {
+                    Stroke::Thin
+                } else {
+                    Stroke::Thick
+                },
+                closes_loop: matches!(edge.weight().bridge, Bridge::Delay { .. }),
+            });
+        }
+        for (number, device) in graph.devices().iter().enumerate() {
+            let spec = device.entry.spec;
+            let body = sketch.boxes.len();
+            sketch.boxes.push(NodeBox {
+                path: device.name.clone(),
+                name: device.name.clone(),
+                kind: spec.name.to_owned(),
+                role: Role::Body,
+                clock: Some(device.clock),
+                inputs: Vec::new(),
+                outputs: Vec::new(),
+                doc: first_sentence(spec.doc),
+            });
+            let bound = nodes
+                .node_indices()
+                .filter(|n| nodes[*n].device() == Some(number));
+            for node in bound {
+                let drives = nodes[node].entry.is_actuator();
+                sketch.touch(node.index(), body, drives);
+            }
+        }
+        sketch
+    }
+
+    /// Joins a node and the body it reads or drives.
+    fn touch(&mut self, node: usize, body: usize, drives: bool) {
+        let port = |name: &str| Port {
+            name: name.to_owned(),
+            connected: true,
+        };
+        let (source, target) = if drives { (node, body) } else { (body, node) };
+        let port_name = |here: usize, there: &str| {
+            if here == body {
+                there.to_owned()
+            } else {
+                String::new()
+            }
+        };
+        let node_name = self.boxes[node].name.clone();
+        self.boxes[source]
+            .outputs
+            .push(port(&port_name(source, &node_name)));
+        self.boxes[target]
+            .inputs
+            .push(port(&port_name(target, &node_name)));
+        self.wires.push(WireLine {
+            from: (source, self.boxes[source].outputs.len() - 1),
+            to: (target, self.boxes[target].inputs.len() - 1),
+            bridge: String::new(),
+            unit: String::new(),
+            stroke: Stroke::Touch,
+            closes_loop: drives && self.boxes[body].outputs.iter().any(|_| true),
+        });
+    }
+}
+
+fn node_box(node: &Node) -> NodeBox {
+    let role = if node.entry.is_file() {
+        Role::File
+    } else if node.entry.is_actuator() {
+        Role::Actuator
+    } else if node.entry.has_endpoint() {
+        Role::Source
+    } else {
+        Role::Process
+    };
+    let inputs = node.inputs.iter().map(|i| Port {
+        name: i.name.to_owned(),
+        connected: i.connected,
+    });
+    let outputs = node.outputs.iter().map(|o| Port {
+        name: o.name.to_owned(),
+        connected: true,
+    });
+    NodeBox {
+        name: node.path.rsplit('/').next().unwrap_or_default().to_owned(),
+        path: node.path.clone(),
+        kind: node.entry.spec.name.to_owned(),
+        role,
+        clock: node.clock,
+        inputs: inputs.collect(),
+        outputs: outputs.collect(),
+        doc: first_sentence(node.entry.spec.doc),
+    }
+}
+
+fn first_sentence(doc: &str) -> String {
+    let doc = doc.trim();
+    doc.split_once(". ")
+        .map_or_else(|| doc.to_owned(), |(first, _)| format!("{first}."))
+}
+
+fn unit_text(kind: Kind, quantity: Quantity) -> String {
+    let unit = quantity.unit().replace("s2", "s²");
+    match kind {
+        Kind::Scalar | Kind::Vector if quantity == Quantity::NUMBER => String::new(),
+        Kind::Scalar => unit,
+        Kind::Vector => format!("{unit} ×3"),
+        Kind::Wrench => "N, N m".to_owned(),
+        kind => kind.to_string(),
+    }
+}
+
+fn bridge_text(bridge: Bridge) -> String {
+    match bridge {
+        Bridge::Direct => String::new(),
+        Bridge::Hold => "hold".to_owned(),
+        Bridge::Linear => "linear".to_owned(),
+        Bridge::Average => "average".to_owned(),
+        Bridge::Resample => "resample".to_owned(),
+        Bridge::Delay { frames, .. } => format!("delay {frames}"),
+    }
+}
+
+fn rate_text(hz: f64) -> String {
+    if hz >= 1000.0 {
+        format!("{} kHz", super::super::svg::num(hz / 1000.0))
+    } else {
+        format!("{} Hz", super::super::svg::num(hz))
+    }
+}

@@ -1,0 +1,269 @@
+use super::sketch::{Port, Stroke, WireLine};
+use super::*;
+
+/// A sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
+fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
+    let mut sketch = Sketch::default();
+    sketch.clocks = clocks
+        .iter()
+        .map(|c| c.split_once(' ').unwrap())
+        .map(|(a, b)| (a.into(), b.into()))
+        .collect();
+    for line in nodes {
+        let (head, ports) = line.split_once('|').unwrap();
+        let [path, kind, clock, role] = head.split_whitespace().collect::<Vec<_>>()[..] else {
+            panic!("{line}")
+        };
+        let (inputs, outputs) = ports.split_once("->").unwrap();
+        let list = |text: &str| {
+            text.split_whitespace()
+                .map(|name| Port {
+                    name: name.into(),
+                    connected: true,
+                })
+                .collect::<Vec<_>>()
+        };
+        sketch.boxes.push(NodeBox {
+            path: path.into(),
+            name: path.rsplit('/').next().unwrap().into(),
+            kind: kind.into(),
+            role: match role {
+                "source" => Role::Source,
+                "actuator" => Role::Actuator,
+                "file" => Role::File,
+                "body" => Role::Body,
+                _ => Role::Process,
+            },
+            clock: sketch.clocks.iter().position(|(name, _)| name == clock),
+            inputs: list(inputs),
+            outputs: list(outputs),
+            doc: String::new(),
+        });
+    }
+    for line in wires {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let end = |text: &str, input: bool| {
+            let (path, port) = text.rsplit_once('.').unwrap();
+            let node = sketch
+                .boxes
+                .iter()
+                .position(|b| b.path == path)
+                .unwrap_or_else(|| panic!("{line}"));
+            let ports = if input {
+                &sketch.boxes[node].inputs
+            } else {
+                &sketch.boxes[node].outputs
+            };
+            (
+                node,
+                ports
+                    .iter()
+                    .position(|p| p.name == port)
+                    .unwrap_or_else(|| panic!("{line}")),
+            )
+        };
+        let bridge = words.get(2).copied().unwrap_or("-");
+        sketch.wires.push(WireLine {
+            from: end(words[0], false),
+            to: end(words[1], true),
+            bridge: if matches!(bridge, "-" | "touch" | "loop") {
+                String::new()
+            } else {
+                bridge.into()
+            },
+            unit: words.get(3).copied().unwrap_or("").into(),
+            stroke: if matches!(bridge, "touch" | "loop") {
+                Stroke::Touch
+            } else {
+                Stroke::Thin
+            },
+            closes_loop: matches!(bridge, "loop" | "delay"),
+        });
+    }
+    sketch
+}
+
+fn texturepad() -> Sketch {
+    sketch(
+        &["audio 48 kHz", "synth 10 kHz", "control 240 Hz", "tablet 125 Hz"],
+        &[
+            "pen SimulatedTablet tablet body | -> stylus",
+            "stylus Tablet tablet source | pen -> position force",
+            "speed SpeedEstimator tablet - | position -> speed",
+            "texture/locate Locate control - | speed force -> weights",
+            "texture/model Interpolate control - | weights -> coefficients",
+            "texture/noise Noise synth - | -> output",
+            "texture/filter SynthesisFilter synth - | excitation coefficients -> acceleration",
+            "drive DynamicCompensator synth - | acceleration -> current",
+            "out ActuatorSink audio actuator | current -> delivered haptuator",
+            "haptuator SimulatedHaptuator audio body | out -> felt",
+            "accelerometer Accelerometer audio source | haptuator -> acceleration",
+            "wav WavSink - file | input felt ->",
+        ],
+        &[
+            "pen.stylus stylus.pen touch",
+            "stylus.position speed.position - m×3",
+            "speed.speed texture/locate.speed hold m/s",
+            "stylus.force texture/locate.force hold N",
+            "texture/locate.weights texture/model.weights - weights",
+            "texture/model.coefficients texture/filter.coefficients hold coefficients",
+            "texture/noise.output texture/filter.excitation",
+            "texture/filter.acceleration drive.acceleration - m/s²",
+            "texture/filter.acceleration wav.input",
+            "drive.current out.current resample A",
+            "out.haptuator haptuator.out touch",
+            "haptuator.felt accelerometer.haptuator touch",
+            "accelerometer.acceleration wav.felt - m/s²",
+        ],
+    )
+}
+
+fn arm() -> Sketch {
+    sketch(
+        &["servo 1 kHz", "synth 10 kHz", "audio 48 kHz"],
+        &[
+            "arm SimulatedArm servo body | force -> position",
+            "hip ArmPosition servo source | arm -> position velocity",
+            "contact Sphere servo - | position -> contact",
+            "spring Hooke servo - | contact -> force magnitude",
+            "slide/tangent Tangent servo - | contact velocity -> velocity speed",
+            "slide/dahl DahlFriction servo - | velocity load -> force",
+            "slide/gain Gain servo - | input -> output",
+            "tap/onset Onset servo - | contact velocity -> event",
+            "tap/transient TapTransient servo - | event contact -> force",
+            "texture/locate Locate servo - | speed force -> weights",
+            "texture/model Interpolate servo - | weights -> coefficients",
+            "texture/noise Noise synth - | -> output",
+            "texture/filter SynthesisFilter synth - | excitation coefficients -> acceleration",
+            "texture/scale Gain synth - | input -> output",
+            "texture/direction Perpendicular servo - | contact friction -> direction",
+            "sum Add servo - | inputs inputs2 inputs3 inputs4 -> output",
+            "warning Threshold servo - | input -> event",
+            "quadrant Quadrant servo - | position -> event",
+            "limit Clamp servo - | input -> output",
+            "motors ForceSink servo actuator | force -> delivered arm",
+            "buzz ActuatorSink audio actuator | current -> delivered haptuator",
+            "haptuator SimulatedHaptuator audio body | buzz -> ",
+            "felt WavSink - file | input ->",
+            "trace CsvSink - file | position contact force event ->",
+            "leak LeakyIntegrator servo - | input feedback -> output",
+            "compensator Compensator synth - | acceleration -> current",
+            "meter Meter servo - | input -> rms",
+            "slow Lowpass servo - | input -> output",
+            "bias Constant servo - | -> output",
+            "ramp Ramp servo - | -> output",
+        ],
+        &[
+            "arm.position hip.arm touch",
+            "hip.position contact.position - m×3",
+            "contact.contact spring.contact - contact",
+            "contact.contact slide/tangent.contact",
+            "hip.velocity slide/tangent.velocity - m/s×3",
+            "slide/tangent.velocity slide/dahl.velocity - m/s×3",
+            "spring.magnitude slide/dahl.load - N",
+            "slide/dahl.force slide/gain.input - N×3",
+            "contact.contact tap/onset.contact",
+            "hip.velocity tap/onset.velocity",
+            "tap/onset.event tap/transient.event - event",
+            "contact.contact tap/transient.contact",
+            "slide/tangent.speed texture/locate.speed - m/s",
+            "spring.magnitude texture/locate.force",
+            "texture/locate.weights texture/model.weights - weights",
+            "texture/model.coefficients texture/filter.coefficients hold coefficients",
+            "texture/noise.output texture/filter.excitation",
+            "texture/filter.acceleration texture/scale.input - m/s²",
+            "contact.contact texture/direction.contact",
+            "slide/dahl.force texture/direction.friction",
+            "spring.force sum.inputs - N×3",
+            "slide/gain.output sum.inputs2 - N×3",
+            "tap/transient.force sum.inputs3 - N×3",
+            "bias.output sum.inputs4 - N×3",
+            "spring.magnitude warning.input",
+            "hip.position quadrant.position",
+            "sum.output limit.input - N×3",
+            "limit.output motors.force - N×3",
+            "motors.arm arm.force loop",
+            "texture/scale.output compensator.acceleration - m/s²",
+            "compensator.current buzz.current resample A",
+            "buzz.haptuator haptuator.buzz touch",
+            "texture/scale.output felt.input",
+            "hip.position trace.position",
+            "contact.contact trace.contact",
+            "motors.delivered trace.force - N×3",
+            "warning.event trace.event - event",
+            "spring.magnitude meter.input",
+            "meter.rms slow.input - N",
+            "slow.output leak.input - N",
+            "leak.output leak.feedback delay N",
+        ],
+    )
+}
+
+#[test]
+fn no_boxes_overlap_and_groups_hold_their_own() {
+    for sketch in [texturepad(), arm()] {
+        let all: Vec<usize> = (0..sketch.boxes.len()).collect();
+        let scene = arrange(&sketch, &all, "");
+        assert_eq!(scene.boxes.len(), sketch.boxes.len());
+        for (i, (a, ra)) in scene.boxes.iter().enumerate() {
+            for (b, rb) in &scene.boxes[..i] {
+                let apart =
+                    ra.right() <= rb.x || rb.right() <= ra.x || ra.bottom() <= rb.y || rb.bottom() <= ra.y;
+                assert!(apart, "{} and {}", sketch.boxes[*a].path, sketch.boxes[*b].path);
+            }
+            for (group, frame) in &scene.groups {
+                let inside = ra.x >= frame.x
+                    && ra.right() <= frame.right()
+                    && ra.y >= frame.y
+                    && ra.bottom() <= frame.bottom();
+                assert_eq!(
+                    inside,
+                    sketch.boxes[*a].path.starts_with(group),
+                    "{} {group}",
+                    sketch.boxes[*a].path
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn every_wire_is_drawn_from_its_output_to_its_input() {
+    for sketch in [texturepad(), arm()] {
+        let all: Vec<usize> = (0..sketch.boxes.len()).collect();
+        let scene = arrange(&sketch, &all, "");
+        let place = |node: usize| scene.boxes.iter().find(|(number, _)| *number == node).unwrap().1;
+        for (number, wire) in sketch.wires.iter().enumerate() {
+            let parts: Vec<&[(f64, f64)]> = scene
+                .routes
+                .iter()
+                .filter(|(n, _)| *n == number)
+                .map(|(_, route)| route.points())
+                .collect();
+            let (from, to) = (place(wire.from.0), place(wire.to.0));
+            let start = (from.right(), from.y + port_height(wire.from.1));
+            let end = (to.x, to.y + port_height(wire.to.1));
+            let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6;
+            let mut at = start;
+            for _ in &parts {
+                let part = parts
+                    .iter()
+                    .find(|p| near(p[0], at))
+                    .unwrap_or_else(|| panic!("{wire:?} is torn at {at:?}"));
+                at = part[part.len() - 1];
+            }
+            assert!(near(at, end), "{wire:?}");
+        }
+    }
+}
+
+#[test]
+fn the_picture_is_well_formed() {
+    for (name, sketch) in [("texturepad", texturepad()), ("arm", arm())] {
+        let text = draw(&sketch, "A <drawing>", &theme::css());
+        roxmltree::Document::parse(&text).unwrap();
+        if let Some(folder) = std::env::var_os("HAPTOGRAPH_PICTURES") {
+            std::fs::write(std::path::Path::new(&folder).join(format!("{name}.svg")), text).unwrap();
+        }
+    }
+}
