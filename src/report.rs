@@ -2,9 +2,12 @@
 //! HTML that needs no network, no script and no font of its own, and follows the reader's light or dark theme.
 
 pub mod drawing;
+pub mod figures;
 mod layout;
+pub mod page;
 pub mod plot;
 mod raster;
+pub mod record;
 mod scale;
 mod svg;
 pub mod theme;

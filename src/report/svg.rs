@@ -51,10 +51,6 @@ impl Svg {
         self.out.push('\n');
     }
 
-    pub fn append(&mut self, other: &Svg) {
-        self.out.push_str(&other.out);
-    }
-
     /// Everything that `draw` writes, in a group with these classes.
     pub fn group(&mut self, class: &str, draw: impl FnOnce(&mut Self)) {
         self.raw(format_args!("<g class=\"{class}\">"));

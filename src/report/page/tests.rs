@@ -1,0 +1,149 @@
+use super::*;
+use crate::report::record::recorder;
+use haptograph_engine::frame::{Kind, Weights};
+use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::Rate;
+
+fn record(
+    name: &str,
+    kind: Kind,
+    quantity: Quantity,
+    hz: u64,
+    frames: impl Iterator<Item = f64>,
+) -> Recorded {
+    let rate = Rate::from_hz(hz).unwrap();
+    let (mut recorder, record) = recorder(Stream {
+        name: name.into(),
+        kind,
+        quantity,
+        rate,
+        simulated: true,
+    });
+    for block in frames.collect::<Vec<_>>().chunks(kind.width() * 64) {
+        recorder.write(0, block).unwrap();
+    }
+    record.content()
+}
+
+/// Ten seconds of something that looks like touch.
+fn signals(seconds: u64) -> Vec<Recorded> {
+    let hand = |t: f64| (0.08 * (1.0 - (5.0 * t).cos()), 1.2 + 0.6 * (1.7 * t).sin());
+    let mut seed = 1u64;
+    let mut noise = move || {
+        seed = seed
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (seed >> 40) as f64 / (1u64 << 23) as f64 - 1.0
+    };
+    let (mut y1, mut y2) = (0.0, 0.0);
+    let vibration = (0..seconds * 10_000).map(move |i| {
+        let (v, f) = hand(i as f64 / 1e4);
+        let y: f64 = 1.9 * y1 - 0.95 * y2 + 2.0 * noise() * (v * f).sqrt();
+        (y1, y2) = (y, y1);
+        y
+    });
+    let at = move |i: u64, hz: f64| hand(i as f64 / hz);
+    let place = (0..seconds * 240).flat_map(move |i| {
+        let (speed_m_s, force_n) = at(i, 240.0);
+        Weights {
+            speed_m_s,
+            force_n,
+            ..Weights::default()
+        }
+        .to_lanes()
+    });
+    let position = (0..seconds * 125).flat_map(|i| {
+        let t = i as f64 / 125.0;
+        [0.03 * (5.0 * t).cos(), 0.03 * (5.0 * t).sin(), 0.0]
+    });
+    vec![
+        record("stylus.position", Kind::Vector, Quantity::LENGTH, 125, position),
+        record(
+            "stylus.force",
+            Kind::Scalar,
+            Quantity::FORCE,
+            125,
+            (0..seconds * 125).map(move |i| at(i, 125.0).1),
+        ),
+        record(
+            "speed.speed",
+            Kind::Scalar,
+            Quantity::SPEED,
+            125,
+            (0..seconds * 125).map(move |i| at(i, 125.0).0),
+        ),
+        record(
+            "texture/locate.weights",
+            Kind::Weights,
+            Quantity::NUMBER,
+            240,
+            place,
+        ),
+        record(
+            "texture/filter.acceleration",
+            Kind::Scalar,
+            Quantity::ACCELERATION,
+            10_000,
+            vibration,
+        ),
+    ]
+}
+
+#[test]
+fn a_page_shows_everything_and_fetches_nothing() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/modest.ron");
+    let surface = haptograph_surfaces::files::load(&path).unwrap();
+    let texture = surface.texture.as_ref().unwrap();
+    let page = Page {
+        title: "texturepad <b>".into(),
+        about: "A stylus on a tablet.\n\nIt & more.".into(),
+        simulated: true,
+        facts: vec![("Seed".into(), "7".into()), ("Surface".into(), "modest".into())],
+        warnings: vec!["The limit of out held back 3 of 480000 ticks.".into()],
+        signals: signals(10),
+        textures: vec![("texture/locate.weights".into(), texture)],
+        drawing: String::new(),
+    };
+    let html = page.to_html();
+    assert!(!html.contains("NaN") && !html.contains("<b>"));
+    for outside in ["src=\"", "href=\"http", "url(", "<script", "@import"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    for name in [
+        "stylus.force",
+        "speed.speed",
+        "spectrogram",
+        "The stroke over",
+        "simulated",
+        "held back",
+    ] {
+        assert!(html.contains(name), "{name}");
+    }
+    assert!(html.len() < 600_000, "{}", html.len());
+    let body = html
+        .split_once("<main>")
+        .unwrap()
+        .1
+        .split_once("</main>")
+        .unwrap()
+        .0;
+    roxmltree::Document::parse(&format!("<main>{body}</main>")).unwrap();
+    if let Some(folder) = std::env::var_os("HAPTOGRAPH_PICTURES") {
+        std::fs::write(std::path::Path::new(&folder).join("page.html"), html).unwrap();
+    }
+}
+
+#[test]
+fn the_page_of_a_long_run_is_no_larger() {
+    let size = |seconds| {
+        Page {
+            signals: signals(seconds),
+            ..Page::default()
+        }
+        .to_html()
+        .len()
+    };
+    let (short, long) = (size(10), size(100));
+    assert!(long < 2 * short, "{short} {long}");
+}
