@@ -363,8 +363,9 @@ impl Lanes {
         let beside = |at: usize| self.taken.iter().filter(|t| t.0 == at || t.1 == at).count() as f64 * LANE;
         let (right, left) = (right + 10.0 + beside(span.1), left - 10.0 - beside(span.0));
         let mut lowest = floor + 24.0;
-        let meets =
-            |t: &&(usize, usize, f64), at: f64| t.0 <= span.1 && span.0 <= t.1 && (t.2 - at).abs() < 0.99 * LANE;
+        let meets = |t: &&(usize, usize, f64), at: f64| {
+            t.0 <= span.1 && span.0 <= t.1 && (t.2 - at).abs() < 0.99 * LANE
+        };
         while let Some(taken) = self.taken.iter().find(|t| meets(t, lowest)) {
             lowest = taken.2 + LANE;
         }

@@ -298,7 +298,8 @@ impl Plot {
             .map(|(_, text)| text_width(text, 10.0))
             .fold(0.0, f64::max);
         let label = if self.y.label.is_empty() { 0.0 } else { 20.0 };
-        (widest + 12.0 + label).max(40.0)
+        // Plots under one another share their left edge unless a number needs more.
+        (widest + 12.0 + label).max(if self.y.label.is_empty() { 40.0 } else { 66.0 })
     }
 
     fn range(&self, axis: &Axis, which: usize) -> (f64, f64) {
@@ -352,7 +353,7 @@ impl Plot {
             return axis.names.clone();
         }
         // The horizontal axis runs with the pixels, the vertical one against them.
-        let room = if scale.from < scale.to { 80.0 } else { 34.0 };
+        let room = if scale.from < scale.to { 80.0 } else { 28.0 };
         let most = ((pixels / room) as usize).clamp(2, 12);
         scale
             .ticks(most)
@@ -362,27 +363,20 @@ impl Plot {
     }
 
     fn draw_head(&self, svg: &mut Svg, frame: Rect) {
-        svg.text("title ink", (frame.x, 18.0), Anchor::Start, &self.title);
-        if !self.note.is_empty() {
-            let x = frame.x + text_width(&self.title, 13.0) * 1.06 + 10.0;
-            svg.text("small soft", (x, 18.0), Anchor::Start, &self.note);
-        }
+        svg.heading((frame.x, 18.0), &self.title, &self.note);
         let mut x = frame.right();
-        for style in self
-            .marks
-            .iter()
-            .rev()
-            .filter_map(Mark::style)
-            .filter(|style| !style.name.is_empty())
-        {
+        let named = |mark: &&Mark| mark.style().is_some_and(|style| !style.name.is_empty());
+        for mark in self.marks.iter().rev().filter(named) {
+            let Some(style) = mark.style() else { continue };
             x -= text_width(&style.name, 10.0);
             svg.text("small soft", (x, 18.0), Anchor::Start, &style.name);
             x -= 18.0;
-            svg.line(
-                &style.curve_class().replace(" hair", ""),
-                (x, 14.5),
-                (x + 13.0, 14.5),
-            );
+            if matches!(mark, Mark::Dots(..)) {
+                svg.circle(&format!("f{}", style.ink.class()), (x + 7.0, 14.5), 3.5);
+            } else {
+                let class = style.curve_class().replace(" hair", "");
+                svg.line(&class, (x, 14.5), (x + 13.0, 14.5));
+            }
             x -= 12.0;
         }
     }
@@ -630,9 +624,7 @@ impl Matrix {
             },
             0.0,
         );
-        svg.text("title ink", (left, 18.0), Anchor::Start, &self.title);
-        let note_at = (left + text_width(&self.title, 13.0) * 1.06 + 10.0, 18.0);
-        svg.text("small soft", note_at, Anchor::Start, &self.note);
+        svg.heading((left, 18.0), &self.title, &self.note);
         svg.text(
             "soft",
             (left + columns * cell_width / 2.0, top - 30.0),

@@ -108,6 +108,22 @@ impl Svg {
         ));
     }
 
+    /// A title with a remark after it.
+    pub fn heading(&mut self, (x, y): (f64, f64), title: &str, remark: &str) {
+        let (x, y) = (num(x), num(y));
+        let remark = match remark {
+            "" => String::new(),
+            remark => format!(
+                "<tspan class=\"remark-text\" dx=\"10\">{}</tspan>",
+                escape(remark)
+            ),
+        };
+        self.raw(format_args!(
+            "<text class=\"title ink\" x=\"{x}\" y=\"{y}\">{}{remark}</text>",
+            escape(title)
+        ));
+    }
+
     /// Text that reads upwards, centred on a point.
     pub fn text_upwards(&mut self, class: &str, (x, y): (f64, f64), text: &str) {
         let (x, y) = (num(x), num(y));

@@ -66,6 +66,7 @@ const RULES: &[(&str, &str, &str, &str)] = &[
     (".box", "fill", "#ffffff", "#1c2229"),
     (".ink", "fill", "#1c242c", "#e8edf2"),
     (".soft", "fill", "#59636e", "#a3aeb9"),
+    (".remark-text", "fill", "#59636e", "#a3aeb9"),
     (".faint", "fill", "#87919c", "#7c8792"),
     (".grid", "stroke", "#e6eaee", "#2a3138"),
     (".axis", "stroke", "#aab3bd", "#56616c"),
@@ -79,7 +80,7 @@ const RULES: &[(&str, &str, &str, &str)] = &[
 const SHAPES: &str = "\
 .figure{font-family:system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif;font-size:11px;height:auto;max-width:100%}\
 .title{font-size:13px;font-weight:600}\
-.small{font-size:10px}.tiny{font-size:9px}.strong{font-weight:600}\
+.remark-text{font-size:10px;font-weight:400}.small{font-size:10px}.tiny{font-size:9px}.strong{font-weight:600}\
 .grid,.axis,.frame{stroke-width:1;fill:none;shape-rendering:crispEdges}\
 .curve{fill:none;stroke-width:1.3;stroke-linejoin:round;stroke-linecap:round}\
 .hair{stroke-width:.7}.bold{stroke-width:2}\
