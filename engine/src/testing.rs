@@ -26,6 +26,10 @@
 //! assert_eq!(bench.run(&[&[1.0, 2.0, 3.0]]), [[2.0, 4.0, 6.0]]);
 //! ```
 
+mod example;
+
+pub use example::device_from_example;
+
 use crate::frame::Kind;
 use crate::io::{Binding, Buffer, Form, Io, Placing};
 use crate::node::{
@@ -39,6 +43,7 @@ pub const MAX_FRAMES: usize = 1024;
 /// A node, its clock and its wires.
 pub struct Bench {
     processor: Box<dyn Processor>,
+    kinds: Vec<Option<Kind>>,
     tick: Tick,
     bindings: Vec<Binding>,
     buffers: Vec<Buffer>,
@@ -119,6 +124,7 @@ impl Bench {
         });
         Self {
             processor,
+            kinds: inputs.to_vec(),
             tick: Tick {
                 first: 0,
                 frames: 0,
@@ -215,6 +221,16 @@ impl Bench {
         outputs
     }
 
+    /// Puts the clock where another bench's is.
+    pub fn skip_to(&mut self, other: &Self) {
+        self.tick = other.tick;
+    }
+
+    /// What is connected to each input.
+    pub fn kinds(&self) -> &[Option<Kind>] {
+        &self.kinds
+    }
+
     /// The node itself, for live settings and its latency.
     pub fn processor(&mut self) -> &mut dyn Processor {
         &mut *self.processor
@@ -232,12 +248,16 @@ fn context(spec: &NodeSpec, rate_hz: f64, inputs: &[Option<Kind>]) -> BuildConte
     let single = spec.inputs.iter().filter(|port| port.presence != Presence::Many);
     let connections = inputs.len().max(single.count());
     let width = |i: usize| inputs.get(i).copied().flatten().map_or(0, Kind::width);
+    bare_context(rate_hz, (0..connections).map(width).collect())
+}
+
+fn bare_context(rate_hz: f64, input_widths: Vec<usize>) -> BuildContext {
     BuildContext {
         path: "bench".into(),
         rate: Rate::parse(&format!("{rate_hz}")).unwrap_or_else(|error| panic!("{error}")),
         max_frames: MAX_FRAMES,
         seed: 1,
-        input_widths: (0..connections).map(width).collect(),
+        input_widths,
     }
 }
 

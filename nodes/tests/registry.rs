@@ -1,0 +1,281 @@
+//! What holds for every registered kind: its example works, it runs without allocating, the same bits come out for any
+//! blocks, and what is not a number neither panics nor sticks.
+#![expect(unsafe_code, reason = "an allocator that counts can only be written so")]
+
+use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::node::NodeEntry;
+use haptograph_engine::testing::{Bench, MAX_FRAMES, device_from_example};
+use haptograph_nodes::registry;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::path::Path;
+
+/// Of every node on this bench; that of the recording among the examples' files.
+const RATE_HZ: f64 = 10_000.0;
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call goes to the system's allocator unchanged; counting touches a `const`-initialised thread-local
+// without a destructor, which neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller's obligations are the system allocator's.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations and deallocations of this thread during `work`.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = ALLOCATIONS.get();
+    work();
+    ALLOCATIONS.get() - before
+}
+
+/// A folder with the files that examples name.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for sub in ["surfaces", "recordings", "shapes"] {
+        std::fs::create_dir(folder.path().join(sub)).unwrap();
+    }
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/modest.ron");
+    std::fs::copy(shipped, folder.path().join("surfaces/modest.ron")).unwrap();
+    std::fs::write(
+        folder.path().join("recordings/stroke.csv"),
+        "time_s,force_n\n0,1\n0.05,2\n0.2,0.5\n",
+    )
+    .unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: RATE_HZ as u32,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(folder.path().join("recordings/felt.wav"), spec).unwrap();
+    (0..3000).for_each(|k| wav.write_sample((0.1 * k as f32).sin()).unwrap());
+    wav.finalize().unwrap();
+    folder
+}
+
+/// Builds every processor, once for scalars and once for vectors where it takes either.
+fn each_processor(mut test: impl FnMut(&NodeEntry, &dyn Fn() -> Bench)) {
+    let folder = folder();
+    let mut tested = 0;
+    for entry in registry().nodes() {
+        for linear in [Kind::Scalar, Kind::Vector] {
+            let build = || {
+                Bench::from_example(entry, folder.path(), RATE_HZ, linear)
+                    .unwrap_or_else(|wrong| panic!("{}: {wrong}", entry.spec.name))
+            };
+            if build().is_some() {
+                test(entry, &|| build().expect("the same as just now"));
+                tested += 1;
+            }
+        }
+    }
+    assert!(tested > 80, "only {tested} processors were tested");
+}
+
+/// A signal of some kind. With `bad`, one frame in ten has something in it that no sensor should send.
+fn signal(kind: Kind, frames: usize, bad: bool, rng: &mut Xoshiro256PlusPlus) -> Vec<f64> {
+    let mut lanes = Vec::with_capacity(frames * kind.width());
+    let mut frame = vec![0.0; kind.width()];
+    for k in 0..frames {
+        // Signals dwell on a value now and then, so that held ports see runs.
+        if k == 0 || rng.random_bool(0.5) {
+            fill(kind, &mut frame, rng);
+        }
+        lanes.extend_from_slice(&frame);
+        if bad && rng.random_bool(0.1) {
+            let evil = [
+                f64::NAN,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                1e308,
+                -1e308,
+                5e-324,
+                -0.0,
+            ];
+            let at = lanes.len() - 1 - rng.random_range(0..kind.width());
+            lanes[at] = evil[rng.random_range(0..evil.len())];
+        }
+    }
+    lanes
+}
+
+fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
+    match kind {
+        Kind::Coefficients => {
+            let ar = [rng.random_range(-0.5..0.5), rng.random_range(-0.4..0.4)];
+            let variance = if rng.random_bool(0.2) {
+                0.0
+            } else {
+                rng.random_range(0.0..2.0)
+            };
+            let filter = Coefficients {
+                ar: &ar,
+                ma: &[0.2],
+                gain: 1.5,
+                variance,
+            };
+            if let Ok(frame) = frame.try_into() {
+                filter.write(frame);
+            }
+        }
+        Kind::Weights => {
+            let (u, v) = (rng.random_range(0.0..0.5), rng.random_range(0.0..0.5));
+            frame.copy_from_slice(&[0.0, 1.0, 2.0, u, v, 1.0 - u - v, 0.1, 1.0]);
+        }
+        Kind::Event => frame.copy_from_slice(&[f64::from(u8::from(rng.random_bool(0.01))), 1.0]),
+        Kind::Contact => {
+            let depth = rng.random_range(-0.002..0.002_f64);
+            let (x, y) = (rng.random_range(-0.02..0.02), rng.random_range(-0.02..0.02));
+            let touching = f64::from(u8::from(depth > 0.0));
+            let inside = depth.max(0.0);
+            frame.copy_from_slice(&[
+                touching,
+                x,
+                y,
+                -depth,
+                x,
+                y,
+                inside - depth,
+                0.0,
+                0.0,
+                touching,
+                inside,
+                0.0,
+            ]);
+        }
+        Kind::Scalar | Kind::Vector | Kind::Wrench => frame.fill_with(|| rng.random_range(-1.0..2.0)),
+    }
+}
+
+fn inputs(bench: &Bench, frames: usize, bad: bool, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let kinds = bench.kinds().iter().flatten();
+    kinds.map(|kind| signal(*kind, frames, bad, &mut rng)).collect()
+}
+
+fn slices(inputs: &[Vec<f64>]) -> Vec<&[f64]> {
+    inputs.iter().map(Vec::as_slice).collect()
+}
+
+/// Equal bits; one not-a-number is as good as another.
+fn same(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
+    let equal = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+    a.len() == b.len()
+        && a.iter()
+            .zip(b)
+            .all(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(equal))
+}
+
+#[test]
+fn every_example_works() {
+    let folder = folder();
+    for entry in registry().nodes() {
+        let built = Bench::from_example(entry, folder.path(), RATE_HZ, Kind::Scalar);
+        assert!(
+            built.is_ok(),
+            "{}: {}",
+            entry.spec.name,
+            built.err().unwrap_or_default()
+        );
+    }
+    for entry in registry().devices() {
+        let wrong: Vec<String> = [125.0, 1000.0, RATE_HZ]
+            .iter()
+            .filter_map(|rate_hz| device_from_example(entry, folder.path(), *rate_hz).err())
+            .collect();
+        assert!(wrong.len() < 3, "{}: {}", entry.spec.name, wrong[0]);
+    }
+}
+
+#[test]
+fn every_kind_is_documented() {
+    for entry in registry().nodes() {
+        let spec = entry.spec;
+        assert!(spec.doc.ends_with('.'), "{}: {}", spec.name, spec.doc);
+        let inputs = spec.inputs.iter().map(|port| port.doc);
+        for doc in inputs.chain(spec.outputs.iter().map(|port| port.doc)) {
+            assert!(!doc.is_empty(), "{}", spec.name);
+        }
+        for setting in entry.settings() {
+            assert!(!setting.doc.is_empty(), "{}: {}", spec.name, setting.name);
+        }
+    }
+}
+
+#[test]
+fn the_same_bits_for_any_blocks() {
+    each_processor(|entry, build| {
+        for bad in [false, true] {
+            let inputs = inputs(&build(), 3000, bad, 5);
+            let whole = build().run_frames(3000, &slices(&inputs), &[MAX_FRAMES]);
+            for blocks in [&[1][..], &[64], &[7, 1, 130, 33, 2]] {
+                let cut = build().run_frames(3000, &slices(&inputs), blocks);
+                assert!(
+                    same(&whole, &cut),
+                    "{} in blocks of {blocks:?}, bad: {bad}",
+                    entry.spec.name
+                );
+            }
+        }
+    });
+}
+
+#[test]
+fn nothing_is_allocated_while_running() {
+    each_processor(|entry, build| {
+        let mut bench = build();
+        for (seed, frames) in [(1, 64), (2, 1), (3, MAX_FRAMES), (4, 37)] {
+            let inputs = inputs(&bench, frames, seed == 3, seed);
+            bench.load(&slices(&inputs), frames);
+            assert_eq!(allocations(|| bench.step()), 0, "{}", entry.spec.name);
+        }
+    });
+}
+
+#[test]
+fn what_is_not_a_number_does_not_stick() {
+    each_processor(|entry, build| {
+        let mut bench = build();
+        let bad = inputs(&bench, 500, true, 8);
+        bench.run_frames(500, &slices(&bad), &[64]);
+        let good = inputs(&bench, 3000, false, 9);
+        let outputs = bench.run_frames(3000, &slices(&good), &[64]);
+        for output in outputs {
+            let settled = &output[output.len() / 2..];
+            assert!(settled.iter().all(|y| y.is_finite()), "{}", entry.spec.name);
+        }
+    });
+}
+
+#[test]
+fn a_copy_that_takes_over_goes_on_as_if_nothing_happened() {
+    each_processor(|entry, build| {
+        let (mut old, mut new) = (build(), build());
+        let first = inputs(&old, 700, false, 21);
+        let second = inputs(&old, 300, false, 22);
+        old.run_frames(700, &slices(&first), &[64]);
+        new.skip_to(&old);
+        old.processor().copy_state_into(new.processor());
+        let wanted = old.run_frames(300, &slices(&second), &[64]);
+        let got = new.run_frames(300, &slices(&second), &[64]);
+        assert!(same(&wanted, &got), "{}", entry.spec.name);
+    });
+}
