@@ -1,2 +1,9 @@
-//! The `haptograph` command.
-fn main() {}
+//! The `haptograph` command: one file a sub-command under `command/`.
+
+mod command;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    command::main()
+}

@@ -11,12 +11,14 @@ mod devices;
 mod draft;
 mod expand;
 mod fingerprint;
+mod latency;
 mod types;
 mod unused;
 mod values;
 mod wires;
 
 pub use check::{CheckOptions, check};
+pub use latency::PathLatency;
 
 use crate::device::{Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};

@@ -1,0 +1,101 @@
+//! How late what a source senses reaches a sink, from the graph alone.
+
+use super::{Bridge, Edge, Graph, Work};
+use crate::node::Latency;
+use crate::run::resampler;
+use petgraph::graph::NodeIndex;
+use petgraph::visit::EdgeRef;
+use std::collections::BTreeMap;
+
+/// The delay from a node without inputs to a node that nothing reads, along the slowest way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathLatency {
+    /// Path of the source.
+    pub source: String,
+    /// Path of the sink.
+    pub sink: String,
+    /// Whole samples held back: bridges that wait, delays, look-ahead.
+    pub transport_s: f64,
+    /// Group delay of filters and of holding.
+    pub group_delay_s: f64,
+}
+
+impl Graph {
+    /// The delay of every pair of source and sink, declared feedback left out.
+    pub fn latencies(&self) -> Vec<PathLatency> {
+        let mut found = Vec::new();
+        for source in self.nodes.externals(petgraph::Incoming) {
+            let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
+            self.follow(source, Latency::default(), &mut reached, 0);
+            for (sink, latency) in reached {
+                if sink != source && self.nodes.edges(sink).next().is_none() {
+                    found.push(PathLatency {
+                        source: self.nodes[source].path.clone(),
+                        sink: self.nodes[sink].path.clone(),
+                        transport_s: latency.transport_s,
+                        group_delay_s: latency.group_delay_s,
+                    });
+                }
+            }
+        }
+        found
+    }
+
+    /// Goes on from a node that is reached after `before`, where that is later than known.
+    fn follow(
+        &self,
+        node: NodeIndex,
+        before: Latency,
+        reached: &mut BTreeMap<NodeIndex, Latency>,
+        depth: usize,
+    ) {
+        let own = match &self.nodes[node].work {
+            Work::Process(processor) => processor.latency(),
+            _ => Latency::default(),
+        };
+        let here = sum(before, own);
+        let total = |latency: &Latency| latency.transport_s + latency.group_delay_s;
+        if depth > self.nodes.node_count()
+            || reached
+                .get(&node)
+                .is_some_and(|known| total(known) >= total(&here))
+        {
+            return;
+        }
+        reached.insert(node, here);
+        for edge in self.nodes.edges(node) {
+            if !matches!(edge.weight().bridge, Bridge::Delay { .. }) {
+                let crossing = self.crossing(node, edge.target(), edge.weight());
+                self.follow(edge.target(), sum(here, crossing), reached, depth + 1);
+            }
+        }
+    }
+
+    fn crossing(&self, from: NodeIndex, to: NodeIndex, edge: &Edge) -> Latency {
+        let rate = |node: NodeIndex| self.nodes[node].clock.map(|clock| self.clocks[clock].rate);
+        let (Some(from), Some(to)) = (rate(from), rate(to)) else {
+            return Latency::default();
+        };
+        let slow_s = from.period_s().max(to.period_s());
+        let (transport_s, group_delay_s) = match edge.bridge {
+            Bridge::Direct | Bridge::Delay { .. } => (0.0, 0.0),
+            Bridge::Hold | Bridge::Average => (0.0, slow_s / 2.0),
+            Bridge::Linear => (slow_s, 0.0),
+            Bridge::Resample => (
+                resampler(from, to).map_or(0.0, |resampler| resampler.latency_s()),
+                0.0,
+            ),
+        };
+        Latency {
+            transport_s,
+            group_delay_s,
+        }
+    }
+}
+
+fn sum(a: Latency, b: Latency) -> Latency {
+    Latency {
+        transport_s: a.transport_s + b.transport_s,
+        group_delay_s: a.group_delay_s + b.group_delay_s,
+    }
+}
