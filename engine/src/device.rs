@@ -5,7 +5,7 @@
 
 use crate::frame::Kind;
 use crate::node::{BuildContext, BuildError};
-use crate::settings::{Fields, Reading, SettingSpec, Settings};
+use crate::settings::{SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 
 /// Everything that is known of a device kind before one is built.
@@ -84,8 +84,7 @@ pub struct DeviceEntry {
     pub(crate) build: DeviceBuild,
 }
 
-pub(crate) type DeviceBuild =
-    fn(&mut Fields, &mut Reading<'_>) -> Option<crate::node::Finish<BuildContext, Box<dyn Device>>>;
+pub(crate) type DeviceBuild = crate::node::Read<BuildContext, Box<dyn Device>>;
 
 impl DeviceEntry {
     /// Erases the types of a device kind.

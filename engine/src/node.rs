@@ -383,12 +383,15 @@ pub struct NodeEntry {
 /// How a registered node is built from its fields. Each reports what is wrong and returns `None`.
 #[derive(Clone, Copy)]
 pub(crate) enum Build {
-    Processor(fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<BuildContext, Box<dyn Processor>>>),
-    Actuator(fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<(), (f64, Limit)>>),
-    File(fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Vec<Stream>, Box<dyn FileSink>>>),
+    Processor(Read<BuildContext, Box<dyn Processor>>),
+    Actuator(Read<(), (f64, Limit)>),
+    File(Read<Vec<Stream>, Box<dyn FileSink>>),
     /// Reads a device; its outputs are the device's channels of the same names.
     Source,
 }
+
+/// The first half of building: fields to settings.
+pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
 
 /// The second half of building, when clock and connections are known; it can be repeated.
 pub(crate) type Finish<Context, Built> = Box<dyn FnOnce(&Context) -> Result<Built, BuildError>>;

@@ -185,6 +185,7 @@ fn large(count: usize) -> String {
 }
 
 #[test]
+#[expect(clippy::print_stdout, reason = "a time to look at, not to depend on")]
 fn a_thousand_nodes_are_read_and_checked() {
     let text = large(1000);
     let started = std::time::Instant::now();
@@ -203,11 +204,8 @@ fn a_thousand_nodes_are_read_and_checked() {
 /// Deep chains and wide templates end in a graph or a message, never in a crash.
 #[test]
 fn size_alone_breaks_nothing() {
-    let started = std::time::Instant::now();
-    let document = Document::parse("large.ron", &large(50_000)).unwrap_or_else(|d| panic!("{d}"));
-    println!("50 000 nodes: read in {:?}", started.elapsed());
+    let document = Document::parse("large.ron", &large(20_000)).unwrap_or_else(|d| panic!("{d}"));
     assert!(check(&document, &common::registry(), &CheckOptions::default()).is_ok());
-    println!("50 000 nodes: read and checked in {:?}", started.elapsed());
 
     let mut templates = String::from(
         "\"T0\": Template(inputs: [\"x\"], nodes: { \"g\": Gain(input: Input(\"x\"), gain: 1) }, outputs: { \"y\": \"g\" }),",
@@ -281,7 +279,6 @@ fn mutations_of_right_files_never_panic() {
             }
         }
     }
-    println!("{graphs} graphs, {refused} refused");
     assert!(graphs > 200 && refused > 10_000);
 }
 

@@ -70,7 +70,7 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
         open: vec![canonical(path)],
         loaded: HashSet::new(),
     };
-    if loader.graph(&value).is_none() {
+    if loader.graph(value).is_none() {
         return Err(Diagnostics {
             sources: loader.document.sources,
             list: loader.document.findings,
@@ -109,7 +109,7 @@ impl Loader<'_> {
         read
     }
 
-    fn graph(&mut self, value: &Value) -> Option<()> {
+    fn graph(&mut self, value: Value) -> Option<()> {
         let mut fields = self.structure(value, "Graph", "a graph file")?;
         self.format(&mut fields, "Graph")?;
         if let Some(about) = self.field::<String>(&mut fields, "about") {
@@ -122,9 +122,9 @@ impl Loader<'_> {
         self.includes(&mut fields);
         self.document.clocks = self.entries(&mut fields, "clocks", "clock");
         self.document.nodes = self.entries(&mut fields, "nodes", "node");
-        self.check_names(&self.document.nodes.clone(), "node");
+        check_names(&self.document.nodes, "node", &mut self.document.findings);
         for (set, value) in self.entries(&mut fields, "endpoints", "set of endpoints") {
-            let devices = self.map(&value, "endpoint");
+            let devices = self.map(value, "endpoint");
             self.document.endpoints.push((set, devices));
         }
         self.templates(&mut fields);
@@ -133,7 +133,7 @@ impl Loader<'_> {
     }
 
     /// An included file: templates and further includes.
-    fn parts(&mut self, value: &Value) {
+    fn parts(&mut self, value: Value) {
         let Some(mut fields) = self.structure(value, "Parts", "an included file") else {
             return;
         };
@@ -146,17 +146,20 @@ impl Loader<'_> {
         self.reading(|reading| fields.finish(reading));
     }
 
-    fn structure(&mut self, value: &Value, name: &str, file: &str) -> Option<Fields> {
-        if let Shape::Tagged(Tagged {
-            name: Some(written),
-            body: Body::Fields(entries),
-        }) = &value.shape
-            && written.text == name
-        {
-            let span = written.span;
-            let entries = entries.clone();
-            return Some(self.reading(|reading| Fields::new(format!("`{name}`"), span, entries, reading)));
-        }
+    fn structure(&mut self, value: Value, name: &str, file: &str) -> Option<Fields> {
+        let value = match value.shape {
+            Shape::Tagged(Tagged {
+                name: Some(written),
+                body: Body::Fields(entries),
+            }) if written.text == name => {
+                let owner = format!("`{name}`");
+                return Some(self.reading(|reading| Fields::new(owner, written.span, entries, reading)));
+            }
+            shape => Value {
+                span: value.span,
+                shape,
+            },
+        };
         let mut at = value.span;
         let mut found = value.describe().to_owned();
         if let Shape::Tagged(Tagged {
@@ -210,59 +213,49 @@ impl Loader<'_> {
     /// A field that is a map from names.
     fn entries(&mut self, fields: &mut Fields, name: &'static str, what: &str) -> Vec<(Name, Value)> {
         match fields.take(name) {
-            Some(value) => self.map(&value, what),
+            Some(value) => self.map(value, what),
             None => Vec::new(),
         }
     }
 
-    fn map(&mut self, value: &Value, what: &str) -> Vec<(Name, Value)> {
-        let Shape::Map(pairs) = &value.shape else {
-            self.reading(|reading| {
-                reading.mismatch(value, &format!("a map from names, {{ \"{what}\": ... }}"))
-            });
-            return Vec::new();
+    fn map(&mut self, value: Value, what: &str) -> Vec<(Name, Value)> {
+        let pairs = match value.shape {
+            Shape::Map(pairs) => pairs,
+            shape => {
+                let expected = format!("a map from names, {{ \"{what}\": ... }}");
+                let value = Value {
+                    span: value.span,
+                    shape,
+                };
+                self.reading(|reading| reading.mismatch(&value, &expected));
+                return Vec::new();
+            }
         };
-        let mut seen: HashMap<&str, Span> = HashMap::with_capacity(pairs.len());
+        let mut seen: HashMap<String, Span> = HashMap::with_capacity(pairs.len());
         let mut entries = Vec::with_capacity(pairs.len());
         for (key, value) in pairs {
-            let Shape::String(text) = &key.shape else {
-                self.reading(|reading| reading.mismatch(key, &format!("the name of a {what} in quotes")));
-                continue;
+            let span = key.span;
+            let text = match key.shape {
+                Shape::String(text) => text,
+                shape => {
+                    let expected = format!("the name of a {what} in quotes");
+                    let key = Value { span, shape };
+                    self.reading(|reading| reading.mismatch(&key, &expected));
+                    continue;
+                }
             };
-            if let Some(first) = seen.insert(text, key.span) {
-                self.report(
-                    Diagnostic::error("E0105", key.span, format!("there are two {what}s `{text}`"))
-                        .label("declared again here")
-                        .also(first, "first declared here")
-                        .help("rename or remove one of them"),
-                );
-                seen.insert(text, first);
+            if let Some(first) = seen.get(&text) {
+                let diagnostic = Diagnostic::error("E0105", span, format!("there are two {what}s `{text}`"))
+                    .label("declared again here")
+                    .also(*first, "first declared here")
+                    .help("rename or remove one of them");
+                self.report(diagnostic);
                 continue;
             }
-            let name = Name {
-                span: key.span,
-                text: text.clone(),
-            };
-            entries.push((name, value.clone()));
+            seen.insert(text.clone(), span);
+            entries.push((Name { span, text }, value));
         }
         entries
-    }
-
-    fn check_names(&mut self, entries: &[(Name, Value)], what: &str) {
-        for (name, _) in entries {
-            let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
-            if name.text.trim().is_empty() || name.text.contains(bad) {
-                let message = match name.text.trim() {
-                    "" => format!("a {what} needs a name"),
-                    text => format!("`{}` cannot be the name of a {what}", text.escape_debug()),
-                };
-                self.report(
-                    Diagnostic::error("E0211", name.span, message)
-                        .label("not a name")
-                        .help("`.` separates node and port, `/` the parts of a path; use letters, digits, `_` or `-`"),
-                );
-            }
-        }
     }
 
     fn includes(&mut self, fields: &mut Fields) {
@@ -316,7 +309,7 @@ impl Loader<'_> {
             .add(path.to_path_buf(), Arc::from(text.as_str()));
         if let Some(value) = ron_text::read(id, &text, &mut self.document.findings) {
             self.open.push(key);
-            self.parts(&value);
+            self.parts(value);
             self.open.pop();
         }
     }
@@ -361,8 +354,8 @@ impl Loader<'_> {
             outputs: self.entries(&mut fields, "outputs", "output"),
         };
         self.reading(|reading| fields.finish(reading));
-        self.check_names(&template.nodes, "node");
-        self.check_names(&template.outputs, "output");
+        check_names(&template.nodes, "node", &mut self.document.findings);
+        check_names(&template.outputs, "output", &mut self.document.findings);
         for input in &template.inputs {
             if let Some((twice, _)) = template.settings.iter().find(|(name, _)| name.text == input.text) {
                 let message = format!("`{}` is an input and a setting", input.text);
@@ -434,5 +427,25 @@ impl Loader<'_> {
             });
         }
         names
+    }
+}
+
+fn check_names(entries: &[(Name, Value)], what: &str, findings: &mut Vec<Diagnostic>) {
+    for (name, _) in entries {
+        let bad = |c: char| matches!(c, '.' | '/') || c.is_control();
+        if !name.text.trim().is_empty() && !name.text.contains(bad) {
+            continue;
+        }
+        let message = match name.text.trim() {
+            "" => format!("a {what} needs a name"),
+            text => format!("`{}` cannot be the name of a {what}", text.escape_debug()),
+        };
+        findings.push(
+            Diagnostic::error("E0211", name.span, message)
+                .label("not a name")
+                .help(
+                    "`.` separates node and port, `/` the parts of a path; use letters, digits, `_` or `-`",
+                ),
+        );
     }
 }

@@ -8,6 +8,7 @@ use crate::frame::Kind;
 use crate::node::{InputSpec, KindRule, QuantityRule};
 use crate::settings::unknown_choice;
 use haptograph_signal::quantity::Quantity;
+use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
 /// Quantities that settings name, by node and setting; `None` where that was reported.
@@ -38,10 +39,10 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
             let QuantityRule::Setting(setting) = rule else {
                 continue;
             };
-            if !named.contains_key(&(i, setting)) {
+            if let Entry::Vacant(place) = named.entry((i, setting)) {
                 let found = quantity_by_name(cx, node, setting);
                 node.broken |= found.is_none();
-                named.insert((i, setting), found);
+                place.insert(found);
             }
         }
     }
