@@ -23,7 +23,7 @@ pub struct SettingSpec {
     pub live: bool,
 }
 
-/// A set of named settings; declared by [`settings!`](crate::settings).
+/// A set of named settings; declared by [`settings!`](crate::settings!).
 pub trait Settings: Sized + 'static {
     /// Its fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
@@ -178,7 +178,7 @@ impl Fields {
         reading.diagnostics.extend(missed);
     }
 
-    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings).
+    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings!).
     pub fn setting<T: Setting>(
         &mut self,
         name: &'static str,
@@ -630,4 +630,26 @@ pub fn unknown_choice(word: &str, choices: &[&'static str], span: Span, reading:
 settings! {
     /// No settings.
     pub struct NoSettings {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_words_are_guessed_and_far_ones_are_not() {
+        let words = ["gain", "Hold", "frequency_hz", "x"];
+        for (written, meant) in [
+            ("gian", Some("gain")),
+            ("hodl", Some("Hold")),
+            ("frequency", Some("frequency_hz")),
+            ("GAIN", Some("gain")),
+            ("y", None),
+            ("loss", None),
+            ("", None),
+        ] {
+            assert_eq!(closest(written, words), meant, "{written}");
+        }
+        assert_eq!(closest(&"a".repeat(1000), words), None);
+    }
 }
