@@ -10,7 +10,7 @@
 //!
 //! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
 //! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
-//! ([`Rung`]); every admissible state has an admissible successor, the next rung down.
+//! (`Rung`); every admissible state has an admissible successor, the next rung down.
 
 use haptograph_signal::vector::{add_scaled, dot, norm, scale, sub};
 
