@@ -180,6 +180,7 @@ impl Interpolator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::hatt::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
     use crate::hull::Hull;
 
     use crate::{ArmaModel, ModelAt, VertexKind};
@@ -360,19 +361,40 @@ mod tests {
         }
     }
 
+    /// The surfaces that ship, and the toolkit's where it is at hand.
+    fn available() -> Vec<TextureModel> {
+        let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/surfaces");
+        let mut files: Vec<_> = std::fs::read_dir(shipped)
+            .unwrap()
+            .map(|file| file.unwrap().path())
+            .collect();
+        files.retain(|file| file.extension().is_some_and(|extension| extension == "ron"));
+        files.extend([AT_10_KHZ, AT_1_KHZ].into_iter().flat_map(hatt_files));
+        files
+            .iter()
+            .filter_map(|file| crate::files::load(file).unwrap().texture)
+            .collect()
+    }
+
     #[test]
     fn stable_everywhere() {
         for seed in 0..8 {
             stays_stable(&wild_texture(10, 0.9999, seed), 2_000, seed);
             stays_stable(&wild_texture(4, 0.9986, seed), 2_000, seed);
         }
+        let available = available();
+        assert!(!available.is_empty());
+        available.iter().for_each(|texture| stays_stable(texture, 500, 9));
     }
 
     #[test]
-    #[ignore = "ten million points: a minute"]
+    #[ignore = "ten million points on adversarial maps, a hundred thousand on each other: minutes"]
     fn stable_at_ten_million_points() {
         for seed in 0..10 {
             stays_stable(&wild_texture(10, 0.9999, seed), 1_000_000, seed);
         }
+        available()
+            .iter()
+            .for_each(|texture| stays_stable(texture, 100_000, 10));
     }
 }

@@ -3,7 +3,7 @@
 //! Files are told apart by content. Reading is total: any bytes give a surface or an error that says where and what
 //! to do, in time and memory bounded by the file's size. Writing keeps every bit of every number.
 
-pub(crate) mod decimal;
+pub mod decimal;
 pub mod hatt;
 pub mod native;
 mod write;
