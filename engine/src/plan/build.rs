@@ -38,6 +38,8 @@ struct Builder<'a> {
 }
 
 const NO_SLOT: u32 = u32::MAX;
+/// The island of nodes that are in none; a crossing is shared only within one island.
+const OUTSIDE: usize = usize::MAX;
 
 pub(super) fn build(graph: &Graph, options: &PlanOptions) -> Plan {
     let mut builder = Builder::new(graph, options);
@@ -114,7 +116,7 @@ impl<'a> Builder<'a> {
     fn group(&mut self, group: &Group, number: usize) {
         let before = self.plan.steps.len();
         if group.pacing.is_empty() {
-            self.node(group.members[0], number);
+            self.node(group.members[0], OUTSIDE);
             return;
         }
         let clock = self.graph.nodes[group.members[0]].clock.unwrap_or(0);
