@@ -1,0 +1,196 @@
+//! The program as its users run it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn haptograph(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the program starts")
+}
+
+fn succeed(folder: &Path, arguments: &[&str]) -> String {
+    let output = haptograph(folder, arguments);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {told}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn fail(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = haptograph(folder, arguments);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn texturepad_graph() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("graphs/texturepad.ron")
+        .display()
+        .to_string()
+}
+
+/// Runs the TexturePad for a while with more arguments; returns its folder.
+fn texturepad(folder: &Path, name: &str, arguments: &[&str]) -> PathBuf {
+    let out = folder.join(name);
+    let (graph, shown) = (texturepad_graph(), out.display().to_string());
+    let mut all = vec!["run", &graph, "--for", "0.7", "--out", &shown];
+    all.extend(arguments);
+    succeed(folder, &all);
+    out
+}
+
+#[test]
+fn the_texturepad_leaves_sound_and_facts() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = texturepad(folder.path(), "run", &[]);
+    let wav = fs::read(out.join("texture.wav")).unwrap();
+    assert_eq!(&wav[..4], b"RIFF");
+    // 0.7 s at 10 kHz in 4-byte floats, and a header.
+    assert!((28_000..28_200).contains(&wav.len()), "{} bytes", wav.len());
+    assert!(wav[100..].iter().any(|byte| *byte != 0), "silence");
+    let facts: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("facts.json")).unwrap()).unwrap();
+    assert_eq!(
+        (&facts["seconds"], &facts["simulated"]),
+        (&0.7.into(), &true.into())
+    );
+}
+
+#[test]
+fn blocks_and_threads_change_no_sample_and_a_seed_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = |name: &str, arguments: &[&str]| {
+        let out = texturepad(folder.path(), name, arguments);
+        (
+            fs::read(out.join("texture.wav")).unwrap(),
+            fs::read(out.join("current.wav")).unwrap(),
+        )
+    };
+    let plain = samples("plain", &[]);
+    for (name, arguments) in [
+        ("again", &[][..]),
+        ("one", &["--block", "1"]),
+        ("long", &["--block", "1024"]),
+        ("odd", &["--block", "77", "--threads", "3"]),
+    ] {
+        assert!(samples(name, arguments) == plain, "{name}");
+    }
+    assert!(samples("seed", &["--seed", "8"]) != plain);
+}
+
+#[test]
+fn a_probe_writes_any_port_and_names_the_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let probes = [
+        "--probe",
+        "speed.speed=speed.csv",
+        "--probe",
+        "texture/filter.acceleration=a.wav",
+    ];
+    texturepad(folder.path(), "run", &probes);
+    let table = fs::read_to_string(folder.path().join("speed.csv")).unwrap();
+    assert!(table.lines().next().unwrap().contains("m_s"), "{table}");
+    // 125 Hz for 0.7 s.
+    assert_eq!(table.lines().count(), 1 + 88);
+    assert!(folder.path().join("a.wav").exists());
+}
+
+#[test]
+fn a_wrong_probe_says_what_was_meant_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let probe = [
+        "run",
+        &texturepad_graph(),
+        "--out",
+        "o",
+        "--probe",
+        "sped.speed=x.csv",
+    ];
+    let told = fail(folder.path(), &probe, 1);
+    assert!(told.contains("did you mean `speed.speed`"), "{told}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_starter_runs_as_it_stands_and_is_never_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), &["new", "mine.ron"]);
+    succeed(folder.path(), &["check", "mine.ron"]);
+    succeed(folder.path(), &["run", "mine.ron", "--for", "0.1"]);
+    assert!(folder.path().join("out/mine/buzz.wav").exists());
+    let told = fail(folder.path(), &["new", "mine.ron"], 1);
+    assert!(told.contains("exists already"), "{told}");
+}
+
+#[test]
+fn all_errors_of_a_graph_are_shown_with_their_places() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), &["new", "wrong.ron"]);
+    let text = fs::read_to_string(folder.path().join("wrong.ron")).unwrap();
+    let text = text
+        .replace("by: \"swell\"", "by: \"swel\"")
+        .replace("full_scale", "fullscale");
+    fs::write(folder.path().join("wrong.ron"), text).unwrap();
+    let told = fail(folder.path(), &["check", "wrong.ron"], 1);
+    assert!(
+        told.contains("did you mean `swell`") && told.contains("full_scale"),
+        "{told}"
+    );
+    assert!(told.contains("wrong.ron:"), "{told}");
+    let output = haptograph(folder.path(), &["check", "wrong.ron", "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(!json.is_null());
+}
+
+#[test]
+fn a_folder_that_no_run_left_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), &["new", "mine.ron"]);
+    fs::create_dir(folder.path().join("precious")).unwrap();
+    fs::write(folder.path().join("precious/data"), "years of work").unwrap();
+    fail(
+        folder.path(),
+        &["run", "mine.ron", "--for", "0.1", "--out", "precious"],
+        1,
+    );
+    assert_eq!(
+        fs::read_to_string(folder.path().join("precious/data")).unwrap(),
+        "years of work"
+    );
+}
+
+#[test]
+fn every_node_kind_is_told_about() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = succeed(folder.path(), &["nodes", "--markdown"]);
+    for entry in haptograph::nodes::registry().nodes() {
+        assert!(page.contains(&format!("## {}\n", entry.spec.name)));
+        assert!(
+            !entry.spec.doc.is_empty() && !entry.spec.example.is_empty(),
+            "{}",
+            entry.spec.name
+        );
+    }
+    assert!(succeed(folder.path(), &["nodes", "Gain"]).contains("inputs"));
+    let told = fail(folder.path(), &["nodes", "Gian"], 1);
+    assert!(told.contains("did you mean `Gain`"), "{told}");
+}
+
+#[test]
+fn a_wrong_command_line_ends_with_2() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["run"][..],
+        &["dance"],
+        &["run", "x.ron", "--block", "0"],
+        &["run", "x.ron", "--for", "nan"],
+    ] {
+        fail(folder.path(), arguments, 2);
+    }
+    let told = fail(folder.path(), &["run", "missing.ron"], 1);
+    assert!(told.contains("missing.ron"), "{told}");
+}
