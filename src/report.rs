@@ -8,6 +8,7 @@ pub mod page;
 pub mod plot;
 mod raster;
 pub mod record;
+pub mod reference;
 mod scale;
 mod svg;
 pub mod theme;

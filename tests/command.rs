@@ -44,7 +44,7 @@ fn texturepad(folder: &Path, name: &str, arguments: &[&str]) -> PathBuf {
 }
 
 #[test]
-fn the_texturepad_leaves_sound_and_facts() {
+fn the_texturepad_leaves_sound_facts_and_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let out = texturepad(folder.path(), "run", &[]);
     let wav = fs::read(out.join("texture.wav")).unwrap();
@@ -52,8 +52,7 @@ fn the_texturepad_leaves_sound_and_facts() {
     // 0.7 s at 10 kHz in 4-byte floats, and a header.
     assert!((28_000..28_200).contains(&wav.len()), "{} bytes", wav.len());
     assert!(wav[100..].iter().any(|byte| *byte != 0), "silence");
-    let facts: serde_json::Value =
-        serde_json::from_slice(&fs::read(out.join("facts.json")).unwrap()).unwrap();
+    let facts: serde_json::Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
     assert_eq!(
         (&facts["seconds"], &facts["simulated"]),
         (&0.7.into(), &true.into())
@@ -121,7 +120,7 @@ fn a_starter_runs_as_it_stands_and_is_never_overwritten() {
     succeed(folder.path(), &["new", "mine.ron"]);
     succeed(folder.path(), &["check", "mine.ron"]);
     succeed(folder.path(), &["run", "mine.ron", "--for", "0.1"]);
-    assert!(folder.path().join("out/mine/buzz.wav").exists());
+    assert!(folder.path().join("out/mine/tone.wav").exists());
     let told = fail(folder.path(), &["new", "mine.ron"], 1);
     assert!(told.contains("exists already"), "{told}");
 }
@@ -132,12 +131,12 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
     succeed(folder.path(), &["new", "wrong.ron"]);
     let text = fs::read_to_string(folder.path().join("wrong.ron")).unwrap();
     let text = text
-        .replace("by: \"swell\"", "by: \"swel\"")
-        .replace("full_scale", "fullscale");
+        .replace("Hold(\"swell\")", "Hold(\"swel\")")
+        .replace("frequency_hz: 150", "frequenzy_hz: 150");
     fs::write(folder.path().join("wrong.ron"), text).unwrap();
     let told = fail(folder.path(), &["check", "wrong.ron"], 1);
     assert!(
-        told.contains("did you mean `swell`") && told.contains("full_scale"),
+        told.contains("did you mean `swell`") && told.contains("`frequency_hz`"),
         "{told}"
     );
     assert!(told.contains("wrong.ron:"), "{told}");
@@ -175,7 +174,7 @@ fn every_node_kind_is_told_about() {
             entry.spec.name
         );
     }
-    assert!(succeed(folder.path(), &["nodes", "Gain"]).contains("inputs"));
+    assert!(succeed(folder.path(), &["nodes", "Gain"]).contains("Inputs:"));
     let told = fail(folder.path(), &["nodes", "Gian"], 1);
     assert!(told.contains("did you mean `Gain`"), "{told}");
 }

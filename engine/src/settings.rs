@@ -51,6 +51,8 @@ pub struct Reading<'a> {
     pub diagnostics: &'a mut Vec<Diagnostic>,
     /// The folder that paths written at a span are relative to.
     pub folder: &'a dyn Fn(Span) -> PathBuf,
+    /// The paths that were read so far.
+    pub files: &'a mut Vec<PathBuf>,
 }
 
 impl Reading<'_> {
@@ -361,7 +363,9 @@ impl Setting for PathBuf {
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::String(text) = &value.shape {
-            return Some(reading.resolve(value.span, text));
+            let path = reading.resolve(value.span, text);
+            reading.files.push(path.clone());
+            return Some(path);
         }
         reading.mismatch(value, "a path in quotes");
         None

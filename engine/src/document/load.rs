@@ -104,6 +104,7 @@ impl Loader<'_> {
         let read = read(&mut Reading {
             diagnostics: &mut diagnostics,
             folder: &|span| folder(sources, span.source),
+            files: &mut Vec::new(),
         });
         self.document.findings = diagnostics;
         read

@@ -12,6 +12,7 @@ use crate::settings::Fields;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
+use std::path::PathBuf;
 
 /// Driver frames that a plan never exceeds in one go.
 const MAX_QUANTUM: u64 = 1024;
@@ -19,6 +20,8 @@ const MAX_QUANTUM: u64 = 1024;
 /// What nodes and devices do when they run; `None` where something was reported.
 pub(super) struct Built {
     works: Vec<Option<Work>>,
+    /// Paths among the settings of each node.
+    files: Vec<Vec<PathBuf>>,
     devices: Vec<Option<Box<dyn Device>>>,
     simulated: Vec<bool>,
 }
@@ -33,10 +36,16 @@ pub(super) fn build(
 ) -> Built {
     let declared: &[DraftDevice] = devices.map_or(&[], |devices| &devices.list);
     let simulated = simulated(draft, declared);
+    let mut files = Vec::new();
+    let mut works = Vec::new();
+    for node in 0..draft.nodes.len() {
+        cx.files.clear();
+        works.push(work(cx, draft, clocks, declared, &simulated, seed, node));
+        files.push(std::mem::take(&mut cx.files));
+    }
     Built {
-        works: (0..draft.nodes.len())
-            .map(|node| work(cx, draft, clocks, declared, &simulated, seed, node))
-            .collect(),
+        works,
+        files,
         devices: declared
             .iter()
             .map(|device| body(cx, clocks, device, seed))
@@ -286,6 +295,7 @@ pub(super) fn assemble(
     let mut nodes = DiGraph::with_capacity(draft.nodes.len(), draft.nodes.len());
     let Built {
         works,
+        files,
         devices: bodies,
         simulated,
     } = built;
@@ -324,6 +334,7 @@ pub(super) fn assemble(
             span: node.name,
             simulated,
             fingerprint: fingerprint::of_node(&cx, &draft, &clocks, i),
+            files: files.get(i).cloned().unwrap_or_default(),
         });
     }
     for (to, node) in draft.nodes.iter().enumerate() {

@@ -41,6 +41,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         registry,
         sources: document.sources.clone(),
         diagnostics: document.findings.clone(),
+        files: Vec::new(),
     };
     let mut parameters = Parameters::read(&mut cx, &options.set);
     let clocks = clocks::read(&mut cx, &mut parameters);

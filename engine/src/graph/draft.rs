@@ -19,6 +19,8 @@ pub(super) struct Context<'a> {
     /// The files of the document, then the texts given on the command line.
     pub sources: Sources,
     pub diagnostics: Vec<Diagnostic>,
+    /// Paths among the settings read so far.
+    pub files: Vec<PathBuf>,
 }
 
 impl Context<'_> {
@@ -32,6 +34,7 @@ impl Context<'_> {
             document,
             sources,
             diagnostics,
+            files,
             ..
         } = self;
         let from_files = document.sources.iter().count();
@@ -42,6 +45,7 @@ impl Context<'_> {
                 true => folder(sources, span.source),
                 false => PathBuf::new(),
             },
+            files,
         })
     }
 }

@@ -27,6 +27,7 @@ use crate::node::{FileSink, Limit, NodeEntry, Processor};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
+use std::path::PathBuf;
 
 /// A sound graph.
 pub struct Graph {
@@ -73,6 +74,8 @@ pub struct Node {
     pub simulated: bool,
     /// Of its kind, its settings, its rate and its connections: equal for nodes that are the same but for their path.
     pub fingerprint: u64,
+    /// The files that its settings name, like the surface it renders.
+    pub files: Vec<PathBuf>,
 }
 
 /// An input of a node.

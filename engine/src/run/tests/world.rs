@@ -181,6 +181,7 @@ impl World {
             span: Span::default(),
             simulated: false,
             fingerprint: self.fingerprint,
+            files: Vec::new(),
         });
         self.nodes.len() - 1
     }

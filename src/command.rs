@@ -1,0 +1,157 @@
+//! The sub-commands, and what they share: how graphs are loaded, how results and failures are said.
+
+pub mod check;
+pub mod draw;
+pub mod new;
+pub mod nodes;
+pub mod run;
+
+use clap::Args;
+use haptograph::engine::diagnostic::{Diagnostics, render};
+use haptograph::engine::document::{Document, LoadOptions};
+use haptograph::engine::graph::{CheckOptions, Graph, check};
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// What is wrong with a graph.
+    #[error("{0}")]
+    Graph(Diagnostics),
+    /// The failure was reported already, as JSON.
+    #[error("")]
+    Reported,
+    /// Anything else, in words for the user.
+    #[error("{0}")]
+    Message(String),
+    /// Nobody reads what is written any more.
+    #[error("")]
+    BrokenPipe,
+}
+
+impl Failure {
+    /// A failure to do something with a file.
+    pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
+        Self::Message(format!("cannot {doing} {}: {error}", path.display()))
+    }
+
+    /// Says it on standard error, and gives the code to exit with.
+    pub fn report(self) -> ExitCode {
+        let text = match &self {
+            Self::Graph(diagnostics) => render(diagnostics, std::io::stderr().is_terminal()),
+            Self::Message(text) => format!("error: {text}\n"),
+            Self::Reported | Self::BrokenPipe => String::new(),
+        };
+        // Where standard error is closed there is nobody left to tell.
+        let _ = std::io::stderr().write_all(text.as_bytes());
+        match self {
+            Self::BrokenPipe => ExitCode::SUCCESS,
+            _ => ExitCode::FAILURE,
+        }
+    }
+}
+
+/// Writes to standard output; a reader that has gone away ends the command quietly.
+pub fn say(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|error| match error.kind() {
+            std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
+            _ => Failure::Message(format!("cannot write to standard output: {error}")),
+        })
+}
+
+/// Says something on standard error that is no failure.
+pub fn remark(text: &str) {
+    // A remark that nobody can read is no reason to stop.
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}
+
+/// Which graph, and with what in place of its defaults.
+#[derive(Debug, Args)]
+pub struct GraphArguments {
+    /// The graph file
+    pub graph: PathBuf,
+    /// Give a parameter of the graph another value; can be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, String)>,
+    /// The set of endpoints that the graph's devices are taken from
+    #[arg(long, default_value = "simulated", value_name = "SET")]
+    pub endpoints: String,
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write it as NAME=VALUE")?;
+    if name.is_empty() {
+        return Err("the name is missing: write it as NAME=VALUE".to_owned());
+    }
+    Ok((name.to_owned(), value.to_owned()))
+}
+
+impl GraphArguments {
+    /// The graph, proved sound.
+    pub fn load(&self, seed: Option<u64>) -> Result<Graph, Diagnostics> {
+        let document = Document::load(&self.graph, &LoadOptions::default())?;
+        let options = CheckOptions {
+            set: self.set.clone(),
+            endpoints: self.endpoints.clone(),
+            seed,
+        };
+        check(&document, &haptograph::nodes::registry(), &options)
+    }
+
+    /// The graph, its warnings said on standard error.
+    pub fn load_and_warn(&self, seed: Option<u64>) -> Result<Graph, Failure> {
+        let graph = self.load(seed).map_err(Failure::Graph)?;
+        if !graph.warnings().is_empty() {
+            remark(&render(&warnings(&graph), std::io::stderr().is_terminal()));
+        }
+        Ok(graph)
+    }
+
+    /// The file's name without its extension.
+    pub fn name(&self) -> String {
+        self.graph
+            .file_stem()
+            .map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// What a sound graph was warned about.
+pub fn warnings(graph: &Graph) -> Diagnostics {
+    Diagnostics {
+        sources: graph.sources().clone(),
+        list: graph.warnings().to_vec(),
+    }
+}
+
+/// Writes a file whole or not at all.
+pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        make_readable(file.path())?;
+        file.persist(path).map_err(|error| error.error)
+    });
+    written
+        .map(|_| ())
+        .map_err(|error| Failure::file("write", path, &error))
+}
+
+/// Temporary files are private; results are as readable as other files.
+#[cfg(unix)]
+fn make_readable(path: &Path) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_: &Path) -> std::io::Result<()> {
+    Ok(())
+}

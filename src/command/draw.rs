@@ -1,0 +1,24 @@
+//! `haptograph draw`: a graph as a picture.
+
+use super::{Failure, GraphArguments, say, write_file};
+use haptograph::report::drawing;
+use std::path::PathBuf;
+
+/// Draw a graph as SVG
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    graph: GraphArguments,
+    /// The SVG file to write; standard output where it is not given
+    #[arg(short, long, value_name = "FILE.svg")]
+    output: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let graph = arguments.graph.load_and_warn(None)?;
+    let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
+    match &arguments.output {
+        Some(path) => write_file(path, &picture),
+        None => say(&picture),
+    }
+}

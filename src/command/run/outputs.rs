@@ -1,0 +1,147 @@
+//! Signals written besides those of the graph's own sinks: probes and records.
+
+use super::super::Failure;
+use super::folder::RunFolder;
+use haptograph::engine::graph::Graph;
+use haptograph::engine::node::{FileKind, FileSink, FrameWriter, Stream};
+use haptograph::engine::run::{Offline, Probe};
+use haptograph::engine::settings::closest;
+use haptograph::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
+use haptograph::nodes::sinks::wav::{WavSink, WavSinkSettings};
+use haptograph::report::record::{Watch, watch};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// `NODE.PORT=FILE` as given.
+#[derive(Debug, Clone)]
+pub struct ProbeArgument {
+    output: String,
+    file: PathBuf,
+}
+
+pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
+    let (output, file) = text.split_once('=').ok_or("write it as NODE.PORT=FILE")?;
+    let file = PathBuf::from(file);
+    match file.extension().and_then(|e| e.to_str()) {
+        Some("wav" | "csv") => Ok(ProbeArgument {
+            output: output.to_owned(),
+            file,
+        }),
+        _ => Err("the file has to end in .wav or .csv".to_owned()),
+    }
+}
+
+/// Opens the probes; each writes into a folder of its own until the run is complete.
+pub fn open_probes(
+    graph: &Graph,
+    arguments: &[ProbeArgument],
+    folder: &RunFolder,
+    offline: &mut Offline<'_>,
+) -> Result<Vec<PathBuf>, Failure> {
+    for (number, argument) in arguments.iter().enumerate() {
+        let watch = find(graph, &argument.output)?;
+        let name = argument.file.file_name().map(PathBuf::from).unwrap_or_default();
+        let writer = writer(&folder.probe(number)?.join(name), &watch.stream)?;
+        offline.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
+}
+
+/// Moves the probes' files to where they were asked for.
+pub fn place_probes(folder: &RunFolder, files: &[PathBuf]) -> Result<(), Failure> {
+    for (number, file) in files.iter().enumerate() {
+        let target = file
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."));
+        let waiting = folder.probe(number)?;
+        let placed = fs::create_dir_all(target).and_then(|()| {
+            for entry in fs::read_dir(&waiting)? {
+                let entry = entry?;
+                move_file(&entry.path(), &target.join(entry.file_name()))?;
+            }
+            Ok(())
+        });
+        placed.map_err(|error| Failure::file("write", file, &error))?;
+    }
+    Ok(())
+}
+
+/// Renames, or copies beside the target first where that is on another file system.
+fn move_file(from: &Path, to: &Path) -> std::io::Result<()> {
+    if fs::rename(from, to).is_ok() {
+        return Ok(());
+    }
+    let mut near = to.as_os_str().to_owned();
+    near.push(".part");
+    fs::copy(from, &near)?;
+    fs::rename(&near, to)
+}
+
+/// Writes every output into `record/`: WAV where that can hold it, CSV where not.
+pub fn record_all(graph: &Graph, folder: &RunFolder, offline: &mut Offline<'_>) -> Result<(), Failure> {
+    let place = folder.path().join("record");
+    fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    for watch in outputs(graph) {
+        let name = watch.stream.name.replace('/', ".");
+        let wav = writer(&place.join(format!("{name}.wav")), &watch.stream);
+        let writer = match wav {
+            Ok(writer) if watch.stream.kind.is_linear() => writer,
+            _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
+        };
+        offline.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(())
+}
+
+fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
+    let nodes = graph.nodes();
+    nodes.node_indices().flat_map(move |node| {
+        (0..nodes[node].outputs.len()).filter_map(move |output| watch(graph, node, output))
+    })
+}
+
+fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure> {
+    let streams = std::slice::from_ref(stream);
+    let file = "probe".to_owned();
+    let sink: Result<Box<dyn FileSink>, _> = match path.extension().and_then(|e| e.to_str()) {
+        Some("wav") => WavSink::build(
+            WavSinkSettings {
+                file,
+                full_scale: 1.0,
+            },
+            streams,
+        ),
+        _ => CsvSink::build(CsvSinkSettings { file }, streams),
+    };
+    let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
+    sink.open(path, streams)
+        .map_err(|error| Failure::file("write", path, &error))
+}
+
+/// The output called `node.port`, or the only one of `node`.
+fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
+    let mut all = outputs(graph);
+    let only = |watch: &Watch| {
+        let node = &graph.nodes()[watch.node];
+        node.path == name && node.outputs.len() == 1
+    };
+    all.find(|watch| watch.stream.name == name || only(watch))
+        .ok_or_else(|| {
+            let names: Vec<String> = outputs(graph).map(|watch| watch.stream.name).collect();
+            let near = closest(name, names.iter().map(String::as_str));
+            let help = match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("its outputs are {}", names.join(", ")),
+            };
+            Failure::Message(format!("the graph has no output `{name}`; {help}"))
+        })
+}

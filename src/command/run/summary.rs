@@ -1,0 +1,199 @@
+//! What is to be known of a run: as JSON, as a sentence, and on its page.
+
+use super::Arguments;
+use haptograph::engine::graph::Graph;
+use haptograph::engine::run::Outcome;
+use haptograph::report::drawing;
+use haptograph::report::page::Page;
+use haptograph::report::record::Record;
+use haptograph::surfaces::{Surface, files};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// The facts of a run.
+#[derive(Debug)]
+pub struct Summary {
+    name: String,
+    facts: Vec<(&'static str, &'static str, Value)>,
+    warnings: Vec<String>,
+    simulated: bool,
+    seconds: f64,
+    took_s: f64,
+    stopped: bool,
+}
+
+impl Summary {
+    pub fn of(arguments: &Arguments, graph: &Graph, outcome: &Outcome, took_s: f64) -> Self {
+        let mut files: Vec<&PathBuf> = graph
+            .nodes()
+            .node_weights()
+            .flat_map(|node| &node.files)
+            .collect();
+        files.sort();
+        files.dedup();
+        let clocks = graph
+            .clocks()
+            .iter()
+            .map(|c| format!("{} {}", c.name, c.rate))
+            .collect::<Vec<_>>();
+        let set = arguments
+            .graph
+            .set
+            .iter()
+            .map(|(name, value)| format!("{name}={value}"))
+            .collect::<Vec<_>>();
+        let simulated = graph.devices().iter().any(|device| device.entry.spec.simulated);
+        let facts = vec![
+            ("graph", "Graph", json!(arguments.graph.graph)),
+            ("set", "Set", json!(set)),
+            ("endpoints", "Endpoints", json!(arguments.graph.endpoints)),
+            ("seed", "Seed", json!(graph.seed())),
+            ("files", "Files read", json!(files)),
+            ("clocks", "Clocks", json!(clocks)),
+            ("nodes", "Nodes", json!(graph.nodes().node_count())),
+            ("seconds", "Seconds", json!(outcome.seconds)),
+            ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
+            ("stopped", "Stopped early", json!(outcome.stopped)),
+            ("simulated", "Simulated", json!(simulated)),
+            ("block", "Block (driver frames)", json!(arguments.block)),
+            ("threads", "Threads", json!(arguments.threads)),
+            ("took_s", "Time taken (s)", json!((took_s * 1e4).round() / 1e4)),
+            (
+                "real_time_factor",
+                "Times faster than real time",
+                json!(((outcome.seconds / took_s) * 10.0).round() / 10.0),
+            ),
+            ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
+        ];
+        Self {
+            name: arguments.graph.name(),
+            facts,
+            warnings: warnings(graph, outcome),
+            simulated,
+            seconds: outcome.seconds,
+            took_s,
+            stopped: outcome.stopped,
+        }
+    }
+
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    pub fn to_json(&self) -> String {
+        let mut object: serde_json::Map<String, Value> = self
+            .facts
+            .iter()
+            .map(|(key, _, value)| ((*key).to_owned(), value.clone()))
+            .collect();
+        object.insert("warnings".to_owned(), json!(self.warnings));
+        format!("{:#}\n", Value::Object(object))
+    }
+
+    pub fn sentence(&self, target: &Path) -> String {
+        let stopped = if self.stopped { "stopped after" } else { "ran" };
+        let simulated = if self.simulated {
+            " (simulated devices)"
+        } else {
+            ""
+        };
+        format!(
+            "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}\n",
+            self.seconds,
+            self.name,
+            self.took_s,
+            self.seconds / self.took_s,
+            target.join("report.html").display()
+        )
+    }
+
+    /// The page that is left behind.
+    pub fn page(&self, graph: &Graph, records: &[Record]) -> String {
+        let surfaces = surfaces(graph);
+        let textures = surfaces
+            .iter()
+            .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
+        let shown = self
+            .facts
+            .iter()
+            .filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
+        Page {
+            title: self.name.clone(),
+            about: graph.about().to_owned(),
+            simulated: self.simulated,
+            facts: shown
+                .map(|(_, name, value)| ((*name).to_owned(), plain(value)))
+                .collect(),
+            warnings: self.warnings.clone(),
+            signals: records.iter().map(Record::content).collect(),
+            textures: textures.collect(),
+            drawing: drawing::svg(graph, ""),
+        }
+        .to_html()
+    }
+}
+
+/// The surfaces of nodes with a place on a map, by the name of that signal.
+fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
+    let mut found = Vec::new();
+    for node in graph.nodes().node_weights() {
+        // The graph was built from these files a moment ago; one that is no surface, or is gone, is not drawn.
+        let Some(surface) = node.files.iter().find_map(|path| files::load(path).ok()) else {
+            continue;
+        };
+        found.extend(
+            node.outputs
+                .iter()
+                .map(|port| (format!("{}.{}", node.path, port.name), surface.clone())),
+        );
+    }
+    found
+}
+
+fn warnings(graph: &Graph, outcome: &Outcome) -> Vec<String> {
+    let mut list = Vec::new();
+    for actuator in &outcome.actuators {
+        let clipped = actuator.clipped;
+        let ticks = clipped.ticks;
+        for (count, limit) in [
+            (clipped.peak, "peak"),
+            (clipped.continuous, "continuous"),
+            (clipped.slew, "slew"),
+        ] {
+            if count > 0 {
+                list.push(format!(
+                    "{}: the {limit} limit held back {count} of {ticks} ticks",
+                    actuator.path
+                ));
+            }
+        }
+    }
+    if outcome.faults.ticks > 0 {
+        let origin = outcome
+            .faults
+            .origin
+            .and_then(|node| graph.nodes().node_weight(node));
+        let origin = origin.map_or_else(String::new, |node| format!("; it came from {}", node.path));
+        list.push(format!(
+            "an actuator was given no number in {} ticks and got zero{origin}",
+            outcome.faults.ticks
+        ));
+    }
+    if outcome.stopped {
+        list.push(format!(
+            "the run was stopped after {:.3} s; its files are complete up to there",
+            outcome.seconds
+        ));
+    }
+    list
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(list) => list.iter().map(plain).collect::<Vec<_>>().join(", "),
+        Value::Bool(true) => "yes".to_owned(),
+        Value::Bool(false) => "no".to_owned(),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,39 @@
+//! The `haptograph` command: arguments in, one library call, a result or one clear message out.
+
+mod command;
+
+use clap::{Parser, Subcommand};
+use command::{check, draw, new, nodes, run};
+use std::process::ExitCode;
+
+/// Runs graphs that render the feel of real surfaces.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::Arguments),
+    Check(check::Arguments),
+    Draw(draw::Arguments),
+    Nodes(nodes::Arguments),
+    New(new::Arguments),
+}
+
+fn main() -> ExitCode {
+    // Usage errors, `--help` and `--version` are clap's: it writes them and exits with 2 or 0.
+    let result = match Arguments::parse().command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Draw(arguments) => draw::run(&arguments),
+        Command::Nodes(arguments) => nodes::run(&arguments),
+        Command::New(arguments) => new::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
