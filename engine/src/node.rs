@@ -233,6 +233,11 @@ pub trait NodeKind: 'static {
     /// # Errors
     /// [`BuildError`] where the settings do not fit each other, the rate, or the files they name.
     fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError>;
+    /// What can be built but is probably not meant; shown as warnings when a graph is checked.
+    fn advice(settings: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
+        let _ = (settings, cx);
+        Vec::new()
+    }
 }
 
 /// A kind of sink that drives a device. The engine itself runs its gain and its limiter.
@@ -383,7 +388,7 @@ pub struct NodeEntry {
 /// How a registered node is built from its fields. Each reports what is wrong and returns `None`.
 #[derive(Clone, Copy)]
 pub(crate) enum Build {
-    Processor(Read<BuildContext, Box<dyn Processor>>),
+    Processor(Read<BuildContext, Advised>),
     Actuator(Read<(), (f64, Limit)>),
     File(Read<Vec<Stream>, Box<dyn FileSink>>),
     /// Reads a device; its outputs are the device's channels of the same names.
@@ -392,6 +397,9 @@ pub(crate) enum Build {
 
 /// The first half of building: fields to settings.
 pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
+
+/// A processor and the warnings that came up while it was built.
+pub(crate) type Advised = (Box<dyn Processor>, Vec<BuildError>);
 
 /// The second half of building, when clock and connections are known; it can be repeated.
 pub(crate) type Finish<Context, Built> = Box<dyn FnOnce(&Context) -> Result<Built, BuildError>>;
@@ -404,7 +412,10 @@ impl NodeEntry {
             settings: K::Settings::specs,
             build: Build::Processor(|fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
-                Some(Box::new(|cx| K::build(settings, cx)))
+                Some(Box::new(|cx| {
+                    let advice = K::advice(&settings, cx);
+                    Ok((K::build(settings, cx)?, advice))
+                }))
             }),
         }
     }

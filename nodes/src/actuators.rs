@@ -2,5 +2,6 @@
 
 pub mod compensator;
 pub mod drive;
+pub mod force_sink;
 pub mod identify;
 pub mod two_mass;

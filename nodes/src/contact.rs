@@ -1,11 +1,14 @@
 //! Contact: where a tool's point meets a surface, how deep, and what pushes back.
 
+pub mod force_node;
 pub mod mesh;
+pub mod nodes;
 pub mod proxy;
 pub mod shape;
 pub mod stiffness;
 
 use crate::vector::Vec3;
+use haptograph_engine::frame;
 
 /// The contact of one tick. Normals point out of the object, towards the tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +26,32 @@ pub struct Contact {
     pub normal: Vec3,
     /// Which face is touched: the triangle of a mesh, the side of a box (0 to 5: -x +x -y +y -z +z), else 0.
     pub face: u32,
+}
+
+impl From<frame::Contact> for Contact {
+    fn from(frame: frame::Contact) -> Self {
+        Self {
+            touching: frame.touching,
+            hip_m: frame.hip_m,
+            proxy_m: frame.ihip_m,
+            penetration_m: frame.penetration_m,
+            normal: frame.normal,
+            face: frame.face,
+        }
+    }
+}
+
+impl From<Contact> for frame::Contact {
+    fn from(contact: Contact) -> Self {
+        Self {
+            touching: contact.touching,
+            hip_m: contact.hip_m,
+            ihip_m: contact.proxy_m,
+            normal: contact.normal,
+            penetration_m: contact.penetration_m,
+            face: contact.face,
+        }
+    }
 }
 
 impl Contact {

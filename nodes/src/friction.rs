@@ -4,4 +4,5 @@
 //! of the public toolkit (A.3).
 
 pub mod dahl;
+pub mod nodes;
 pub mod viscous_coulomb;

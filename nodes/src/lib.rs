@@ -27,6 +27,7 @@ pub fn registry() -> Registry {
     let mut all = Registry::new();
     sources_and_sinks(&mut all);
     plain_blocks(&mut all);
+    texture(&mut all);
     touch(&mut all);
     all
 }
@@ -80,7 +81,7 @@ fn plain_blocks(all: &mut Registry) {
         .add(NodeEntry::processor::<filters::section::SecondOrderSection>());
 }
 
-fn touch(all: &mut Registry) {
+fn texture(all: &mut Registry) {
     all.add(NodeEntry::processor::<sensing::speed_node::SpeedEstimator>())
         .add(NodeEntry::processor::<texture::locator::Saturation>())
         .add(NodeEntry::processor::<texture::locator::TriangleLocator>())
@@ -93,6 +94,25 @@ fn touch(all: &mut Registry) {
         .add(NodeEntry::source(&simulated::haptuator::ACCELEROMETER))
         .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>());
+}
+
+fn touch(all: &mut Registry) {
+    all.add(NodeEntry::processor::<contact::nodes::ContactPlane>())
+        .add(NodeEntry::processor::<contact::nodes::ContactSphere>())
+        .add(NodeEntry::processor::<contact::nodes::ContactBox>())
+        .add(NodeEntry::processor::<contact::nodes::ContactMesh>())
+        .add(NodeEntry::processor::<contact::nodes::ContactScene>())
+        .add(NodeEntry::processor::<contact::nodes::ContactParts>())
+        .add(NodeEntry::processor::<contact::force_node::NormalForce>())
+        .add(NodeEntry::processor::<friction::nodes::DahlFriction>())
+        .add(NodeEntry::processor::<friction::nodes::ViscousCoulombFriction>())
+        .add(NodeEntry::processor::<tapping::node::Tapping>())
+        .add(NodeEntry::processor::<texture::force::TextureForce>())
+        .add(NodeEntry::processor::<sensing::contact_speed::ContactSpeed>())
+        .add(NodeEntry::processor::<sensing::study::Responsiveness>())
+        .add(NodeEntry::processor::<sensing::study::ForceWarning>())
+        .add(NodeEntry::processor::<sensing::study::QuadrantDwell>())
+        .add(NodeEntry::actuator::<actuators::force_sink::ForceSink>());
 }
 
 /// The processor that takes over, if it is of the same type.

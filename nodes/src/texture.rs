@@ -2,6 +2,7 @@
 
 pub mod excitation;
 pub mod filter;
+pub mod force;
 pub mod interpolator;
 pub mod locator;
 

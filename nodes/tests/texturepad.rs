@@ -1,4 +1,5 @@
 //! The shipped TexturePad, as its users run it: graphs/texturepad.ron.
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};

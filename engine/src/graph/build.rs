@@ -98,7 +98,13 @@ fn work(
             let finish = cx.reading(|reading| read(&mut fields, reading));
             let context = context(draft, clocks, seed, node).filter(|_| sound);
             match (finish, context) {
-                (Some(finish), Some(context)) => places.or_report(cx, finish(&context)).map(Work::Process),
+                (Some(finish), Some(context)) => {
+                    let advised = places.or_report(cx, finish(&context));
+                    advised.map(|(processor, advice)| {
+                        advice.into_iter().for_each(|doubt| places.warn(cx, doubt));
+                        Work::Process(processor)
+                    })
+                }
                 _ => None,
             }
         }
@@ -248,24 +254,37 @@ impl Places {
     }
 
     fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
-        let error = match built {
-            Ok(built) => return Some(built),
-            Err(error) => error,
-        };
+        match built {
+            Ok(built) => Some(built),
+            Err(error) => {
+                let diagnostic =
+                    self.finding(error, |span, message| Diagnostic::error("E0304", span, message));
+                cx.report(diagnostic);
+                None
+            }
+        }
+    }
+
+    fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
+        let diagnostic = self.finding(doubt, |span, message| Diagnostic::warning("W0107", span, message));
+        cx.report(diagnostic);
+    }
+
+    /// What a node found about itself, at the setting it is about.
+    fn finding(&self, error: BuildError, make: impl FnOnce(Span, String) -> Diagnostic) -> Diagnostic {
         let written = self
             .fields
             .iter()
             .find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(self.owner, |(_, span)| *span);
-        let mut diagnostic = Diagnostic::error("E0304", span, error.message);
+        let mut diagnostic = make(span, error.message);
         if let (Some(field), None) = (error.field, written) {
             diagnostic = diagnostic.label(format!("by the default of `{field}`"));
         }
         if let Some(help) = error.help {
             diagnostic = diagnostic.help(help);
         }
-        cx.report(diagnostic);
-        None
+        diagnostic
     }
 }
 

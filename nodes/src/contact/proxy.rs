@@ -49,6 +49,11 @@ impl MeshProxy {
         Self::new(mesh, start_m)
     }
 
+    /// Goes on from where another proxy is, on the same mesh or one like it.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.proxy_m = other.proxy_m;
+    }
+
     /// The mesh.
     pub fn mesh(&self) -> &TriangleMesh {
         &self.mesh

@@ -157,6 +157,21 @@ impl Touch {
         Ok(Self { kind })
     }
 
+    /// Goes on from where another tool is on a shape of the same kind.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        match (&mut self.kind, &other.kind) {
+            (
+                Kind::Sphere { last_normal, .. },
+                Kind::Sphere {
+                    last_normal: other, ..
+                },
+            ) => *last_normal = *other,
+            (Kind::Box { proxy_m, .. }, Kind::Box { proxy_m: other, .. }) => *proxy_m = *other,
+            (Kind::Mesh(proxy), Kind::Mesh(other)) => proxy.copy_state_from(other),
+            _ => {}
+        }
+    }
+
     /// One tick: the device is at `hip_m`. A position that is not finite is no contact.
     pub fn update(&mut self, hip_m: Vec3) -> Contact {
         if !hip_m.iter().all(|x| x.is_finite()) {
@@ -315,6 +330,13 @@ impl Scene {
             .map(|shape| Touch::new(shape, proxy_diameter_m))
             .collect::<Result<_, _>>()?;
         Ok(Self { touches })
+    }
+
+    /// Goes on from where another tool is among shapes of the same kinds.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        for (touch, other) in self.touches.iter_mut().zip(&other.touches) {
+            touch.copy_state_from(other);
+        }
     }
 
     /// One tick: the deepest contact and the number of its shape.

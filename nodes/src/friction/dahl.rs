@@ -70,6 +70,11 @@ impl Dahl {
         Self { settings, held: None }
     }
 
+    /// Goes on from the touch of another one.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.held = other.held;
+    }
+
     /// One tick: the friction on the tool, N, at a normal force and a coefficient of friction. A contact without a finite
     /// proxy, force or coefficient has none.
     pub fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {

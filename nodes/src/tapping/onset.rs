@@ -59,6 +59,11 @@ impl Onset {
         }
     }
 
+    /// Goes on from what another watch has seen.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        (self.free_ticks, self.positions_m, self.next) = (other.free_ticks, other.positions_m, other.next);
+    }
+
     /// One tick: the speed into the surface, m/s, if this contact is a tap.
     pub fn update(&mut self, contact: &Contact) -> Option<f64> {
         if !contact.hip_m.iter().all(|x| x.is_finite()) {

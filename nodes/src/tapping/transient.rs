@@ -26,6 +26,11 @@ impl Transient {
         }
     }
 
+    /// Goes on with the tap that rings in another player.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.ringing = other.ringing.filter(|(_, next)| *next < self.taps.length());
+    }
+
     /// One tick: starts anew if there was a tap (its speed, m/s), and gives the force along the outward normal, N.
     pub fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
         let now = tap_m_s.map(|speed_m_s| (speed_m_s, 0)).or(self.ringing);

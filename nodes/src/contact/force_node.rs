@@ -1,0 +1,185 @@
+//! The node of the normal force.
+
+use super::Contact;
+use super::stiffness::Wall;
+use crate::vector::scale;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`NormalForce`].
+    pub struct NormalForceSettings {
+        /// Stiffness of the surface, N/mm: 0.25 in 4.3, 0.5 in A.3.2.
+        [live] stiffness_n_per_mm: f64 = 0.25, in 0.0..=1000.0;
+        /// Damping of the motion along the normal, N s/m; needs `velocity`.
+        [live] damping_n_s_per_m: f64 = 0.0, in 0.0..=1000.0;
+        /// Viscous damping of the device itself, N s/m: what keeps the loop passive. None: not checked.
+        device_damping_n_s_per_m: Option<f64> = None, in 0.0..=1000.0;
+    }
+}
+
+/// What a surface pushes back with.
+pub struct NormalForce;
+
+impl NodeKind for NormalForce {
+    type Settings = NormalForceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "NormalForce",
+        group: "contact",
+        doc: "The force of a surface on the tool along its normal, by Hooke's law, with damping if wanted. It pushes \
+              and never pulls. With the device's damping given, a wall that is not passive is warned about: b > K T / 2 + B.",
+        source: "4.3, A.3.2; Colgate and Schenkel 1997",
+        inputs: &[
+            input(
+                "contact",
+                Kind::Contact,
+                Quantity::NUMBER,
+                "Where the tool touches.",
+            ),
+            input(
+                "velocity",
+                Kind::Vector,
+                Quantity::SPEED,
+                "Velocity of the tool, m/s, for the damping.",
+            )
+            .optional(),
+        ],
+        outputs: &[
+            output("force", Kind::Vector, Quantity::FORCE, "Force on the tool, N."),
+            output("load", Kind::Scalar, Quantity::FORCE, "Its magnitude, N."),
+        ],
+        example: r#""normal": NormalForce(contact: "touch.contact", stiffness_n_per_mm: 0.25)"#,
+    };
+
+    fn build(settings: NormalForceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        if settings.damping_n_s_per_m > 0.0 && cx.input_widths.get(1) == Some(&0) {
+            let message = "damping needs the velocity of the tool";
+            return Err(BuildError::at("damping_n_s_per_m", message)
+                .help("connect `velocity`, or leave the damping out"));
+        }
+        Ok(Box::new(Pushing {
+            wall: wall(&settings),
+        }))
+    }
+
+    fn advice(settings: &NormalForceSettings, cx: &BuildContext) -> Vec<BuildError> {
+        let Some(device_n_s_per_m) = settings.device_damping_n_s_per_m else {
+            return Vec::new();
+        };
+        let rate_hz = cx.rate.hz();
+        let verdict = wall(settings).passivity(device_n_s_per_m, rate_hz);
+        if verdict.passive {
+            return Vec::new();
+        }
+        let message = format!(
+            "this wall is not passive at {rate_hz} Hz: the device would need a damping of more than {:.3} N s/m, it has {device_n_s_per_m}",
+            verdict.needed_n_s_per_m
+        );
+        let most = verdict.most_stiffness_n_per_m * 1e-3;
+        let help =
+            format!("a stiffness below {most:.3} N/mm would be; a hand that holds the device damps it too");
+        vec![BuildError::at("stiffness_n_per_mm", message).help(help)]
+    }
+}
+
+fn wall(settings: &NormalForceSettings) -> Wall {
+    Wall {
+        stiffness_n_per_m: settings.stiffness_n_per_mm * 1e3,
+        damping_n_s_per_m: settings.damping_n_s_per_m,
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Pushing {
+    wall: Wall,
+}
+
+impl Processor for Pushing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (contacts, velocities) = (io.contacts(0), io.frames_of::<3>(1));
+        let [force, load] = io.outs();
+        let frames = force.as_chunks_mut().0.iter_mut().zip(load).zip(contacts);
+        for (frame, ((force, load), contact)) in frames.enumerate() {
+            let contact = Contact::from(contact);
+            let velocity_m_s = velocities.get(frame).copied().unwrap_or_default();
+            *load = self.wall.force_n(&contact, velocity_m_s);
+            *force = scale(contact.normal, *load);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            0 => self.wall.stiffness_n_per_m = value * 1e3,
+            1 => self.wall.damping_n_s_per_m = value,
+            _ => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::frame;
+    use haptograph_engine::testing::Bench;
+    use haptograph_signal::time::Rate;
+
+    fn settings(stiffness_n_per_mm: f64, damping_n_s_per_m: f64) -> NormalForceSettings {
+        NormalForceSettings {
+            stiffness_n_per_mm,
+            damping_n_s_per_m,
+            device_damping_n_s_per_m: Some(0.2),
+        }
+    }
+
+    #[test]
+    fn a_wall_pushes_by_hookes_law_and_its_stiffness_can_be_turned() {
+        let contact = frame::Contact {
+            touching: true,
+            penetration_m: 0.004,
+            normal: [0.0, 0.0, 1.0],
+            ..frame::Contact::default()
+        };
+        let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Kind::Contact]).unwrap();
+        assert_eq!(
+            bench.run(&[&contact.to_lanes()]),
+            vec![vec![0.0, 0.0, 1.0], vec![1.0]]
+        );
+        bench.processor().set(0, 0.5);
+        assert_eq!(bench.run(&[&contact.to_lanes()])[1], [2.0]);
+        let free = frame::Contact::default().to_lanes();
+        assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);
+    }
+
+    #[test]
+    fn a_wall_beyond_the_passivity_bound_is_warned_about() {
+        let cx = BuildContext {
+            path: String::new(),
+            rate: Rate::parse("1000").unwrap(),
+            max_frames: 1,
+            seed: 0,
+            input_widths: vec![12, 0],
+        };
+        assert!(
+            NormalForce::advice(&settings(0.25, 0.0), &cx).is_empty(),
+            "0.2 > 0.125"
+        );
+        let doubts = NormalForce::advice(&settings(0.5, 0.0), &cx);
+        assert_eq!(doubts[0].field, Some("stiffness_n_per_mm"));
+        assert!(
+            doubts[0]
+                .help
+                .as_deref()
+                .is_some_and(|help| help.contains("0.400 N/mm")),
+            "{doubts:?}"
+        );
+    }
+
+    #[test]
+    fn damping_without_a_velocity_is_refused() {
+        let refused = Bench::new::<NormalForce>(settings(0.25, 1.0), 1000.0, &[Kind::Contact]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("damping_n_s_per_m"));
+    }
+}

@@ -1,0 +1,264 @@
+//! Nodes of the friction laws.
+
+use super::dahl::{Dahl, DahlSettings, UnderLoad};
+use super::viscous_coulomb::ViscousCoulomb;
+use crate::contact::Contact;
+use crate::successor;
+use crate::texture::load_surface;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+use std::path::{Path, PathBuf};
+
+const CONTACT: InputSpec = input(
+    "contact",
+    Kind::Contact,
+    Quantity::NUMBER,
+    "Where the tool touches.",
+);
+const LOAD: InputSpec = input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
+const FORCE: OutputSpec = output(
+    "force",
+    Kind::Vector,
+    Quantity::FORCE,
+    "Friction on the tool, N, in the tangent plane.",
+);
+
+/// The coefficient of friction: as given, else the surface's.
+fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildError> {
+    let Some(path) = surface.filter(|_| mu.is_none()) else {
+        return mu.ok_or_else(|| {
+            BuildError::at("mu", "there is no coefficient of friction")
+                .help("give `mu` or a `surface` that has one")
+        });
+    };
+    let surface = load_surface(path)?;
+    surface.friction.map(|friction| friction.mu()).ok_or_else(|| {
+        let message = format!("the surface {} has no friction", surface.name);
+        BuildError::at("surface", message).help("give `mu`")
+    })
+}
+
+haptograph_engine::choices! {
+    /// What a growing load does to a stretched [`DahlFriction`].
+    pub enum UnderGrowingLoad {
+        /// The stretch shrinks until its energy is covered: no motion gains energy.
+        Passive,
+        /// The stretch stays and gains energy, as printed in the thesis.
+        AsPrinted,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`DahlFriction`].
+    pub struct DahlFrictionSettings {
+        /// The surface whose coefficient of friction counts, relative to the graph file.
+        surface: Option<PathBuf> = None;
+        /// The coefficient of friction, in place of the surface's.
+        [live] mu: Option<f64> = None, in 0.0..=10.0;
+        /// Largest stretch for a coefficient of friction of 1, mm.
+        stretch_mm: f64 = 4.0, in 0.001..=1000.0;
+        /// What a growing load does to the stretch.
+        under_load: UnderGrowingLoad = UnderGrowingLoad::Passive;
+    }
+}
+
+/// Stick-slip friction.
+pub struct DahlFriction;
+
+impl NodeKind for DahlFriction {
+    type Settings = DahlFrictionSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "DahlFriction",
+        group: "friction",
+        doc: "Stick-slip friction after Dahl: tool and surface stick by a spring that stretches up to 4 mm times mu, then \
+              slip. The passive variant, the default, gives no energy whatever the load does.",
+        source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)",
+        inputs: &[CONTACT, LOAD],
+        outputs: &[FORCE],
+        example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let law = DahlSettings {
+            stretch_m: settings.stretch_mm * 1e-3,
+            under_load: match settings.under_load {
+                UnderGrowingLoad::Passive => UnderLoad::Passive,
+                UnderGrowingLoad::AsPrinted => UnderLoad::AsPrinted,
+            },
+        };
+        Ok(Box::new(Sticking {
+            dahl: Dahl::new(law),
+            mu: coefficient(settings.mu, settings.surface.as_deref())?,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Sticking {
+    dahl: Dahl,
+    mu: f64,
+}
+
+impl Processor for Sticking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (contacts, loads) = (io.contacts(0), io.lanes(1));
+        for ((force, contact), load) in io.out_frames::<3>(0).iter_mut().zip(contacts).zip(loads) {
+            *force = self.dahl.update(&Contact::from(contact), *load, self.mu);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 1 {
+            self.mu = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.dahl.copy_state_from(&self.dahl);
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`ViscousCoulombFriction`].
+    pub struct ViscousCoulombSettings {
+        /// The surface whose coefficient of friction counts, relative to the graph file.
+        surface: Option<PathBuf> = None;
+        /// The coefficient of friction, in place of the surface's.
+        [live] mu: Option<f64> = None, in 0.0..=10.0;
+        /// Slope of the viscous region by normal force, s/mm.
+        slope_s_per_mm: f64 = 0.004, in 1e-9..=1e3;
+    }
+}
+
+/// Coulomb friction, viscous around rest.
+pub struct ViscousCoulombFriction;
+
+impl NodeKind for ViscousCoulombFriction {
+    type Settings = ViscousCoulombSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ViscousCoulombFriction",
+        group: "friction",
+        doc: "Coulomb friction that is viscous below mu / slope: simple, without stiction.",
+        source: "A.3.2, Eq. A.3.1 (corrected)",
+        inputs: &[
+            CONTACT,
+            LOAD,
+            input(
+                "velocity",
+                Kind::Vector,
+                Quantity::SPEED,
+                "Velocity of the tool, m/s.",
+            ),
+        ],
+        outputs: &[FORCE],
+        example: r#""friction": ViscousCoulombFriction(contact: "touch.contact", load: "normal.load", velocity: "speed.velocity", mu: 0.35)"#,
+    };
+
+    fn build(settings: ViscousCoulombSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Dragging {
+            law: ViscousCoulomb {
+                slope_s_per_m: settings.slope_s_per_mm * 1e3,
+            },
+            mu: coefficient(settings.mu, settings.surface.as_deref())?,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Dragging {
+    law: ViscousCoulomb,
+    mu: f64,
+}
+
+impl Processor for Dragging {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (contacts, loads, velocities) = (io.contacts(0), io.lanes(1), io.frames_of::<3>(2));
+        let frames = io
+            .out_frames::<3>(0)
+            .iter_mut()
+            .zip(contacts)
+            .zip(loads)
+            .zip(velocities);
+        for (((force, contact), load), velocity) in frames {
+            *force = if contact.touching {
+                self.law.force_n(*velocity, contact.normal, *load, self.mu)
+            } else {
+                [0.0; 3]
+            };
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 1 {
+            self.mu = value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::modest;
+    use haptograph_engine::frame;
+    use haptograph_engine::testing::Bench;
+
+    /// A slide along x at 100 mm/s on a plane, pressed with 1 N.
+    fn slide(frames: u32) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let contacts = (0..frames).flat_map(|k| {
+            frame::Contact {
+                touching: true,
+                ihip_m: [1e-4 * f64::from(k), 0.0, 0.0],
+                normal: [0.0, 0.0, 1.0],
+                ..frame::Contact::default()
+            }
+            .to_lanes()
+        });
+        let n = frames as usize;
+        (contacts.collect(), vec![1.0; n], [0.1, 0.0, 0.0].repeat(n))
+    }
+
+    #[test]
+    fn a_sliding_tool_is_dragged_by_mu_times_its_load() {
+        let (contacts, loads, velocities) = slide(100);
+        let settings = DahlFrictionSettings {
+            surface: Some(modest()),
+            mu: None,
+            stretch_mm: 4.0,
+            under_load: UnderGrowingLoad::Passive,
+        };
+        let mut dahl = Bench::new::<DahlFriction>(settings, 1000.0, &[Kind::Contact, Kind::Scalar]).unwrap();
+        let force = dahl.run(&[&contacts, &loads]).remove(0);
+        assert!((force[30] + 10.0 * 1e-4 / 0.004).abs() < 1e-12, "it sticks first");
+        assert!(
+            (force[297] + 0.35).abs() < 1e-12,
+            "then it slips at the surface's 0.35"
+        );
+        dahl.processor().set(1, 0.1);
+        assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);
+        let settings = ViscousCoulombSettings {
+            surface: None,
+            mu: Some(0.3),
+            slope_s_per_mm: 0.004,
+        };
+        let kinds = [Kind::Contact, Kind::Scalar, Kind::Vector];
+        let mut viscous = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).unwrap();
+        assert!((viscous.run(&[&contacts, &loads, &velocities])[0][0] + 0.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_law_without_a_coefficient_is_refused() {
+        let settings = ViscousCoulombSettings {
+            surface: None,
+            mu: None,
+            slope_s_per_mm: 0.004,
+        };
+        let kinds = [Kind::Contact, Kind::Scalar, Kind::Vector];
+        let refused = Bench::new::<ViscousCoulombFriction>(settings, 1000.0, &kinds).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("mu"));
+    }
+}

@@ -1,0 +1,135 @@
+//! The speed of a tool along the surface it touches.
+
+use super::speed::{SpeedEstimator, SpeedFilter};
+use crate::filters::design_error;
+use crate::successor;
+use crate::vector::{norm, reject};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`ContactSpeed`].
+    pub struct ContactSpeedSettings {
+        /// Cut-off of the second-order low-pass, below half the rate.
+        cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
+    }
+}
+
+/// Speed along a surface.
+pub struct ContactSpeed;
+
+impl NodeKind for ContactSpeed {
+    type Settings = ContactSpeedSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ContactSpeed",
+        group: "sensing",
+        doc: "The velocity of a tool, low-passed, and its part along the surface it touches. The low-pass also keeps the \
+              texture's own vibration out of the speed.",
+        source: "A.3.2",
+        inputs: &[input(
+            "contact",
+            Kind::Contact,
+            Quantity::NUMBER,
+            "Where the tool is and touches.",
+        )],
+        outputs: &[
+            output(
+                "speed",
+                Kind::Scalar,
+                Quantity::SPEED,
+                "Speed along the surface, m/s; zero while free.",
+            ),
+            output(
+                "along",
+                Kind::Vector,
+                Quantity::SPEED,
+                "Velocity along the surface, m/s; zero while free.",
+            ),
+            output(
+                "velocity",
+                Kind::Vector,
+                Quantity::SPEED,
+                "The whole velocity, m/s.",
+            ),
+        ],
+        example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#,
+    };
+
+    fn build(settings: ContactSpeedSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let filter = SpeedFilter::Butterworth {
+            order: 2,
+            cutoff_hz: settings.cutoff_hz,
+        };
+        let estimator = SpeedEstimator::new(filter, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
+        Ok(Box::new(Sliding { estimator }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Sliding {
+    estimator: SpeedEstimator<3>,
+}
+
+impl Processor for Sliding {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let contacts = io.contacts(0);
+        let [speed, along, velocity] = io.outs();
+        let frames = speed
+            .iter_mut()
+            .zip(along.as_chunks_mut().0)
+            .zip(velocity.as_chunks_mut().0);
+        for (((speed, along), velocity), contact) in frames.zip(contacts) {
+            *velocity = self.estimator.update(contact.hip_m);
+            *along = if contact.touching {
+                reject(*velocity, contact.normal)
+            } else {
+                [0.0; 3]
+            };
+            *speed = norm(*along);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.estimator.copy_state_from(&self.estimator);
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: self.estimator.delay_s(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::frame::Contact;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn only_the_motion_along_the_surface_counts() {
+        let settings = ContactSpeedSettings { cutoff_hz: 20.0 };
+        let mut bench = Bench::new::<ContactSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap();
+        let contacts: Vec<f64> = (0..1000)
+            .flat_map(|k| {
+                Contact {
+                    touching: k < 900,
+                    hip_m: [5e-5 * f64::from(k), 0.0, -1e-6 * f64::from(k)],
+                    normal: [0.0, 0.0, 1.0],
+                    ..Contact::default()
+                }
+                .to_lanes()
+            })
+            .collect();
+        let out = bench.run(&[&contacts]);
+        assert!((out[0][899] - 0.05).abs() < 1e-9);
+        assert!((out[2][3 * 899 + 2] + 0.001).abs() < 1e-9);
+        assert_eq!(out[0][900], 0.0, "free");
+    }
+}

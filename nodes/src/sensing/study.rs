@@ -1,0 +1,313 @@
+//! What the studies of chapter 4 did with force and speed: four conditions of responsiveness, a warning of too much
+//! force, and the time spent in each quadrant.
+
+use crate::successor;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+const SPEED: InputSpec = input(
+    "speed",
+    Kind::Scalar,
+    Quantity::SPEED,
+    "Speed along the surface, m/s.",
+);
+const FORCE: InputSpec = input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
+
+haptograph_engine::choices! {
+    /// What a texture responds to (Table 4.1).
+    pub enum Condition {
+        /// Both (FS).
+        ForceAndSpeed,
+        /// Force only; the speed is constant (F).
+        Force,
+        /// Speed only; the force is constant (S).
+        Speed,
+        /// Neither (phi).
+        Neither,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Responsiveness`].
+    pub struct ResponsivenessSettings {
+        /// What the texture responds to.
+        condition: Condition = Condition::ForceAndSpeed;
+        /// Speed where it does not respond to speed, mm/s.
+        constant_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        /// Force where it does not respond to force, N.
+        constant_n: f64 = 1.2, in 0.0..=1000.0;
+        /// Slower than this counts as rest where it does not respond to speed, mm/s.
+        rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+    }
+}
+
+/// Takes the response to force or speed away.
+pub struct Responsiveness;
+
+impl NodeKind for Responsiveness {
+    type Settings = ResponsivenessSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Responsiveness",
+        group: "sensing",
+        doc: "The four rendering conditions of the study on responsiveness: force or speed or both are replaced by \
+              constants. There is still no texture at rest, nor while nothing is pressed.",
+        source: "4.4, Table 4.1",
+        inputs: &[SPEED, FORCE],
+        outputs: &[
+            output("speed", Kind::Scalar, Quantity::SPEED, "Speed to render, m/s."),
+            output("force", Kind::Scalar, Quantity::FORCE, "Force to render, N."),
+        ],
+        example: r#""felt": Responsiveness(speed: "speed.speed", force: "normal.load", condition: Speed)"#,
+    };
+
+    fn build(settings: ResponsivenessSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let (constant_m_s, constant_n) = (settings.constant_mm_s * 1e-3, settings.constant_n);
+        let (speed_m_s, force_n) = match settings.condition {
+            Condition::ForceAndSpeed => (None, None),
+            Condition::Force => (Some(constant_m_s), None),
+            Condition::Speed => (None, Some(constant_n)),
+            Condition::Neither => (Some(constant_m_s), Some(constant_n)),
+        };
+        Ok(Box::new(Responding {
+            speed_m_s,
+            force_n,
+            rest_m_s: settings.rest_mm_s * 1e-3,
+        }))
+    }
+}
+
+/// Constants in place of what the hand does.
+#[derive(Debug, Clone)]
+struct Responding {
+    speed_m_s: Option<f64>,
+    force_n: Option<f64>,
+    rest_m_s: f64,
+}
+
+impl Processor for Responding {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (speeds, forces) = (io.lanes(0), io.lanes(1));
+        let [speed, force] = io.outs();
+        for (((speed, force), &v), &f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
+            *speed = match self.speed_m_s {
+                Some(constant) if v >= self.rest_m_s => constant,
+                Some(_) => 0.0,
+                None => v,
+            };
+            *force = match self.force_n {
+                Some(constant) if f > 0.0 => constant,
+                Some(_) => 0.0,
+                None => f,
+            };
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`ForceWarning`].
+    pub struct ForceWarningSettings {
+        /// Force above which it warns, N.
+        [live] above_n: f64 = 2.75, in 0.0..=1000.0;
+        /// How long it stays on afterwards, s, so that an eye can see it.
+        hold_s: f64 = 0.1, in 0.0..=60.0;
+    }
+}
+
+/// Says that the hand presses too hard.
+pub struct ForceWarning;
+
+impl NodeKind for ForceWarning {
+    type Settings = ForceWarningSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ForceWarning",
+        group: "sensing",
+        doc: "Says that the hand presses harder than the arm can render.",
+        source: "4.4, 4.5.2",
+        inputs: &[FORCE],
+        outputs: &[output(
+            "warning",
+            Kind::Scalar,
+            Quantity::NUMBER,
+            "1 while it warns, else 0.",
+        )],
+        example: r#""hard": ForceWarning(force: "normal.load", above_n: 2.75)"#,
+    };
+
+    fn build(settings: ForceWarningSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Warning {
+            above_n: settings.above_n,
+            hold: (settings.hold_s * cx.rate.hz()).round() as u64,
+            left: 0,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Warning {
+    above_n: f64,
+    /// Ticks that it stays on.
+    hold: u64,
+    left: u64,
+}
+
+impl Processor for Warning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let forces = io.lanes(0);
+        for (warning, force) in io.out(0).iter_mut().zip(forces) {
+            let over = *force > self.above_n;
+            self.left = if over {
+                self.hold
+            } else {
+                self.left.saturating_sub(1)
+            };
+            *warning = f64::from(u8::from(over || self.left > 0));
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.above_n = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.left = self.left.min(new.hold);
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`QuadrantDwell`].
+    pub struct QuadrantDwellSettings {
+        /// Speed between slow and fast, mm/s.
+        centre_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        /// Force between light and hard, N.
+        centre_n: f64 = 1.2, in 0.0..=1000.0;
+        /// Slower than this is rest and counts nowhere, mm/s.
+        rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+    }
+}
+
+/// How long the hand has explored each quadrant.
+pub struct QuadrantDwell;
+
+const fn dwell(name: &'static str, doc: &'static str) -> OutputSpec {
+    output(name, Kind::Scalar, Quantity::TIME, doc)
+}
+
+impl NodeKind for QuadrantDwell {
+    type Settings = QuadrantDwellSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "QuadrantDwell",
+        group: "sensing",
+        doc: "How long the hand has slid in each quadrant of force and speed. The study asked for 5 s in each.",
+        source: "4.4",
+        inputs: &[SPEED, FORCE],
+        outputs: &[
+            dwell("slow_light", "Time slow and light, s."),
+            dwell("fast_light", "Time fast and light, s."),
+            dwell("slow_hard", "Time slow and hard, s."),
+            dwell("fast_hard", "Time fast and hard, s."),
+        ],
+        example: r#""dwell": QuadrantDwell(speed: "speed.speed", force: "normal.load")"#,
+    };
+
+    fn build(settings: QuadrantDwellSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Dwelling {
+            centre_m_s: settings.centre_mm_s * 1e-3,
+            centre_n: settings.centre_n,
+            rest_m_s: settings.rest_mm_s * 1e-3,
+            period_s: cx.rate.period_s(),
+            ticks: [0; 4],
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Dwelling {
+    centre_m_s: f64,
+    centre_n: f64,
+    rest_m_s: f64,
+    period_s: f64,
+    ticks: [u64; 4],
+}
+
+impl Processor for Dwelling {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (speeds, forces) = (io.lanes(0), io.lanes(1));
+        let outs: [&mut [f64]; 4] = io.outs();
+        for (frame, (speed, force)) in speeds.iter().zip(forces).enumerate() {
+            if *speed >= self.rest_m_s && *force > 0.0 {
+                let (fast, hard) = (*speed >= self.centre_m_s, *force >= self.centre_n);
+                self.ticks[usize::from(fast) + 2 * usize::from(hard)] += 1;
+            }
+            for (quadrant, ticks) in self.ticks.iter().enumerate() {
+                outs[quadrant][frame] = *ticks as f64 * self.period_s;
+            }
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.ticks = self.ticks;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    const BOTH: [Kind; 2] = [Kind::Scalar; 2];
+
+    #[test]
+    fn the_four_conditions_of_table_4_1() {
+        let run = |condition| {
+            let settings = ResponsivenessSettings {
+                condition,
+                constant_mm_s: 130.0,
+                constant_n: 1.2,
+                rest_mm_s: 1.0,
+            };
+            let mut bench = Bench::new::<Responsiveness>(settings, 1000.0, &BOTH).unwrap();
+            // Sliding; creeping below 1 mm/s; in the air.
+            bench.run(&[&[0.08, 0.0009, 0.2], &[0.5, 0.5, 0.0]])
+        };
+        assert_eq!(
+            run(Condition::ForceAndSpeed),
+            [[0.08, 0.0009, 0.2], [0.5, 0.5, 0.0]]
+        );
+        assert_eq!(run(Condition::Force), [[0.13, 0.0, 0.13], [0.5, 0.5, 0.0]]);
+        assert_eq!(run(Condition::Speed), [[0.08, 0.0009, 0.2], [1.2, 1.2, 0.0]]);
+        assert_eq!(run(Condition::Neither), [[0.13, 0.0, 0.13], [1.2, 1.2, 0.0]]);
+    }
+
+    #[test]
+    fn a_warning_can_be_seen() {
+        let settings = ForceWarningSettings {
+            above_n: 2.75,
+            hold_s: 0.002,
+        };
+        let mut bench = Bench::new::<ForceWarning>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        let warning = bench.run(&[&[2.75, 2.8, 1.0, 1.0, 1.0, f64::NAN]]).remove(0);
+        assert_eq!(warning, [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn time_is_counted_in_the_quadrant_of_the_hand_and_not_at_rest() {
+        let settings = QuadrantDwellSettings {
+            centre_mm_s: 130.0,
+            centre_n: 1.2,
+            rest_mm_s: 1.0,
+        };
+        let mut bench = Bench::new::<QuadrantDwell>(settings, 1000.0, &BOTH).unwrap();
+        let out = bench.run(&[&[0.1, 0.2, 0.2, 0.1, 0.0, 0.2], &[1.0, 1.0, 2.0, 2.0, 2.0, 0.0]]);
+        let last: Vec<f64> = out.iter().map(|dwell| dwell[5]).collect();
+        assert_eq!(last, [0.001; 4]);
+    }
+}

@@ -1,0 +1,183 @@
+//! The node of tapping.
+
+use super::onset::{Onset, OnsetSettings};
+use super::transient::{EFFECTIVE_MASS_KG, Transient};
+use crate::contact::Contact;
+use crate::successor;
+use crate::texture::load_surface;
+use crate::vector::{Vec3, scale};
+use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+haptograph_engine::settings! {
+    /// Settings of [`Tapping`].
+    pub struct TappingSettings {
+        /// The surface whose taps are played, relative to the graph file.
+        surface: PathBuf;
+        /// Effective mass of handle and hand, g: acceleration becomes force.
+        mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
+        /// Time in free space after which the next contact can be a tap, ms.
+        rearm_ms: f64 = OnsetSettings::default().rearm_s * 1e3, in 0.0..=10_000.0;
+        /// Slowest tap, mm/s.
+        least_mm_s: f64 = OnsetSettings::default().least_m_s * 1e3, in 0.0..=10_000.0;
+        /// Time before contact over which its speed is measured, ms.
+        window_ms: f64 = OnsetSettings::default().window_s * 1e3, in 0.0..=60.0;
+    }
+}
+
+/// The transient of a tap.
+pub struct Tapping;
+
+impl NodeKind for Tapping {
+    type Settings = TappingSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Tapping",
+        group: "tapping",
+        doc: "What a tap feels like: at contact, the surface's recorded transient for the tool's speed, as a force along \
+              the normal. A contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a \
+              new tap replaces one that still rings.",
+        source: "4.3.2",
+        inputs: &[input(
+            "contact",
+            Kind::Contact,
+            Quantity::NUMBER,
+            "Where the tool touches.",
+        )],
+        outputs: &[
+            output("force", Kind::Vector, Quantity::FORCE, "Force on the tool, N."),
+            output(
+                "tap",
+                Kind::Event,
+                Quantity::SPEED,
+                "Fires at a tap, with its speed, m/s.",
+            ),
+        ],
+        example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let surface = load_surface(&settings.surface)?;
+        let Some(taps) = surface.taps else {
+            let message = format!("the surface {} has no taps", surface.name);
+            return Err(
+                BuildError::at("surface", message).help("choose a surface with some, or leave `Tapping` out")
+            );
+        };
+        if taps.rate_hz() != cx.rate.hz() {
+            let message = format!(
+                "the surface's taps are recorded at {} Hz, this node's clock has {}",
+                taps.rate_hz(),
+                cx.rate
+            );
+            return Err(BuildError::at("surface", message)
+                .help(format!("put the node on a clock of {} Hz", taps.rate_hz())));
+        }
+        let onset = OnsetSettings {
+            rearm_s: settings.rearm_ms * 1e-3,
+            least_m_s: settings.least_mm_s * 1e-3,
+            window_s: settings.window_ms * 1e-3,
+        };
+        Ok(Box::new(Striking {
+            onset: Onset::new(&onset, cx.rate.hz()),
+            transient: Transient::new(Arc::new(taps), settings.mass_g * 1e-3),
+            normal: [0.0; 3],
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Striking {
+    onset: Onset,
+    transient: Transient,
+    /// Along which the tap rings, also when the tool has bounced off.
+    normal: Vec3,
+}
+
+impl Processor for Striking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let contacts = io.contacts(0);
+        let [force, tap] = io.outs();
+        let frames = force.as_chunks_mut().0.iter_mut().zip(tap.as_chunks_mut().0);
+        for ((force, event), contact) in frames.zip(contacts) {
+            let contact = Contact::from(contact);
+            let struck = self
+                .onset
+                .update(&contact)
+                .filter(|speed_m_s| speed_m_s.is_finite());
+            if struck.is_some() {
+                self.normal = contact.normal;
+            }
+            *force = scale(self.normal, self.transient.update(struck));
+            *event = Event {
+                fired: struck.is_some(),
+                value: struck.unwrap_or(0.0),
+            }
+            .to_lanes();
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.onset.copy_state_from(&self.onset);
+            new.transient.copy_state_from(&self.transient);
+            new.normal = self.normal;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::modest;
+    use haptograph_engine::frame;
+    use haptograph_engine::testing::Bench;
+
+    fn settings() -> TappingSettings {
+        TappingSettings {
+            surface: modest(),
+            mass_g: 50.0,
+            rearm_ms: 20.0,
+            least_mm_s: 10.0,
+            window_ms: 12.0,
+        }
+    }
+
+    /// Down through z = 0 at a speed, from 1 ms a tick.
+    fn fall(speed_m_s: f64) -> Vec<f64> {
+        let height = |k: i32| speed_m_s * f64::from(50 - k) * 1e-3;
+        let contact = |k| frame::Contact {
+            touching: height(k) < 0.0,
+            hip_m: [0.0, 0.0, height(k)],
+            normal: [0.0, 0.0, f64::from(u8::from(height(k) < 0.0))],
+            ..frame::Contact::default()
+        };
+        (0..200).flat_map(|k| contact(k).to_lanes()).collect()
+    }
+
+    #[test]
+    fn a_tap_plays_the_surfaces_transient_for_its_speed() {
+        let taps = load_surface(&modest()).unwrap().taps.unwrap();
+        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Kind::Contact]).unwrap();
+        let out = bench.run_in_blocks(&[&fall(0.15)], &[1, 64]);
+        let fired: Vec<usize> = (0..200).filter(|k| out[1][2 * k] != 0.0).collect();
+        assert_eq!(fired, [51]);
+        assert!((out[1][103] - 0.15).abs() < 1e-9, "its speed");
+        let mix = taps.mix(out[1][103]);
+        for k in 0..taps.length().min(149) {
+            assert!((out[0][3 * (51 + k) + 2] - 0.05 * taps.sample(&mix, k)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_slow_touch_is_no_tap_and_a_wrong_rate_is_refused() {
+        let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Kind::Contact]).unwrap();
+        assert!(bench.run(&[&fall(0.005)])[0].iter().all(|f| *f == 0.0));
+        let refused = Bench::new::<Tapping>(settings(), 500.0, &[Kind::Contact]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("surface"));
+    }
+}

@@ -1,0 +1,143 @@
+//! Texture through the motors of an arm.
+
+use crate::successor;
+use crate::tapping::transient::EFFECTIVE_MASS_KG;
+use crate::vector::{Vec3, cross, direction, scale};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`TextureForce`].
+    pub struct TextureForceSettings {
+        /// Effective mass of handle and hand, g: acceleration becomes force.
+        [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
+    }
+}
+
+/// A texture's vibration as a force across the motion.
+pub struct TextureForce;
+
+impl NodeKind for TextureForce {
+    type Settings = TextureForceSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "TextureForce",
+        group: "texture",
+        doc: "The vibration of a texture as a force on the tool, across both the normal and the friction, so that it \
+              disturbs neither. It keeps its direction while there is no friction, and is zero while nothing touches.",
+        source: "A.3.2",
+        inputs: &[
+            input(
+                "acceleration",
+                Kind::Scalar,
+                Quantity::ACCELERATION,
+                "The vibration, m/s2.",
+            ),
+            input(
+                "contact",
+                Kind::Contact,
+                Quantity::NUMBER,
+                "Where the tool touches.",
+            ),
+            input(
+                "friction",
+                Kind::Vector,
+                Quantity::FORCE,
+                "The friction on the tool, N.",
+            ),
+        ],
+        outputs: &[output(
+            "force",
+            Kind::Vector,
+            Quantity::FORCE,
+            "Force on the tool, N.",
+        )],
+        example: r#""shake": TextureForce(acceleration: "texture.acceleration", contact: "touch.contact", friction: "friction.force")"#,
+    };
+
+    fn build(settings: TextureForceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Shaking {
+            mass_kg: settings.mass_g * 1e-3,
+            across: [0.0; 3],
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Shaking {
+    mass_kg: f64,
+    across: Vec3,
+}
+
+impl Processor for Shaking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (accelerations, contacts, frictions) = (io.lanes(0), io.contacts(1), io.frames_of::<3>(2));
+        let frames = io
+            .out_frames::<3>(0)
+            .iter_mut()
+            .zip(accelerations)
+            .zip(contacts)
+            .zip(frictions);
+        for (((force, acceleration), contact), friction) in frames {
+            if !contact.touching {
+                self.across = [0.0; 3];
+            } else if let Some(across) = direction(cross(contact.normal, *friction)) {
+                self.across = across;
+            }
+            *force = scale(self.across, self.mass_kg * acceleration);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.mass_kg = value * 1e-3;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.across = self.across;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::dot;
+    use haptograph_engine::frame::Contact;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn the_shaking_is_across_normal_and_friction() {
+        let kinds = [Kind::Scalar, Kind::Contact, Kind::Vector];
+        let mut bench =
+            Bench::new::<TextureForce>(TextureForceSettings { mass_g: 50.0 }, 1000.0, &kinds).unwrap();
+        let normal = [0.0, 0.6, 0.8];
+        let touching = |touching| {
+            Contact {
+                touching,
+                normal,
+                ..Contact::default()
+            }
+            .to_lanes()
+        };
+        let friction = [0.3, -0.4, 0.3];
+        let out = bench.run(&[
+            &[10.0, -10.0, 10.0],
+            &[touching(true), touching(true), touching(false)].concat(),
+            &[friction, [0.0; 3], friction].concat(),
+        ]);
+        let force = out[0].as_chunks::<3>().0;
+        assert!(dot(force[0], normal).abs() < 1e-15 && dot(force[0], friction).abs() < 1e-15);
+        assert!((dot(force[0], force[0]).sqrt() - 0.5).abs() < 1e-15);
+        assert_eq!(
+            force[1],
+            force[0].map(|f| -f),
+            "without friction it keeps its direction"
+        );
+        assert_eq!(force[2], [0.0; 3], "nothing touches");
+    }
+}
