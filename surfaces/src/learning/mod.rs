@@ -1,4 +1,21 @@
-//! Learning: from recordings to the parts of a surface (thesis 2.2.3, 2.3, 4.2).
+//! Learning: from recordings to a surface (thesis 2.2.3, 2.3, 4.2).
+//!
+//! ```text
+//! recordings ──► processing ──► segmentation ──► texture ─┐
+//!      circle or drag ──► friction ───────────────────────┤
+//!                 tap ──► taps ───────────────────────────┼──► Surface
+//!               press ──► stiffness ──────────────────────┘
+//! ```
+//!
+//! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
 
+pub mod friction;
+mod learn;
+pub mod outliers;
 pub mod processing;
 pub mod segmentation;
+pub mod stiffness;
+pub mod taps;
+pub mod texture;
+
+pub use learn::{LearnError, LearnSettings, LearningReport, learn};

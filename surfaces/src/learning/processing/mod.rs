@@ -235,6 +235,29 @@ pub(super) fn contact_signals(
     })
 }
 
+/// Indentation in m, zero at its smallest, and normal force in N at given moments.
+pub(super) fn press_curve(
+    recording: &Recording,
+    normal: SurfaceNormal,
+    times: &[f64],
+) -> Result<Vec<(f64, f64)>, ProcessingError> {
+    let forces = world_forces(recording);
+    let tips = tip_positions(recording);
+    let normal = geometry::surface_normal(recording, &forces, &tips, normal)?;
+    let motion = recording.motion();
+    let depth = |tip: &Vector| -dot(*tip, normal);
+    let depths = Series {
+        rate_hz: motion.rate_hz,
+        start_s: motion.start_s,
+        samples: tips.iter().map(depth).collect(),
+    };
+    let least = depths.samples.iter().copied().fold(f64::INFINITY, f64::min);
+    Ok(times
+        .iter()
+        .map(|&time| (depths.at(time) - least, dot(forces.at(time), normal)))
+        .collect())
+}
+
 /// Forces on the tool in the world, N, sample by sample of the force sensor.
 fn world_forces(recording: &Recording) -> Series<Vector> {
     let wrench = recording.wrench();

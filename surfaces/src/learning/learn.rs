@@ -1,0 +1,387 @@
+//! All four parts of a surface from whatever recordings there are.
+
+use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
+use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, processed};
+use super::segmentation::{SegmentationMethod, VarianceEstimate};
+use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
+use super::taps::{TapError, TapReport, TapSettings, learn_taps};
+use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings, learn_texture};
+use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
+use crate::{Origin, Provenance, Surface};
+use std::collections::BTreeMap;
+
+/// How a surface is learned.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LearnSettings {
+    /// From sensor readings to physical quantities.
+    pub processing: ProcessingSettings,
+    /// Texture.
+    pub texture: TextureSettings,
+    /// Friction.
+    pub friction: FrictionSettings,
+    /// Taps.
+    pub taps: TapSettings,
+    /// Stiffness.
+    pub stiffness: StiffnessSettings,
+}
+
+/// What learning found on the way, for people to judge the surface by.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LearningReport {
+    /// The dragging recordings, processed, that [`TextureReport::segments`] refer to.
+    pub drags: Vec<ProcessedRecording>,
+    /// Segments, models and outliers.
+    pub texture: Option<TextureReport>,
+    /// Forces and the line through them.
+    pub friction: Option<FrictionReport>,
+    /// Contacts.
+    pub taps: Option<TapReport>,
+    /// The press.
+    pub stiffness: Option<StiffnessReport>,
+}
+
+/// Why no surface could be learned.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum LearnError {
+    #[error("there are no recordings to learn from")]
+    NoRecordings,
+    #[error("recording {recording} (from 0) cannot be processed: {source}")]
+    Processing {
+        recording: usize,
+        source: ProcessingError,
+    },
+    #[error("no texture can be learned: {0}")]
+    Texture(#[from] LearnTextureError),
+    #[error("no friction can be learned: {0}")]
+    Friction(#[from] FrictionError),
+    #[error("no taps can be learned: {0}")]
+    Taps(#[from] TapError),
+    #[error("no stiffness can be learned: {0}")]
+    Stiffness(#[from] StiffnessError),
+    #[error(
+        "stiffness is learned from one raw recording of a press, which keeps the tip's path; recording {recording} (from 0) {what}"
+    )]
+    Press { recording: usize, what: &'static str },
+}
+
+/// Learns a surface called `name` from recordings, each of which teaches what its gesture can: drags the texture (and friction where there
+/// is no circle), circles friction, taps taps, a press stiffness. Parts without a recording stay out.
+///
+/// `progress` is called with the part done, 0 to 1.
+pub fn learn(
+    name: &str,
+    recordings: &[AnyRecording],
+    settings: &LearnSettings,
+    progress: &dyn Fn(f64),
+) -> Result<(Surface, LearningReport), LearnError> {
+    if recordings.is_empty() {
+        return Err(LearnError::NoRecordings);
+    }
+    let of = |gesture: Gesture| {
+        recordings
+            .iter()
+            .enumerate()
+            .filter(move |(_, r)| r.gesture() == gesture)
+    };
+    let mut surface = Surface::new(name, provenance(recordings, settings));
+    let mut report = LearningReport::default();
+
+    for (recording, drag) in of(Gesture::Drag) {
+        let drag = processed(drag, &settings.processing)
+            .map_err(|source| LearnError::Processing { recording, source })?;
+        report.drags.push(drag);
+        progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
+    }
+    if !report.drags.is_empty() {
+        let (texture, found) = learn_texture(&report.drags, &settings.texture, &|part| {
+            progress(0.3 + 0.5 * part)
+        })?;
+        (surface.texture, report.texture) = (Some(texture), Some(found));
+    }
+    progress(0.8);
+    let circles: Vec<_> = of(Gesture::Circle).map(|(_, recording)| recording).collect();
+    let drags: Vec<_> = of(Gesture::Drag).map(|(_, recording)| recording).collect();
+    let friction = if circles.is_empty() {
+        if drags.iter().all(|drag| has_tangential_force(drag)) && !drags.is_empty() {
+            Some(learn_friction(
+                &drags,
+                &settings.processing,
+                &settings.friction,
+                FrictionFit::Robust,
+            )?)
+        } else {
+            None
+        }
+    } else {
+        Some(learn_friction(
+            &circles,
+            &settings.processing,
+            &settings.friction,
+            FrictionFit::ThroughOrigin,
+        )?)
+    };
+    (surface.friction, report.friction) = friction.unzip();
+    progress(0.9);
+    let taps: Vec<_> = of(Gesture::Tap).map(|(_, recording)| recording).collect();
+    if !taps.is_empty() {
+        let (taps, found) = learn_taps(&taps, &settings.processing, &settings.taps)?;
+        (surface.taps, report.taps) = (Some(taps), Some(found));
+    }
+    for (index, (recording, press)) in of(Gesture::Press).enumerate() {
+        let AnyRecording::Raw(press) = press else {
+            return Err(LearnError::Press {
+                recording,
+                what: "is processed",
+            });
+        };
+        if index > 0 {
+            return Err(LearnError::Press {
+                recording,
+                what: "is another one",
+            });
+        }
+        let (stiffness, found) = learn_stiffness(press, &settings.processing, &settings.stiffness)?;
+        (surface.stiffness, report.stiffness) = (Some(stiffness), Some(found));
+    }
+    progress(1.0);
+    Ok((surface, report))
+}
+
+fn has_tangential_force(recording: &AnyRecording) -> bool {
+    match recording {
+        AnyRecording::Raw(_) => true,
+        AnyRecording::Processed(processed) => processed.signals().force_tangential_n.is_some(),
+    }
+}
+
+/// Enough to learn the surface again: where the recordings came from, how they were made, and every setting.
+fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenance {
+    let origins: Vec<Origin> = recordings
+        .iter()
+        .map(|recording| recording.provenance().origin)
+        .collect();
+    // Among recordings of several origins the least trustworthy counts: nothing simulated may pass for measured.
+    let least = [
+        Origin::Procedural,
+        Origin::Simulated,
+        Origin::Imported,
+        Origin::Measured,
+    ];
+    let origin = least
+        .into_iter()
+        .find(|origin| origins.contains(origin))
+        .unwrap_or(Origin::Imported);
+    let sources: Vec<&str> = recordings
+        .iter()
+        .map(|recording| &*recording.provenance().source)
+        .collect();
+    let mut provenance = Provenance::new(origin, sources.join("; "));
+    for (index, recording) in recordings.iter().enumerate() {
+        let gesture = recording.gesture().word();
+        provenance
+            .settings
+            .insert(format!("recording {} gesture", index + 1), gesture.to_owned());
+        for (name, value) in &recording.provenance().settings {
+            provenance
+                .settings
+                .insert(format!("recording {} {name}", index + 1), value.clone());
+        }
+    }
+    provenance.settings.extend(described(settings));
+    provenance
+}
+
+fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
+    let LearnSettings {
+        processing,
+        texture,
+        friction,
+        taps,
+        stiffness,
+    } = settings;
+    let segmentation = &texture.segmentation;
+    let optional = |value: Option<f64>| value.map_or("largest found".to_owned(), |value| value.to_string());
+    let mut all = BTreeMap::new();
+    let mut say = |name: &str, value: String| all.insert(name.to_owned(), value);
+    say("processing.highpass_hz", processing.highpass_hz.to_string());
+    say("processing.lowpass_hz", processing.lowpass_hz.to_string());
+    say(
+        "processing.velocity_lowpass_hz",
+        processing.velocity_lowpass_hz.to_string(),
+    );
+    say("processing.reduction", processing.reduction.word().to_owned());
+    let normal = match processing.normal {
+        SurfaceNormal::PlaneFit => "plane fit".to_owned(),
+        SurfaceNormal::ForceDirection => "force direction".to_owned(),
+        SurfaceNormal::Given(normal) => format!("{normal:?}"),
+    };
+    say("processing.normal", normal);
+    say("segmentation.min_span", segmentation.min_span.to_string());
+    say("segmentation.max_order", segmentation.max_order.to_string());
+    let variance = match segmentation.variance {
+        VarianceEstimate::ConditionalLeastSquares => "conditional least squares",
+        VarianceEstimate::YuleWalker => "Yule-Walker",
+        VarianceEstimate::Burg => "Burg",
+    };
+    say("segmentation.variance", variance.to_owned());
+    let method = match &segmentation.method {
+        SegmentationMethod::Exact { grid: None } => "exact".to_owned(),
+        SegmentationMethod::Exact { grid: Some(grid) } => format!("exact, grid {grid}"),
+        SegmentationMethod::Genetic(genetic) => {
+            format!(
+                "genetic, {} islands of {}, seed {}",
+                genetic.islands, genetic.population, genetic.seed
+            )
+        }
+    };
+    say("segmentation.method", method);
+    say(
+        "texture.order",
+        texture
+            .order
+            .map_or("median".to_owned(), |order| order.to_string()),
+    );
+    let fit = match texture.fit {
+        CoefficientFit::YuleWalker => "Yule-Walker",
+        CoefficientFit::Burg => "Burg",
+    };
+    say("texture.fit", fit.to_owned());
+    let outliers = match texture.outliers {
+        Some(outliers) => format!("{} criteria at {}", outliers.criteria, outliers.confidence),
+        None => "kept".to_owned(),
+    };
+    say("texture.outliers", outliers);
+    say(
+        "texture.min_speed_mm_s",
+        (texture.min_speed_m_s * 1000.0).to_string(),
+    );
+    say("texture.min_force_n", texture.min_force_n.to_string());
+    say("hull.speed_steps", texture.hull.speed_steps.to_string());
+    say("hull.force_steps", texture.hull.force_steps.to_string());
+    say(
+        "hull.max_speed_mm_s",
+        optional(texture.hull.max_speed_m_s.map(|speed| speed * 1000.0)),
+    );
+    say("hull.max_force_n", optional(texture.hull.max_force_n));
+    let fit = match friction.fit {
+        None => "by gesture",
+        Some(FrictionFit::ThroughOrigin) => "through the origin",
+        Some(FrictionFit::Robust) => "robust",
+    };
+    say("friction.fit", fit.to_owned());
+    say(
+        "friction.min_speed_mm_s",
+        (friction.min_speed_m_s * 1000.0).to_string(),
+    );
+    say("friction.min_force_n", friction.min_force_n.to_string());
+    say("taps.contact_n", taps.contact_n.to_string());
+    say("taps.length_ms", (taps.length_s * 1000.0).to_string());
+    say("taps.onset", taps.onset.to_string());
+    say("taps.approach_ms", (taps.approach_s * 1000.0).to_string());
+    say("taps.force_lowpass_hz", taps.force_lowpass_hz.to_string());
+    say("stiffness.from_n", stiffness.from_n.to_string());
+    say("stiffness.to_n", stiffness.to_n.to_string());
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::synthetic::{circle, drag, provenance};
+    use std::cell::Cell;
+
+    fn recordings() -> Vec<AnyRecording> {
+        let steps: Vec<_> = (0..9)
+            .map(|i| {
+                (
+                    0.3,
+                    0.05 + 0.05 * ((i * 2) % 3) as f64,
+                    0.5 + 0.5 * (i / 3) as f64,
+                )
+            })
+            .collect();
+        let model = |speed: f64, force: f64| (vec![-1.2 - speed, 0.7], speed * force);
+        vec![
+            AnyRecording::Processed(drag(&steps, 0.5, 1, model)),
+            AnyRecording::Raw(circle(2.0, 0.03, 1.0, 1.0, 0.35)),
+        ]
+    }
+
+    #[test]
+    fn each_recording_teaches_what_its_gesture_can() {
+        let last = Cell::new(0.0);
+        let advance = |part: f64| {
+            assert!(part >= last.get() && part <= 1.0);
+            last.set(part);
+        };
+        let (surface, report) = learn("Test", &recordings(), &LearnSettings::default(), &advance).unwrap();
+        assert_eq!(last.get(), 1.0);
+        assert!(
+            (surface.friction.unwrap().mu() - 0.35).abs() < 5e-3,
+            "from the circle, not the drag"
+        );
+        assert!(surface.texture.is_some() && surface.taps.is_none() && surface.stiffness.is_none());
+        assert_eq!(report.drags.len(), 1);
+        let (surface, _) = learn("Test", &recordings()[..1], &LearnSettings::default(), &|_| ()).unwrap();
+        assert!(
+            (surface.friction.unwrap().mu() - 0.5).abs() < 5e-3,
+            "from the drag where there is no circle"
+        );
+    }
+
+    #[test]
+    fn a_surface_says_what_it_was_learned_from_and_is_learned_again_to_the_bit() {
+        let (surface, report) = learn("Test", &recordings(), &LearnSettings::default(), &|_| ()).unwrap();
+        assert_eq!(surface.provenance.origin, Origin::Simulated);
+        assert!(surface.provenance.source.contains("made up for a test"));
+        assert!(surface.provenance.version.starts_with("haptograph "));
+        for (name, value) in [
+            ("segmentation.min_span", "50"),
+            ("processing.reduction", "dft321"),
+            ("recording 2 gesture", "circle"),
+        ] {
+            assert_eq!(
+                surface.provenance.settings.get(name).map(String::as_str),
+                Some(value)
+            );
+        }
+        let again = learn("Test", &recordings(), &LearnSettings::default(), &|_| ()).unwrap();
+        assert!(again == (surface, report));
+    }
+
+    #[test]
+    fn a_simulated_recording_among_measured_ones_makes_the_surface_simulated() {
+        let AnyRecording::Raw(raw) = &recordings()[1] else {
+            panic!()
+        };
+        let measured = crate::recording::Recording::new(
+            raw.motion().clone(),
+            raw.wrench().clone(),
+            raw.acceleration_v().clone(),
+            *raw.calibration(),
+            Gesture::Circle,
+            Provenance {
+                origin: Origin::Measured,
+                ..provenance()
+            },
+        );
+        let both = [recordings()[0].clone(), AnyRecording::Raw(measured.unwrap())];
+        let (surface, _) = learn("Test", &both, &LearnSettings::default(), &|_| ()).unwrap();
+        assert_eq!(surface.provenance.origin, Origin::Simulated);
+    }
+
+    #[test]
+    fn what_cannot_be_learned_is_said() {
+        let settings = LearnSettings::default();
+        assert!(matches!(
+            learn("Test", &[], &settings, &|_| ()),
+            Err(LearnError::NoRecordings)
+        ));
+        let press = recordings()[0].clone().with_gesture(Gesture::Press);
+        assert!(matches!(
+            learn("Test", &[press], &settings, &|_| ()),
+            Err(LearnError::Press { recording: 0, .. })
+        ));
+    }
+}

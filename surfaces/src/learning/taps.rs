@@ -1,0 +1,442 @@
+//! Taps: the vibrations of a tool that strikes the surface, by incoming speed (thesis 4.2.2 and 4.4.2).
+//!
+//! The thesis cut its recordings by hand. Here a contact is where the normal force rises after a rest in the air; the tap begins where
+//! the vibration does.
+
+use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, process, tip_positions};
+use crate::recording::{AnyRecording, ProcessedRecording, Recording};
+use crate::statistics::{Line, mean, median};
+use crate::{SurfaceError, Tap, Taps};
+use haptograph_signal::Complex64;
+use haptograph_signal::spectrum::spectral_centroid;
+use rustfft::FftPlanner;
+
+/// How taps are learned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TapSettings {
+    /// Force that counts as contact, N; half of it as the end of contact.
+    pub contact_n: f64,
+    /// The tool must have been in the air for this long before, s.
+    pub air_s: f64,
+    /// What is kept after contact, s.
+    pub length_s: f64,
+    /// A tap begins where its vibration first reaches this part of its peak.
+    pub onset: f64,
+    /// The incoming speed is the slope of the path over this long before contact, s.
+    pub approach_s: f64,
+    /// Slower contacts are no taps, m/s.
+    pub min_speed_m_s: f64,
+    /// Forces are smoothed less than elsewhere, or a blow of milliseconds would lose its peak.
+    pub force_lowpass_hz: f64,
+}
+
+impl Default for TapSettings {
+    fn default() -> Self {
+        Self {
+            contact_n: 0.2,
+            air_s: 0.03,
+            length_s: 0.1,
+            onset: 0.1,
+            approach_s: 0.03,
+            min_speed_m_s: 0.005,
+            force_lowpass_hz: 1000.0,
+        }
+    }
+}
+
+/// A contact that was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contact {
+    /// Which recording it is from.
+    pub recording: usize,
+    /// When the tap begins, s after the processed recording's start.
+    pub time_s: f64,
+    /// Incoming speed, m/s.
+    pub speed_m_s: f64,
+    /// Peak normal force within the tap, N.
+    pub peak_force_n: f64,
+    /// Whether it became one of the surface's taps.
+    pub used: bool,
+}
+
+/// What learning taps found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TapReport {
+    /// All contacts.
+    pub contacts: Vec<Contact>,
+    /// Peak normal force in N over incoming speed in m/s; its slope is the tap response factor (thesis 4.4.2). `None` for one tap.
+    pub response: Option<Line>,
+    /// The taps' spectral centroid, Hz: [`tap_spectral_centroid_hz`].
+    pub spectral_centroid_hz: f64,
+}
+
+/// Why no taps could be learned.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum TapError {
+    #[error(transparent)]
+    Processing(#[from] ProcessingError),
+    #[error(
+        "no tap was found: the normal force never rises above {contact_n} N after {air_ms} ms in the air and stays recorded for {length_ms} ms"
+    )]
+    NoTaps {
+        contact_n: f64,
+        air_ms: f64,
+        length_ms: f64,
+    },
+    #[error(
+        "recording {recording} (from 0) has {rate_hz} samples a second, the first has {expected_hz}; all must agree"
+    )]
+    Rates {
+        recording: usize,
+        rate_hz: f64,
+        expected_hz: f64,
+    },
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+/// Learns taps from tapping recordings.
+pub fn learn_taps(
+    recordings: &[&AnyRecording],
+    processing: &ProcessingSettings,
+    settings: &TapSettings,
+) -> Result<(Taps, TapReport), TapError> {
+    let mut found = vec![];
+    let mut rate_hz = 0.0;
+    for (index, recording) in recordings.iter().enumerate() {
+        let processed = processed_taps(recording, processing, settings)?;
+        if index > 0 && processed.rate_hz() != rate_hz {
+            return Err(TapError::Rates {
+                recording: index,
+                rate_hz: processed.rate_hz(),
+                expected_hz: rate_hz,
+            });
+        }
+        rate_hz = processed.rate_hz();
+        let path = match recording {
+            AnyRecording::Raw(raw) => Some(raw),
+            AnyRecording::Processed(_) => None,
+        };
+        found.extend(cut(index, &processed, path, settings));
+    }
+    found.sort_by(|a, b| a.0.speed_m_s.total_cmp(&b.0.speed_m_s));
+    let mut slower = settings.min_speed_m_s;
+    for (contact, _) in &mut found {
+        // Two taps at one speed cannot be told apart when rendering.
+        contact.used = contact.speed_m_s > slower;
+        slower = slower.max(contact.speed_m_s);
+    }
+    let used: Vec<Tap> = found
+        .iter()
+        .filter(|(contact, _)| contact.used)
+        .map(|(contact, cut)| Tap {
+            speed_m_s: contact.speed_m_s,
+            acceleration_m_s2: cut.clone(),
+        })
+        .collect();
+    if used.is_empty() {
+        return Err(TapError::NoTaps {
+            contact_n: settings.contact_n,
+            air_ms: settings.air_s * 1000.0,
+            length_ms: settings.length_s * 1000.0,
+        });
+    }
+    let taps = Taps::new(rate_hz, used)?;
+    let contacts: Vec<Contact> = found.into_iter().map(|(contact, _)| contact).collect();
+    let points: Vec<_> = contacts
+        .iter()
+        .filter(|c| c.used)
+        .map(|c| (c.speed_m_s, c.peak_force_n))
+        .collect();
+    let report = TapReport {
+        contacts,
+        response: Line::fit(&points),
+        spectral_centroid_hz: tap_spectral_centroid_hz(&taps),
+    };
+    Ok((taps, report))
+}
+
+fn processed_taps(
+    recording: &AnyRecording,
+    processing: &ProcessingSettings,
+    settings: &TapSettings,
+) -> Result<ProcessedRecording, ProcessingError> {
+    match recording {
+        AnyRecording::Processed(processed) => Ok(processed.clone()),
+        AnyRecording::Raw(raw) => {
+            let normal = match processing.normal {
+                // Tapping traces no plane.
+                SurfaceNormal::PlaneFit => SurfaceNormal::ForceDirection,
+                other => other,
+            };
+            let lowpass_hz = settings.force_lowpass_hz;
+            process(
+                raw,
+                &ProcessingSettings {
+                    normal,
+                    lowpass_hz,
+                    ..processing.clone()
+                },
+            )
+        }
+    }
+}
+
+/// The contacts of a recording and what is cut out for each.
+fn cut(
+    recording: usize,
+    processed: &ProcessedRecording,
+    path: Option<&Recording>,
+    settings: &TapSettings,
+) -> Vec<(Contact, Vec<f64>)> {
+    let signals = processed.signals();
+    let samples = |seconds: f64| (seconds * signals.rate_hz).round() as usize;
+    let length = samples(settings.length_s).max(1);
+    let rises = contacts(
+        &signals.force_normal_n,
+        samples(settings.air_s),
+        settings.contact_n,
+    );
+    let mut taps = vec![];
+    for (i, &rise) in rises.iter().enumerate() {
+        let begin = onset(
+            &signals.acceleration_m_s2,
+            rise,
+            samples(0.015),
+            samples(0.02),
+            settings.onset,
+        );
+        let next = rises.get(i + 1).copied().unwrap_or(usize::MAX);
+        // A tap whose tail was not recorded, or that bounced, is none.
+        if begin + length > processed.samples() || next < begin + length {
+            continue;
+        }
+        let speed_m_s = match path {
+            Some(raw) => approach_speed(raw, begin as f64 / signals.rate_hz, settings.approach_s),
+            None => {
+                let end = begin.saturating_sub(samples(0.003));
+                median(&signals.speed_m_s[end.saturating_sub(samples(0.01))..end.max(1)])
+            }
+        };
+        let force = &signals.force_normal_n[begin..begin + length];
+        let peak_force_n = force.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let time_s = begin as f64 / signals.rate_hz;
+        let contact = Contact {
+            recording,
+            time_s,
+            speed_m_s,
+            peak_force_n,
+            used: false,
+        };
+        taps.push((contact, signals.acceleration_m_s2[begin..begin + length].to_vec()));
+    }
+    taps
+}
+
+/// Samples at which `force` rises above `contact` after at least `air` samples below half of it.
+fn contacts(force: &[f64], air: usize, contact: f64) -> Vec<usize> {
+    let mut rises = vec![];
+    let (mut in_air, mut touching) = (0, true);
+    for (i, &f) in force.iter().enumerate() {
+        if touching {
+            in_air = if f < contact / 2.0 { in_air + 1 } else { 0 };
+            touching = in_air < air.max(1);
+        } else if f > contact {
+            rises.push(i);
+            (in_air, touching) = (0, true);
+        }
+    }
+    rises
+}
+
+/// Where the vibration around `rise` first reaches `part` of its peak.
+fn onset(signal: &[f64], rise: usize, before: usize, after: usize, part: f64) -> usize {
+    let from = rise.saturating_sub(before);
+    let window = &signal[from..(rise + after).min(signal.len())];
+    let peak = window.iter().fold(0.0_f64, |peak, a| peak.max(a.abs()));
+    from + window.iter().position(|a| a.abs() >= part * peak).unwrap_or(0)
+}
+
+/// The tip's speed along its path over the last `seconds` before a moment: the slope of the least-squares line, which does not see
+/// the blow.
+fn approach_speed(raw: &Recording, time_s: f64, seconds: f64) -> f64 {
+    let motion = raw.motion();
+    // The processed recording starts where all sensors are on.
+    let start = motion
+        .start_s
+        .max(raw.wrench().start_s)
+        .max(raw.acceleration_v().start_s);
+    let contact = start + time_s;
+    let tips = tip_positions(raw);
+    let before = |i: &usize| motion.time_s(*i) < contact && motion.time_s(*i) >= contact - seconds;
+    let rows: Vec<usize> = (0..tips.len()).filter(before).collect();
+    let slope = |axis: usize| {
+        let points: Vec<_> = rows
+            .iter()
+            .map(|&i| (motion.time_s(i) - contact, tips[i][axis]))
+            .collect();
+        Line::fit(&points).map_or(0.0, |line| line.slope)
+    };
+    (0..3).map(|axis| slope(axis).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The spectral centroid of taps in Hz (Eq. 2.5.4), averaged over incoming speeds of 50, 60, ..., 100 mm/s as in thesis 4.6.
+pub fn tap_spectral_centroid_hz(taps: &Taps) -> f64 {
+    let length = taps.length();
+    let fft = FftPlanner::new().plan_fft_forward(length);
+    let centroid = |speed_mm_s: u32| {
+        let mix = taps.mix(f64::from(speed_mm_s) / 1000.0);
+        let mut tap: Vec<Complex64> = (0..length)
+            .map(|i| Complex64::new(taps.sample(&mix, i), 0.0))
+            .collect();
+        fft.process(&mut tap);
+        let power: Vec<f64> = tap[..=length / 2].iter().map(|x| x.norm_sqr()).collect();
+        let frequency_hz: Vec<f64> = (0..power.len())
+            .map(|k| k as f64 * taps.rate_hz() / length as f64)
+            .collect();
+        spectral_centroid(&frequency_hz, &power)
+    };
+    mean(&(50..=100).step_by(10).map(centroid).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Gesture;
+    use crate::recording::synthetic::{self, Moment, RATE_HZ};
+    use std::f64::consts::TAU;
+
+    /// Speeds of the taps below, one every 0.4 s, in the order in which they come.
+    const SPEEDS: [f64; 6] = [0.10, 0.25, 0.05, 0.40, 0.15, 0.30];
+    const RINGING_HZ: f64 = 300.0;
+
+    /// A tool that comes down at each speed, strikes, rings and stays for 60 ms, and lifts off.
+    fn tapping() -> Recording {
+        synthetic::raw(0.4 * SPEEDS.len() as f64 + 0.2, Gesture::Tap, 240.0, |t| {
+            let index = ((t / 0.4) as usize).min(SPEEDS.len() - 1);
+            let (speed, since) = (SPEEDS[index], t - 0.4 * index as f64 - 0.2);
+            let (height, push, ring) = if since < 0.0 {
+                (-speed * since, 0.0, 0.0)
+            } else if since < 0.06 {
+                let ring = 200.0 * speed * (-since / 0.01).exp() * (TAU * RINGING_HZ * since).sin();
+                (0.0, 40.0 * speed * (TAU * since / 0.12).sin(), ring)
+            } else {
+                (0.2 * (since - 0.06), 0.0, 0.0)
+            };
+            Moment {
+                place_m: [0.0, 0.0, height],
+                push_n: push,
+                friction_n: [0.0; 2],
+                vibration_m_s2: [0.0, 0.0, ring],
+            }
+        })
+    }
+
+    fn learned(recording: AnyRecording) -> (Taps, TapReport) {
+        learn_taps(
+            &[&recording],
+            &ProcessingSettings::default(),
+            &TapSettings::default(),
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn taps_are_found_aligned_and_labelled_by_their_speed() {
+        let (taps, report) = learned(AnyRecording::Raw(tapping()));
+        let mut speeds = SPEEDS;
+        speeds.sort_by(f64::total_cmp);
+        assert_eq!(taps.taps().len(), speeds.len());
+        assert_eq!((taps.rate_hz(), taps.length()), (RATE_HZ, 1000));
+        for (tap, speed) in taps.taps().iter().zip(speeds) {
+            assert!(
+                (tap.speed_m_s / speed - 1.0).abs() < 0.02,
+                "{} for {speed}",
+                tap.speed_m_s
+            );
+            // The ringing's first peak comes a quarter period after contact, less what the onset's threshold takes.
+            let peak = |a: &Vec<f64>| {
+                (0..a.len())
+                    .max_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs()))
+                    .unwrap()
+            };
+            let at_ms = peak(&tap.acceleration_m_s2) as f64 / 10.0;
+            assert!((0.3..1.0).contains(&at_ms), "peak {at_ms} ms after the onset");
+        }
+        let times: Vec<f64> = report.contacts.iter().map(|c| c.time_s).collect();
+        for (contact, time) in report.contacts.iter().zip(&times) {
+            let index = SPEEDS
+                .iter()
+                .position(|s| (s / contact.speed_m_s - 1.0).abs() < 0.1)
+                .unwrap();
+            assert!((time - (0.4 * index as f64 + 0.2)).abs() < 5e-4, "{time}");
+        }
+    }
+
+    #[test]
+    fn the_response_factor_is_peak_force_over_speed() {
+        let (_, report) = learned(AnyRecording::Raw(tapping()));
+        let line = report.response.unwrap();
+        assert!((line.slope / 40.0 - 1.0).abs() < 0.03, "{line:?}");
+        assert!(line.r_squared > 0.99 && line.intercept.abs() < 0.2);
+    }
+
+    #[test]
+    fn a_ringing_of_300_hz_has_its_centroid_there() {
+        let (_, report) = learned(AnyRecording::Raw(tapping()));
+        assert!(
+            (report.spectral_centroid_hz / RINGING_HZ - 1.0).abs() < 0.1,
+            "{}",
+            report.spectral_centroid_hz
+        );
+    }
+
+    #[test]
+    fn processed_recordings_will_do() {
+        let processed = process(
+            &tapping(),
+            &ProcessingSettings {
+                normal: SurfaceNormal::ForceDirection,
+                ..Default::default()
+            },
+        );
+        let (taps, _) = learned(AnyRecording::Processed(processed.unwrap()));
+        assert_eq!(taps.taps().len(), SPEEDS.len());
+    }
+
+    #[test]
+    fn bounces_and_cut_off_taps_are_left_out() {
+        let force: Vec<f64> = (0..1000)
+            .map(|i| {
+                if matches!(i, 100..150 | 200..230 | 400..450) {
+                    1.0
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        assert_eq!(contacts(&force, 40, 0.2), [100, 200, 400]);
+        assert_eq!(
+            contacts(&force, 60, 0.2),
+            [100, 400],
+            "50 samples in the air are too few before 200"
+        );
+        assert_eq!(
+            contacts(&[1.0; 100], 10, 0.2),
+            [0_usize; 0],
+            "a recording that starts in contact starts with no tap"
+        );
+    }
+
+    #[test]
+    fn no_taps_no_surface() {
+        let still = synthetic::circle(1.0, 0.03, 1.0, 1.0, 0.3);
+        let error = learn_taps(
+            &[&AnyRecording::Raw(still)],
+            &ProcessingSettings::default(),
+            &TapSettings::default(),
+        );
+        assert!(matches!(error, Err(TapError::NoTaps { .. })));
+    }
+}

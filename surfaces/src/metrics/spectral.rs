@@ -1,0 +1,539 @@
+//! The spectral difference metric (thesis section 2.5.1).
+//!
+//! Signals are cut into windows; in each, the shapes of the two spectra and the two powers are compared:
+//!
+//! ```text
+//! NSE_j = 1/N_f sum_k |Y_j(f_k) - X_j(f_k)|                                     (2.5.1)
+//! PE_j  = |P_Y - P_X| / ((P_Y + P_X) / 2)                                       (2.5.2)
+//! SD    = 1/N_w sum_j ( NSE_j / std(NSE) + PE_j / std(PE) )                     (2.5.3)
+//! ```
+//!
+//! The thesis divides amplitudes by power, which is not scale invariant as it says; here they are divided by the root of the power, so that
+//! the squares of a window's N_f amplitudes add up to one. A silent window has a spectrum of zeros, and two silent windows have a power
+//! error of zero.
+
+use crate::statistics::standard_deviation;
+use haptograph_signal::Complex64;
+use haptograph_signal::spectrum::spectral_centroid;
+use haptograph_signal::window::{Symmetry, Window};
+use rustfft::FftPlanner;
+
+/// How signals are cut into windows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WindowSettings {
+    /// Samples in a window.
+    pub samples: usize,
+    /// Samples shared with the next.
+    pub overlap: usize,
+    /// The taper.
+    pub window: Window,
+}
+
+impl WindowSettings {
+    /// Section 2.5.1: 256 samples (25.6 ms at 10 kHz), half of them shared, Hamming. Ten seconds make 780 windows.
+    pub const COMPARISON: Self = Self {
+        samples: 256,
+        overlap: 128,
+        window: Window::Hamming,
+    };
+    /// Section 4.5.3: 32 samples at 1 kHz, none shared; no taper is mentioned.
+    pub const RESPONSIVENESS: Self = Self {
+        samples: 32,
+        overlap: 0,
+        window: Window::Rectangular,
+    };
+}
+
+impl Default for WindowSettings {
+    fn default() -> Self {
+        Self::COMPARISON
+    }
+}
+
+/// Why signals cannot be compared.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum MetricError {
+    #[error(
+        "windows of {samples} samples that share {overlap} cannot be laid: there must be two samples at least, and fewer shared"
+    )]
+    Windows { samples: usize, overlap: usize },
+    #[error("the signal has {samples} samples, fewer than a window's {window}")]
+    TooShort { samples: usize, window: usize },
+    #[error("sample {sample} (from 0) is not a finite number")]
+    NotFinite { sample: usize },
+    #[error("the signals were cut differently: rates {rates_hz:?} Hz, windows {windows:?}")]
+    Different {
+        rates_hz: (f64, f64),
+        windows: (usize, usize),
+    },
+    #[error("the rate is {rate_hz} Hz; it must be a finite number above 0")]
+    Rate { rate_hz: f64 },
+    #[error("the signals share {windows} windows; a deviation needs two at least")]
+    TooFewWindows { windows: usize },
+}
+
+/// The spectra of a signal's windows, computed once for any number of comparisons.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WindowedSpectra {
+    rate_hz: f64,
+    settings: WindowSettings,
+    /// Frequencies from 0 to Nyquist.
+    bins: usize,
+    /// Bins padded with zeros to whole vectors.
+    stride: usize,
+    shapes: Vec<f64>,
+    power: Vec<f64>,
+}
+
+/// Bins handled side by side; part of the order of the sums.
+pub(super) const LANES: usize = 8;
+
+impl WindowedSpectra {
+    /// Cuts `signal` (any unit) into windows; what is left at the end is not used.
+    pub fn new(signal: &[f64], rate_hz: f64, settings: &WindowSettings) -> Result<Self, MetricError> {
+        let WindowSettings {
+            samples,
+            overlap,
+            window,
+        } = *settings;
+        if samples < 2 || overlap >= samples {
+            return Err(MetricError::Windows { samples, overlap });
+        }
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(MetricError::Rate { rate_hz });
+        }
+        if signal.len() < samples {
+            return Err(MetricError::TooShort {
+                samples: signal.len(),
+                window: samples,
+            });
+        }
+        if let Some(sample) = signal.iter().position(|x| !x.is_finite()) {
+            return Err(MetricError::NotFinite { sample });
+        }
+        let taper = window.samples(samples, Symmetry::Symmetric);
+        let taper_energy: f64 = taper.iter().map(|w| w * w).sum();
+        let fft = FftPlanner::new().plan_fft_forward(samples);
+        let mut scratch = vec![Complex64::default(); fft.get_inplace_scratch_len()];
+        let mut buffer = vec![Complex64::default(); samples];
+        let bins = samples / 2 + 1;
+        let stride = bins.next_multiple_of(LANES);
+        let (mut shapes, mut power) = (vec![], vec![]);
+        for start in (0..=signal.len() - samples).step_by(samples - overlap) {
+            let cut = &signal[start..start + samples];
+            let mut energy = 0.0;
+            for ((value, &x), &w) in buffer.iter_mut().zip(cut).zip(&taper) {
+                energy += (w * x) * (w * x);
+                *value = Complex64::new(w * x, 0.0);
+            }
+            power.push(energy / taper_energy);
+            fft.process_with_scratch(&mut buffer, &mut scratch);
+            let total: f64 = buffer[..bins].iter().map(|y| y.norm_sqr()).sum();
+            let scale = if total > 0.0 { 1.0 / total.sqrt() } else { 0.0 };
+            shapes.extend(buffer[..bins].iter().map(|y| y.norm() * scale));
+            shapes.resize(shapes.len() + stride - bins, 0.0);
+        }
+        Ok(Self {
+            rate_hz,
+            settings: *settings,
+            bins,
+            stride,
+            shapes,
+            power,
+        })
+    }
+
+    /// How many windows there are.
+    pub fn windows(&self) -> usize {
+        self.power.len()
+    }
+
+    /// Mean square of each window, weighted by the taper, in the signal's unit squared.
+    pub fn power(&self) -> &[f64] {
+        &self.power
+    }
+
+    /// The normalized amplitudes of a window, from 0 to the Nyquist frequency.
+    pub fn shape(&self, window: usize) -> &[f64] {
+        &self.padded_shape(window)[..self.bins]
+    }
+
+    pub(super) fn padded_shape(&self, window: usize) -> &[f64] {
+        &self.shapes[window * self.stride..][..self.stride]
+    }
+
+    /// Spectral centroid of each window in Hz, 0 in silence. Eq. 2.5.4, Eq. 4.5.2.
+    pub fn spectral_centroids_hz(&self) -> Vec<f64> {
+        let frequency_hz: Vec<f64> = (0..self.bins)
+            .map(|k| k as f64 * self.rate_hz / self.settings.samples as f64)
+            .collect();
+        let centroid = |window| {
+            let power: Vec<f64> = self.shape(window).iter().map(|a| a * a).collect();
+            spectral_centroid(&frequency_hz, &power)
+        };
+        (0..self.windows()).map(centroid).collect()
+    }
+
+    /// How many windows two signals share; an error if they were cut differently.
+    pub(super) fn shared_windows(&self, other: &Self) -> Result<usize, MetricError> {
+        if self.rate_hz == other.rate_hz && self.settings == other.settings {
+            Ok(self.windows().min(other.windows()))
+        } else {
+            Err(MetricError::Different {
+                rates_hz: (self.rate_hz, other.rate_hz),
+                windows: (self.settings.samples, other.settings.samples),
+            })
+        }
+    }
+
+    /// Normalized spectral error of a window shared with another signal. Eq. 2.5.1.
+    #[inline(always)]
+    pub(super) fn spectral_error(&self, other: &Self, window: usize) -> f64 {
+        let (x, y) = (self.padded_shape(window), other.padded_shape(window));
+        let mut sums = [0.0; LANES];
+        for (x, y) in x.as_chunks::<LANES>().0.iter().zip(y.as_chunks::<LANES>().0) {
+            for lane in 0..LANES {
+                sums[lane] += (x[lane] - y[lane]).abs();
+            }
+        }
+        sums.iter().sum::<f64>() / self.bins as f64
+    }
+
+    /// Power error of a window shared with another signal. Eq. 2.5.2.
+    #[inline(always)]
+    pub(super) fn power_error(&self, other: &Self, window: usize) -> f64 {
+        let (x, y) = (self.power[window], other.power[window]);
+        let mean = 0.5 * (x + y);
+        if mean > 0.0 { (y - x).abs() / mean } else { 0.0 }
+    }
+}
+
+/// The errors of two signals window by window.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairErrors {
+    /// Normalized spectral errors, Eq. 2.5.1.
+    pub nse: Vec<f64>,
+    /// Power errors, Eq. 2.5.2: 0 for equal powers, 2 where one signal is silent.
+    pub pe: Vec<f64>,
+}
+
+impl PairErrors {
+    /// Compares two signals window by window, over the windows that both have.
+    pub fn new(a: &WindowedSpectra, b: &WindowedSpectra) -> Result<Self, MetricError> {
+        let windows = a.shared_windows(b)?;
+        Ok(Self {
+            nse: (0..windows).map(|j| a.spectral_error(b, j)).collect(),
+            pe: (0..windows).map(|j| a.power_error(b, j)).collect(),
+        })
+    }
+
+    /// Means and squared deviations of the errors.
+    pub fn statistics(&self) -> ErrorStatistics {
+        let mut statistics = ErrorStatistics::default();
+        self.nse
+            .iter()
+            .zip(&self.pe)
+            .for_each(|(&nse, &pe)| statistics.add(nse, pe));
+        statistics
+    }
+}
+
+/// Which windows the deviations of Eq. 2.5.3 are taken over; the thesis says "all tested windows".
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Pooling {
+    /// Those of the compared pair.
+    #[default]
+    Pair,
+    /// Those of all pairs that are compared.
+    All,
+}
+
+/// Means and sums of squared deviations of window errors, gathered one window at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ErrorStatistics {
+    /// How many windows were compared.
+    pub windows: usize,
+    /// Mean normalized spectral error.
+    pub nse: f64,
+    /// Mean power error.
+    pub pe: f64,
+    nse_squares: f64,
+    pe_squares: f64,
+}
+
+impl ErrorStatistics {
+    /// Adds a window's errors (Welford).
+    #[inline]
+    pub fn add(&mut self, nse: f64, pe: f64) {
+        self.windows += 1;
+        let count = self.windows as f64;
+        let (nse_before, pe_before) = (nse - self.nse, pe - self.pe);
+        self.nse += nse_before / count;
+        self.pe += pe_before / count;
+        self.nse_squares += nse_before * (nse - self.nse);
+        self.pe_squares += pe_before * (pe - self.pe);
+    }
+
+    /// The statistics of the windows of both (Chan, Golub and LeVeque).
+    pub fn merged(&self, other: &Self) -> Self {
+        let windows = self.windows + other.windows;
+        if windows == 0 {
+            return *self;
+        }
+        let part = other.windows as f64 / windows as f64;
+        let weight = self.windows as f64 * part;
+        let (nse, pe) = (other.nse - self.nse, other.pe - self.pe);
+        Self {
+            windows,
+            nse: self.nse + part * nse,
+            pe: self.pe + part * pe,
+            nse_squares: self.nse_squares + other.nse_squares + nse * nse * weight,
+            pe_squares: self.pe_squares + other.pe_squares + pe * pe * weight,
+        }
+    }
+
+    /// The deviations to measure errors by.
+    pub fn deviations(&self) -> Deviations {
+        let deviation = |squares: f64| {
+            if self.windows < 2 {
+                0.0
+            } else {
+                (squares / (self.windows - 1) as f64).sqrt()
+            }
+        };
+        Deviations {
+            nse: deviation(self.nse_squares),
+            pe: deviation(self.pe_squares),
+        }
+    }
+
+    /// The spectral difference in units of these deviations. Eq. 2.5.3.
+    ///
+    /// Errors that are zero throughout count zero whatever the deviation; errors that do not vary but are not zero are infinitely many
+    /// deviations.
+    pub fn spectral_difference(&self, deviations: &Deviations) -> f64 {
+        let term = |mean: f64, deviation: f64| if mean == 0.0 { 0.0 } else { mean / deviation };
+        term(self.nse, deviations.nse) + term(self.pe, deviations.pe)
+    }
+}
+
+/// Standard deviations of window errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deviations {
+    /// Of the normalized spectral error.
+    pub nse: f64,
+    /// Of the power error.
+    pub pe: f64,
+}
+
+/// How two signals differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Mean normalized spectral error.
+    pub nse: f64,
+    /// Mean power error.
+    pub pe: f64,
+    /// Spectral difference, deviations pooled over this pair.
+    pub sd: f64,
+    /// Windows compared.
+    pub windows: usize,
+}
+
+/// Compares two signals of one rate over the time that both cover.
+pub fn compare(
+    a: &[f64],
+    b: &[f64],
+    rate_hz: f64,
+    settings: &WindowSettings,
+) -> Result<Comparison, MetricError> {
+    let (a, b) = (
+        WindowedSpectra::new(a, rate_hz, settings)?,
+        WindowedSpectra::new(b, rate_hz, settings)?,
+    );
+    let statistics = PairErrors::new(&a, &b)?.statistics();
+    if statistics.windows < 2 {
+        return Err(MetricError::TooFewWindows {
+            windows: statistics.windows,
+        });
+    }
+    let sd = statistics.spectral_difference(&statistics.deviations());
+    Ok(Comparison {
+        nse: statistics.nse,
+        pe: statistics.pe,
+        sd,
+        windows: statistics.windows,
+    })
+}
+
+/// The standard deviation of a windowed quantity over time, as used by [`super::responsiveness`].
+pub(super) fn variation(values: &[f64]) -> f64 {
+    standard_deviation(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::noise::Gaussian;
+    use std::f64::consts::TAU;
+
+    fn noise(samples: usize, seed: u64) -> Vec<f64> {
+        let mut source = Gaussian::new(seed);
+        (0..samples).map(|_| source.next_sample()).collect()
+    }
+
+    fn spectra(signal: &[f64]) -> WindowedSpectra {
+        WindowedSpectra::new(signal, 10_000.0, &WindowSettings::COMPARISON).unwrap()
+    }
+
+    #[test]
+    fn ten_seconds_make_780_windows() {
+        assert_eq!(spectra(&noise(100_000, 1)).windows(), 780);
+    }
+
+    #[test]
+    fn equal_signals_do_not_differ() {
+        let signal = noise(4000, 1);
+        let same = compare(&signal, &signal, 10_000.0, &WindowSettings::COMPARISON).unwrap();
+        assert_eq!((same.nse, same.pe, same.sd), (0.0, 0.0, 0.0));
+        let silence = vec![0.0; 4000];
+        let same = compare(&silence, &silence, 10_000.0, &WindowSettings::COMPARISON).unwrap();
+        assert_eq!((same.nse, same.pe, same.sd), (0.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn shape_does_not_depend_on_scale_and_power_does() {
+        let a = noise(8000, 1);
+        let louder: Vec<f64> = a.iter().map(|x| 3.0 * x).collect();
+        let comparison = compare(&a, &louder, 10_000.0, &WindowSettings::COMPARISON).unwrap();
+        assert!(comparison.nse < 1e-15);
+        assert!(
+            (comparison.pe - 2.0 * 8.0 / 10.0).abs() < 1e-12,
+            "|9-1| over their mean of 5"
+        );
+    }
+
+    #[test]
+    fn the_metric_is_symmetric() {
+        let (a, b) = (noise(8000, 1), noise(8000, 2));
+        let forth = compare(&a, &b, 10_000.0, &WindowSettings::COMPARISON).unwrap();
+        assert_eq!(
+            compare(&b, &a, 10_000.0, &WindowSettings::COMPARISON).unwrap(),
+            forth
+        );
+    }
+
+    #[test]
+    fn a_silent_window_has_power_error_two() {
+        let mut half = noise(5120, 1);
+        half[2560..].fill(0.0);
+        let errors = PairErrors::new(&spectra(&noise(5120, 2)), &spectra(&half)).unwrap();
+        assert_eq!(errors.pe[30], 2.0);
+        assert!(errors.pe[3] < 1.0);
+    }
+
+    #[test]
+    fn errors_are_those_of_the_definition() {
+        let (a, b) = (noise(1000, 1), noise(1000, 2));
+        let errors = PairErrors::new(&spectra(&a), &spectra(&b)).unwrap();
+        let window = |x: &[f64], j: usize| {
+            let taper = |n: usize| 0.54 - 0.46 * (TAU * n as f64 / 255.0).cos();
+            let x: Vec<f64> = (0..256).map(|n| taper(n) * x[128 * j + n]).collect();
+            let amplitude = |k: usize| {
+                let angle = |n: usize| -TAU * (k * n) as f64 / 256.0;
+                let re: f64 = (0..256).map(|n| x[n] * angle(n).cos()).sum();
+                let im: f64 = (0..256).map(|n| x[n] * angle(n).sin()).sum();
+                re.hypot(im)
+            };
+            let amplitudes: Vec<f64> = (0..129).map(amplitude).collect();
+            let root = amplitudes.iter().map(|a| a * a).sum::<f64>().sqrt();
+            let energy: f64 = x.iter().map(|x| x * x).sum();
+            (amplitudes.iter().map(|a| a / root).collect::<Vec<_>>(), energy)
+        };
+        for j in [0, 3, 5] {
+            let ((x, p), (y, q)) = (window(&a, j), window(&b, j));
+            let nse = x.iter().zip(&y).map(|(x, y)| (x - y).abs()).sum::<f64>() / 129.0;
+            let pe = (p - q).abs() / (0.5 * (p + q));
+            assert!((errors.nse[j] - nse).abs() < 1e-12 && (errors.pe[j] - pe).abs() < 1e-12);
+        }
+        let statistics = errors.statistics();
+        let deviations = Deviations {
+            nse: standard_deviation(&errors.nse),
+            pe: standard_deviation(&errors.pe),
+        };
+        let terms = errors
+            .nse
+            .iter()
+            .zip(&errors.pe)
+            .map(|(n, p)| n / deviations.nse + p / deviations.pe);
+        let sd = terms.sum::<f64>() / errors.nse.len() as f64;
+        assert!((statistics.spectral_difference(&statistics.deviations()) / sd - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn merged_statistics_are_those_of_all_windows() {
+        let errors = PairErrors::new(&spectra(&noise(30_000, 1)), &spectra(&noise(30_000, 2))).unwrap();
+        let part = |range: std::ops::Range<usize>| {
+            PairErrors {
+                nse: errors.nse[range.clone()].to_vec(),
+                pe: errors.pe[range].to_vec(),
+            }
+            .statistics()
+        };
+        let (merged, whole) = (
+            part(0..50).merged(&part(50..errors.nse.len())),
+            errors.statistics(),
+        );
+        assert_eq!(merged.windows, whole.windows);
+        assert!((merged.nse / whole.nse - 1.0).abs() < 1e-12);
+        assert!((merged.deviations().pe / whole.deviations().pe - 1.0).abs() < 1e-12);
+        assert_eq!(
+            ErrorStatistics::default().merged(&ErrorStatistics::default()),
+            ErrorStatistics::default()
+        );
+    }
+
+    #[test]
+    fn a_tone_has_its_centroid_at_its_frequency_and_its_power() {
+        let tone: Vec<f64> = (0..5000).map(|i| 2.0 * (TAU * 0.1 * i as f64).sin()).collect();
+        let spectra = spectra(&tone);
+        assert!(
+            spectra
+                .spectral_centroids_hz()
+                .iter()
+                .all(|f| (f - 1000.0).abs() < 2.0)
+        );
+        assert!(spectra.power().iter().all(|p| (p - 2.0).abs() < 0.02));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        let settings = WindowSettings::COMPARISON;
+        let error = |signal: &[f64], settings| WindowedSpectra::new(signal, 10_000.0, settings).unwrap_err();
+        assert!(matches!(
+            error(&[0.0; 255], &settings),
+            MetricError::TooShort { .. }
+        ));
+        assert!(matches!(
+            error(&[f64::NAN; 300], &settings),
+            MetricError::NotFinite { sample: 0 }
+        ));
+        let overlapping = WindowSettings {
+            overlap: 256,
+            ..settings
+        };
+        assert!(matches!(
+            error(&[0.0; 300], &overlapping),
+            MetricError::Windows { .. }
+        ));
+        let slow = WindowedSpectra::new(&noise(1000, 1), 1000.0, &settings).unwrap();
+        assert!(matches!(
+            PairErrors::new(&slow, &spectra(&noise(1000, 1))),
+            Err(MetricError::Different { .. })
+        ));
+        assert!(matches!(
+            compare(&noise(300, 1), &noise(300, 2), 1000.0, &settings),
+            Err(MetricError::TooFewWindows { windows: 1 })
+        ));
+    }
+}
