@@ -193,3 +193,17 @@ fn a_wrong_command_line_ends_with_2() {
     let told = fail(folder.path(), &["run", "missing.ron"], 1);
     assert!(told.contains("missing.ron"), "{told}");
 }
+
+#[test]
+fn the_graph_of_the_readme_is_sound_and_runs() {
+    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    let graph = readme
+        .split("```ron\n")
+        .nth(1)
+        .and_then(|rest| rest.split("```").next())
+        .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scratch.ron"), graph).unwrap();
+    succeed(folder.path(), &["run", "scratch.ron", "--for", "0.2"]);
+    assert!(folder.path().join("out/scratch/scratch.wav").exists());
+}
