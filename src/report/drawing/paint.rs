@@ -83,7 +83,7 @@ fn whole_wires(scene: &Scene) -> BTreeMap<usize, Vec<&Route>> {
 }
 
 fn legend_width(sketch: &Sketch) -> f64 {
-    sketch.clocks.iter().map(|clock| legend_entry(clock)).sum()
+    sketch.clocks.iter().map(legend_entry).sum()
 }
 
 fn legend_entry((name, rate): &(String, String)) -> f64 {
