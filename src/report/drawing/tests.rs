@@ -3,12 +3,11 @@ use super::*;
 
 /// A sketch from lines like `name: Kind @clock in,in -> out,out` and wires `a.out b.in [bridge]`.
 fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
-    let mut sketch = Sketch::default();
-    sketch.clocks = clocks
-        .iter()
-        .map(|c| c.split_once(' ').unwrap())
-        .map(|(a, b)| (a.into(), b.into()))
-        .collect();
+    let clocks = clocks.iter().map(|c| c.split_once(' ').unwrap());
+    let mut sketch = Sketch {
+        clocks: clocks.map(|(a, b)| (a.into(), b.into())).collect(),
+        ..Sketch::default()
+    };
     for line in nodes {
         let (head, ports) = line.split_once('|').unwrap();
         let [path, kind, clock, role] = head.split_whitespace().collect::<Vec<_>>()[..] else {
