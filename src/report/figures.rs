@@ -227,8 +227,12 @@ pub fn stroke_on_map(recorded: &Recorded, texture: Option<&TextureModel>) -> Opt
     let place = |speed_m_s: f64, force_n: f64| (speed_m_s * 1e3, force_n);
     let path: Vec<_> = points.kept().iter().map(|(v, f)| place(*v, *f)).collect();
     let mut plot = Plot {
-        title: format!("The stroke over speed and force ({})", recorded.stream.name),
-        note: note(recorded),
+        title: format!("The stroke over speed and force, {}", recorded.stream.name),
+        note: if recorded.stream.simulated {
+            "simulated".to_owned()
+        } else {
+            String::new()
+        },
         x: Axis::of("Speed (mm/s)"),
         y: Axis::of("Normal force (N)"),
         marks: Vec::new(),

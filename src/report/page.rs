@@ -115,7 +115,7 @@ dl{display:grid;grid-template-columns:max-content 1fr;gap:3px 22px;margin:0;font
 dt{color:#59636e}dd{margin:0;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}\
 figure{margin:0 0 14px}figure svg{display:block}\
 .wide{overflow-x:auto;width:min(96vw,1500px);position:relative;left:50%;transform:translateX(-50%)}\
-.wide svg.figure{max-width:none;margin:0 auto}\
+.wide svg.figure{min-width:1000px;margin:0 auto}\
 @media (prefers-color-scheme:dark){body{background:#14181d;color:#e8edf2}.badge{background:#412c1e;color:#f0a066}\
 .warning{background:#412c1e;color:#f3cfae}.remark,footer,dt{color:#a3aeb9}}\
 @media print{.wide{width:100%}.wide svg.figure{max-width:100%}}";

@@ -1,0 +1,99 @@
+//! The book and the README are true: what they show was made by the program as it is, and their graphs run.
+
+use haptograph::engine::document::Document;
+use haptograph::engine::graph::{CheckOptions, check};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn pages() -> Vec<PathBuf> {
+    let book = fs::read_dir(root().join("docs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let pages = book.filter(|path| path.extension().is_some_and(|e| e == "md"));
+    pages.chain([root().join("README.md")]).collect()
+}
+
+#[test]
+fn the_reference_of_nodes_is_current() {
+    let made = haptograph::report::reference::book(&haptograph::nodes::registry());
+    let kept = fs::read_to_string(root().join("docs/nodes.md")).unwrap();
+    assert!(
+        kept == made,
+        "docs/nodes.md is out of date: haptograph nodes --markdown > docs/nodes.md"
+    );
+}
+
+#[test]
+fn the_picture_in_the_readme_is_current() {
+    let text = fs::read_to_string(root().join("graphs/texturepad.ron")).unwrap();
+    let document = Document::parse(root().join("graphs/texturepad.ron"), &text).unwrap();
+    let graph = check(
+        &document,
+        &haptograph::nodes::registry(),
+        &CheckOptions::default(),
+    )
+    .unwrap();
+    let made = haptograph::report::drawing::standalone_svg(&graph, "texturepad");
+    let kept = fs::read_to_string(root().join("docs/texturepad.svg")).unwrap();
+    assert!(
+        kept == made,
+        "out of date: haptograph draw graphs/texturepad.ron -o docs/texturepad.svg"
+    );
+}
+
+/// Every block of RON that is a whole graph is sound.
+#[test]
+fn every_graph_in_the_book_is_sound() {
+    let mut seen = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        for block in text
+            .split("```ron\n")
+            .skip(1)
+            .filter_map(|rest| rest.split_once("\n```"))
+            .map(|(b, _)| b)
+        {
+            if !block.lines().any(|line| line.starts_with("Graph(")) {
+                continue;
+            }
+            seen += 1;
+            // Files that it names are looked for where the shipped graphs are.
+            let place = root().join("graphs").join(page.file_name().unwrap());
+            let graph = Document::parse(place, block).and_then(|document| {
+                check(
+                    &document,
+                    &haptograph::nodes::registry(),
+                    &CheckOptions::default(),
+                )
+            });
+            if let Err(diagnostics) = graph {
+                panic!("{}: {diagnostics}", page.display());
+            }
+        }
+    }
+    assert!(seen > 0);
+}
+
+#[test]
+fn links_between_pages_lead_somewhere() {
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        for target in text
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split_once(')'))
+            .map(|(target, _)| target)
+        {
+            let file = target.split('#').next().unwrap_or_default();
+            if file.is_empty() || file.starts_with("http") {
+                continue;
+            }
+            let folder = page.parent().unwrap_or(Path::new("."));
+            assert!(folder.join(file).exists(), "{} links to {target}", page.display());
+        }
+    }
+}
