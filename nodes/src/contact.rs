@@ -6,6 +6,7 @@ pub mod nodes;
 pub mod proxy;
 pub mod shape;
 pub mod stiffness;
+pub mod wrench;
 
 use crate::vector::Vec3;
 use haptograph_engine::frame;

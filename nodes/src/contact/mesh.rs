@@ -6,7 +6,7 @@ mod solids;
 
 pub use load::MeshFormat;
 
-use crate::vector::{Vec3, cross, direction, distance, dot, norm, scale, sub};
+use crate::vector::{Vec3, add, cross, direction, distance, dot, norm, scale, sub};
 use index::Index;
 use std::collections::HashMap;
 
@@ -219,6 +219,17 @@ impl TriangleMesh {
     pub fn all_hits(&self, from_m: Vec3, to_m: Vec3, visit: impl FnMut(Hit)) {
         self.index
             .hits(&self.vertices, &self.triangles, from_m, to_m, visit);
+    }
+
+    /// The point of the surface that is closest to a point, and its triangle. Allocates nothing.
+    pub fn closest(&self, point_m: Vec3) -> (Vec3, u32) {
+        self.index.closest(&self.vertices, &self.triangles, point_m)
+    }
+
+    /// The same mesh, moved.
+    pub fn moved(&self, by_m: Vec3) -> Result<Self, MeshError> {
+        let corners: Vec<Vec3> = self.vertices.iter().map(|v| add(*v, by_m)).collect();
+        Self::new(&corners, &self.triangles)
     }
 
     /// Whether the mesh is one closed convex solid; if not, an edge that shows it.

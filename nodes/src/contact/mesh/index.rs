@@ -6,7 +6,7 @@
 //! about the edge and the corner they share and nothing slips between them.
 
 use super::Hit;
-use crate::vector::{Vec3, sub};
+use crate::vector::{Vec3, dot, sub};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::Bvh;
@@ -106,6 +106,40 @@ impl Index {
             }
         }
     }
+
+    /// The closest point of all triangles, and its triangle.
+    pub(super) fn closest(&self, vertices: &[Vec3], triangles: &[[u32; 3]], point: Vec3) -> (Vec3, u32) {
+        let mut best = (f64::INFINITY, (point, 0));
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if node.triangle != super::NONE {
+                let corners = triangles[node.triangle as usize].map(|i| vertices[i as usize]);
+                let candidate = super::closest_on_triangle(point, corners);
+                let away = sub(candidate, point);
+                if dot(away, away) < best.0 {
+                    best = (dot(away, away), (candidate, node.triangle));
+                }
+                at = node.exit as usize;
+            } else if gap_square(node, point) < best.0 {
+                at += 1;
+            } else {
+                at = node.exit as usize;
+            }
+        }
+        best.1
+    }
+}
+
+/// Square of the distance from a point to a box.
+#[inline]
+fn gap_square(node: &Node, point: Vec3) -> f64 {
+    (0..3)
+        .map(|i| {
+            ((point[i] - node.centre[i]).abs() - node.half[i])
+                .max(0.0)
+                .powi(2)
+        })
+        .sum()
 }
 
 /// Whether the way middle +- half touches the box (separating axes).

@@ -1,5 +1,4 @@
 use super::*;
-use crate::vector::add;
 use proptest::prelude::*;
 
 const TETRAHEDRON_OBJ: &str = "# a corner of 10 mm\nmtllib none.mtl\no corner\nv 0 0 0\nv 10 0 0\nv 0 10 0\nv 0 0 10\n\
@@ -166,6 +165,10 @@ proptest! {
         a in prop::array::uniform3(-0.08..0.08_f64), b in prop::array::uniform3(-0.08..0.08_f64),
     ) {
         let ball = TriangleMesh::sphere(0.05, 2).unwrap();
+        let nearest = (0..320).map(|t| distance(closest_on_triangle(a, ball.corners(t)), a)).fold(1.0, f64::min);
+        let (point, triangle) = ball.closest(a);
+        prop_assert!((distance(point, a) - nearest).abs() < 1e-15);
+        prop_assert_eq!(closest_on_triangle(a, ball.corners(triangle)), point);
         let (inside_a, inside_b) = (norm(a) < 0.047, norm(b) < 0.047);
         let hits = {
             let mut count = 0;

@@ -1,0 +1,186 @@
+//! Where a tool touches an object that stands on a force/torque sensor (5.2): the line of action of the measured force meets
+//! the object's surface. Any tool will do, as long as it touches in one point and the object is convex.
+
+mod path;
+
+pub use path::SurfacePath;
+
+use super::mesh::{NotConvex, TriangleMesh};
+use crate::vector::{Vec3, ZERO, add_scaled, cross, distance, dot, norm, scale, sub};
+use std::sync::Arc;
+
+/// Settings of contact location.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WrenchSettings {
+    /// Force at which contact begins, N.
+    pub threshold_n: f64,
+    /// Uncertainty of the measured force, N.
+    pub force_step_n: f64,
+    /// Uncertainty of the measured torque, N m.
+    pub torque_step_n_m: f64,
+}
+
+impl Default for WrenchSettings {
+    /// 0.08 N; the steps of a Nano17 SI-25-0.25: 1/160 N and 1/32 N mm.
+    fn default() -> Self {
+        Self {
+            threshold_n: 0.08,
+            force_step_n: 1.0 / 160.0,
+            torque_step_n_m: 1e-3 / 32.0,
+        }
+    }
+}
+
+/// A contact located from a wrench, in the sensor's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WrenchContact {
+    /// Whether the force is above the threshold.
+    pub touching: bool,
+    /// Point of contact on the surface, m; while nothing touches, the last one.
+    pub position_m: Vec3,
+    /// Outward unit normal there.
+    pub normal: Vec3,
+    /// Triangle of the mesh.
+    pub face: u32,
+    /// Normal force on the tool, N (positive when pressed).
+    pub normal_force_n: f64,
+    /// Tangential force on the tool, N: F - (F . n) n.
+    pub friction_n: Vec3,
+    /// |F . M| / |F|^2, m: zero for a single point of contact, a moment about the force's own line otherwise.
+    pub residual_m: f64,
+    /// Uncertainty of the position across the line of action, m (Eq. 5.2.4).
+    pub uncertainty_m: f64,
+    /// Distance by which the line of action misses the object, m (0 when it meets it); then the nearest point of the surface
+    /// is taken.
+    pub miss_m: f64,
+}
+
+/// Locates contacts on one object. Allocates nothing, ever.
+#[derive(Debug, Clone)]
+pub struct WrenchLocator {
+    object: Arc<TriangleMesh>,
+    settings: WrenchSettings,
+    last: WrenchContact,
+}
+
+impl WrenchLocator {
+    /// A locator for a convex object, given in the sensor's frame. A concave object is refused: a line could leave and enter
+    /// it more than once.
+    pub fn new(object: Arc<TriangleMesh>, settings: WrenchSettings) -> Result<Self, NotConvex> {
+        object.check_convex()?;
+        let last = WrenchContact {
+            touching: false,
+            position_m: object.corners(0)[0],
+            normal: object.normal(0),
+            face: 0,
+            normal_force_n: 0.0,
+            friction_n: ZERO,
+            residual_m: 0.0,
+            uncertainty_m: 0.0,
+            miss_m: 0.0,
+        };
+        Ok(Self {
+            object,
+            settings,
+            last,
+        })
+    }
+
+    /// The object, in the sensor's frame.
+    pub fn object(&self) -> &TriangleMesh {
+        &self.object
+    }
+
+    /// One tick: the contact behind the force and the torque on the object, N and N m. A wrench that is not finite is none.
+    pub fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
+        let (force_n, torque_n_m) = (force_on_object_n, torque_on_object_n_m);
+        let size_n = norm(force_n);
+        // Written so that a force that is not a number does not touch.
+        let touching =
+            size_n >= self.settings.threshold_n && size_n.is_finite() && norm(torque_n_m).is_finite();
+        if !touching {
+            self.last = WrenchContact {
+                touching: false,
+                normal_force_n: 0.0,
+                friction_n: ZERO,
+                ..self.last
+            };
+            return self.last;
+        }
+        // r* = F x M / |F|^2. Eq. 5.2.3
+        let foot_m = scale(cross(force_n, torque_n_m), 1.0 / (size_n * size_n));
+        let along = scale(force_n, 1.0 / size_n);
+        let (position_m, face, miss_m) = self.meet(foot_m, along);
+        let normal = self.object.normal(face);
+        // The force on the tool is the opposite of the force on the object.
+        let normal_force_n = -dot(force_n, normal);
+        self.last = WrenchContact {
+            touching: true,
+            position_m,
+            normal,
+            face,
+            normal_force_n,
+            friction_n: scale(add_scaled(force_n, normal, normal_force_n), -1.0),
+            residual_m: dot(force_n, torque_n_m).abs() / (size_n * size_n),
+            uncertainty_m: self.uncertainty_m(size_n, norm(torque_n_m)),
+            miss_m,
+        };
+        self.last
+    }
+
+    /// Uncertainty across the line of action for sizes of force and torque, N and N m. Eq. 5.2.4, written so that it is finite
+    /// without torque.
+    pub fn uncertainty_m(&self, force_n: f64, torque_n_m: f64) -> f64 {
+        let by_torque = self.settings.torque_step_n_m / force_n;
+        let by_force = torque_n_m * self.settings.force_step_n / (force_n * force_n);
+        by_torque.hypot(by_force)
+    }
+
+    /// Where the line of action enters the object: there the force is compressive. If it misses, the nearest point of the
+    /// surface, its triangle and the gap.
+    fn meet(&self, foot_m: Vec3, along: Vec3) -> (Vec3, u32, f64) {
+        let centre_m = self.object.centre_m();
+        let middle_m = add_scaled(foot_m, along, dot(sub(centre_m, foot_m), along));
+        let reach_m = self.object.diagonal_m();
+        let (start_m, end_m) = (
+            add_scaled(middle_m, along, -reach_m),
+            add_scaled(middle_m, along, reach_m),
+        );
+        if let Some(hit) = self.object.first_hit(start_m, end_m) {
+            return (
+                add_scaled(start_m, sub(end_m, start_m), hit.fraction),
+                hit.triangle,
+                0.0,
+            );
+        }
+        // To and fro between the line and the convex surface: both distances fall.
+        let mut on_line_m = middle_m;
+        let (mut surface_m, mut face) = self.object.closest(on_line_m);
+        for _ in 0..16 {
+            on_line_m = add_scaled(foot_m, along, dot(sub(surface_m, foot_m), along));
+            (surface_m, face) = self.object.closest(on_line_m);
+        }
+        (
+            surface_m,
+            self.pressed(surface_m, face, along),
+            distance(surface_m, on_line_m),
+        )
+    }
+
+    /// Of the triangles at a point of the rim, one that the force presses on, if there is one.
+    fn pressed(&self, point_m: Vec3, face: u32, along: Vec3) -> u32 {
+        let beside = self.object.neighbours(face).into_iter();
+        let near_m = 1e-9 * self.object.diagonal_m();
+        beside
+            .chain([face])
+            .filter(|t| {
+                let on = super::mesh::closest_on_triangle(point_m, self.object.corners(*t));
+                distance(on, point_m) <= near_m
+            })
+            .min_by(|a, b| dot(self.object.normal(*a), along).total_cmp(&dot(self.object.normal(*b), along)))
+            .unwrap_or(face)
+    }
+}
+
+#[cfg(test)]
+mod tests;

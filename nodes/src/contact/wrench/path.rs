@@ -1,0 +1,232 @@
+//! The way of a contact point along a surface, and its speed.
+//!
+//! Points are joined along the surface: two points on faces that meet at an angle are as far apart as they are when the faces
+//! are laid flat. The way is kept in a tangent frame that is carried along, so that the filter behind it knows nothing of
+//! edges. A leash takes out the jitter of the measured point: the followed point moves only when the measured one pulls it
+//! further than the leash is long, so a still pen is still and a moving one keeps its speed.
+
+use super::super::wrench::WrenchContact;
+use crate::sensing::speed::{SpeedEstimator, SpeedFilter};
+use crate::vector::{Vec3, ZERO, add_scaled, cross, direction, dot, norm, reject, scale, sub, tangents};
+use haptograph_signal::filter::DesignError;
+
+/// Follows one contact. Allocates when made only.
+#[derive(Debug, Clone)]
+pub struct SurfacePath {
+    estimator: SpeedEstimator<2>,
+    /// Length of the leash as a multiple of the position's uncertainty.
+    leash: f64,
+    at: Option<At>,
+    way_m: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct At {
+    position_m: Vec3,
+    normal: Vec3,
+    frame: [Vec3; 2],
+    /// The measured point less the followed one, in the frame.
+    ahead_m: [f64; 2],
+    /// The followed point on the sheet that the surface is rolled out on.
+    sheet_m: [f64; 2],
+}
+
+impl SurfacePath {
+    /// A path of contacts sampled at `rate_hz`. A leash of half the uncertainty is five standard deviations of a Nano17's
+    /// filtered noise.
+    pub fn new(filter: SpeedFilter, leash: f64, rate_hz: f64) -> Result<Self, DesignError> {
+        Ok(Self {
+            estimator: SpeedEstimator::new(filter, rate_hz)?,
+            leash: leash.max(0.0),
+            at: None,
+            way_m: 0.0,
+        })
+    }
+
+    /// One tick: the velocity along the surface in its tangent plane, m/s; null while nothing touches.
+    pub fn update(&mut self, contact: &WrenchContact) -> Vec3 {
+        if !contact.touching {
+            self.at = None;
+            self.estimator.lift();
+            return ZERO;
+        }
+        let (position_m, normal) = (contact.position_m, contact.normal);
+        let mut at = self.at.unwrap_or_else(|| At {
+            position_m,
+            normal,
+            frame: tangents(normal),
+            ahead_m: [0.0; 2],
+            sheet_m: [0.0; 2],
+        });
+        let step = along_surface(at.position_m, at.normal, position_m, normal);
+        at.frame = carried(at.frame, at.normal, normal);
+        let pulled: [f64; 2] = std::array::from_fn(|i| at.ahead_m[i] + dot(step, at.frame[i]));
+        let (length_m, leash_m) = (norm(pulled), self.leash * contact.uncertainty_m);
+        let slack = if length_m > leash_m {
+            leash_m / length_m
+        } else {
+            1.0
+        };
+        at.ahead_m = scale(pulled, slack);
+        let followed = scale(pulled, 1.0 - slack);
+        at.sheet_m = add_scaled(at.sheet_m, followed, 1.0);
+        (at.position_m, at.normal) = (position_m, normal);
+        self.at = Some(at);
+        self.way_m += norm(followed);
+        let [u, v] = self.estimator.update(at.sheet_m);
+        add_scaled(scale(at.frame[0], u), at.frame[1], v)
+    }
+
+    /// The latest speed, m/s.
+    pub fn speed_m_s(&self) -> f64 {
+        self.estimator.speed_m_s()
+    }
+
+    /// Length of the way so far, m.
+    pub fn way_m(&self) -> f64 {
+        self.way_m
+    }
+}
+
+/// The step from one point of a surface to the next, laid into the second point's tangent plane: its length is that of the
+/// way over the edge between the two planes.
+fn along_surface(from_m: Vec3, from_normal: Vec3, to_m: Vec3, to_normal: Vec3) -> Vec3 {
+    let chord = sub(to_m, from_m);
+    let axis = cross(from_normal, to_normal);
+    let Some(edge) = direction(axis).filter(|_| norm(axis) > 1e-6) else {
+        return reject(chord, to_normal);
+    };
+    // Across the edge, each plane away from the edge.
+    let (into_from, into_to) = (cross(edge, from_normal), cross(edge, to_normal));
+    // The chord is d_from * into_from + d_to * into_to + along: two equations in the plane across the edge.
+    let cos = dot(into_from, into_to);
+    let (a, b) = (dot(chord, into_from), dot(chord, into_to));
+    let sin_square = 1.0 - cos * cos;
+    let (d_from, d_to) = ((a - cos * b) / sin_square, (b - cos * a) / sin_square);
+    let straight = add_scaled(scale(edge, dot(chord, edge)), into_to, d_from + d_to);
+    // Only where the edge lies between the points does the way lead over it; else the planes are only nearly one.
+    let between = d_from * d_to >= -1e-6 * dot(chord, chord);
+    if between {
+        straight
+    } else {
+        reject(chord, to_normal)
+    }
+}
+
+/// A tangent frame carried over an edge: turned with the normal by the smallest rotation.
+fn carried(frame: [Vec3; 2], from_normal: Vec3, to_normal: Vec3) -> [Vec3; 2] {
+    let (axis, cos) = (cross(from_normal, to_normal), dot(from_normal, to_normal));
+    if cos < -0.999 {
+        return tangents(to_normal);
+    }
+    let turned = add_scaled(
+        add_scaled(cross(axis, frame[0]), frame[0], cos),
+        axis,
+        dot(axis, frame[0]) / (1.0 + cos),
+    );
+    let first = direction(reject(turned, to_normal)).unwrap_or(tangents(to_normal)[0]);
+    [first, cross(to_normal, first)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILTER: SpeedFilter = SpeedFilter::Butterworth {
+        order: 2,
+        cutoff_hz: 20.0,
+    };
+
+    fn contact(position_m: Vec3, normal: Vec3) -> WrenchContact {
+        WrenchContact {
+            touching: true,
+            position_m,
+            normal,
+            face: 0,
+            normal_force_n: 1.0,
+            friction_n: ZERO,
+            residual_m: 0.0,
+            uncertainty_m: 2e-4,
+            miss_m: 0.0,
+        }
+    }
+
+    /// A point that goes over the top of a cube and down its side at an angle to the edge.
+    fn over_the_edge(s_m: f64) -> WrenchContact {
+        let (across, along) = (0.8 * s_m, 0.6 * s_m);
+        let half_m = 0.0127;
+        if across < half_m {
+            contact([across, along, half_m], [0.0, 0.0, 1.0])
+        } else {
+            contact([half_m, along, half_m - (across - half_m)], [1.0, 0.0, 0.0])
+        }
+    }
+
+    #[test]
+    fn the_speed_over_an_edge_is_the_speed_on_the_face() {
+        let mut path = SurfacePath::new(FILTER, 0.0, 1000.0).unwrap();
+        for k in 0..500 {
+            let velocity = path.update(&over_the_edge(f64::from(k) * 5e-5));
+            if k > 150 {
+                assert!(
+                    (path.speed_m_s() - 0.05).abs() < 2e-4,
+                    "tick {k}: {} m/s",
+                    path.speed_m_s()
+                );
+                assert!((norm(velocity) - path.speed_m_s()).abs() < 1e-12);
+            }
+        }
+        assert!((path.way_m() - 499.0 * 5e-5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn round_a_cylinder_the_way_is_the_perimeter() {
+        let mut path = SurfacePath::new(FILTER, 0.0, 1000.0).unwrap();
+        let sides = 24.0;
+        let apothem_m = 0.012 * (std::f64::consts::PI / sides).cos();
+        for k in 0..=4000 {
+            let angle = std::f64::consts::TAU * f64::from(k) / 4000.0;
+            let middle =
+                ((angle / std::f64::consts::TAU * sides).floor() + 0.5) / sides * std::f64::consts::TAU;
+            let radius_m = apothem_m / (angle - middle).cos();
+            path.update(&contact(
+                [radius_m * angle.cos(), radius_m * angle.sin(), 0.0],
+                [middle.cos(), middle.sin(), 0.0],
+            ));
+        }
+        let perimeter_m = 2.0 * sides * apothem_m * (std::f64::consts::PI / sides).tan();
+        assert!(
+            (path.way_m() / perimeter_m - 1.0).abs() < 1e-6,
+            "{} of {perimeter_m}",
+            path.way_m()
+        );
+    }
+
+    #[test]
+    fn a_leash_holds_a_jittering_point_still_and_costs_a_moving_one_nothing() {
+        let mut path = SurfacePath::new(FILTER, 0.5, 1000.0).unwrap();
+        for k in 0..2000 {
+            let jitter = 4e-5 * (f64::from(k) * 0.7).sin();
+            path.update(&contact([jitter, -jitter, 0.0], [0.0, 0.0, 1.0]));
+            assert_eq!(path.speed_m_s(), 0.0);
+        }
+        for k in 0..500 {
+            path.update(&contact([f64::from(k) * 4e-5, 0.0, 0.0], [0.0, 0.0, 1.0]));
+        }
+        assert!((path.speed_m_s() - 0.04).abs() < 1e-5);
+    }
+
+    #[test]
+    fn lifting_the_tool_ends_the_motion() {
+        let mut path = SurfacePath::new(FILTER, 0.0, 1000.0).unwrap();
+        (0..100).for_each(|k| {
+            path.update(&over_the_edge(f64::from(k) * 5e-5));
+        });
+        let free = WrenchContact {
+            touching: false,
+            ..over_the_edge(0.0)
+        };
+        assert_eq!(path.update(&free), ZERO);
+        assert_eq!(path.update(&over_the_edge(0.02)), ZERO, "put down elsewhere");
+    }
+}
