@@ -1,5 +1,6 @@
 //! Actuators and what stands before them: the voice-coil model, its identification and its compensation.
 
+pub mod brake;
 pub mod compensator;
 pub mod drive;
 pub mod force_sink;
