@@ -3,7 +3,7 @@
 
 mod path;
 
-pub use path::SurfacePath;
+pub use path::{LEASH, SurfacePath};
 
 use super::mesh::{NotConvex, TriangleMesh};
 use crate::vector::{Vec3, ZERO, add_scaled, cross, distance, dot, norm, scale, sub};
@@ -50,6 +50,9 @@ pub struct WrenchContact {
     pub residual_m: f64,
     /// Uncertainty of the position across the line of action, m (Eq. 5.2.4).
     pub uncertainty_m: f64,
+    /// Uncertainty of the point itself, m: as Eq. 5.2.4, with the whole lever from the sensor to the point. Where the force
+    /// runs through the sensor there is no torque, but its direction is as uncertain as ever.
+    pub point_uncertainty_m: f64,
     /// Distance by which the line of action misses the object, m (0 when it meets it); then the nearest point of the surface
     /// is taken.
     pub miss_m: f64,
@@ -77,6 +80,7 @@ impl WrenchLocator {
             friction_n: ZERO,
             residual_m: 0.0,
             uncertainty_m: 0.0,
+            point_uncertainty_m: 0.0,
             miss_m: 0.0,
         };
         Ok(Self {
@@ -123,6 +127,7 @@ impl WrenchLocator {
             friction_n: scale(add_scaled(force_n, normal, normal_force_n), -1.0),
             residual_m: dot(force_n, torque_n_m).abs() / (size_n * size_n),
             uncertainty_m: self.uncertainty_m(size_n, norm(torque_n_m)),
+            point_uncertainty_m: self.uncertainty_m(size_n, size_n * norm(position_m)),
             miss_m,
         };
         self.last

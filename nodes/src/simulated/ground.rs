@@ -1,9 +1,11 @@
 //! Sheets laid over surfaces: a stroke's flat coordinates become points and outward normals in space.
 
-use crate::vector::{Vec3, add_scaled, direction, sub, tangents};
+use crate::contact::mesh::TriangleMesh;
+use crate::vector::{Vec3, add_scaled, direction, dot, scale, sub, tangents};
+use std::sync::Arc;
 
 /// The surface that a hand means to touch.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub enum Ground {
     /// A plane.
     Plane {
@@ -21,6 +23,9 @@ pub enum Ground {
         /// Direction from the centre to the origin of strokes, of any length.
         up: Vec3,
     },
+    /// A convex solid from outside. The sheet touches its top (along z) and is projected from its centre, so that strokes
+    /// wider than the top lead over the edges and down the sides.
+    Solid(Arc<TriangleMesh>),
 }
 
 /// A point of a surface.
@@ -30,6 +35,8 @@ pub struct GroundPoint {
     pub position_m: Vec3,
     /// Outward unit normal.
     pub normal: Vec3,
+    /// By what a height over the surface moves: along the normal by its length, but without a jump at edges.
+    pub lift: Vec3,
 }
 
 impl Ground {
@@ -41,16 +48,13 @@ impl Ground {
 
     /// The surface point of a stroke's coordinates.
     pub fn at(&self, [u, v]: [f64; 2]) -> GroundPoint {
-        match *self {
-            Self::Plane { origin_m, normal } => {
+        match self {
+            &Self::Plane { origin_m, normal } => {
                 let normal = direction(normal).unwrap_or([0.0, 0.0, 1.0]);
                 let [e_u, e_v] = tangents(normal);
-                GroundPoint {
-                    position_m: add_scaled(add_scaled(origin_m, e_u, u), e_v, v),
-                    normal,
-                }
+                flat(add_scaled(add_scaled(origin_m, e_u, u), e_v, v), normal)
             }
-            Self::Sphere {
+            &Self::Sphere {
                 centre_m,
                 radius_m,
                 up,
@@ -59,12 +63,44 @@ impl Ground {
                 let [e_u, e_v] = tangents(up);
                 let sheet_m = add_scaled(add_scaled(add_scaled(centre_m, up, radius_m), e_u, u), e_v, v);
                 let normal = direction(sub(sheet_m, centre_m)).unwrap_or(up);
-                GroundPoint {
-                    position_m: add_scaled(centre_m, normal, radius_m),
-                    normal,
-                }
+                flat(add_scaled(centre_m, normal, radius_m), normal)
+            }
+            Self::Solid(solid) => projected(solid, [u, v]),
+        }
+    }
+}
+
+/// A point whose height moves along its normal.
+fn flat(position_m: Vec3, normal: Vec3) -> GroundPoint {
+    GroundPoint {
+        position_m,
+        normal,
+        lift: normal,
+    }
+}
+
+/// A point of a sheet on top of a solid, projected from the solid's centre.
+fn projected(solid: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
+    let (centre_m, reach_m) = (solid.centre_m(), solid.diagonal_m());
+    let cast = |along: Vec3| {
+        let end_m = add_scaled(centre_m, along, reach_m);
+        solid
+            .first_hit(centre_m, end_m)
+            .map(|hit| (add_scaled(centre_m, along, hit.fraction * reach_m), hit.triangle))
+    };
+    let up = [0.0, 0.0, 1.0];
+    let top_m = cast(up).map_or(reach_m, |(top, _)| top[2] - centre_m[2]);
+    let along = direction([u, v, top_m]).unwrap_or(up);
+    match cast(along) {
+        Some((position_m, face)) => {
+            let normal = solid.normal(face);
+            GroundPoint {
+                position_m,
+                normal,
+                lift: scale(along, 1.0 / dot(along, normal).max(0.1)),
             }
         }
+        None => flat(centre_m, up),
     }
 }
 
@@ -89,5 +125,20 @@ mod tests {
         assert!(distance(ball.at([0.0, 0.0]).position_m, [0.0; 3]) < 1e-15);
         let far = ball.at([0.2, -0.1]);
         assert!((distance(far.position_m, [0.0, 0.0, -0.05]) - 0.05).abs() < 1e-15);
+    }
+
+    #[test]
+    fn on_a_cube_a_wide_stroke_leads_over_the_edge() {
+        let cube = Arc::new(TriangleMesh::cuboid([0.02; 3]).unwrap());
+        let ground = Ground::Solid(cube);
+        assert!(distance(ground.at([0.003, -0.004]).position_m, [0.003, -0.004, 0.01]) < 1e-12);
+        let side = ground.at([0.02, 0.0]);
+        assert!(distance(side.position_m, [0.01, 0.0, 0.005]) < 1e-12);
+        assert_eq!(side.normal, [1.0, 0.0, 0.0]);
+        let rim = [0.0099999, 0.0100001].map(|u| ground.at([u, 0.001]));
+        assert!(
+            rim[0].normal != rim[1].normal && distance(rim[0].lift, rim[1].lift) < 1e-4,
+            "{rim:?}"
+        );
     }
 }

@@ -1,8 +1,8 @@
 //! A simulated hand: a mass on a spring and a damper that pull it along an intended path.
 
-use super::script::{Script, ScriptError, ScriptSettings};
+use super::script::{Intent, Script, ScriptError, ScriptSettings};
 use super::wobble::Wobble;
-use crate::vector::{Vec3, add, add_scaled, norm, scale, sub};
+use crate::vector::{Vec3, add, add_scaled, direction, dot, norm, reject, scale, sub};
 use nalgebra::Matrix3;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -41,6 +41,9 @@ impl Grip {
         }
     }
 }
+
+/// Depth behind the surface from which on an aim is taken for one beyond an edge, m.
+const BEHIND_M: f64 = 2e-4;
 
 /// What the hand carries: added to its own mass, and braked by dry friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +93,7 @@ pub struct Hand {
     friction_m_s: f64,
     period_s: f64,
     tick: u64,
-    intent_m: Vec3,
+    intent: Intent,
     position_m: Vec3,
     velocity_m_s: Vec3,
 }
@@ -102,8 +105,8 @@ pub struct HandReading {
     pub position_m: Vec3,
     /// Velocity of the tip, m/s.
     pub velocity_m_s: Vec3,
-    /// Where the hand means the tip to be, m.
-    pub intent_m: Vec3,
+    /// What the hand means.
+    pub intent: Intent,
 }
 
 impl Hand {
@@ -119,7 +122,7 @@ impl Hand {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let script = Script::new(script, grip.stiffness_n_per_m, rng.random())?;
         let mass_kg = grip.mass_kg + load.mass_kg;
-        let start_m = script.at(0.0);
+        let start = script.at(0.0);
         Ok(Self {
             tremor: [(); 3].map(|()| Wobble::new(8.0, 12.0, &mut rng)),
             transition: transition(mass_kg, &grip, period_s),
@@ -127,8 +130,8 @@ impl Hand {
             friction_m_s: load.dry_friction_n * period_s / mass_kg,
             period_s,
             tick: 0,
-            intent_m: start_m,
-            position_m: start_m,
+            intent: start,
+            position_m: start.position_m,
             velocity_m_s: [0.0; 3],
             script,
             grip,
@@ -140,22 +143,65 @@ impl Hand {
         HandReading {
             position_m: self.position_m,
             velocity_m_s: self.velocity_m_s,
-            intent_m: self.intent_m,
+            intent: self.intent,
         }
     }
 
-    /// One tick under an outer force on the tip, held, N. A force that is not finite counts as none.
+    /// One tick under an outer force on the tip, held, N; the hand presses against the surface as it means it to be. A force
+    /// that is not finite counts as none.
     pub fn advance(&mut self, force_n: Vec3) {
+        let (aim_m, aim_m_s, press_n) = self.mean();
+        self.step(force_n, aim_m, aim_m_s, scale(self.intent.normal, -press_n));
+    }
+
+    /// One tick under an outer force on the tip, held, N, by a hand that feels the surface's normal at the tip: it presses
+    /// against it, and where it means to be behind an edge it goes along the surface towards the edge, not through it.
+    pub fn advance_against(&mut self, force_n: Vec3, normal: Vec3) {
+        let (aim_m, aim_m_s, press_n) = self.mean();
+        let way_m = sub(aim_m, self.position_m);
+        let behind_m = -dot(way_m, normal) - BEHIND_M;
+        let (aim_m, aim_m_s) = match direction(reject(way_m, normal)) {
+            Some(along) if behind_m > 0.0 => {
+                let inward_m_s = -dot(aim_m_s, normal);
+                (
+                    add_scaled(add_scaled(aim_m, normal, behind_m), along, behind_m),
+                    add_scaled(
+                        add_scaled(aim_m_s, normal, inward_m_s),
+                        along,
+                        inward_m_s.max(0.0),
+                    ),
+                )
+            }
+            _ => (aim_m, aim_m_s),
+        };
+        self.step(force_n, aim_m, aim_m_s, scale(normal, -press_n));
+    }
+
+    /// What the hand means in the coming tick: position, velocity and pressing force; the intent moves on.
+    fn mean(&mut self) -> (Vec3, Vec3, f64) {
+        self.tick += 1;
+        let (last, next) = (self.intent, self.intent_at(self.tick as f64 * self.period_s));
+        self.intent = next;
+        (
+            scale(add(last.position_m, next.position_m), 0.5),
+            scale(sub(next.position_m, last.position_m), 1.0 / self.period_s),
+            0.5 * (last.force_n + next.force_n),
+        )
+    }
+
+    fn step(&mut self, force_n: Vec3, aim_m: Vec3, aim_m_s: Vec3, press_n: Vec3) {
         let force_n = if force_n.iter().all(|f| f.is_finite()) {
             force_n
         } else {
             [0.0; 3]
         };
-        self.tick += 1;
-        let next_m = self.intent_at(self.tick as f64 * self.period_s);
-        let pull_n = self.pull(next_m);
-        self.intent_m = next_m;
-        let push = scale(add(force_n, pull_n), 1.0 / self.mass_kg);
+        // Spring and damper towards the aim: the part that does not depend on the hand's own motion.
+        let pull_n = add_scaled(
+            scale(aim_m, self.grip.stiffness_n_per_m),
+            aim_m_s,
+            self.grip.damping_n_s_per_m,
+        );
+        let push = scale(add(add(force_n, pull_n), press_n), 1.0 / self.mass_kg);
         let [to_position, to_velocity] = self.transition;
         let all = [self.position_m, self.velocity_m_s, push];
         let free =
@@ -177,22 +223,13 @@ impl Hand {
         }
     }
 
-    fn intent_at(&self, time_s: f64) -> Vec3 {
-        let intent_m = self.script.at(time_s);
+    fn intent_at(&self, time_s: f64) -> Intent {
+        let intent = self.script.at(time_s);
         let tremor = self.tremor.each_ref().map(|wobble| wobble.at(time_s));
-        add_scaled(intent_m, tremor, self.grip.tremor_m)
-    }
-
-    /// Spring and damper towards the path between this tick's intent and the next: the part that does not depend on
-    /// the hand's own motion.
-    fn pull(&self, next_m: Vec3) -> Vec3 {
-        let middle_m = scale(add(self.intent_m, next_m), 0.5);
-        let velocity_m_s = scale(sub(next_m, self.intent_m), 1.0 / self.period_s);
-        add_scaled(
-            scale(middle_m, self.grip.stiffness_n_per_m),
-            velocity_m_s,
-            self.grip.damping_n_s_per_m,
-        )
+        Intent {
+            position_m: add_scaled(intent.position_m, tremor, self.grip.tremor_m),
+            ..intent
+        }
     }
 }
 

@@ -44,7 +44,7 @@ pub enum Action {
 }
 
 /// Actions on a surface.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ScriptSettings {
     /// The surface.
     pub ground: Ground,
@@ -90,6 +90,17 @@ pub enum ScriptError {
     },
 }
 
+/// What a hand means at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Intent {
+    /// Where the tip should be, m: on the surface, above it, or (at the bottom of a tap) below.
+    pub position_m: Vec3,
+    /// Outward normal of the surface there.
+    pub normal: Vec3,
+    /// Force with which to press on it, N.
+    pub force_n: f64,
+}
+
 /// A script in the mind of one person.
 #[derive(Debug, Clone)]
 pub struct Script {
@@ -130,7 +141,8 @@ const APPROACH_S: f64 = 0.25;
 const TRAVEL_S: f64 = 0.35;
 
 impl Script {
-    /// The script as the person of this seed would play it, pressing through a grip of this stiffness.
+    /// The script as the person of this seed would play it, with a grip of this stiffness (it says how deep
+    /// a tap of a certain force is meant).
     pub fn new(settings: &ScriptSettings, stiffness_n_per_m: f64, seed: u64) -> Result<Self, ScriptError> {
         if settings.actions.is_empty() {
             return Err(ScriptError::Empty);
@@ -240,9 +252,8 @@ impl Script {
         self.period_s += duration_s;
     }
 
-    /// Where the hand means the tip to be at a time in s, m. While it presses this is below the surface: the stretch of
-    /// the grip is the force.
-    pub fn at(&self, time_s: f64) -> Vec3 {
+    /// What the hand means at a time in s.
+    pub fn at(&self, time_s: f64) -> Intent {
         let t = time_s.rem_euclid(self.period_s);
         let index = self
             .segments
@@ -250,13 +261,13 @@ impl Script {
             .saturating_sub(1);
         let segment = &self.segments[index];
         let local_s = t - segment.start_s;
-        let sheet = segment.motion.sheet(local_s);
-        let height_m =
-            segment
-                .motion
-                .height(local_s, segment.duration_s, self.hover_m, self.stiffness_n_per_m);
-        let ground = self.ground.at(sheet);
-        add_scaled(ground.position_m, ground.normal, height_m)
+        let ground = self.ground.at(segment.motion.sheet(local_s));
+        let (height_m, force_n) = segment.motion.height(local_s, segment.duration_s, self);
+        Intent {
+            position_m: add_scaled(ground.position_m, ground.lift, height_m),
+            normal: ground.normal,
+            force_n,
+        }
     }
 
     /// Time of one round, s.
@@ -281,23 +292,19 @@ impl Motion {
         }
     }
 
-    /// Height of the intended tip over the surface.
-    fn height(&self, t: f64, duration_s: f64, hover_m: f64, stiffness_n_per_m: f64) -> f64 {
+    /// Height of the intended tip over the surface, m, and the force it presses with, N.
+    fn height(&self, t: f64, duration_s: f64, script: &Script) -> (f64, f64) {
+        let hover_m = script.hover_m;
         match self {
-            Self::Travel { .. } => hover_m,
+            Self::Travel { .. } => (hover_m, 0.0),
             Self::Draw(stroke) => {
                 let down = minimum_jerk(t / APPROACH_S) * minimum_jerk((duration_s - t) / APPROACH_S);
-                let force_n = stroke.at(t).force_n;
-                let touching = if force_n > 0.0 {
-                    -force_n / stiffness_n_per_m
-                } else {
-                    hover_m
-                };
-                hover_m + down * (touching - hover_m)
+                let point = stroke.at(t);
+                (hover_m * (1.0 - down).max(point.lifted), down * point.force_n)
             }
             Self::Press { force_n } => {
                 let down = minimum_jerk(2.0 * t / duration_s) * minimum_jerk(2.0 * (1.0 - t / duration_s));
-                hover_m - down * (hover_m + force_n / stiffness_n_per_m)
+                (hover_m * (1.0 - down), down * force_n)
             }
             Self::Taps {
                 speeds_m_s,
@@ -306,12 +313,16 @@ impl Motion {
             } => {
                 let tap = (t / interval_s) as usize;
                 let speed_m_s = speeds_m_s[tap.min(speeds_m_s.len() - 1)];
-                tap_height(
-                    t - tap as f64 * interval_s,
-                    speed_m_s,
-                    *interval_s,
-                    hover_m,
-                    force_n / stiffness_n_per_m,
+                let depth_m = force_n / script.stiffness_n_per_m;
+                (
+                    tap_height(
+                        t - tap as f64 * interval_s,
+                        speed_m_s,
+                        *interval_s,
+                        hover_m,
+                        depth_m,
+                    ),
+                    0.0,
                 )
             }
         }

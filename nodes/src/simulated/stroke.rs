@@ -111,6 +111,8 @@ pub struct StrokePoint {
     pub position_m: [f64; 2],
     /// Normal force, N; zero while lifted.
     pub force_n: f64,
+    /// From 0 on the surface to 1 lifted.
+    pub lifted: f64,
 }
 
 /// A stroke drawn by one person.
@@ -147,22 +149,23 @@ impl Stroke {
             return path.at(time_s);
         }
         let drawn_s = time_s + self.settings.pace_variation * self.pace.integral(time_s);
-        let (shape, lift) = self.shape(drawn_s);
+        let (shape, pressed, lifted) = self.shape(drawn_s);
         let grow = [0, 1].map(|i| 1.0 + self.settings.size_variation * self.size[i].at(time_s));
         let pressure = 1.0 + self.settings.force_variation * self.force.at(time_s);
         StrokePoint {
             position_m: [shape[0] * grow[0], shape[1] * grow[1]],
-            force_n: self.settings.force_n * pressure.max(0.0) * lift,
+            force_n: self.settings.force_n * pressure.max(0.0) * pressed,
+            lifted,
         }
     }
 
-    /// Position along the undisturbed shape, and 1 on the surface to 0 lifted.
-    fn shape(&self, t: f64) -> ([f64; 2], f64) {
+    /// Position along the undisturbed shape, the part of the force that is given and how far the tip is lifted.
+    fn shape(&self, t: f64) -> ([f64; 2], f64, f64) {
         match self.settings.shape {
-            StrokeShape::Still | StrokeShape::Recorded(_) => ([0.0; 2], 1.0),
+            StrokeShape::Still | StrokeShape::Recorded(_) => ([0.0; 2], 1.0, 0.0),
             StrokeShape::Circles { radius_m, period_s } => {
                 let (sin, cos) = (TAU * t / period_s).sin_cos();
-                ([radius_m * cos, radius_m * sin], 1.0)
+                ([radius_m * cos, radius_m * sin], 1.0, 0.0)
             }
             StrokeShape::ZigZag {
                 width_m,
@@ -170,12 +173,13 @@ impl Stroke {
                 period_s,
             } => {
                 let y = 0.5 * height_m * (TAU * t / (8.0 * period_s)).sin();
-                ([width_m * (to_and_fro(t / period_s) - 0.5), y], 1.0)
+                ([width_m * (to_and_fro(t / period_s) - 0.5), y], 1.0, 0.0)
             }
             StrokeShape::Writing { letter_m, line_m } => writing(t, letter_m, line_m),
             StrokeShape::Wander { side_m, .. } => (
                 self.wander.each_ref().map(|wobble| 0.5 * side_m * wobble.at(t)),
                 1.0,
+                0.0,
             ),
         }
     }
@@ -198,7 +202,7 @@ fn to_and_fro(u: f64) -> f64 {
 }
 
 /// Words of loops along a line, then the next line below, four lines in all.
-fn writing(t: f64, letter_m: f64, line_m: f64) -> ([f64; 2], f64) {
+fn writing(t: f64, letter_m: f64, line_m: f64) -> ([f64; 2], f64, f64) {
     const WORD_S: f64 = 1.6;
     const LIFT_S: f64 = 0.4;
     const LOOPS_PER_S: f64 = 4.0;
@@ -217,12 +221,14 @@ fn writing(t: f64, letter_m: f64, line_m: f64) -> ([f64; 2], f64) {
     if u >= WORD_S {
         let way = minimum_jerk((u - WORD_S) / LIFT_S);
         let from = [here[0] + word_m, here[1]];
+        let lifted = minimum_jerk((u - WORD_S) / 0.1) * minimum_jerk((WORD_S + LIFT_S - u) / 0.1);
         return (
             [
                 from[0] + way * (next[0] - from[0]),
                 from[1] + way * (next[1] - from[1]),
             ],
             0.0,
+            lifted,
         );
     }
     // The loops grow from nothing and shrink again, so that the lift starts where the word ends.
@@ -231,7 +237,7 @@ fn writing(t: f64, letter_m: f64, line_m: f64) -> ([f64; 2], f64) {
     let x = here[0] + word_m * u / WORD_S + 0.3 * letter_m * swell * ((phase + 1.0).sin() - 1.0_f64.sin());
     let y = here[1] + 0.5 * letter_m * swell * phase.sin();
     let pressed = minimum_jerk(u / 0.03) * minimum_jerk((WORD_S - u) / 0.03);
-    ([x, y], pressed)
+    ([x, y], pressed, 0.0)
 }
 
 fn check(settings: &StrokeSettings) -> Result<(), StrokeError> {

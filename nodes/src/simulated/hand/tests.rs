@@ -208,7 +208,7 @@ fn the_intended_path_has_no_jumps_over_a_whole_round() {
     for k in 1..(2.0 * script.period_s() / 1e-4) as u32 {
         let next = script.at(f64::from(k) * 1e-4);
         assert!(
-            norm(sub(next, previous)) < 1e-4 * 0.6,
+            norm(sub(next.position_m, previous.position_m)) < 1e-4 * 0.6,
             "at {}",
             f64::from(k) * 1e-4
         );

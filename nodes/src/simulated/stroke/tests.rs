@@ -117,7 +117,8 @@ fn a_recorded_path_goes_through_its_points() {
         path.at(0.5),
         StrokePoint {
             position_m: [0.01, 0.005],
-            force_n: 1.0
+            force_n: 1.0,
+            lifted: 0.0
         }
     );
     assert!(path.at(0.25).position_m[0] > 0.0 && path.at(0.25).position_m[0] < 0.01);
@@ -126,7 +127,8 @@ fn a_recorded_path_goes_through_its_points() {
         path.at(2.0),
         StrokePoint {
             position_m: [0.02, 0.0],
-            force_n: 0.0
+            force_n: 0.0,
+            lifted: 1.0
         }
     );
 }

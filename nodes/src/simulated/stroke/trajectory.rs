@@ -109,6 +109,7 @@ impl Trajectory {
         StrokePoint {
             position_m: [x, y],
             force_n: force_n.max(0.0),
+            lifted: if next > last { 1.0 } else { 0.0 },
         }
     }
 
