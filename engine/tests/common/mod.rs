@@ -117,16 +117,26 @@ settings! {
         [live] gain: f64;
     }
 }
-silent!(
-    Gain,
-    GainSettings,
-    spec(
+/// A gain of zero can be built, and is probably not meant.
+struct Gain;
+
+impl NodeKind for Gain {
+    type Settings = GainSettings;
+    const SPEC: NodeSpec = spec(
         "Gain",
         "Multiplies by a number.",
         &[any_input("input", "What is multiplied.")],
         &[output_like("output", "input", "The product.")],
-    )
-);
+    );
+    fn build(_: Self::Settings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Silent))
+    }
+    fn advice(settings: &Self::Settings, _: &BuildContext) -> Vec<BuildError> {
+        let silent = settings.gain == 0.0;
+        let doubt = || BuildError::at("gain", "a gain of 0 lets nothing through").help("leave the node out");
+        silent.then(doubt).into_iter().collect()
+    }
+}
 
 const LIST: InputSpec = InputSpec {
     name: "inputs",
