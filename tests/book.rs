@@ -1,4 +1,5 @@
 //! The book and the README are true: what they show was made by the program as it is, and their graphs run.
+#![allow(clippy::unwrap_used)]
 
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
