@@ -17,7 +17,9 @@ pub struct Scaling {
 /// `dimensions`. Each axis points so that its largest coordinate is positive. `None` if the number of dissimilarities is not that of the
 /// pairs, or one is not finite.
 pub fn classical_scaling(dissimilarities: &[f64], count: usize, dimensions: usize) -> Option<Scaling> {
-    if dissimilarities.len() != count * count.saturating_sub(1) / 2 || !dissimilarities.iter().all(|d| d.is_finite()) {
+    if dissimilarities.len() != count * count.saturating_sub(1) / 2
+        || !dissimilarities.iter().all(|d| d.is_finite())
+    {
         return None;
     }
     let mut squares = DMatrix::<f64>::zeros(count, count);
@@ -30,25 +32,41 @@ pub fn classical_scaling(dissimilarities: &[f64], count: usize, dimensions: usiz
         }
     }
     if count == 0 {
-        return Some(Scaling { places: vec![], eigenvalues: vec![], stress: vec![0.0; dimensions] });
+        return Some(Scaling {
+            places: vec![],
+            eigenvalues: vec![],
+            stress: vec![0.0; dimensions],
+        });
     }
     let row_means: DVector<f64> = squares.column_mean();
     let mean = row_means.mean();
-    let centred = DMatrix::from_fn(count, count, |a, b| -0.5 * (squares[(a, b)] - row_means[a] - row_means[b] + mean));
+    let centred = DMatrix::from_fn(count, count, |a, b| {
+        -0.5 * (squares[(a, b)] - row_means[a] - row_means[b] + mean)
+    });
     let eigen = SymmetricEigen::new(centred);
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let axis = |rank: usize| {
-        let Some(&index) = order.get(rank) else { return vec![0.0; count] };
+        let Some(&index) = order.get(rank) else {
+            return vec![0.0; count];
+        };
         let vector = eigen.eigenvectors.column(index);
         let length = eigen.eigenvalues[index].max(0.0).sqrt();
         let sign = if vector[vector.iamax()] < 0.0 { -1.0 } else { 1.0 };
         vector.iter().map(|x| sign * length * x).collect()
     };
     let axes: Vec<Vec<f64>> = (0..dimensions).map(axis).collect();
-    let places: Vec<Vec<f64>> = (0..count).map(|item| axes.iter().map(|axis| axis[item]).collect()).collect();
-    let stress = (1..=dimensions).map(|d| stress(dissimilarities, &places, d)).collect();
-    Some(Scaling { places, eigenvalues: order.iter().map(|&i| eigen.eigenvalues[i]).collect(), stress })
+    let places: Vec<Vec<f64>> = (0..count)
+        .map(|item| axes.iter().map(|axis| axis[item]).collect())
+        .collect();
+    let stress = (1..=dimensions)
+        .map(|d| stress(dissimilarities, &places, d))
+        .collect();
+    Some(Scaling {
+        places,
+        eigenvalues: order.iter().map(|&i| eigen.eigenvalues[i]).collect(),
+        stress,
+    })
 }
 
 /// Kruskal's stress-1 in the first `dimensions`.
@@ -79,8 +97,12 @@ pub fn gradient(places: &[Vec<f64>], property: &[f64], dimensions: usize) -> Vec
         column => places[row][column - 1],
     });
     let scale = design.amax();
-    let solution = design.svd(true, true).solve(&DVector::from_row_slice(property), 1e-10 * scale);
-    solution.map_or(vec![0.0; dimensions], |solution| solution.iter().skip(1).copied().collect())
+    let solution = design
+        .svd(true, true)
+        .solve(&DVector::from_row_slice(property), 1e-10 * scale);
+    solution.map_or(vec![0.0; dimensions], |solution| {
+        solution.iter().skip(1).copied().collect()
+    })
 }
 
 /// The angle between two lines in degrees, 0 to 90. `None` if a direction is zero.
@@ -95,7 +117,10 @@ mod tests {
     use super::*;
 
     fn distances(places: &[[f64; 2]]) -> Vec<f64> {
-        let pairs = places.iter().enumerate().flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
+        let pairs = places
+            .iter()
+            .enumerate()
+            .flat_map(|(a, p)| places[a + 1..].iter().map(move |q| (p, q)));
         pairs.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).collect()
     }
 
@@ -123,7 +148,9 @@ mod tests {
 
     #[test]
     fn gradients_point_where_properties_grow() {
-        let places: Vec<Vec<f64>> = (0..20).map(|i| vec![(i % 5) as f64, (i / 5) as f64, 9.0]).collect();
+        let places: Vec<Vec<f64>> = (0..20)
+            .map(|i| vec![(i % 5) as f64, (i / 5) as f64, 9.0])
+            .collect();
         let property: Vec<f64> = places.iter().map(|p| 7.0 + 2.0 * p[0] - p[1]).collect();
         let found = gradient(&places, &property, 2);
         assert!((found[0] - 2.0).abs() < 1e-9 && (found[1] + 1.0).abs() < 1e-9);

@@ -31,7 +31,11 @@ impl RecordingName {
         let (material, person, rest) = (parts.next()?, parts.next()?, parts.next()?);
         let (take, _extension) = rest.rsplit_once('.')?;
         let named = ![material, person, take].iter().any(|part| part.is_empty());
-        named.then(|| Self { material: material.to_owned(), person: person.to_owned(), take: take.to_owned() })
+        named.then(|| Self {
+            material: material.to_owned(),
+            person: person.to_owned(),
+            take: take.to_owned(),
+        })
     }
 }
 
@@ -95,12 +99,20 @@ pub struct Learned {
 pub enum StudyError {
     #[error("there is no dragging recording named <material>.<person>.<take>.<extension>")]
     NoRecordings,
-    #[error("{material} has no test: {person} needs two takes of it at least, one to learn from and others to compare with")]
+    #[error(
+        "{material} has no test: {person} needs two takes of it at least, one to learn from and others to compare with"
+    )]
     NoTest { material: String, person: String },
     #[error("{} cannot be processed: {source}", show(name))]
-    Processing { name: RecordingName, source: ProcessingError },
+    Processing {
+        name: RecordingName,
+        source: ProcessingError,
+    },
     #[error("no texture can be learned from {}: {source}", show(name))]
-    Learning { name: RecordingName, source: LearnTextureError },
+    Learning {
+        name: RecordingName,
+        source: LearnTextureError,
+    },
     #[error(transparent)]
     Table(#[from] TableError),
     #[error(transparent)]
@@ -117,11 +129,19 @@ pub fn evaluate(
     settings: &StudySettings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Evaluation, StudyError> {
-    let mut drags: Vec<&Take> = takes.iter().filter(|take| take.recording.gesture() == Gesture::Drag).collect();
+    let mut drags: Vec<&Take> = takes
+        .iter()
+        .filter(|take| take.recording.gesture() == Gesture::Drag)
+        .collect();
     drags.sort_by(|a, b| a.name.cmp(&b.name));
     let expert = expert(&drags).ok_or(StudyError::NoRecordings)?;
     let names = |part: fn(&RecordingName) -> &String| -> Vec<String> {
-        drags.iter().map(|take| part(&take.name).clone()).collect::<BTreeSet<_>>().into_iter().collect()
+        drags
+            .iter()
+            .map(|take| part(&take.name).clone())
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect()
     };
     let (materials, people) = (names(|name| &name.material), names(|name| &name.person));
 
@@ -139,7 +159,10 @@ pub fn evaluate(
     }
     for material in &materials {
         if !tests.iter().any(|take| take.name.material == *material) {
-            return Err(StudyError::NoTest { material: material.clone(), person: expert });
+            return Err(StudyError::NoTest {
+                material: material.clone(),
+                person: expert,
+            });
         }
     }
     let firsts: Vec<&Take> = firsts.into_values().collect();
@@ -151,57 +174,109 @@ pub fn evaluate(
         .iter()
         .map(|material| {
             let of_material = |(name, _): &&(RecordingName, ProcessedRecording)| name.material == *material;
-            let recordings = tests.iter().filter(of_material).map(|(_, recording)| recording).collect();
-            TestSet { name: material.clone(), recordings }
+            let recordings = tests
+                .iter()
+                .filter(of_material)
+                .map(|(_, recording)| recording)
+                .collect();
+            TestSet {
+                name: material.clone(),
+                recordings,
+            }
         })
         .collect();
     let find = |material: &str, person: &str| {
-        let found = learned.iter().find(|l| l.name.material == material && l.name.person == person);
+        let found = learned
+            .iter()
+            .find(|l| l.name.material == material && l.name.person == person);
         found.map(|learned| &learned.texture)
     };
     let table = |rows: &[String], texture: &(dyn Fn(usize, usize) -> Option<_> + Sync), from: f64| {
-        spectral_differences(rows, &sets, texture, &settings.table, &|part| progress(from + 0.15 * part))
+        spectral_differences(rows, &sets, texture, &settings.table, &|part| {
+            progress(from + 0.15 * part)
+        })
     };
     let materials_table = table(&materials, &|row, _| find(&materials[row], &expert), 0.55)?;
     let people_table = match people.len() {
         1 => None,
-        _ => Some(table(&people, &|row, column| find(&materials[column], &people[row]), 0.7)?),
+        _ => Some(table(
+            &people,
+            &|row, column| find(&materials[column], &people[row]),
+            0.7,
+        )?),
     };
-    let named: Vec<(String, String, &TextureModel)> =
-        learned.iter().map(|l| (show(&l.name), l.name.material.clone(), &l.texture)).collect();
+    let named: Vec<(String, String, &TextureModel)> = learned
+        .iter()
+        .map(|l| (show(&l.name), l.name.material.clone(), &l.texture))
+        .collect();
     let map = match named.len() {
         0..3 => None,
-        _ => Some(perceptual_map(&named, &settings.map, &|part| progress(0.85 + 0.15 * part))?),
+        _ => Some(perceptual_map(&named, &settings.map, &|part| {
+            progress(0.85 + 0.15 * part)
+        })?),
     };
     progress(1.0);
-    Ok(Evaluation { materials, people, expert, learned, materials_table, people_table, map })
+    Ok(Evaluation {
+        materials,
+        people,
+        expert,
+        learned,
+        materials_table,
+        people_table,
+        map,
+    })
 }
 
 /// The person with the most takes.
 fn expert(drags: &[&Take]) -> Option<String> {
     let mut counts: BTreeMap<&String, usize> = BTreeMap::new();
-    drags.iter().for_each(|take| *counts.entry(&take.name.person).or_default() += 1);
+    drags
+        .iter()
+        .for_each(|take| *counts.entry(&take.name.person).or_default() += 1);
     let most = counts.values().copied().max()?;
-    counts.into_iter().find(|(_, count)| *count == most).map(|(person, _)| person.clone())
+    counts
+        .into_iter()
+        .find(|(_, count)| *count == most)
+        .map(|(person, _)| person.clone())
 }
 
 fn process_one(take: &Take, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
-    processed(&take.recording, &settings.processing)
-        .map_err(|source| StudyError::Processing { name: take.name.clone(), source })
+    processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
+        name: take.name.clone(),
+        source,
+    })
 }
 
-fn process_all(takes: &[&Take], settings: &StudySettings) -> Result<Vec<(RecordingName, ProcessedRecording)>, StudyError> {
-    takes.iter().map(|take| Ok((take.name.clone(), process_one(take, settings)?))).collect()
+fn process_all(
+    takes: &[&Take],
+    settings: &StudySettings,
+) -> Result<Vec<(RecordingName, ProcessedRecording)>, StudyError> {
+    takes
+        .iter()
+        .map(|take| Ok((take.name.clone(), process_one(take, settings)?)))
+        .collect()
 }
 
-fn learn_all(takes: &[&Take], settings: &StudySettings, progress: &(dyn Fn(f64) + Sync)) -> Result<Vec<Learned>, StudyError> {
+fn learn_all(
+    takes: &[&Take],
+    settings: &StudySettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<Learned>, StudyError> {
     let done = AtomicUsize::new(0);
     let learn = |take: &Take| {
         let recording = process_one(take, settings)?;
         let (texture, report) = learn_texture(std::slice::from_ref(&recording), &settings.texture, &|_| ())
-            .map_err(|source| StudyError::Learning { name: take.name.clone(), source })?;
+            .map_err(|source| StudyError::Learning {
+            name: take.name.clone(),
+            source,
+        })?;
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / takes.len() as f64);
-        Ok(Learned { name: take.name.clone(), recording, texture, report })
+        Ok(Learned {
+            name: take.name.clone(),
+            recording,
+            texture,
+            report,
+        })
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let share = takes.len().div_ceil(threads).max(1);
@@ -209,7 +284,12 @@ fn learn_all(takes: &[&Take], settings: &StudySettings, progress: &(dyn Fn(f64) 
     std::thread::scope(|scope| {
         for (takes, slots) in takes.chunks(share).zip(learned.chunks_mut(share)) {
             let learn = &learn;
-            scope.spawn(move || takes.iter().zip(slots).for_each(|(take, slot)| *slot = Some(learn(take))));
+            scope.spawn(move || {
+                takes
+                    .iter()
+                    .zip(slots)
+                    .for_each(|(take, slot)| *slot = Some(learn(take)))
+            });
         }
     });
     learned.into_iter().flatten().collect()
@@ -224,27 +304,62 @@ mod tests {
     #[test]
     fn names_are_read_from_file_names() {
         let name = RecordingName::parse("rough plastic.S1.take.2.npz").unwrap();
-        assert_eq!((&*name.material, &*name.person, &*name.take), ("rough plastic", "S1", "take.2"));
-        for bad in ["canvas", "canvas.anna", "canvas.anna.1", "canvas..1.npz", ".anna.1.npz"] {
+        assert_eq!(
+            (&*name.material, &*name.person, &*name.take),
+            ("rough plastic", "S1", "take.2")
+        );
+        for bad in [
+            "canvas",
+            "canvas.anna",
+            "canvas.anna.1",
+            "canvas..1.npz",
+            ".anna.1.npz",
+        ] {
             assert_eq!(RecordingName::parse(bad), None, "{bad}");
         }
     }
 
     fn take(material: usize, person: &str, number: u64) -> Take {
-        let steps: Vec<_> =
-            (0..9).map(|i| (0.12, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect();
+        let steps: Vec<_> = (0..9)
+            .map(|i| {
+                (
+                    0.12,
+                    0.05 + 0.05 * ((i * 2) % 3) as f64,
+                    0.5 + 0.5 * (i / 3) as f64,
+                )
+            })
+            .collect();
         let seed = number + 10 * material as u64 + 100 * person.len() as u64;
         let recording = drag(&steps, 0.3, seed, |speed, force| {
             let angle = 0.3 + 0.5 * material as f64;
-            (vec![-1.8 * angle.cos(), 0.81], (1.0 + material as f64) * speed * force)
+            (
+                vec![-1.8 * angle.cos(), 0.81],
+                (1.0 + material as f64) * speed * force,
+            )
         });
-        let name = RecordingName { material: format!("m{material}"), person: person.into(), take: number.to_string() };
-        Take { name, recording: AnyRecording::Processed(recording) }
+        let name = RecordingName {
+            material: format!("m{material}"),
+            person: person.into(),
+            take: number.to_string(),
+        };
+        Take {
+            name,
+            recording: AnyRecording::Processed(recording),
+        }
     }
 
     fn settings() -> StudySettings {
-        let walk = RandomWalk { seconds: 2.0, ..Default::default() };
-        StudySettings { map: MapSettings { walk, ..Default::default() }, ..Default::default() }
+        let walk = RandomWalk {
+            seconds: 2.0,
+            ..Default::default()
+        };
+        StudySettings {
+            map: MapSettings {
+                walk,
+                ..Default::default()
+            },
+            ..Default::default()
+        }
     }
 
     #[test]
@@ -259,7 +374,11 @@ mod tests {
         let evaluation = evaluate(&takes, &settings(), &|_| ()).unwrap();
         assert_eq!(evaluation.expert, "expert");
         assert_eq!(evaluation.learned.len(), 6);
-        assert!(evaluation.materials_table.diagonal_is_least(), "{:?}", evaluation.materials_table);
+        assert!(
+            evaluation.materials_table.diagonal_is_least(),
+            "{:?}",
+            evaluation.materials_table
+        );
         let people = evaluation.people_table.unwrap();
         assert_eq!((people.rows.len(), people.columns.len()), (2, 3));
         // The expert's row of Table 2.2 is the diagonal of Table 2.1.
@@ -270,9 +389,15 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_said() {
-        assert!(matches!(evaluate(&[], &settings(), &|_| ()), Err(StudyError::NoRecordings)));
+        assert!(matches!(
+            evaluate(&[], &settings(), &|_| ()),
+            Err(StudyError::NoRecordings)
+        ));
         let single = [take(0, "expert", 1)];
-        assert!(matches!(evaluate(&single, &settings(), &|_| ()), Err(StudyError::NoTest { .. })));
+        assert!(matches!(
+            evaluate(&single, &settings(), &|_| ()),
+            Err(StudyError::NoTest { .. })
+        ));
         let two = [take(0, "expert", 1), take(0, "expert", 2)];
         let evaluation = evaluate(&two, &settings(), &|_| ()).unwrap();
         assert!(evaluation.people_table.is_none() && evaluation.map.is_none());

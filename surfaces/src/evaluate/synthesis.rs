@@ -17,7 +17,10 @@ pub struct SynthesisSettings {
 
 impl Default for SynthesisSettings {
     fn default() -> Self {
-        Self { update_hz: 240.0, seed: 1 }
+        Self {
+            update_hz: 240.0,
+            seed: 1,
+        }
     }
 }
 
@@ -93,7 +96,11 @@ impl RandomWalk {
             };
             (0..samples).map(at).collect()
         });
-        Trajectory { rate_hz: self.rate_hz, speed_m_s, force_n }
+        Trajectory {
+            rate_hz: self.rate_hz,
+            speed_m_s,
+            force_n,
+        }
     }
 
     /// A walk between reflecting walls, smoothed and stretched to 0..1.
@@ -115,7 +122,16 @@ impl RandomWalk {
         };
         let least = smooth.iter().copied().fold(f64::INFINITY, f64::min);
         let most = smooth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        smooth.iter().map(|x| if most > least { (x - least) / (most - least) } else { 0.5 }).collect()
+        smooth
+            .iter()
+            .map(|x| {
+                if most > least {
+                    (x - least) / (most - least)
+                } else {
+                    0.5
+                }
+            })
+            .collect()
     }
 }
 
@@ -123,7 +139,9 @@ impl RandomWalk {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum SynthesisError {
-    #[error("the texture's rate is {texture_hz} Hz, the trajectory's {trajectory_hz} Hz: resample one of them")]
+    #[error(
+        "the texture's rate is {texture_hz} Hz, the trajectory's {trajectory_hz} Hz: resample one of them"
+    )]
     Rates { texture_hz: f64, trajectory_hz: f64 },
     #[error("the trajectory has {speeds} speeds but {forces} forces")]
     Lengths { speeds: usize, forces: usize },
@@ -140,16 +158,28 @@ pub fn synthesise(
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<Vec<f64>, SynthesisError> {
-    let Trajectory { rate_hz, speed_m_s, force_n } = trajectory;
+    let Trajectory {
+        rate_hz,
+        speed_m_s,
+        force_n,
+    } = trajectory;
     if texture.rate_hz() != *rate_hz {
-        return Err(SynthesisError::Rates { texture_hz: texture.rate_hz(), trajectory_hz: *rate_hz });
+        return Err(SynthesisError::Rates {
+            texture_hz: texture.rate_hz(),
+            trajectory_hz: *rate_hz,
+        });
     }
     if speed_m_s.len() != force_n.len() {
-        return Err(SynthesisError::Lengths { speeds: speed_m_s.len(), forces: force_n.len() });
+        return Err(SynthesisError::Lengths {
+            speeds: speed_m_s.len(),
+            forces: force_n.len(),
+        });
     }
     let every = rate_hz / settings.update_hz;
     if !(every.is_finite() && every > 0.0) {
-        return Err(SynthesisError::UpdateRate { update_hz: settings.update_hz });
+        return Err(SynthesisError::UpdateRate {
+            update_hz: settings.update_hz,
+        });
     }
     let samples = speed_m_s.len();
     let mut interpolator = Interpolator::new(texture);
@@ -188,12 +218,22 @@ mod tests {
             model: ArmaModel::from_ar(&[-1.2, 0.7], variance).unwrap(),
             kind: VertexKind::Measured,
         };
-        let measured = vec![at(0.05, 0.5, 1.0), at(0.2, 0.5, 2.0), at(0.05, 2.0, 2.0), at(0.2, 2.0, 4.0), at(0.1, 1.0, 1.5)];
+        let measured = vec![
+            at(0.05, 0.5, 1.0),
+            at(0.2, 0.5, 2.0),
+            at(0.05, 2.0, 2.0),
+            at(0.2, 2.0, 4.0),
+            at(0.1, 1.0, 1.5),
+        ];
         TextureModel::from_measured(10_000.0, measured, &Hull::default()).unwrap()
     }
 
     fn constant(speed: f64, force: f64, samples: usize) -> Trajectory {
-        Trajectory { rate_hz: 10_000.0, speed_m_s: vec![speed; samples], force_n: vec![force; samples] }
+        Trajectory {
+            rate_hz: 10_000.0,
+            speed_m_s: vec![speed; samples],
+            force_n: vec![force; samples],
+        }
     }
 
     #[test]
@@ -214,8 +254,22 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_bits_and_another_does_not() {
-        let trajectory = RandomWalk { seconds: 0.5, ..Default::default() }.trajectory();
-        let with = |seed| synthesise(&texture(), &trajectory, &SynthesisSettings { seed, ..Default::default() }).unwrap();
+        let trajectory = RandomWalk {
+            seconds: 0.5,
+            ..Default::default()
+        }
+        .trajectory();
+        let with = |seed| {
+            synthesise(
+                &texture(),
+                &trajectory,
+                &SynthesisSettings {
+                    seed,
+                    ..Default::default()
+                },
+            )
+            .unwrap()
+        };
         assert_eq!(with(1), with(1));
         assert_ne!(with(1), with(2));
     }
@@ -227,7 +281,12 @@ mod tests {
         for (values, (from, to)) in [(&walk.speed_m_s, (0.005, 0.17)), (&walk.force_n, (0.1, 2.8))] {
             let least = values.iter().copied().fold(f64::INFINITY, f64::min);
             let most = values.iter().copied().fold(0.0, f64::max);
-            assert!(least < from + 0.03 * (to - from) && most > to - 0.03 * (to - from) && least >= from && most <= to);
+            assert!(
+                least < from + 0.03 * (to - from)
+                    && most > to - 0.03 * (to - from)
+                    && least >= from
+                    && most <= to
+            );
             let step = values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
             assert!(step * 10_000.0 < 10.0 * (to - from), "no jumps");
         }
@@ -237,12 +296,27 @@ mod tests {
     fn trajectories_that_do_not_fit_are_refused() {
         let mut short = constant(0.1, 1.0, 10);
         short.force_n.pop();
-        assert!(matches!(synthesise(&texture(), &short, &Default::default()), Err(SynthesisError::Lengths { .. })));
-        let slow = Trajectory { rate_hz: 1000.0, ..constant(0.1, 1.0, 10) };
-        assert!(matches!(synthesise(&texture(), &slow, &Default::default()), Err(SynthesisError::Rates { .. })));
-        let never = SynthesisSettings { update_hz: 0.0, ..Default::default() };
+        assert!(matches!(
+            synthesise(&texture(), &short, &Default::default()),
+            Err(SynthesisError::Lengths { .. })
+        ));
+        let slow = Trajectory {
+            rate_hz: 1000.0,
+            ..constant(0.1, 1.0, 10)
+        };
+        assert!(matches!(
+            synthesise(&texture(), &slow, &Default::default()),
+            Err(SynthesisError::Rates { .. })
+        ));
+        let never = SynthesisSettings {
+            update_hz: 0.0,
+            ..Default::default()
+        };
         let error = synthesise(&texture(), &constant(0.1, 1.0, 10), &never);
         assert!(matches!(error, Err(SynthesisError::UpdateRate { .. })));
-        assert_eq!(synthesise(&texture(), &constant(0.1, 1.0, 0), &Default::default()), Ok(vec![]));
+        assert_eq!(
+            synthesise(&texture(), &constant(0.1, 1.0, 0), &Default::default()),
+            Ok(vec![])
+        );
     }
 }

@@ -3,7 +3,9 @@
 
 use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
 use crate::TextureModel;
-use crate::metrics::{Deviations, ErrorStatistics, MetricError, PairErrors, Pooling, WindowSettings, WindowedSpectra};
+use crate::metrics::{
+    Deviations, ErrorStatistics, MetricError, PairErrors, Pooling, WindowSettings, WindowedSpectra,
+};
 use crate::recording::ProcessedRecording;
 use crate::statistics::{mean, standard_deviation};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -44,11 +46,23 @@ pub struct DifferenceTable {
 #[allow(missing_docs)] // the messages say it
 pub enum TableError {
     #[error("recording {recording} (from 0) of {material} cannot be compared: {source}")]
-    Recording { material: String, recording: usize, source: MetricError },
+    Recording {
+        material: String,
+        recording: usize,
+        source: MetricError,
+    },
     #[error("the texture in row {row} cannot be played along the recordings of {material}: {source}")]
-    Synthesis { row: String, material: String, source: SynthesisError },
+    Synthesis {
+        row: String,
+        material: String,
+        source: SynthesisError,
+    },
     #[error("what row {row} plays along the recordings of {material} cannot be compared: {source}")]
-    Comparison { row: String, material: String, source: MetricError },
+    Comparison {
+        row: String,
+        material: String,
+        source: MetricError,
+    },
 }
 
 /// The table of spectral differences with a texture for each cell, or none. Rows are worked on in parallel; `progress` gets the part done.
@@ -64,15 +78,21 @@ pub fn spectral_differences<'t>(
     let references = references(tests, settings)?;
     let done = AtomicUsize::new(0);
     let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(rows.len().max(1));
+    let threads = std::thread::available_parallelism()
+        .map_or(1, usize::from)
+        .min(rows.len().max(1));
     let work = || {
         let mut finished = vec![];
         loop {
             let row = next.fetch_add(1, Ordering::Relaxed);
-            let Some(name) = rows.get(row) else { return finished };
+            let Some(name) = rows.get(row) else {
+                return finished;
+            };
             let cells = (0..tests.len())
                 .map(|column| match texture(row, column) {
-                    Some(texture) => cell(name, texture, &tests[column].name, &references[column], settings).map(Some),
+                    Some(texture) => {
+                        cell(name, texture, &tests[column].name, &references[column], settings).map(Some)
+                    }
                     None => Ok(None),
                 })
                 .collect::<Result<Vec<_>, _>>();
@@ -82,16 +102,31 @@ pub fn spectral_differences<'t>(
     };
     let mut cells: Vec<_> = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().filter_map(|worker| worker.join().ok()).flatten().collect()
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().ok())
+            .flatten()
+            .collect()
     });
     cells.sort_by_key(|(row, _)| *row);
-    let cells = cells.into_iter().map(|(_, cells)| cells).collect::<Result<Vec<_>, _>>()?;
+    let cells = cells
+        .into_iter()
+        .map(|(_, cells)| cells)
+        .collect::<Result<Vec<_>, _>>()?;
     let pooled = pool(&cells);
     let differences = cells
         .into_iter()
-        .map(|row| row.into_iter().map(|cell| cell.map(|pairs| difference(&pairs, pooled, settings.pooling))).collect())
+        .map(|row| {
+            row.into_iter()
+                .map(|cell| cell.map(|pairs| difference(&pairs, pooled, settings.pooling)))
+                .collect()
+        })
         .collect();
-    Ok(DifferenceTable { rows: rows.to_vec(), columns: tests.iter().map(|t| t.name.clone()).collect(), differences })
+    Ok(DifferenceTable {
+        rows: rows.to_vec(),
+        columns: tests.iter().map(|t| t.name.clone()).collect(),
+        differences,
+    })
 }
 
 /// A recording as the metric sees it, and the trajectory to play textures along.
@@ -104,12 +139,25 @@ fn references(tests: &[TestSet], settings: &TableSettings) -> Result<Vec<Vec<Ref
     let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
         let signals = recording.signals();
         let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &settings.windows);
-        let failed = |source| TableError::Recording { material: material.to_owned(), recording: index, source };
-        Ok(Reference { spectra: spectra.map_err(failed)?, trajectory: Trajectory::of(recording) })
+        let failed = |source| TableError::Recording {
+            material: material.to_owned(),
+            recording: index,
+            source,
+        };
+        Ok(Reference {
+            spectra: spectra.map_err(failed)?,
+            trajectory: Trajectory::of(recording),
+        })
     };
     tests
         .iter()
-        .map(|test| test.recordings.iter().enumerate().map(|item| reference(&test.name, item)).collect())
+        .map(|test| {
+            test.recordings
+                .iter()
+                .enumerate()
+                .map(|item| reference(&test.name, item))
+                .collect()
+        })
         .collect()
 }
 
@@ -125,19 +173,30 @@ fn cell(
     references
         .iter()
         .map(|reference| {
-            let vibration = synthesise(texture, &reference.trajectory, &settings.synthesis)
-                .map_err(|source| TableError::Synthesis { row: row(), material: material(), source })?;
+            let vibration =
+                synthesise(texture, &reference.trajectory, &settings.synthesis).map_err(|source| {
+                    TableError::Synthesis {
+                        row: row(),
+                        material: material(),
+                        source,
+                    }
+                })?;
             WindowedSpectra::new(&vibration, texture.rate_hz(), &settings.windows)
                 .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
                 .map(|errors| errors.statistics())
-                .map_err(|source| TableError::Comparison { row: row(), material: material(), source })
+                .map_err(|source| TableError::Comparison {
+                    row: row(),
+                    material: material(),
+                    source,
+                })
         })
         .collect()
 }
 
 fn pool(cells: &[Vec<Option<Vec<ErrorStatistics>>>]) -> Deviations {
     let all = cells.iter().flatten().flatten().flatten();
-    all.fold(ErrorStatistics::default(), |all, pair| all.merged(pair)).deviations()
+    all.fold(ErrorStatistics::default(), |all, pair| all.merged(pair))
+        .deviations()
 }
 
 fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -> f64 {
@@ -156,7 +215,9 @@ fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -
 impl DifferenceTable {
     /// The difference between each texture and its own material, where rows and columns are the same materials in the same order.
     pub fn diagonal(&self) -> Vec<f64> {
-        (0..self.rows.len().min(self.columns.len())).filter_map(|i| self.differences[i][i]).collect()
+        (0..self.rows.len().min(self.columns.len()))
+            .filter_map(|i| self.differences[i][i])
+            .collect()
     }
 
     /// Mean and two sample standard deviations of the diagonal: the thesis's bound of what counts as alike (4.72 there).
@@ -167,13 +228,21 @@ impl DifferenceTable {
 
     /// Whether a cell is the least of its row.
     pub fn is_least_of_row(&self, row: usize, column: usize) -> bool {
-        let least = self.differences[row].iter().flatten().copied().fold(f64::INFINITY, f64::min);
+        let least = self.differences[row]
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
         self.differences[row][column] == Some(least)
     }
 
     /// Whether a cell is the least of its column.
     pub fn is_least_of_column(&self, row: usize, column: usize) -> bool {
-        let least = self.differences.iter().filter_map(|row| row[column]).fold(f64::INFINITY, f64::min);
+        let least = self
+            .differences
+            .iter()
+            .filter_map(|row| row[column])
+            .fold(f64::INFINITY, f64::min);
         self.differences[row][column] == Some(least)
     }
 
@@ -201,25 +270,47 @@ mod tests {
 
     /// Three materials that ring at different frequencies.
     fn recording(material: usize, seed: u64) -> ProcessedRecording {
-        let steps: Vec<_> =
-            (0..9).map(|i| (0.15, 0.05 + 0.05 * ((i * 2) % 3) as f64, 0.5 + 0.5 * (i / 3) as f64)).collect();
+        let steps: Vec<_> = (0..9)
+            .map(|i| {
+                (
+                    0.15,
+                    0.05 + 0.05 * ((i * 2) % 3) as f64,
+                    0.5 + 0.5 * (i / 3) as f64,
+                )
+            })
+            .collect();
         drag(&steps, 0.3, seed, |speed, force| {
             let angle = 0.3 + 0.5 * material as f64;
-            (vec![-1.8 * angle.cos(), 0.81], (1.0 + material as f64) * speed * force)
+            (
+                vec![-1.8 * angle.cos(), 0.81],
+                (1.0 + material as f64) * speed * force,
+            )
         })
     }
 
     fn table(pooling: Pooling) -> DifferenceTable {
         let names: Vec<String> = ["low", "middle", "high"].map(String::from).to_vec();
-        let learned = |material| learn_texture(&[recording(material, 10)], &Default::default(), &|_| ()).unwrap().0;
+        let learned = |material| {
+            learn_texture(&[recording(material, 10)], &Default::default(), &|_| ())
+                .unwrap()
+                .0
+        };
         let textures: Vec<TextureModel> = (0..3).map(learned).collect();
-        let recordings: Vec<Vec<_>> = (0..3).map(|m| (0..2).map(|seed| recording(m, seed)).collect()).collect();
+        let recordings: Vec<Vec<_>> = (0..3)
+            .map(|m| (0..2).map(|seed| recording(m, seed)).collect())
+            .collect();
         let tests: Vec<TestSet> = names
             .iter()
             .zip(&recordings)
-            .map(|(name, recordings)| TestSet { name: name.clone(), recordings: recordings.iter().collect() })
+            .map(|(name, recordings)| TestSet {
+                name: name.clone(),
+                recordings: recordings.iter().collect(),
+            })
             .collect();
-        let settings = TableSettings { pooling, ..Default::default() };
+        let settings = TableSettings {
+            pooling,
+            ..Default::default()
+        };
         spectral_differences(&names, &tests, &|row, _| textures.get(row), &settings, &|_| ()).unwrap()
     }
 
@@ -248,16 +339,34 @@ mod tests {
             [6.05, 5.27, 4.27, 5.05, 4.95, 4.23],
         ];
         let names: Vec<String> = (1..=6).map(|i| format!("T{i}")).collect();
-        let differences = rows.iter().map(|row| row.iter().copied().map(Some).collect()).collect();
-        let table = DifferenceTable { rows: names.clone(), columns: names, differences };
+        let differences = rows
+            .iter()
+            .map(|row| row.iter().copied().map(Some).collect())
+            .collect();
+        let table = DifferenceTable {
+            rows: names.clone(),
+            columns: names,
+            differences,
+        };
         assert!((table.baseline() - 4.72).abs() < 0.005, "{}", table.baseline());
         assert!(table.diagonal_is_least());
         assert!(!table.is_least_of_row(0, 1) && !table.is_least_of_column(0, 1));
-        let below = table.differences.iter().flatten().flatten().filter(|d| **d < table.baseline()).count() - 6;
+        let below = table
+            .differences
+            .iter()
+            .flatten()
+            .flatten()
+            .filter(|d| **d < table.baseline())
+            .count()
+            - 6;
         assert_eq!(below, 6, "six cells off the diagonal lie below the baseline");
         // The experimenter's row of Table 2.2 is this diagonal.
         let diagonal = table.diagonal().into_iter().map(Some).collect();
-        let people = DifferenceTable { rows: vec!["Exp".into()], differences: vec![diagonal], ..table };
+        let people = DifferenceTable {
+            rows: vec!["Exp".into()],
+            differences: vec![diagonal],
+            ..table
+        };
         let (mean, deviation) = people.row_statistics()[0];
         assert!((mean - 4.155).abs() < 1e-3 && (deviation - 0.282).abs() < 1e-3);
     }
@@ -265,8 +374,17 @@ mod tests {
     #[test]
     fn cells_without_a_texture_stay_empty() {
         let recording = recording(0, 1);
-        let tests = [TestSet { name: "low".into(), recordings: vec![&recording] }];
-        let none = spectral_differences(&["S1".to_owned()], &tests, &|_, _| None, &Default::default(), &|_| ());
+        let tests = [TestSet {
+            name: "low".into(),
+            recordings: vec![&recording],
+        }];
+        let none = spectral_differences(
+            &["S1".to_owned()],
+            &tests,
+            &|_, _| None,
+            &Default::default(),
+            &|_| (),
+        );
         assert_eq!(none.unwrap().differences, vec![vec![None]]);
     }
 }
