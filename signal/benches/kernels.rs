@@ -222,24 +222,29 @@ fn frozen() {
 fn voices(form: Form) {
     const VOICES: usize = 64;
     let sets = models(BLOCK / FRAME, 0);
-    let mut e = vec![0.0; BLOCK * VOICES];
+    // As in a graph, buffers of one frame are used again and again; the single voice has as many samples in the cache.
+    let mut e = vec![0.0; FRAME * VOICES];
     Gaussian::new(3).fill(&mut e);
     let mut bank = VoiceBank::new(form, VOICES);
     let mut single = ArmaFilter::new(form);
-    let (mut x, mut y) = (vec![0.0; BLOCK], vec![0.0; BLOCK * VOICES]);
+    let (mut x, mut y) = (vec![0.0; FRAME * VOICES], vec![0.0; FRAME * VOICES]);
     let mut alone = |out: &mut [f64]| {
-        for ((set, e), out) in sets.iter().zip(e.chunks(FRAME)).zip(out.chunks_mut(FRAME)) {
+        for ((set, e), out) in sets
+            .iter()
+            .cycle()
+            .zip(e.chunks(FRAME))
+            .zip(out.chunks_mut(FRAME))
+        {
             let _ = single.set_coefficients(set, &[], 1.0);
             single.process(e, out);
         }
     };
     let mut together = |out: &mut [f64]| {
-        let frames = e.chunks(FRAME * VOICES).zip(out.chunks_mut(FRAME * VOICES));
-        for (i, (e, out)) in frames.enumerate() {
+        for i in 0..sets.len() {
             for voice in 0..VOICES {
                 let _ = bank.set_coefficients(voice, &sets[(i + voice) % sets.len()], &[], 1.0);
             }
-            bank.process(e, out);
+            bank.process(&e, out);
         }
     };
     let mut alone = || alone(black_box(&mut x));
@@ -247,7 +252,7 @@ fn voices(form: Form) {
     let title = format!("AR(20), {VOICES} voices, {form:?}, new coefficients every 41 samples, a voice");
     // The two work on different numbers of samples: count the single voice as so many.
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [("one voice", &mut alone)];
-    let one = compare(&title, BLOCK, contenders)[0];
+    let one = compare(&title, FRAME * VOICES, contenders)[0];
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [("VoiceBank", &mut run_together)];
     let many = compare("", BLOCK * VOICES, contenders)[0];
     println_ratio(one / many);

@@ -9,7 +9,7 @@
 //!   bounded however the sets follow one another, and after each switch it has the new set's power and spectrum at once.
 //!
 //! Both give the same bits however the signal is cut into blocks, on every processor. Both fall silent exactly: a
-//! state below [`SILENCE`] is cleared every 64 samples. A state that is no longer finite is cleared at the same
+//! state below [`SILENCE`] is cleared every 256 samples. A state that is no longer finite is cleared at the same
 //! points, so that a bad excitation sample is forgotten; `reset` does it at once.
 
 mod bank;
@@ -30,7 +30,7 @@ pub const MAX_ORDER: usize = 32;
 pub const SILENCE: f64 = 1e-20;
 
 /// Samples between looks at whether the state has died away.
-const SETTLE: usize = 64;
+const SETTLE: usize = 256;
 
 /// Why coefficients cannot be used. The filter keeps the ones it has.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -112,12 +112,23 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
     if order > MAX_ORDER {
         return Err(ArmaError::TooLong { order });
     }
-    let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
-    if finite(ar) && finite(ma) && gain.is_finite() {
+    if all(ar, f64::is_finite) & all(ma, f64::is_finite) & gain.is_finite() {
         Ok(())
     } else {
         Err(PredictionError::NotFinite.into())
     }
+}
+
+/// Whether a filter with this state may be put to rest: all of it silent, or some of it no longer a number.
+fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
+    let silent = |v: f64| v.abs() < SILENCE;
+    all(inputs, silent) & all(outputs, silent)
+        || !(all(inputs, f64::is_finite) & all(outputs, f64::is_finite))
+}
+
+/// Looks at every value instead of stopping early, so that it compiles to vector code.
+fn all(values: &[f64], is: impl Fn(f64) -> bool) -> bool {
+    values.iter().fold(true, |all, v| all & is(*v))
 }
 
 #[cfg(test)]

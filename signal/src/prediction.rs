@@ -180,9 +180,8 @@ pub fn reflection_to_ar(reflection: &[f64]) -> Vec<f64> {
 pub fn power_gain(ar: &[f64], ma: &[f64]) -> Result<f64, PredictionError> {
     let order = ar.len().max(ma.len());
     let mut taps = vec![0.0; order + 1];
-    let mut reflection = vec![0.0; order];
-    let mut scratch = vec![0.0; order];
-    ladder(ar, ma, &mut reflection, &mut taps, &mut scratch)?;
+    let (mut sine, mut cosine, mut scratch) = (vec![0.0; order], vec![0.0; order], vec![0.0; order]);
+    ladder(ar, ma, &mut sine, &mut cosine, &mut taps, &mut scratch)?;
     Ok(taps.iter().map(|v| v * v).sum())
 }
 
@@ -240,16 +239,16 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
     Ok(())
 }
 
-/// The normalised lattice-ladder of `B(z)/A(z)`: reflection coefficients and the taps on the unit-power backward
-/// signals, `order = reflection.len()`, one tap more than that. `scratch` has `order` values.
+/// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and the
+/// taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
 pub(crate) fn ladder(
     ar: &[f64],
     ma: &[f64],
-    reflection: &mut [f64],
+    sine: &mut [f64],
+    cosine: &mut [f64],
     taps: &mut [f64],
     scratch: &mut [f64],
 ) -> Result<(), PredictionError> {
-    let order = reflection.len();
     if ma.iter().any(|b| !b.is_finite()) {
         return Err(PredictionError::NotFinite);
     }
@@ -259,24 +258,34 @@ pub(crate) fn ladder(
     taps.fill(0.0);
     taps[0] = 1.0;
     taps[1..=ma.len()].copy_from_slice(ma);
-    // Standard deviation of the backward signal of order m, for white noise of variance 1 going in.
-    let mut deviation = 1.0;
-    for m in (1..=order).rev() {
+    for m in (1..=sine.len()).rev() {
         // B(z) loses its z^-m term to the backward polynomial z^-m A_m(1/z).
         let tap = taps[m];
-        for i in 0..m {
-            taps[i] -= tap * polynomial[m - i - 1];
+        if tap != 0.0 {
+            for (tap_below, a) in taps[..m].iter_mut().zip(polynomial[..m].iter().rev()) {
+                *tap_below -= tap * a;
+            }
         }
-        taps[m] = tap * deviation;
         lower_order(&mut polynomial[..m])?;
-        reflection[m - 1] = polynomial[m - 1];
-        deviation /= (1.0 - reflection[m - 1] * reflection[m - 1]).sqrt();
     }
-    taps[0] *= deviation;
-    if !deviation.is_finite() {
-        return Err(PredictionError::NotFinite);
+    for ((sine, cosine), k) in sine.iter_mut().zip(&mut *cosine).zip(&*polynomial) {
+        (*sine, *cosine) = (*k, (1.0 - k * k).sqrt());
     }
-    Ok(())
+    // For white noise of variance 1 going in, the backward signal of order m has this deviation's inverse.
+    let mut deviation = 1.0;
+    for (m, tap) in taps.iter_mut().enumerate().rev() {
+        if *tap != 0.0 {
+            *tap /= deviation;
+        }
+        if m > 0 {
+            deviation *= cosine[m - 1];
+        }
+    }
+    if taps.iter().all(|tap| tap.is_finite()) {
+        Ok(())
+    } else {
+        Err(PredictionError::NotFinite)
+    }
 }
 
 /// From the polynomial of order m - 1 in `ar[..m-1]` to that of order m.

@@ -1,23 +1,50 @@
 //! The direct form of the thesis.
 
-use super::{ArmaError, MAX_ORDER, SETTLE, SILENCE, check};
+use super::{ArmaError, MAX_ORDER, SETTLE, check, is_over};
+use pulp::{Arch, Simd, WithSimd};
+
+/// Outputs computed together.
+const LANES: usize = 8;
+/// Vectors of outputs that the last [`LANES`] outputs and the coefficients reach.
+const REACH: usize = MAX_ORDER / LANES + 1;
+/// Samples filtered at a time.
+const RUN: usize = 64;
+/// Samples kept before the past has to be moved back to the front.
+const ROOM: usize = 4 * RUN;
+
+type Sums = [[f64; LANES]; REACH];
 
 /// `y[n] = gain (e[n] + sum b_k e[n-k]) - sum a_k y[n-k]`; past inputs and outputs outlive the coefficients.
 ///
 /// Sums run from the oldest term to the newest, the input joining before the newest output:
 /// `y[n] = ((-a_p y[n-p] - ... - a_2 y[n-2]) + w[n]) - a_1 y[n-1]`. No multiplication is fused.
+///
+/// Inside, each output is added to the sums of all later ones as soon as it is known. That keeps the order, and leaves
+/// one multiplication and one subtraction between an output and the next.
 #[derive(Debug, Clone)]
 pub struct DirectForm {
-    ar: [f64; MAX_ORDER],
+    /// `a_k` at index `LANES + k` for k from 2 to p, 0 elsewhere, with room for what lies beyond p.
+    ar: [f64; 2 * LANES * REACH],
+    /// `a_1`.
+    nearest: f64,
+    /// `b_k` at index k - 1.
     ma: [f64; MAX_ORDER],
     p: usize,
     q: usize,
     gain: f64,
-    /// The last inputs, then room for those of a run between two looks.
-    e: [f64; MAX_ORDER + SETTLE],
+    /// Sums of the outputs to come, except for what the newest output brings to the first.
+    sums: Sums,
+    /// The sums belong to coefficients that have been replaced.
+    stale: bool,
+    /// Newest outputs that the sums have not been moved past; fewer than [`LANES`].
+    owed: usize,
+    /// Inputs, the last of them before `now`.
+    e: [f64; MAX_ORDER + ROOM],
     /// Outputs likewise.
-    y: [f64; MAX_ORDER + SETTLE],
+    y: [f64; MAX_ORDER + ROOM],
+    now: usize,
     since_settled: usize,
+    arch: Arch,
 }
 
 impl Default for DirectForm {
@@ -26,18 +53,28 @@ impl Default for DirectForm {
     }
 }
 
+#[expect(
+    clippy::needless_range_loop,
+    reason = "constant indices keep the sums in registers"
+)]
 impl DirectForm {
     /// A filter at rest that passes its excitation on.
     pub fn new() -> Self {
         Self {
-            ar: [0.0; MAX_ORDER],
+            ar: [0.0; 2 * LANES * REACH],
+            nearest: 0.0,
             ma: [0.0; MAX_ORDER],
             p: 0,
             q: 0,
             gain: 1.0,
-            e: [0.0; MAX_ORDER + SETTLE],
-            y: [0.0; MAX_ORDER + SETTLE],
+            sums: [[0.0; LANES]; REACH],
+            stale: false,
+            owed: 0,
+            e: [0.0; MAX_ORDER + ROOM],
+            y: [0.0; MAX_ORDER + ROOM],
+            now: MAX_ORDER,
             since_settled: 0,
+            arch: Arch::new(),
         }
     }
 
@@ -47,9 +84,15 @@ impl DirectForm {
     /// [`ArmaError`] for too many or not finite ones, keeping the old. Unstable ones are taken.
     pub fn set_coefficients(&mut self, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
         check(ar, ma, gain)?;
+        let (nearest, farther) = ar.split_first().unwrap_or((&0.0, &[]));
+        self.nearest = *nearest;
+        self.ar[LANES + 2..LANES + 2 + farther.len()].copy_from_slice(farther);
+        if ar.len() < self.p {
+            self.ar[LANES + 1 + ar.len().max(1)..=LANES + self.p].fill(0.0);
+        }
+        self.ma[..ma.len()].copy_from_slice(ma);
         (self.p, self.q, self.gain) = (ar.len(), ma.len(), gain);
-        self.ar[..self.p].copy_from_slice(ar);
-        self.ma[..self.q].copy_from_slice(ma);
+        self.stale = true;
         Ok(())
     }
 
@@ -58,13 +101,20 @@ impl DirectForm {
         let length = excitation.len().min(out.len());
         let mut done = 0;
         while done < length {
-            let run = (length - done).min(SETTLE - self.since_settled);
-            self.run(&excitation[done..done + run], &mut out[done..done + run]);
+            let run = (length - done).min(SETTLE - self.since_settled).min(RUN);
+            self.arch.dispatch(Run {
+                filter: self,
+                excitation: &excitation[done..done + run],
+                out: &mut out[done..done + run],
+            });
             done += run;
             self.since_settled += run;
             if self.since_settled == SETTLE {
                 self.since_settled = 0;
-                self.settle();
+                let past = self.now - MAX_ORDER..self.now;
+                if is_over(&self.e[past.clone()], &self.y[past]) {
+                    self.reset();
+                }
             }
         }
     }
@@ -73,43 +123,182 @@ impl DirectForm {
     pub fn reset(&mut self) {
         self.e.fill(0.0);
         self.y.fill(0.0);
-        self.since_settled = 0;
+        self.sums = [[0.0; LANES]; REACH];
+        (self.now, self.since_settled, self.owed) = (MAX_ORDER, 0, 0);
     }
 
-    fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
-        let (ar, ma) = (&self.ar[..self.p], &self.ma[..self.q]);
-        for (i, (e, out)) in excitation.iter().zip(out).enumerate() {
-            let now = MAX_ORDER + i;
-            self.e[now] = *e;
-            let mut w = 0.0;
-            for (k, b) in ma.iter().enumerate().rev() {
-                w += b * self.e[now - 1 - k];
+    /// What the inputs bring to the outputs: `w = gain (e + sum b_k e[n-k])`.
+    #[inline(always)]
+    fn moving_average(&self, excitation: &[f64]) -> [[f64; LANES]; RUN / LANES] {
+        let mut w = [[0.0; LANES]; RUN / LANES];
+        if self.q > 0 {
+            for (w, start) in w
+                .iter_mut()
+                .zip((self.now..self.now + excitation.len()).step_by(LANES))
+            {
+                let delayed = self.e[start - self.q..start + LANES - 1].windows(LANES);
+                for (e, b) in delayed.zip(self.ma[..self.q].iter().rev()) {
+                    for l in 0..LANES {
+                        w[l] += b * e[l];
+                    }
+                }
             }
-            let w = self.gain * (w + e);
-            let mut y = 0.0;
-            for (k, a) in ar.iter().enumerate().skip(1).rev() {
-                y -= a * self.y[now - 1 - k];
+        }
+        for (w, e) in w.as_flattened_mut().iter_mut().zip(excitation) {
+            *w = self.gain * (*w + e);
+        }
+        w
+    }
+
+    /// The sums of the outputs to come, from the past and the coefficients.
+    #[inline(always)]
+    fn sum_again<const REACHED: usize>(&self) -> Sums {
+        let mut sums = [[0.0; LANES]; REACH];
+        // The farther back, the fewer of the outputs to come are reached.
+        if REACHED == 3 {
+            self.add_past::<1>(&mut sums, 2 * LANES);
+            self.add_past::<2>(&mut sums, LANES);
+            self.add_past::<3>(&mut sums, 0);
+        } else {
+            self.add_past::<1>(&mut sums, 3 * LANES);
+            self.add_past::<2>(&mut sums, 2 * LANES);
+            self.add_past::<3>(&mut sums, LANES);
+            self.add_past::<4>(&mut sums, 0);
+        }
+        sums
+    }
+
+    /// Adds what the [`LANES`] outputs before the `nearer` last ones bring to the first `REACHED` vectors of sums.
+    #[inline(always)]
+    fn add_past<const REACHED: usize>(&self, sums: &mut Sums, nearer: usize) {
+        for back in (nearer + 1..=self.p.min(nearer + LANES)).rev() {
+            let y = self.y[self.now - back];
+            let a = &self.ar[LANES + back..LANES + back + REACHED * LANES];
+            for reach in 0..REACHED {
+                for l in 0..LANES {
+                    sums[reach][l] -= a[reach * LANES + l] * y;
+                }
             }
-            y += w;
-            if let Some(a) = ar.first() {
-                y -= a * self.y[now - 1];
+        }
+    }
+
+    /// Turns `w` into outputs; `REACHED` is how many vectors of sums behind the present one the coefficients reach.
+    #[inline(always)]
+    fn recurse<const REACHED: usize>(&mut self, w: &[[f64; LANES]; RUN / LANES], out: &mut [f64]) {
+        let mut sums = match (self.stale, self.owed) {
+            (true, _) => self.sum_again::<REACHED>(),
+            (false, 0) => self.sums,
+            (false, owed) => self.moved_past::<REACHED>(owed),
+        };
+        self.stale = false;
+        let near: [f64; LANES] = std::array::from_fn(|k| self.ar[LANES + k]);
+        let mut newest = self.y[self.now - 1];
+        let (whole, rest) = out.as_chunks_mut::<LANES>();
+        let last = &w[whole.len() % w.len()];
+        for (out, w) in whole.iter_mut().zip(w) {
+            let y = self.outputs(LANES, &near, newest, &sums[0], w);
+            for (older, y) in y.iter().enumerate() {
+                for reach in 1..=REACHED {
+                    sums[reach] = self.passed_on(older, *y, reach, sums[reach]);
+                }
             }
-            self.y[now] = y;
+            for reach in 0..REACHED {
+                sums[reach] = sums[reach + 1];
+            }
+            sums[REACHED] = [0.0; LANES];
+            newest = y[LANES - 1];
             *out = y;
         }
-        self.e
-            .copy_within(excitation.len()..excitation.len() + MAX_ORDER, 0);
-        self.y
-            .copy_within(excitation.len()..excitation.len() + MAX_ORDER, 0);
+        self.sums = sums;
+        self.owed = rest.len();
+        if !rest.is_empty() {
+            let y = self.outputs(rest.len(), &near, newest, &sums[0], last);
+            rest.copy_from_slice(&y[..rest.len()]);
+        }
     }
 
-    fn settle(&mut self) {
-        let (e, y) = (&mut self.e[..MAX_ORDER], &mut self.y[..MAX_ORDER]);
-        let silent = e.iter().chain(y.iter()).all(|v| v.abs() < SILENCE);
-        let finite = e.iter().chain(y.iter()).all(|v| v.is_finite());
-        if silent || !finite {
-            e.fill(0.0);
-            y.fill(0.0);
+    /// The sums moved on past the newest outputs, fewer than [`LANES`].
+    #[inline(always)]
+    fn moved_past<const REACHED: usize>(&self, outputs: usize) -> Sums {
+        let mut sums = self.sums;
+        for (older, y) in self.y[self.now - outputs..self.now].iter().enumerate() {
+            for reach in 0..=REACHED {
+                sums[reach] = self.passed_on(older, *y, reach, sums[reach]);
+            }
         }
+        let mut flat = [0.0; LANES * (REACH + 1)];
+        flat[..LANES * REACH].copy_from_slice(sums.as_flattened());
+        let mut moved = [[0.0; LANES]; REACH];
+        moved
+            .as_flattened_mut()
+            .copy_from_slice(&flat[outputs..outputs + LANES * REACH]);
+        moved
+    }
+
+    /// The next `count` outputs, from their sums and what the inputs bring.
+    #[inline(always)]
+    fn outputs(
+        &self,
+        count: usize,
+        near: &[f64; LANES],
+        mut newest: f64,
+        sums: &[f64; LANES],
+        w: &[f64; LANES],
+    ) -> [f64; LANES] {
+        let mut y = [0.0; LANES];
+        for l in 0..LANES.min(count) {
+            let mut sum = sums[l];
+            for older in 0..l.max(1) - 1 {
+                sum -= near[l - older] * y[older];
+            }
+            newest = (sum + w[l]) - self.nearest * newest;
+            y[l] = newest;
+        }
+        y
+    }
+
+    /// The sums `reach` vectors on, with what output `older` of the present vector brings to them.
+    #[inline(always)]
+    fn passed_on(&self, older: usize, y: f64, reach: usize, mut sums: [f64; LANES]) -> [f64; LANES] {
+        let first = LANES * (reach + 1) - older;
+        let a = &self.ar[first..first + LANES];
+        for l in 0..LANES {
+            sums[l] -= a[l] * y;
+        }
+        sums
+    }
+}
+
+/// Filters up to [`RUN`] samples.
+struct Run<'a> {
+    filter: &'a mut DirectForm,
+    excitation: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Run<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self {
+            filter,
+            excitation,
+            out,
+        } = self;
+        if filter.now + RUN > MAX_ORDER + ROOM {
+            filter.e.copy_within(filter.now - MAX_ORDER..filter.now, 0);
+            filter.y.copy_within(filter.now - MAX_ORDER..filter.now, 0);
+            filter.now = MAX_ORDER;
+        }
+        let next = filter.now + excitation.len();
+        filter.e[filter.now..next].copy_from_slice(excitation);
+        let w = filter.moving_average(excitation);
+        match filter.p {
+            0..=24 => filter.recurse::<3>(&w, out),
+            _ => filter.recurse::<4>(&w, out),
+        }
+        filter.y[filter.now..next].copy_from_slice(out);
+        filter.now = next;
     }
 }
