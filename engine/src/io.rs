@@ -2,11 +2,12 @@
 
 use crate::frame::{Contact, Weights};
 
-/// A 64-byte aligned run of f64, the outputs of one step of the plan.
+/// All buffers of a run: one stretch of f64 that begins on a cache line, as does every buffer in it.
 ///
-/// Alignment alone is worth a factor of two in cheap nodes; it is reached by an offset into an ordinary vector.
+/// Alignment alone is worth a factor of two in cheap nodes; it is reached by an offset into an ordinary vector. One
+/// stretch, because a step borrows its own buffer and everything around it at once by two splits, without a move.
 #[derive(Debug, Default)]
-pub(crate) struct Buffer {
+pub(crate) struct Memory {
     data: Vec<f64>,
     base: usize,
     len: usize,
@@ -15,7 +16,7 @@ pub(crate) struct Buffer {
 /// f64s in a cache line.
 pub(crate) const LINE: usize = 8;
 
-impl Buffer {
+impl Memory {
     pub(crate) fn new(len: usize) -> Self {
         let data = vec![0.0; len + LINE];
         let base = data.as_ptr().align_offset(64).min(LINE);
@@ -33,7 +34,34 @@ impl Buffer {
     }
 }
 
-/// Where an input of a step lies.
+/// A buffer in the memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Extent {
+    pub start: u32,
+    pub len: u32,
+}
+
+impl Extent {
+    /// What lies before the buffer, the buffer, and what lies behind it.
+    #[inline]
+    pub(crate) fn split(self, memory: &mut [f64]) -> (&[f64], &mut [f64], &[f64]) {
+        let (before, rest) = memory.split_at_mut(self.start as usize);
+        let (own, behind) = rest.split_at_mut(self.len as usize);
+        (before, own, behind)
+    }
+}
+
+/// An input of a step as it runs, everything looked up.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Wire {
+    /// First lane of the port, in the memory before the step's own buffer or behind it.
+    pub at: u32,
+    pub width: u32,
+    pub behind: bool,
+    pub form: Form,
+}
+
+/// Where an input of a step lies, in a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Binding {
     pub slot: u32,
@@ -70,11 +98,14 @@ pub(crate) struct Placing {
 /// kind's, gives an empty slice.
 pub struct Io<'a> {
     pub(crate) frames: usize,
+    /// Frames of the buffers that earlier calls of the same block have used.
     pub(crate) offset: usize,
-    pub(crate) inputs: &'a [Binding],
-    pub(crate) buffers: &'a [Buffer],
+    pub(crate) inputs: &'a [Wire],
     pub(crate) outputs: &'a [Placing],
+    /// The memory before the step's own buffer, that buffer, and the memory behind it.
+    pub(crate) before: &'a [f64],
     pub(crate) out: &'a mut [f64],
+    pub(crate) behind: &'a [f64],
 }
 
 impl<'a> Io<'a> {
@@ -95,26 +126,32 @@ impl<'a> Io<'a> {
     pub fn connected(&self, input: usize) -> bool {
         self.inputs
             .get(input)
-            .is_some_and(|binding| binding.form != Form::Absent)
+            .is_some_and(|wire| wire.form != Form::Absent)
     }
 
     /// Lanes of one frame of an input.
     #[inline]
     pub fn width(&self, input: usize) -> usize {
-        self.inputs.get(input).map_or(0, |binding| binding.width as usize)
+        self.inputs.get(input).map_or(0, |wire| wire.width as usize)
     }
 
     /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
     #[inline]
     pub fn lanes(&self, input: usize) -> &'a [f64] {
         match self.inputs.get(input) {
-            Some(binding) if binding.form == Form::Sampled => {
-                let width = binding.width as usize;
-                let start = binding.start as usize + self.offset * width;
-                &self.buffers[binding.slot as usize].all()[start..start + self.frames * width]
+            Some(wire) if wire.form == Form::Sampled => {
+                let width = wire.width as usize;
+                let start = wire.at as usize + self.offset * width;
+                &self.side(wire)[start..][..self.frames * width]
             }
             _ => &[],
         }
+    }
+
+    /// The part of the memory that an input lies in.
+    #[inline]
+    fn side(&self, wire: &Wire) -> &'a [f64] {
+        if wire.behind { self.behind } else { self.before }
     }
 
     /// The frames of a sampled input of `W` lanes: `frames::<3>` of a 3-vector.
@@ -153,11 +190,11 @@ impl<'a> Io<'a> {
             runs: 0,
             lanes: &[],
         };
-        let Some(binding) = self.inputs.get(input) else {
+        let Some(wire) = self.inputs.get(input) else {
             return absent;
         };
-        let width = binding.width as usize;
-        match binding.form {
+        let width = wire.width as usize;
+        match wire.form {
             Form::Absent => absent,
             Form::Sampled => Held {
                 at: 0,
@@ -167,7 +204,7 @@ impl<'a> Io<'a> {
                 lanes: self.lanes(input),
             },
             Form::Runs => {
-                let lanes = &self.buffers[binding.slot as usize].all()[binding.start as usize..];
+                let lanes = &self.side(wire)[wire.at as usize..];
                 let runs = lanes[0] as usize;
                 Held {
                     at: 0,
@@ -188,7 +225,7 @@ impl<'a> Io<'a> {
         };
         let width = placing.width as usize;
         let start = placing.start as usize + self.offset * width;
-        &mut self.out[start..start + self.frames * width]
+        &mut self.out[start..][..self.frames * width]
     }
 
     /// The frames of an output of `W` lanes, to be filled completely.

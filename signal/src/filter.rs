@@ -128,9 +128,35 @@ impl SectionsState {
     /// Filters `x` into `y`, up to the shorter of the two.
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) {
         let length = x.len().min(y.len());
-        let y = &mut y[..length];
-        y.copy_from_slice(&x[..length]);
-        self.process_in_place(y);
+        let (mut x, mut y) = (&x[..length], &mut y[..length]);
+        let Some((first, later)) = self.sections.split_first_mut() else {
+            y.copy_from_slice(x);
+            return;
+        };
+        // Without a copy first: its wide loads would stall on samples that were stored one by one just before.
+        while !x.is_empty() {
+            let (now, later_x) = x.split_at(x.len().min(SETTLE - self.since_settled));
+            let (block, later_y) = y.split_at_mut(now.len());
+            first.process(now.iter().copied().zip(&mut *block));
+            for section in &mut *later {
+                section.process_in_place(block);
+            }
+            self.since_settled += now.len();
+            if self.since_settled == SETTLE {
+                self.since_settled = 0;
+                first.settle();
+                later.iter_mut().for_each(Running::settle);
+            }
+            (x, y) = (later_x, later_y);
+        }
+    }
+
+    /// Filters one sample.
+    #[inline]
+    pub fn process_sample(&mut self, x: f64) -> f64 {
+        let mut y = [x];
+        self.process_in_place(&mut y);
+        y[0]
     }
 
     /// Filters `y` in place.
@@ -139,7 +165,7 @@ impl SectionsState {
         while !rest.is_empty() {
             let (block, later) = rest.split_at_mut(rest.len().min(SETTLE - self.since_settled));
             for section in &mut self.sections {
-                section.process(block);
+                section.process_in_place(block);
             }
             self.since_settled += block.len();
             if self.since_settled == SETTLE {
@@ -184,18 +210,30 @@ impl SectionsState {
 
 impl Running {
     #[inline]
-    fn process(&mut self, block: &mut [f64]) {
+    fn process_in_place(&mut self, block: &mut [f64]) {
+        self.process(block.iter_mut().map(|sample| (*sample, sample)));
+    }
+
+    /// Transposed direct form II with the output eliminated from the states: from one sample to the next a state goes
+    /// through one product and one sum, where the usual form has a sum more.
+    ///
+    /// The second state is computed when the next sample needs it: side by side the compiler would put both into one
+    /// register, and the shuffles between would be on the way from sample to sample.
+    #[inline(always)]
+    fn process<'a>(&mut self, mut samples: impl Iterator<Item = (f64, &'a mut f64)>) {
         let [b0, b1, b2] = self.biquad.b;
         let [a1, a2] = self.biquad.a;
-        let [mut s1, mut s2] = self.state;
-        for sample in block {
-            let x = *sample;
-            let y = b0 * x + s1;
-            s1 = (b1 * x + s2) - a1 * y;
-            s2 = b2 * x - a2 * y;
-            *sample = y;
+        let (c1, c2) = (b1 - a1 * b0, b2 - a2 * b0);
+        let [s1, s2] = self.state;
+        let Some((x, y)) = samples.next() else { return };
+        *y = b0 * x + s1;
+        let (mut older_x, mut older, mut s1) = (x, s1, (c1 * x + s2) - a1 * s1);
+        for (x, y) in samples {
+            let s2 = c2 * older_x - a2 * older;
+            *y = b0 * x + s1;
+            (older_x, older, s1) = (x, s1, (c1 * x + s2) - a1 * s1);
         }
-        self.state = [s1, s2];
+        self.state = [s1, c2 * older_x - a2 * older];
     }
 
     fn settle(&mut self) {

@@ -3,6 +3,7 @@
 
 pub mod arma;
 pub mod delay;
+pub mod elementwise;
 pub mod filter;
 pub mod noise;
 pub mod prediction;

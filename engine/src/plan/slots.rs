@@ -2,6 +2,8 @@
 
 use super::Life;
 use crate::io::LINE;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 
 /// A buffer that a step writes, before it has a place.
 #[derive(Debug, Clone, Copy)]
@@ -20,37 +22,43 @@ pub(crate) fn assign(demands: &[Demand]) -> (Vec<u32>, Vec<usize>, Vec<Life>) {
     let mut order: Vec<usize> = (0..demands.len()).collect();
     order.sort_by_key(|i| demands[*i].from);
     let mut slots: Vec<usize> = Vec::new();
-    let mut busy_until: Vec<Option<usize>> = Vec::new();
+    // Slots in use by the step that needs them last, and free ones by length: of equal ones the one freed last,
+    // which is most likely still in the processor's nearest cache.
+    let mut busy: BinaryHeap<Reverse<(usize, u32)>> = BinaryHeap::new();
+    let mut free: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
     let mut placed = vec![0_u32; demands.len()];
     let mut lives = Vec::with_capacity(demands.len());
     for i in order {
-        let demand = demands[i];
-        let len = demand.len.next_multiple_of(LINE);
-        let free = |slot: &usize| busy_until[*slot].is_none_or(|until| until < demand.from);
-        // The best fit: the smallest that is large enough, else the largest, grown.
-        let best = (0..slots.len()).filter(free).min_by_key(|slot| {
-            let have = slots[*slot];
-            if have >= len {
-                (0, have - len)
-            } else {
-                (1, len - have)
-            }
-        });
-        let slot = best.unwrap_or_else(|| {
+        let Demand { len, from, to } = demands[i];
+        let len = len.next_multiple_of(LINE);
+        while let Some(Reverse((until, slot))) = busy.peek().copied()
+            && until < from
+        {
+            busy.pop();
+            free.entry(slots[slot as usize]).or_default().push(slot);
+        }
+        let slot = take_best(&mut free, len).unwrap_or_else(|| {
             slots.push(0);
-            busy_until.push(None);
-            slots.len() - 1
+            (slots.len() - 1) as u32
         });
-        slots[slot] = slots[slot].max(len);
-        busy_until[slot] = Some(demand.to);
-        placed[i] = slot as u32;
-        lives.push(Life {
-            slot: slot as u32,
-            from: demand.from,
-            to: demand.to,
-        });
+        slots[slot as usize] = slots[slot as usize].max(len);
+        busy.push(Reverse((to, slot)));
+        placed[i] = slot;
+        lives.push(Life { slot, from, to });
     }
     (placed, slots, lives)
+}
+
+/// The best fit: the smallest that is large enough, else the largest, to be grown.
+fn take_best(free: &mut BTreeMap<usize, Vec<u32>>, len: usize) -> Option<u32> {
+    let fit = free.range(len..).next().or_else(|| free.last_key_value());
+    let fit = *fit?.0;
+    let slots = free.get_mut(&fit)?;
+    let slot = slots.pop();
+    if slots.is_empty() {
+        free.remove(&fit);
+    }
+    slot
 }
 
 #[cfg(test)]

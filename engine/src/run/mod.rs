@@ -5,6 +5,7 @@ mod drive;
 mod live;
 mod meter;
 mod offline;
+mod program;
 mod swap;
 mod timer;
 mod window;
@@ -16,13 +17,14 @@ pub use offline::{Offline, OfflineError, Outcome, Probe};
 pub use timer::{Timer, TimerNotes};
 
 use crate::device::Device;
-use crate::io::{Binding, Buffer, Form, Io, Placing};
+use crate::io::{Form, Io, Memory, Placing, Wire};
 use crate::limiter::{ClipCounts, Limiter};
 use crate::node::{Processor, Tick};
-use crate::plan::{ActuatorPlan, BridgeKind, Plan, Step, StepWork};
+use crate::plan::{ActuatorPlan, BridgeKind, Plan, StepWork};
 use bridge::{BridgeState, DelayState, Ends};
 use drive::Drive;
 use petgraph::graph::NodeIndex;
+use program::{Line, Program};
 use std::ops::Range;
 use std::sync::Arc;
 use window::{Window, Windows};
@@ -33,15 +35,16 @@ mod tests;
 /// The state of a running plan.
 pub struct Run {
     plan: Arc<Plan>,
+    program: Program,
     state: State,
 }
 
-/// Everything that moves; apart from the plan, so that steps can borrow both.
+/// Everything that moves; apart from the program, so that steps can borrow both.
 struct State {
     windows: Windows,
     /// The block's windows while an island narrows them.
     whole: Vec<Window>,
-    buffers: Vec<Buffer>,
+    memory: Memory,
     processors: Vec<Box<dyn Processor>>,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
@@ -95,6 +98,7 @@ pub struct ActuatorReport {
 impl Run {
     /// Clones the plan's pristine state and allocates everything that running needs.
     pub fn new(plan: Arc<Plan>) -> Self {
+        let program = Program::new(&plan);
         let rate = |clock: u32| plan.rates[clock as usize];
         let mut bridges: Vec<BridgeState> = Vec::with_capacity(plan.bridges.len());
         for step in &plan.steps {
@@ -106,7 +110,7 @@ impl Run {
         let state = State {
             windows: Windows::new(&plan),
             whole: vec![Window::default(); plan.rates.len()],
-            buffers: plan.slots.iter().map(|len| Buffer::new(*len)).collect(),
+            memory: Memory::new(program.len),
             processors: plan
                 .processors
                 .iter()
@@ -134,13 +138,17 @@ impl Run {
             drive: Drive::Full,
             ramped: 0,
         };
-        Self { plan, state }
+        Self { plan, program, state }
     }
 
     /// Runs `frames` driver frames, at most the plan's block.
     pub fn advance(&mut self, frames: usize) {
         self.state.windows.next_block(frames.min(self.plan.block));
-        self.state.steps(&self.plan, 0..self.plan.steps.len());
+        self.steps(0..self.plan.steps.len());
+    }
+
+    fn steps(&mut self, range: Range<usize>) {
+        self.state.steps(&self.plan, &self.program, range);
     }
 
     /// Driver frames run so far.
@@ -153,12 +161,17 @@ impl Run {
         let Some(tap) = self.plan.taps.get(index) else {
             return &[];
         };
-        frames(
-            &self.state.buffers,
-            tap.slot,
-            tap.placing,
-            self.state.windows.of(tap.clock),
-        )
+        let window = self.state.windows.of(tap.clock);
+        &self.buffer(tap.slot)[range_of(tap.placing.start, tap.placing.width, window)]
+    }
+
+    /// The content of a slot.
+    fn buffer(&self, slot: u32) -> &[f64] {
+        &self.state.memory.all()[self.program.range(slot)]
+    }
+
+    fn buffer_mut(&mut self, slot: u32) -> &mut [f64] {
+        &mut self.state.memory.all_mut()[self.program.range(slot)]
     }
 
     /// Sets a live setting of a node, by the setting's place in the node's list.
@@ -178,7 +191,7 @@ impl Run {
     /// After a panic in a node: takes every actuator from its latest output to zero within `seconds`, through its
     /// limiter, without the plan.
     pub(crate) fn ramp_down(&mut self, frames: usize, seconds: f64) {
-        let Self { plan, state } = self;
+        let Self { plan, state, .. } = self;
         let ramp_frames = (seconds * plan.driver_rate().hz()).max(1.0);
         for _ in 0..frames {
             state.windows.next_block(1);
@@ -218,149 +231,161 @@ impl Run {
 }
 
 impl State {
-    fn steps(&mut self, plan: &Plan, range: Range<usize>) {
+    fn steps(&mut self, plan: &Plan, program: &Program, range: Range<usize>) {
         let mut number = range.start;
         while number < range.end {
-            let step = &plan.steps[number];
-            match step.work {
+            let line = &program.lines[number];
+            number += match line.work {
+                StepWork::Process(first) => {
+                    let count = (line.streak as usize).min(range.end - number);
+                    let period_s = program.periods_s[line.clock as usize];
+                    self.processors(&program.lines[number..number + count], first as usize, period_s);
+                    count
+                }
                 StepWork::Island {
                     steps,
                     first_pacing,
                     pacings,
                 } => {
+                    let steps = steps as usize;
                     let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
-                    self.island(plan, number + 1..number + 1 + steps as usize, pacings);
-                    number += steps as usize;
+                    self.island(plan, program, number + 1..number + 1 + steps, pacings);
+                    1 + steps
                 }
-                _ => self.step(plan, step),
-            }
-            number += 1;
+                _ => {
+                    self.step(plan, program, line);
+                    1
+                }
+            };
         }
     }
 
     /// Runs the steps of an island over the block, window by window.
-    fn island(&mut self, plan: &Plan, range: Range<usize>, pacings: &[u64]) {
+    #[inline(never)]
+    fn island(&mut self, plan: &Plan, program: &Program, range: Range<usize>, pacings: &[u64]) {
         self.whole.copy_from_slice(self.windows.all());
+        self.windows.rewind();
         let (mut begin, end) = self.windows.block();
         while begin < end {
-            let next = self.windows.boundary_after(begin, pacings);
-            self.windows.narrow(&self.whole, begin, next);
-            for step in &plan.steps[range.clone()] {
-                self.step(plan, step);
-            }
-            begin = next;
+            begin = self.windows.boundary_after(begin, pacings);
+            self.windows.narrow_to(begin);
+            self.steps(plan, program, range.clone());
         }
         self.windows.restore(&self.whole);
     }
 
-    #[inline]
-    fn step(&mut self, plan: &Plan, step: &Step) {
-        let window = self.windows.of(step.clock);
-        let inputs = &plan.bindings[step.inputs.start as usize..step.inputs.end as usize];
-        let outputs = &plan.placings[step.outputs.start as usize..step.outputs.end as usize];
-        match step.work {
-            StepWork::Process(index) => {
-                if window.count == 0 {
-                    return;
-                }
-                let rate = plan.rates[step.clock as usize];
-                let tick = Tick {
-                    first: window.first,
-                    frames: window.count,
-                    period_s: rate.period_s(),
+    /// Runs processors that follow one another at one clock: the hot loop.
+    #[inline(never)]
+    fn processors(&mut self, lines: &[Line], first: usize, period_s: f64) {
+        let window = self.windows.of(lines[0].clock);
+        if window.count == 0 {
+            return;
+        }
+        let tick = Tick {
+            first: window.first,
+            frames: window.count,
+            period_s,
+        };
+        let memory = self.memory.all_mut();
+        let watching = self.faults.watching;
+        let single = window.count == 1 && !watching;
+        let (mut latest, mut latest_at) = (0.0, u32::MAX);
+        for (line, processor) in lines.iter().zip(&mut self.processors[first..]) {
+            if let (true, Some((from, to))) = (single, line.frame) {
+                // In a chain the frame stays in a register: a load has to wait for the store before it.
+                let x = match from == latest_at {
+                    true => latest,
+                    false => memory[from as usize + window.offset],
                 };
-                let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
-                let mut io = Io {
-                    frames: window.count,
-                    offset: window.offset,
-                    inputs,
-                    buffers: &self.buffers,
-                    outputs,
-                    out: out.all_mut(),
-                };
-                self.processors[index as usize].process(&tick, &mut io);
-                self.buffers[step.out as usize] = out;
+                latest = processor.frame(x);
+                latest_at = to;
+                memory[to as usize + window.offset] = latest;
+                continue;
             }
-            StepWork::Bridge(index) => self.bridge(plan, step, index as usize, inputs, outputs),
-            StepWork::Actuator(index) => self.actuator(step, index as usize, inputs, outputs),
-            StepWork::DeviceRead(index) => self.device_read(plan, index as usize, window),
-            StepWork::DeviceWrite(index) => self.device_write(plan, index as usize, window),
+            latest_at = u32::MAX;
+            let (before, out, behind) = line.out.split(memory);
+            let mut io = Io {
+                frames: window.count,
+                offset: window.offset,
+                inputs: &line.inputs,
+                outputs: &line.outputs,
+                before,
+                out,
+                behind,
+            };
+            processor.process(&tick, &mut io);
+            if watching {
+                self.faults.watch(line, out, window);
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn step(&mut self, plan: &Plan, program: &Program, line: &Line) {
+        let window = self.windows.of(line.clock);
+        let (before, out, behind) = line.out.split(self.memory.all_mut());
+        let around = [before, behind];
+        match line.work {
+            StepWork::Bridge(index) => {
+                let bridge = &plan.bridges[index as usize];
+                let ends = Ends {
+                    from: self.windows.of(bridge.from),
+                    from_period: self.windows.period(bridge.from),
+                    to: window,
+                    to_period: self.windows.period(line.clock),
+                };
+                let x = input(around, &line.inputs[0], ends.from);
+                match bridge.kind {
+                    BridgeKind::HoldRuns => {
+                        let y = &mut out[line.outputs[0].start as usize..];
+                        self.bridges[index as usize].cross(&ends, x, y);
+                    }
+                    BridgeKind::Delay(delay) => {
+                        self.delays[delay as usize].pass(window, x, output(out, line, window));
+                    }
+                    _ => self.bridges[index as usize].cross(&ends, x, output(out, line, window)),
+                }
+            }
+            StepWork::Actuator(index) => {
+                let x = input(around, &line.inputs[0], window);
+                let actuator = &mut self.actuators[index as usize];
+                let asked = Asked {
+                    gain: actuator.gain,
+                    drive: self.drive,
+                    first: window.first,
+                    period: self.windows.period(line.clock),
+                };
+                if actuator.limiter.apply(&asked, x, output(out, line, window)) {
+                    self.faults.ticks += 1;
+                    self.faults.watching = self.faults.origin.is_none();
+                }
+            }
             StepWork::DelayRead(index) => {
-                let buffer = &mut self.buffers[step.out as usize];
-                let range = range_of(outputs[0].start, outputs[0].width, window);
-                self.delays[index as usize].read(window, &mut buffer.all_mut()[range]);
+                self.delays[index as usize].read(window, output(out, line, window));
             }
             StepWork::DelayWrite(index) => {
-                let x = input(&self.buffers, &inputs[0], window);
+                let x = input(around, &line.inputs[0], window);
                 self.delays[index as usize].write(window, x);
             }
-            StepWork::Island { .. } => {}
-        }
-        if self.faults.watching {
-            self.watch(step, outputs, window);
+            StepWork::DeviceRead(index) => self.device_read(plan, program, index as usize, window),
+            StepWork::DeviceWrite(index) => self.device_write(plan, program, index as usize, window),
+            StepWork::Process(_) | StepWork::Island { .. } => {}
         }
     }
 
-    fn bridge(&mut self, plan: &Plan, step: &Step, index: usize, inputs: &[Binding], outputs: &[Placing]) {
-        let bridge = &plan.bridges[index];
-        let ends = Ends {
-            from: self.windows.of(bridge.from),
-            from_period: self.windows.period(bridge.from),
-            to: self.windows.of(step.clock),
-            to_period: self.windows.period(step.clock),
-        };
-        let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
-        let x = input(&self.buffers, &inputs[0], ends.from);
-        let lanes = out.all_mut();
-        let y = match bridge.kind {
-            BridgeKind::HoldRuns => &mut lanes[outputs[0].start as usize..],
-            _ => &mut lanes[range_of(outputs[0].start, outputs[0].width, ends.to)],
-        };
-        match bridge.kind {
-            BridgeKind::Delay(delay) => self.delays[delay as usize].pass(ends.to, x, y),
-            _ => self.bridges[index].cross(&ends, x, y),
-        }
-        self.buffers[step.out as usize] = out;
-    }
-
-    fn actuator(&mut self, step: &Step, index: usize, inputs: &[Binding], outputs: &[Placing]) {
-        let window = self.windows.of(step.clock);
-        let mut out = std::mem::take(&mut self.buffers[step.out as usize]);
-        let x = input(&self.buffers, &inputs[0], window);
-        let y = &mut out.all_mut()[range_of(outputs[0].start, outputs[0].width, window)];
-        let actuator = &mut self.actuators[index];
-        let asked = Asked {
-            gain: actuator.gain,
-            drive: self.drive,
-            first: window.first,
-            period: self.windows.period(step.clock),
-        };
-        if actuator.limiter.apply(&asked, x, y) {
-            self.faults.ticks += 1;
-            self.faults.watching = self.faults.origin.is_none();
-        }
-        self.buffers[step.out as usize] = out;
-    }
-
-    fn device_read(&mut self, plan: &Plan, index: usize, window: Window) {
+    fn device_read(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let state = &mut self.devices[index];
         for frame in 0..window.count {
             state.advance();
             for (slot, placing, channel) in &plan.devices[index].reads {
-                let at = Window {
-                    offset: window.offset + frame,
-                    count: 1,
-                    ..window
-                };
-                let range = range_of(placing.start, placing.width, at);
-                state
-                    .device
-                    .read(*channel, &mut self.buffers[*slot as usize].all_mut()[range]);
+                let range = range_of(placing.start, placing.width, window.one(frame));
+                let buffer = &mut self.memory.all_mut()[program.range(*slot)];
+                state.device.read(*channel, &mut buffer[range]);
             }
         }
     }
 
-    fn device_write(&mut self, plan: &Plan, index: usize, window: Window) {
+    fn device_write(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let device = &plan.devices[index];
         let state = &mut self.devices[index];
         for frame in 0..window.count {
@@ -368,30 +393,25 @@ impl State {
                 state.advance();
             }
             for (slot, placing, channel) in &device.writes {
-                let at = Window {
-                    offset: window.offset + frame,
-                    count: 1,
-                    ..window
-                };
-                state
-                    .device
-                    .write(*channel, frames(&self.buffers, *slot, *placing, at));
+                let range = range_of(placing.start, placing.width, window.one(frame));
+                let buffer = &self.memory.all()[program.range(*slot)];
+                state.device.write(*channel, &buffer[range]);
             }
         }
     }
+}
 
+impl Faults {
     /// After an actuator was given something that is not a number: is this step where it comes from?
-    fn watch(&mut self, step: &Step, outputs: &[Placing], window: Window) {
-        if matches!(step.work, StepWork::Process(_)) && self.faults.origin.is_none() {
-            let bad = |placing: &Placing| {
-                !frames(&self.buffers, step.out, *placing, window)
-                    .iter()
-                    .all(|x| x.is_finite())
-            };
-            if outputs.iter().any(bad) {
-                self.faults.origin = Some(step.node);
-                self.faults.watching = false;
-            }
+    fn watch(&mut self, line: &Line, out: &[f64], window: Window) {
+        let bad = |placing: &Placing| {
+            !out[range_of(placing.start, placing.width, window)]
+                .iter()
+                .all(|x| x.is_finite())
+        };
+        if self.origin.is_none() && line.outputs.iter().any(bad) {
+            self.origin = Some(line.node);
+            self.watching = false;
         }
     }
 }
@@ -411,27 +431,20 @@ fn range_of(start: u32, width: u32, window: Window) -> Range<usize> {
     begin..begin + window.count * width as usize
 }
 
-#[inline]
-fn frames(buffers: &[Buffer], slot: u32, placing: Placing, window: Window) -> &[f64] {
-    buffers.get(slot as usize).map_or(&[], |buffer| {
-        &buffer.all()[range_of(placing.start, placing.width, window)]
-    })
-}
-
-#[inline]
-fn input<'a>(buffers: &'a [Buffer], binding: &Binding, window: Window) -> &'a [f64] {
-    match binding.form {
-        Form::Sampled => frames(
-            buffers,
-            binding.slot,
-            Placing {
-                start: binding.start,
-                width: binding.width,
-            },
-            window,
-        ),
+/// The frames of a sampled input in the memory before and behind the step's own buffer.
+fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &Wire, window: Window) -> &'a [f64] {
+    match wire.form {
+        Form::Sampled => {
+            let side = if wire.behind { behind } else { before };
+            &side[range_of(wire.at, wire.width, window)]
+        }
         _ => &[],
     }
+}
+
+/// The frames of the first output.
+fn output<'a>(out: &'a mut [f64], line: &Line, window: Window) -> &'a mut [f64] {
+    &mut out[range_of(line.outputs[0].start, line.outputs[0].width, window)]
 }
 
 impl AnyLimiter {

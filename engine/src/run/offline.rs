@@ -1,6 +1,6 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
-use super::{ActuatorReport, Faults, Run, State};
+use super::{ActuatorReport, Faults, Run};
 use crate::graph::{Graph, Work};
 use crate::node::{FrameWriter, Stream};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
@@ -327,8 +327,7 @@ fn work(
     let mut run = staged(plan);
     for parcel in incoming {
         stage_block(&mut run, stage, &parcel);
-        let buffers =
-            crossing(plan, stage.end).map(|life| run.state.buffers[life.slot as usize].all().to_vec());
+        let buffers = crossing(plan, stage.end).map(|life| run.buffer(life.slot).to_vec());
         if outgoing
             .send(Parcel {
                 frames: parcel.frames,
@@ -345,10 +344,10 @@ fn work(
 fn stage_block(run: &mut Run, stage: &Range<usize>, parcel: &Parcel) {
     let plan = Arc::clone(&run.plan);
     for (life, content) in crossing(&plan, stage.start).zip(&parcel.buffers) {
-        run.state.buffers[life.slot as usize].all_mut()[..content.len()].copy_from_slice(content);
+        run.buffer_mut(life.slot).copy_from_slice(content);
     }
     run.state.windows.next_block(parcel.frames);
-    State::steps(&mut run.state, &plan, stage.clone());
+    run.steps(stage.clone());
 }
 
 /// The buffers that are written before a cut of the list and needed after it.

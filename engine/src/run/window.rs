@@ -14,6 +14,30 @@ pub(crate) struct Window {
     pub offset: usize,
 }
 
+impl Window {
+    /// One frame of it.
+    pub(crate) fn one(self, frame: usize) -> Self {
+        Self {
+            first: self.first + frame as u64,
+            count: 1,
+            offset: self.offset + frame,
+        }
+    }
+
+    /// Goes on to the ticks that follow, before the time `end`.
+    #[inline]
+    fn go_on(&mut self, period: u64, end: u64) {
+        self.first += self.count as u64;
+        let next = self.first.saturating_mul(period);
+        // Most often a slow clock has no tick, and needs no division to find that out.
+        self.count = if next < end {
+            (end - next).div_ceil(period) as usize
+        } else {
+            0
+        };
+    }
+}
+
 /// The windows of all clocks: those of the block, and those of the island's present sub-window.
 #[derive(Debug, Clone)]
 pub(crate) struct Windows {
@@ -53,13 +77,13 @@ impl Windows {
             .begin
             .saturating_add(self.base.period(self.driver).saturating_mul(frames as u64));
         for (clock, window) in self.clocks.iter_mut().enumerate() {
-            let first = window.first + (window.offset + window.count) as u64;
-            let next = ticks_before(self.end, self.base.period(clock));
-            *window = Window {
-                first,
-                count: (next - first) as usize,
-                offset: 0,
-            };
+            window.offset = 0;
+            if clock == self.driver {
+                window.first += window.count as u64;
+                window.count = frames;
+            } else {
+                window.go_on(self.base.period(clock), self.end);
+            }
         }
     }
 
@@ -92,17 +116,18 @@ impl Windows {
         pacings.iter().map(next).min().unwrap_or(self.end).min(self.end)
     }
 
-    /// Narrows every window to a stretch of the block; `whole` are the block's windows.
-    pub(crate) fn narrow(&mut self, whole: &[Window], begin: u64, end: u64) {
-        for (clock, (window, whole)) in self.clocks.iter_mut().zip(whole).enumerate() {
-            let period = self.base.period(clock);
-            let first = ticks_before(begin, period);
-            let count = (ticks_before(end, period) - first) as usize;
-            *window = Window {
-                first,
-                count,
-                offset: (first - whole.first) as usize,
-            };
+    /// Narrows every window to nothing at the beginning of the block.
+    pub(crate) fn rewind(&mut self) {
+        for window in &mut self.clocks {
+            window.count = 0;
+        }
+    }
+
+    /// Narrows every window to what follows its present ticks, up to the time `end`.
+    pub(crate) fn narrow_to(&mut self, end: u64) {
+        for (clock, window) in self.clocks.iter_mut().enumerate() {
+            window.offset += window.count;
+            window.go_on(self.base.period(clock), end);
         }
     }
 

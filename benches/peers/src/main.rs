@@ -1,0 +1,162 @@
+//! The engine beside other graph engines and a loop written by hand, on the same work.
+//!
+//! `cargo run --release --manifest-path benches/peers/Cargo.toml [-- --strict] [CASE..]`
+//!
+//! Outputs are compared before anything is timed. Then the contestants run in turn, round after round, and the
+//! median of the rounds' processor times is shown, a node and a sample. Times move with the machine; the ratios
+//! hardly do. With `--strict` a missed bar makes the program fail.
+
+mod dasp;
+mod net;
+mod ours;
+mod plain;
+mod work;
+
+use cpu_time::ThreadTime;
+use std::process::ExitCode;
+use std::time::Duration;
+use work::{Contestant, Work, noise};
+
+/// Samples of the input, a multiple of every block.
+const SAMPLES: usize = 1024;
+const ROUNDS: usize = 31;
+/// A contestant's least share of a round, so that the clock's own cost does not count.
+const SHARE: Duration = Duration::from_millis(4);
+
+struct Case {
+    name: &'static str,
+    what: &'static str,
+    work: Work,
+    /// The most that ours may cost, in terms of fundsp's `Net`.
+    bar: f64,
+    /// How far outputs in f32 may be from ours, in terms of the largest sample.
+    tolerance: f64,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let strict = arguments.iter().any(|argument| argument == "--strict");
+    let wanted: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
+    let mut kept = true;
+    println!("CPU time in ns a node and a sample, median of {ROUNDS} interleaved rounds; ours in f64, theirs as they are (f32).");
+    for case in cases() {
+        if wanted.is_empty() || wanted.iter().any(|name| *name == case.name) {
+            kept &= compare(&case);
+        }
+    }
+    if strict && !kept { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+fn cases() -> [Case; 4] {
+    [
+        Case {
+            name: "A",
+            what: "chain of 100 gains and offsets, block 64",
+            work: Work::gains_and_offsets(100, 64),
+            bar: 1.1,
+            tolerance: 1e-4,
+        },
+        Case {
+            name: "B",
+            what: "chain of 100 biquads, block 64",
+            work: Work::biquads(100, 64),
+            bar: 1.05,
+            tolerance: 1e-3,
+        },
+        Case {
+            name: "C",
+            what: "random graph of 1000 gains, block 64",
+            work: Work::random_gains(1000, 64, 7),
+            bar: 0.5,
+            tolerance: 1e-4,
+        },
+        Case {
+            name: "D",
+            what: "chain of 10 gains and offsets, block 1",
+            work: Work::gains_and_offsets(10, 1),
+            bar: 0.5,
+            tolerance: 1e-4,
+        },
+    ]
+}
+
+/// Compares outputs, then times; is the bar kept?
+fn compare(case: &Case) -> bool {
+    let input = noise(SAMPLES);
+    let mut contestants: Vec<Box<dyn Contestant>> = vec![
+        Box::new(ours::Ours::new(&case.work, &input)),
+        Box::new(net::InNet::new(&case.work, &input)),
+        Box::new(plain::ByHand::new(&case.work, &input)),
+    ];
+    if let Some(dasp) = dasp::InDasp::new(&case.work, &input) {
+        contestants.push(Box::new(dasp));
+    }
+    println!("\n{}  {}, {} edges", case.name, case.what, case.work.edges());
+    if !agree(&mut contestants, case.tolerance) {
+        return false;
+    }
+    let per_run = (case.work.nodes.len() * SAMPLES) as f64;
+    let times_ns: Vec<f64> = medians(&mut contestants).iter().map(|time| time / per_run).collect();
+    for (contestant, time_ns) in contestants.iter().zip(&times_ns) {
+        let ratio = times_ns[0] / time_ns;
+        println!("   {:<12} {time_ns:7.3} ns   haptograph / it {ratio:6.3}", contestant.name());
+    }
+    let ratio = times_ns[0] / times_ns[1];
+    let verdict = if ratio <= case.bar { "PASS" } else { "MISSED" };
+    println!("   {verdict}: {ratio:.3} of fundsp Net, bar {}", case.bar);
+    ratio <= case.bar
+}
+
+/// Runs all twice, so that states are compared too.
+fn agree(contestants: &mut [Box<dyn Contestant>], tolerance: f64) -> bool {
+    for contestant in contestants.iter_mut() {
+        contestant.run();
+        contestant.run();
+    }
+    let reference = contestants[0].output();
+    let peak = reference.iter().fold(0.0_f64, |peak, y| peak.max(y.abs()));
+    let mut same = peak.is_finite() && peak > 1e-3;
+    for contestant in &contestants[1..] {
+        let output = contestant.output();
+        let worst = output.iter().zip(&reference).fold(0.0_f64, |worst, (a, b)| worst.max((a - b).abs()));
+        if !(worst <= tolerance * peak) {
+            println!("   {} puts out something else: {worst:.3e} off, at a peak of {peak:.3e}", contestant.name());
+            same = false;
+        }
+    }
+    same
+}
+
+/// Median CPU time of a run of each, ns.
+fn medians(contestants: &mut [Box<dyn Contestant>]) -> Vec<f64> {
+    let repeats: Vec<u32> = contestants.iter_mut().map(|contestant| repeats(&mut **contestant)).collect();
+    let mut times = vec![Vec::new(); contestants.len()];
+    for _ in 0..ROUNDS {
+        for (index, contestant) in contestants.iter_mut().enumerate() {
+            times[index].push(time(&mut **contestant, repeats[index]).as_nanos() as f64 / f64::from(repeats[index]));
+        }
+    }
+    times
+        .iter_mut()
+        .map(|times| {
+            times.sort_by(f64::total_cmp);
+            times[ROUNDS / 2]
+        })
+        .collect()
+}
+
+fn time(contestant: &mut dyn Contestant, repeats: u32) -> Duration {
+    let start = ThreadTime::now();
+    for _ in 0..repeats {
+        contestant.run();
+    }
+    start.elapsed()
+}
+
+fn repeats(contestant: &mut dyn Contestant) -> u32 {
+    let mut repeats = 1;
+    while time(contestant, repeats) < SHARE {
+        repeats *= 2;
+    }
+    repeats
+}
