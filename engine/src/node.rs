@@ -316,13 +316,14 @@ pub trait Processor: CloneProcessor + Send + Sync {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>);
 
-    /// Does [`frame`](Self::frame) do what `process` does, where one scalar is connected and one is put out?
+    /// Does [`frame`](Self::frame) do what `process` does, where at most one scalar is read and one is put out?
     fn has_frame(&self) -> bool {
         false
     }
 
     /// The output for one frame of the input, bit for bit as from `process`. Loops through a body and blocks of one
-    /// frame run it in place of `process`, whose ports cost several times as much as a multiplication.
+    /// frame run it in place of `process`, whose ports cost several times as much as a multiplication. For a node
+    /// without inputs `x` means nothing.
     fn frame(&mut self, x: f64) -> f64 {
         x
     }

@@ -31,7 +31,7 @@ mod example;
 pub use example::device_from_example;
 
 use crate::frame::Kind;
-use crate::io::{Binding, Buffer, Form, Io, Placing};
+use crate::io::{Form, Io, LINE, Memory, Placing, Wire};
 use crate::node::{
     BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
 };
@@ -45,10 +45,10 @@ pub struct Bench {
     processor: Box<dyn Processor>,
     kinds: Vec<Option<Kind>>,
     tick: Tick,
-    bindings: Vec<Binding>,
-    buffers: Vec<Buffer>,
+    wires: Vec<Wire>,
+    memory: Memory,
     placings: Vec<Placing>,
-    out: Buffer,
+    out: Memory,
 }
 
 impl Bench {
@@ -94,17 +94,23 @@ impl Bench {
         inputs: &[Option<Kind>],
     ) -> Self {
         let ports = ports(spec, cx.input_widths.len());
-        let bind = |(slot, port): (usize, &&InputSpec)| Binding {
-            slot: slot as u32,
-            start: 0,
-            width: cx.input_widths[slot] as u32,
-            form: match (inputs.get(slot).copied().flatten(), port.flow) {
-                (None, _) => Form::Absent,
-                (Some(_), Flow::Held) => Form::Runs,
-                (Some(_), Flow::Sampled) => Form::Sampled,
-            },
-            clock: 0,
+        let mut at = 0;
+        let wire = |(slot, port): (usize, &&InputSpec)| {
+            let width = cx.input_widths[slot];
+            let begin = at;
+            at += (1 + MAX_FRAMES * (width + 1)).next_multiple_of(LINE);
+            Wire {
+                at: begin as u32,
+                width: width as u32,
+                behind: false,
+                form: match (inputs.get(slot).copied().flatten(), port.flow) {
+                    (None, _) => Form::Absent,
+                    (Some(_), Flow::Held) => Form::Runs,
+                    (Some(_), Flow::Sampled) => Form::Sampled,
+                },
+            }
         };
+        let wires = ports.iter().enumerate().map(wire).collect();
         let mut start = 0;
         let mut place = |width: usize| {
             let placing = Placing {
@@ -130,14 +136,10 @@ impl Bench {
                 frames: 0,
                 period_s: cx.rate.period_s(),
             },
-            bindings: ports.iter().enumerate().map(bind).collect(),
-            buffers: cx
-                .input_widths
-                .iter()
-                .map(|width| Buffer::new(1 + MAX_FRAMES * (width + 1)))
-                .collect(),
+            wires,
+            memory: Memory::new(at),
             placings: widths.map(&mut place).collect(),
-            out: Buffer::new(start as usize),
+            out: Memory::new(start as usize),
         }
     }
 
@@ -147,12 +149,13 @@ impl Bench {
         assert!(frames <= MAX_FRAMES, "at most {MAX_FRAMES} frames at a time");
         self.tick.first += self.tick.frames as u64;
         self.tick.frames = frames;
-        for ((binding, buffer), lanes) in self.bindings.iter().zip(&mut self.buffers).zip(inputs) {
-            let width = binding.width as usize;
-            match binding.form {
+        for (wire, lanes) in self.wires.iter().zip(inputs) {
+            let width = wire.width as usize;
+            let buffer = &mut self.memory.all_mut()[wire.at as usize..];
+            match wire.form {
                 Form::Absent => {}
-                Form::Sampled => buffer.all_mut()[..frames * width].copy_from_slice(lanes),
-                Form::Runs => write_runs(buffer.all_mut(), lanes, width),
+                Form::Sampled => buffer[..frames * width].copy_from_slice(lanes),
+                Form::Runs => write_runs(buffer, lanes, width),
             }
         }
     }
@@ -162,10 +165,11 @@ impl Bench {
         let mut io = Io {
             frames: self.tick.frames,
             offset: 0,
-            inputs: &self.bindings,
-            buffers: &self.buffers,
+            inputs: &self.wires,
             outputs: &self.placings,
+            before: self.memory.all(),
             out: self.out.all_mut(),
+            behind: &[],
         };
         self.processor.process(&self.tick, &mut io);
     }
@@ -183,10 +187,10 @@ impl Bench {
 
     /// The same in blocks of the given sizes, over and over.
     pub fn run_in_blocks(&mut self, inputs: &[&[f64]], blocks: &[usize]) -> Vec<Vec<f64>> {
-        let first = self.bindings.iter().zip(inputs);
+        let first = self.wires.iter().zip(inputs);
         let frames = first
-            .filter(|(binding, _)| binding.form != Form::Absent)
-            .map(|(binding, lanes)| lanes.len() / binding.width as usize)
+            .filter(|(wire, _)| wire.form != Form::Absent)
+            .map(|(wire, lanes)| lanes.len() / wire.width as usize)
             .next();
         self.run_frames(frames.unwrap_or(0), inputs, blocks)
     }
@@ -206,9 +210,9 @@ impl Bench {
                 .bindings
                 .iter()
                 .zip(inputs)
-                .map(|(binding, lanes)| match binding.form {
+                .map(|(wire, lanes)| match wire.form {
                     Form::Absent => &[][..],
-                    _ => &lanes[done * binding.width as usize..][..block * binding.width as usize],
+                    _ => &lanes[done * wire.width as usize..][..block * wire.width as usize],
                 })
                 .collect();
             self.load(&parts, block);

@@ -8,19 +8,35 @@ use pulp::{Arch, Simd, WithSimd};
 /// `y = gain x`.
 #[inline]
 pub fn scale(gain: f64, x: &[f64], y: &mut [f64]) {
-    map(x, y, #[inline(always)] move |x| gain * x);
+    map(
+        x,
+        y,
+        #[inline(always)]
+        move |x| gain * x,
+    );
 }
 
 /// `y = x + offset`.
 #[inline]
 pub fn offset(offset: f64, x: &[f64], y: &mut [f64]) {
-    map(x, y, #[inline(always)] move |x| x + offset);
+    map(
+        x,
+        y,
+        #[inline(always)]
+        move |x| x + offset,
+    );
 }
 
-/// `y = gain (a + b)`.
+/// `y = gains[0] a + gains[1] b`.
 #[inline]
-pub fn scale_sum(gain: f64, a: &[f64], b: &[f64], y: &mut [f64]) {
-    zip(a, b, y, #[inline(always)] move |a, b| gain * (a + b));
+pub fn mix(gains: [f64; 2], a: &[f64], b: &[f64], y: &mut [f64]) {
+    zip(
+        a,
+        b,
+        y,
+        #[inline(always)]
+        move |a, b| gains[0] * a + gains[1] * b,
+    );
 }
 
 /// Every sample of `y` from the one of `x`, up to the shorter of the two.
@@ -100,8 +116,13 @@ mod tests {
             assert!(y.iter().zip(&x).all(|(y, x)| *y == 0.3 * x), "{len}");
             offset(0.3, &x[..len], &mut y);
             assert!(y.iter().zip(&x).all(|(y, x)| *y == x + 0.3), "{len}");
-            scale_sum(0.3, &x[..len], &z, &mut y);
-            assert!(y.iter().zip(x.iter().zip(&z)).all(|(y, (a, b))| *y == 0.3 * (a + b)), "{len}");
+            mix([0.3, 0.7], &x[..len], &z, &mut y);
+            assert!(
+                y.iter()
+                    .zip(x.iter().zip(&z))
+                    .all(|(y, (a, b))| *y == 0.3 * a + 0.7 * b),
+                "{len}"
+            );
         }
     }
 }

@@ -151,14 +151,6 @@ impl SectionsState {
         }
     }
 
-    /// Filters one sample.
-    #[inline]
-    pub fn process_sample(&mut self, x: f64) -> f64 {
-        let mut y = [x];
-        self.process_in_place(&mut y);
-        y[0]
-    }
-
     /// Filters `y` in place.
     pub fn process_in_place(&mut self, y: &mut [f64]) {
         let mut rest = y;

@@ -1,12 +1,16 @@
-//! haptograph's engine, in f64.
+//! haptograph's engine, in f64, on its shipped nodes.
 
-use crate::work::{Contestant, Operation, Source, Work, noise};
+use crate::work::{Contestant, Operation, RATE_HZ, SAMPLES, Source, Work, noise};
+use haptograph_engine::document::{Builder, Document, Part};
 use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
+use haptograph_engine::registry::Registry;
 use haptograph_engine::run::Run;
+use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use std::sync::Arc;
 
@@ -16,96 +20,68 @@ pub struct Ours {
     output: Vec<f64>,
 }
 
-haptograph_engine::settings! {
-    /** The input. */
-    pub struct PlaySettings {
-    }
-}
-struct Play;
-impl NodeKind for Play {
-    type Settings = PlaySettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "Play", group: "bench", doc: "Plays the input.", source: "", inputs: &[],
-        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "The input.")], example: "Play()",
-    };
-    fn build(_: PlaySettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Player { samples: noise(1024).iter().map(|x| f64::from(*x)).collect(), at: 0 }))
-    }
-}
-#[derive(Clone)]
-struct Player { samples: Vec<f64>, at: usize }
-impl Processor for Player {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        if self.at == self.samples.len() { self.at = 0; }
-        copy(&self.samples[self.at..self.at + tick.frames], io.out(0));
-        self.at += tick.frames;
-    }
-}
-#[derive(Clone)]
-struct Gain(f64);
-impl Processor for Gain {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
-        if io.input_count() == 1 {
-            haptograph_signal::elementwise::scale(self.0, x, io.out(0));
-        } else {
-            let b = io.lanes(1);
-            haptograph_signal::elementwise::scale_sum(self.0, x, b, io.out(0));
-        }
-    }
-    fn has_frame(&self) -> bool { std::env::var_os("NOFRAME").is_none() }
-    fn frame(&mut self, x: f64) -> f64 { self.0 * x }
-}
-#[derive(Clone)]
-struct Offset(f64);
-impl Processor for Offset {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
-        haptograph_signal::elementwise::offset(self.0, x, io.out(0));
-    }
-    fn has_frame(&self) -> bool { std::env::var_os("NOFRAME").is_none() }
-    fn frame(&mut self, x: f64) -> f64 { x + self.0 }
-}
-#[derive(Clone)]
-struct Biquad(haptograph_signal::filter::SectionsState);
-impl Processor for Biquad {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
-        self.0.process(x, io.out(0));
-    }
-}
-
-/// A single sample without the call of `memcpy`.
-fn copy(x: &[f64], y: &mut [f64]) {
-    match (x, y) {
-        ([x], [y]) => *y = *x,
-        (x, y) => y.copy_from_slice(x),
-    }
-}
-
 impl Ours {
-    pub fn new(work: &Work, input: &[f32]) -> Self {
-        let entry = NodeEntry::processor::<Play>();
-        let play = Box::new(Player { samples: input.iter().map(|x| f64::from(*x)).collect(), at: 0 });
-        let mut nodes: Vec<(NodeEntry, Box<dyn Processor>)> = vec![(entry, play)];
-        let mut edges = vec![];
-        for (i, node) in work.nodes.iter().enumerate() {
-            nodes.push((entry, match node.operation {
-                Operation::Gain(g) => Box::new(Gain(f64::from(g))),
-                Operation::Offset(g) => Box::new(Offset(f64::from(g))),
-                Operation::Biquad { b, a } => Box::new(Biquad(haptograph_signal::filter::SectionsState::new(&haptograph_signal::filter::Sections { sections: vec![haptograph_signal::filter::Biquad { b: b.map(f64::from), a: a.map(f64::from) }] }))),
-            }));
-            for (j, s) in node.sources.iter().enumerate() {
-                edges.push((match s { Source::Input => 0, Source::Node(k) => k + 1 }, i + 1, j));
-            }
+    pub fn new(work: &Work) -> Self {
+        let graph = load(&text(work));
+        Self {
+            run: Run::new(Arc::new(plan(&graph, work))),
+            block: work.block,
+            output: vec![0.0; SAMPLES],
         }
-        let graph = haptograph_engine::graph::by_hand::graph(nodes, &edges);
-        let last = graph.nodes().node_indices().last().unwrap();
-        let start = std::time::Instant::now();
-        let plan = Plan::new(&graph, &PlanOptions { block: work.block, taps: vec![(last, 0)] });
-        eprintln!("planned {} nodes in {:?}, {} bytes", work.nodes.len(), start.elapsed(), plan.buffer_bytes());
-        Self { run: Run::new(Arc::new(plan)), block: work.block, output: vec![0.0; input.len()] }
     }
+}
+
+/// The work as the text of a graph file.
+pub fn text(work: &Work) -> String {
+    let mut graph = Builder::new("The work of a bench.")
+        .driver("audio", RATE_HZ)
+        .node("input", Part::new("Play").on("audio"));
+    for (index, node) in work.nodes.iter().enumerate() {
+        let name = |source: &Source| match source {
+            Source::Input => "input.output".to_owned(),
+            Source::Node(from) => format!("n{from}.output"),
+        };
+        let sources: Vec<String> = node.sources.iter().map(name).collect();
+        let part = match node.operation {
+            Operation::Gain(gain) if sources.len() == 1 => Part::new("Gain").set("gain", f64::from(gain)),
+            Operation::Gain(gain) => Part::new("Mixer").set("gains", vec![f64::from(gain); sources.len()]),
+            Operation::Offset(offset) => Part::new("Offset").set("offset", f64::from(offset)),
+            Operation::Biquad { cutoff_hz, .. } => Part::new("LowPass").set("cutoff_hz", cutoff_hz),
+        };
+        let part = match &sources[..] {
+            [one] => part.wire("input", one.as_str()),
+            more => part.wires("inputs", more.iter().map(String::as_str)),
+        };
+        graph = graph.node(&format!("n{index}"), part);
+    }
+    graph.text()
+}
+
+/// Reads and checks the text of a graph file.
+pub fn load(text: &str) -> Graph {
+    let document = Document::parse("work.ron", text).expect("the builder writes graphs");
+    check(&document, &registry(), &CheckOptions::default()).expect("the work is sound")
+}
+
+/// Lays out the graph, its last node tapped.
+pub fn plan(graph: &Graph, work: &Work) -> Plan {
+    let last = format!("n{}", work.nodes.len() - 1);
+    let nodes = graph.nodes();
+    let last = nodes.node_indices().find(|index| nodes[*index].path == last);
+    let taps = last.map(|index| (index, 0)).into_iter().collect();
+    Plan::new(
+        graph,
+        &PlanOptions {
+            block: work.block,
+            taps,
+        },
+    )
+}
+
+fn registry() -> Registry {
+    let mut registry = haptograph_nodes::registry();
+    registry.add(NodeEntry::processor::<Play>());
+    registry
 }
 
 impl Contestant for Ours {
@@ -122,5 +98,57 @@ impl Contestant for Ours {
 
     fn output(&self) -> Vec<f64> {
         self.output.clone()
+    }
+}
+
+/// A source that plays the input over and over; its cost is counted as ours.
+struct Play;
+
+impl NodeKind for Play {
+    type Settings = NoSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Play",
+        group: "bench",
+        doc: "Plays the input of the bench.",
+        source: "",
+        inputs: &[],
+        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "The input.")],
+        example: r#""input": Play(clock: "audio")"#,
+    };
+
+    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let samples = noise(SAMPLES).into_iter().map(f64::from).collect();
+        Ok(Box::new(Player { samples, at: 0 }))
+    }
+}
+
+#[derive(Clone)]
+struct Player {
+    samples: Box<[f64]>,
+    at: usize,
+}
+
+impl Processor for Player {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        copy(&self.samples[self.at..self.at + tick.frames], io.out(0));
+        self.at = (self.at + tick.frames) % SAMPLES;
+    }
+
+    fn has_frame(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, _: f64) -> f64 {
+        let x = self.samples[self.at];
+        self.at = (self.at + 1) % SAMPLES;
+        x
+    }
+}
+
+/// A single sample without the call of `memcpy`.
+fn copy(x: &[f64], y: &mut [f64]) {
+    match (x, y) {
+        ([x], [y]) => *y = *x,
+        (x, y) => y.copy_from_slice(x),
     }
 }

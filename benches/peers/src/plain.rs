@@ -32,7 +32,11 @@ impl Contestant for ByHand {
     fn run(&mut self) {
         let chain = self.work.nodes.iter().all(|node| node.sources.len() == 1);
         let block = self.work.block;
-        for (x, y) in self.input.chunks_exact(block).zip(self.output.chunks_exact_mut(block)) {
+        for (x, y) in self
+            .input
+            .chunks_exact(block)
+            .zip(self.output.chunks_exact_mut(block))
+        {
             if chain {
                 y.copy_from_slice(x);
                 for (node, state) in self.work.nodes.iter().zip(&mut self.states) {
@@ -67,7 +71,7 @@ fn in_place(operation: Operation, [s1, s2]: &mut [f64; 2], samples: &mut [f64]) 
     match operation {
         Operation::Gain(gain) => samples.iter_mut().for_each(|y| *y *= f64::from(gain)),
         Operation::Offset(offset) => samples.iter_mut().for_each(|y| *y += f64::from(offset)),
-        Operation::Biquad { b, a } => {
+        Operation::Biquad { b, a, .. } => {
             let ([b0, b1, b2], [a1, a2]) = (b.map(f64::from), a.map(f64::from));
             let (mut t1, mut t2) = (*s1, *s2);
             for sample in samples {

@@ -1,15 +1,25 @@
 //! The work that every contestant does: nodes in an order in which each comes after what it reads.
 
+use haptograph_signal::filter::butterworth_lowpass;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// Samples a second.
+pub const RATE_HZ: f64 = 48_000.0;
+/// Samples of the input, a multiple of every block.
+pub const SAMPLES: usize = 1024;
 
 /// What a node does with the sum of what it reads.
 #[derive(Debug, Clone, Copy)]
 pub enum Operation {
     Gain(f32),
     Offset(f32),
-    /// `(b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2)`
-    Biquad { b: [f32; 3], a: [f32; 2] },
+    /// Butterworth low-pass of order 2: `(b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2)`.
+    Biquad {
+        cutoff_hz: f64,
+        b: [f32; 3],
+        a: [f32; 2],
+    },
 }
 
 /// What a node reads.
@@ -38,7 +48,10 @@ impl Work {
         let mut source = Source::Input;
         let mut nodes = Vec::new();
         for operation in operations {
-            nodes.push(Node { operation, sources: vec![source] });
+            nodes.push(Node {
+                operation,
+                sources: vec![source],
+            });
             source = Source::Node(nodes.len() - 1);
         }
         Self { nodes, block }
@@ -55,21 +68,17 @@ impl Work {
         Self::chain(block, (0..nodes).map(operation))
     }
 
-    /// Peaks of 1 dB at frequencies from 1/100 of the rate to 1/4 of it, so that every sample stays a normal number.
+    /// Low-passes from 17 to 22 kHz, so that most of the signal passes all of them.
     pub fn biquads(nodes: usize, block: usize) -> Self {
         let operation = |i| {
-            let turn = std::f64::consts::TAU * 0.01 * 25_f64.powf(i as f64 / nodes as f64);
-            let (alpha, root) = (turn.sin() / 2.0, 10_f64.powf(1.0 / 40.0));
-            let a0 = 1.0 + alpha / root;
-            let [b0, b1, b2, a1, a2] = [
-                1.0 + alpha * root,
-                -2.0 * turn.cos(),
-                1.0 - alpha * root,
-                -2.0 * turn.cos(),
-                1.0 - alpha / root,
-            ]
-            .map(|c| (c / a0) as f32);
-            Operation::Biquad { b: [b0, b1, b2], a: [a1, a2] }
+            let cutoff_hz = 17_000.0 + 5000.0 * i as f64 / nodes as f64;
+            let filter = butterworth_lowpass(2, cutoff_hz, RATE_HZ).expect("order and cut-off are possible");
+            let section = filter.sections[0];
+            Operation::Biquad {
+                cutoff_hz,
+                b: section.b.map(|b| b as f32),
+                a: section.a.map(|a| a as f32),
+            }
         };
         Self::chain(block, (0..nodes).map(operation))
     }
@@ -99,7 +108,10 @@ impl Work {
                 if one == other { vec![one] } else { vec![one, other] }
             };
             let gain = random.random_range(0.4..0.55) * if sources.len() == 1 { 2.0 } else { 1.0 };
-            made.push(Node { operation: Operation::Gain(gain), sources });
+            made.push(Node {
+                operation: Operation::Gain(gain),
+                sources,
+            });
             open.push(index);
         }
         Self { nodes: made, block }

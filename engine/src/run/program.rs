@@ -92,14 +92,20 @@ fn frame(
     inputs: &[Binding],
     outputs: &[Placing],
 ) -> Option<(u32, u32)> {
-    let (StepWork::Process(index), [input], [output]) = (step.work, inputs, outputs) else {
+    let (StepWork::Process(index), [output]) = (step.work, outputs) else {
         return None;
     };
-    let scalar = input.form == Form::Sampled && input.width == 1 && output.width == 1;
-    let wanted = scalar && plan.processors[index as usize].has_frame();
-    let from = extents.get(input.slot as usize)?.start + input.start;
     let to = extents.get(step.out as usize)?.start + output.start;
-    wanted.then_some((from, to))
+    let (from, scalar) = match inputs {
+        // A source does not look at what it is given.
+        [] => (to, output.width == 1),
+        [input] => (
+            extents.get(input.slot as usize)?.start + input.start,
+            input.form == Form::Sampled && input.width == 1 && output.width == 1,
+        ),
+        _ => return None,
+    };
+    (scalar && plan.processors[index as usize].has_frame()).then_some((from, to))
 }
 
 /// No two slots overlap and none is both read and written by a step, so that an input lies wholly before the step's

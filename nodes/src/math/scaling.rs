@@ -6,6 +6,7 @@ use haptograph_engine::node::{
     Processor, QuantityRule, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
+use haptograph_signal::elementwise;
 
 haptograph_engine::settings! {
     /// Settings of [`Gain`].
@@ -93,10 +94,15 @@ struct Scaler {
 impl Processor for Scaler {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.lanes(0);
-        let factor = self.factor;
-        for (y, x) in io.out(0).iter_mut().zip(x) {
-            *y = factor * x;
-        }
+        elementwise::scale(self.factor, x, io.out(0));
+    }
+
+    fn has_frame(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        self.factor * x
     }
 
     fn set(&mut self, setting: usize, value: f64) {
@@ -147,10 +153,15 @@ struct Shifter {
 impl Processor for Shifter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.lanes(0);
-        let offset = self.offset;
-        for (y, x) in io.out(0).iter_mut().zip(x) {
-            *y = x + offset;
-        }
+        elementwise::offset(self.offset, x, io.out(0));
+    }
+
+    fn has_frame(&self) -> bool {
+        true
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        x + self.offset
     }
 
     fn set(&mut self, setting: usize, value: f64) {
