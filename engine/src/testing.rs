@@ -207,7 +207,7 @@ impl Bench {
         while done < frames {
             let block = blocks.next().unwrap_or(MAX_FRAMES).min(frames - done);
             let parts: Vec<&[f64]> = self
-                .bindings
+                .wires
                 .iter()
                 .zip(inputs)
                 .map(|(wire, lanes)| match wire.form {
