@@ -316,14 +316,15 @@ pub trait Processor: CloneProcessor + Send + Sync {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>);
 
-    /// Does [`frame`](Self::frame) do what `process` does, where at most one scalar is read and one is put out?
-    fn has_frame(&self) -> bool {
-        false
+    /// How a single frame can be computed without ports, where at most one sampled scalar is read and one is put out.
+    /// Loops through a body and blocks of one frame are run so: the ports of `process` cost several times as much as
+    /// a multiplication. Whether there is a way does not change while the node lives.
+    fn single(&self) -> Option<Single> {
+        None
     }
 
-    /// The output for one frame of the input, bit for bit as from `process`. Loops through a body and blocks of one
-    /// frame run it in place of `process`, whose ports cost several times as much as a multiplication. For a node
-    /// without inputs `x` means nothing.
+    /// The output for one frame of the input, bit for bit as from `process`; called where [`single`](Self::single)
+    /// says so. For a node without inputs `x` means nothing.
     fn frame(&mut self, x: f64) -> f64 {
         x
     }
@@ -341,6 +342,29 @@ pub trait Processor: CloneProcessor + Send + Sync {
     /// Delay from input to output, in seconds.
     fn latency(&self) -> Latency {
         Latency::default()
+    }
+}
+
+/// How a node computes one frame of its output from one frame of its input, bit for bit as `process` does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Single {
+    /// By [`Processor::frame`].
+    Call,
+    /// This factor times the input. The engine multiplies by itself: a call costs more than the product.
+    Scale(f64),
+    /// The input plus this offset.
+    Offset(f64),
+}
+
+impl Single {
+    /// The output for the input `x`.
+    #[inline]
+    pub(crate) fn of(self, x: f64, processor: &mut dyn Processor) -> f64 {
+        match self {
+            Self::Scale(factor) => factor * x,
+            Self::Offset(offset) => x + offset,
+            Self::Call => processor.frame(x),
+        }
     }
 }
 

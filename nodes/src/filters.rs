@@ -3,7 +3,7 @@
 pub mod classical;
 pub mod section;
 
-use haptograph_engine::node::{BuildError, Io, Latency, Processor, Tick};
+use haptograph_engine::node::{BuildError, Io, Latency, Processor, Single, Tick};
 use haptograph_signal::filter::{DesignError, Sections, SectionsState};
 
 use crate::successor;
@@ -60,6 +60,16 @@ impl Processor for LaneFilter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.lanes(0);
         self.filter(x, io.out(0));
+    }
+
+    fn single(&self) -> Option<Single> {
+        (self.lanes.len() == 1).then_some(Single::Call)
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        let mut y = [0.0];
+        self.filter(&[x], &mut y);
+        y[0]
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {

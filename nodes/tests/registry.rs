@@ -243,6 +243,47 @@ fn the_same_bits_for_any_blocks() {
 }
 
 #[test]
+fn a_single_frame_has_the_bits_of_a_block() {
+    let mut without_ports = 0;
+    each_processor(|entry, build| {
+        for bad in [false, true] {
+            let inputs = inputs(&build(), 3000, bad, 6);
+            let whole = build().run_frames(3000, &slices(&inputs), &[MAX_FRAMES]);
+            let mut bench = build();
+            let mut outputs = vec![Vec::new(); whole.len()];
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+            let (mut done, mut single) = (0, false);
+            while done < 3000 {
+                // Single frames and blocks in turn, so that each goes on from the state that the other left.
+                let frames = if rng.random_bool(0.9) {
+                    1
+                } else {
+                    rng.random_range(1..150)
+                }
+                .min(3000 - done);
+                let kinds = bench.kinds().iter().flatten();
+                let part = |(x, kind): (&Vec<f64>, &Kind)| {
+                    x[done * kind.width()..(done + frames) * kind.width()].to_vec()
+                };
+                let parts: Vec<Vec<f64>> = inputs.iter().zip(kinds).map(part).collect();
+                bench.load(&slices(&parts), frames);
+                match frames {
+                    1 => single |= bench.step_single(),
+                    _ => bench.step(),
+                }
+                for (output, all) in outputs.iter_mut().enumerate() {
+                    all.extend_from_slice(bench.output(output));
+                }
+                done += frames;
+            }
+            assert!(same(&whole, &outputs), "{}, bad: {bad}", entry.spec.name);
+            without_ports += usize::from(single);
+        }
+    });
+    assert!(without_ports >= 20, "only {without_ports} were run without ports");
+}
+
+#[test]
 fn nothing_is_allocated_while_running() {
     each_processor(|entry, build| {
         let mut bench = build();

@@ -5,7 +5,7 @@ use haptograph_engine::document::{Builder, Document, Part};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
+    BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Single, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
@@ -134,8 +134,8 @@ impl Processor for Player {
         self.at = (self.at + tick.frames) % SAMPLES;
     }
 
-    fn has_frame(&self) -> bool {
-        true
+    fn single(&self) -> Option<Single> {
+        Some(Single::Call)
     }
 
     fn frame(&mut self, _: f64) -> f64 {

@@ -213,6 +213,14 @@ impl Plan {
             && device_keys(self) == device_keys(other)
     }
 
+    pub(crate) fn inputs(&self, step: &Step) -> &[Binding] {
+        &self.bindings[step.inputs.start as usize..step.inputs.end as usize]
+    }
+
+    pub(crate) fn outputs(&self, step: &Step) -> &[Placing] {
+        &self.placings[step.outputs.start as usize..step.outputs.end as usize]
+    }
+
     /// Number of steps.
     pub fn step_count(&self) -> usize {
         self.steps.len()

@@ -41,7 +41,8 @@ impl fmt::Display for Plan {
                     .collect();
                 write!(f, " in windows of {}", windows.join(", "))?;
             }
-            let inputs: Vec<String> = self.bindings[step.inputs.start as usize..step.inputs.end as usize]
+            let inputs: Vec<String> = self
+                .inputs(step)
                 .iter()
                 .map(|binding| {
                     if binding.slot == u32::MAX {

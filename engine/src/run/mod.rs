@@ -24,7 +24,7 @@ use crate::plan::{ActuatorPlan, BridgeKind, Plan, StepWork};
 use bridge::{BridgeState, DelayState, Ends};
 use drive::Drive;
 use petgraph::graph::NodeIndex;
-use program::{Line, Program};
+use program::{Line, Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
 use window::{Window, Windows};
@@ -46,6 +46,8 @@ struct State {
     whole: Vec<Window>,
     memory: Memory,
     processors: Vec<Box<dyn Processor>>,
+    /// Of each processor, with its present settings.
+    singles: Vec<SingleStep>,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
     bridges: Vec<BridgeState>,
@@ -116,6 +118,7 @@ impl Run {
                 .iter()
                 .map(|processor| processor.clone_box())
                 .collect(),
+            singles: program.singles.clone(),
             devices: plan
                 .devices
                 .iter()
@@ -158,11 +161,11 @@ impl Run {
 
     /// The frames of tap `index` in the block that was run last, lane by lane.
     pub fn tap(&self, index: usize) -> &[f64] {
-        let Some(tap) = self.plan.taps.get(index) else {
+        let Some(tap) = self.program.taps.get(index) else {
             return &[];
         };
         let window = self.state.windows.of(tap.clock);
-        &self.buffer(tap.slot)[range_of(tap.placing.start, tap.placing.width, window)]
+        &self.state.memory.all()[range_of(tap.start, tap.width, window)]
     }
 
     /// The content of a slot.
@@ -179,7 +182,10 @@ impl Run {
         let plan = &self.plan;
         for step in plan.steps.iter().filter(|step| step.node == node) {
             match step.work {
-                StepWork::Process(index) => self.state.processors[index as usize].set(setting, value),
+                StepWork::Process(index) => {
+                    self.state.processors[index as usize].set(setting, value);
+                    self.state.renew_single(index as usize);
+                }
                 StepWork::Actuator(index) if value.is_finite() => {
                     self.state.actuators[index as usize].gain = value;
                 }
@@ -231,6 +237,13 @@ impl Run {
 }
 
 impl State {
+    /// After a processor was changed or replaced by another of its kind.
+    fn renew_single(&mut self, processor: usize) {
+        if let Some(single) = self.processors[processor].single() {
+            self.singles[processor].single = single;
+        }
+    }
+
     fn steps(&mut self, plan: &Plan, program: &Program, range: Range<usize>) {
         let mut number = range.start;
         while number < range.end {
@@ -281,42 +294,58 @@ impl State {
         if window.count == 0 {
             return;
         }
+        let single = window.count == 1 && !self.faults.watching;
+        let mut done = 0;
+        while done < lines.len() {
+            let singles = (lines[done].singles as usize).min(lines.len() - done);
+            done += if single && singles > 0 {
+                self.single_frames(first + done..first + done + singles, window.offset);
+                singles
+            } else {
+                self.ported(&lines[done], first + done, window, period_s);
+                1
+            };
+        }
+    }
+
+    /// Runs processors for one frame without ports.
+    #[inline]
+    fn single_frames(&mut self, range: Range<usize>, offset: usize) {
+        let memory = &mut self.memory.all_mut()[offset..];
+        let processors = &mut self.processors[range.clone()];
+        let (mut latest, mut latest_at) = (0.0, u32::MAX);
+        for (step, processor) in self.singles[range].iter().zip(processors) {
+            // In a chain the frame stays in a register: a load has to wait for the store before it.
+            let x = match step.from == latest_at {
+                true => latest,
+                false => memory[step.from as usize],
+            };
+            latest = step.single.of(x, &mut **processor);
+            latest_at = step.to;
+            memory[step.to as usize] = latest;
+        }
+    }
+
+    #[inline]
+    fn ported(&mut self, line: &Line, processor: usize, window: Window, period_s: f64) {
         let tick = Tick {
             first: window.first,
             frames: window.count,
             period_s,
         };
-        let memory = self.memory.all_mut();
-        let watching = self.faults.watching;
-        let single = window.count == 1 && !watching;
-        let (mut latest, mut latest_at) = (0.0, u32::MAX);
-        for (line, processor) in lines.iter().zip(&mut self.processors[first..]) {
-            if let (true, Some((from, to))) = (single, line.frame) {
-                // In a chain the frame stays in a register: a load has to wait for the store before it.
-                let x = match from == latest_at {
-                    true => latest,
-                    false => memory[from as usize + window.offset],
-                };
-                latest = processor.frame(x);
-                latest_at = to;
-                memory[to as usize + window.offset] = latest;
-                continue;
-            }
-            latest_at = u32::MAX;
-            let (before, out, behind) = line.out.split(memory);
-            let mut io = Io {
-                frames: window.count,
-                offset: window.offset,
-                inputs: &line.inputs,
-                outputs: &line.outputs,
-                before,
-                out,
-                behind,
-            };
-            processor.process(&tick, &mut io);
-            if watching {
-                self.faults.watch(line, out, window);
-            }
+        let (before, out, behind) = line.out.split(self.memory.all_mut());
+        let mut io = Io {
+            frames: window.count,
+            offset: window.offset,
+            inputs: &line.inputs,
+            outputs: &line.outputs,
+            before,
+            out,
+            behind,
+        };
+        self.processors[processor].process(&tick, &mut io);
+        if self.faults.watching {
+            self.faults.watch(line, out, window);
         }
     }
 

@@ -1,7 +1,8 @@
 //! The plan as the real-time loop walks it: every input and output at its place in the memory.
 
 use crate::io::{Binding, Extent, Form, Placing, Wire};
-use crate::plan::{Plan, Step, StepWork};
+use crate::node::Single;
+use crate::plan::{Plan, Step, StepWork, Tap};
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
 
@@ -9,6 +10,9 @@ use std::ops::Range;
 pub(super) struct Program {
     /// One a step of the plan.
     pub lines: Vec<Line>,
+    /// One a processor, meant where its line says so; a run's own follow what is set live.
+    pub singles: Vec<SingleStep>,
+    pub taps: Vec<TapAt>,
     /// Where each slot of the plan lies.
     pub extents: Vec<Extent>,
     /// f64s of all slots.
@@ -23,12 +27,28 @@ pub(super) struct Line {
     pub clock: u32,
     /// Processors of the same clock that follow one another from here on: one look at the window serves them all.
     pub streak: u32,
+    /// How many of them, from this one on, take single frames.
+    pub singles: u32,
     pub out: Extent,
     pub inputs: Box<[Wire]>,
     pub outputs: Box<[Placing]>,
     pub node: NodeIndex,
-    /// Where the one scalar input and the one scalar output lie, if the processor takes single frames.
-    pub frame: Option<(u32, u32)>,
+}
+
+/// How a processor computes a single frame, and where the one scalar input and the one scalar output lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SingleStep {
+    pub single: Single,
+    pub from: u32,
+    pub to: u32,
+}
+
+/// Where a tapped output lies in the memory.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TapAt {
+    pub start: u32,
+    pub width: u32,
+    pub clock: u32,
 }
 
 impl Program {
@@ -44,17 +64,25 @@ impl Program {
         };
         let extents: Vec<Extent> = plan.slots.iter().map(extent).collect();
         let mut lines: Vec<Line> = plan.steps.iter().map(|step| line(plan, step, &extents)).collect();
-        for number in (1..lines.len()).rev() {
-            let (earlier, later) = (&lines[number - 1], &lines[number]);
-            if let (StepWork::Process(a), StepWork::Process(b)) = (earlier.work, later.work)
-                && b == a + 1
-                && earlier.clock == later.clock
+        let mut singles = vec![SingleStep::NONE; plan.processors.len()];
+        for (step, line) in plan.steps.iter().zip(&mut lines) {
+            if let StepWork::Process(index) = step.work
+                && let Some(single) = single_step(plan, step, index as usize, &extents)
             {
-                lines[number - 1].streak = later.streak + 1;
+                singles[index as usize] = single;
+                line.singles = 1;
             }
         }
+        join_streaks(&mut lines);
+        let tap = |tap: &Tap| TapAt {
+            start: extents[tap.slot as usize].start + tap.placing.start,
+            width: tap.placing.width,
+            clock: tap.clock,
+        };
         Self {
             lines,
+            singles,
+            taps: plan.taps.iter().map(tap).collect(),
             extents,
             len,
             periods_s: plan.rates.iter().map(|rate| rate.period_s()).collect(),
@@ -68,44 +96,60 @@ impl Program {
     }
 }
 
+impl SingleStep {
+    /// Of a processor that has to be run by its ports; never run.
+    const NONE: Self = Self {
+        single: Single::Call,
+        from: 0,
+        to: 0,
+    };
+}
+
+/// Counts, from the last line to the first, how many processors each can be run together with.
+fn join_streaks(lines: &mut [Line]) {
+    for number in (1..lines.len()).rev() {
+        let (earlier, later) = (&lines[number - 1], &lines[number]);
+        if let (StepWork::Process(a), StepWork::Process(b)) = (earlier.work, later.work)
+            && b == a + 1
+            && earlier.clock == later.clock
+        {
+            let (streak, singles) = (later.streak, later.singles);
+            let earlier = &mut lines[number - 1];
+            earlier.streak += streak;
+            earlier.singles *= 1 + singles;
+        }
+    }
+}
+
 fn line(plan: &Plan, step: &Step, extents: &[Extent]) -> Line {
     let out = extents.get(step.out as usize).copied().unwrap_or_default();
     let wire = |binding: &Binding| wire(binding, extents, out);
-    let inputs = &plan.bindings[step.inputs.start as usize..step.inputs.end as usize];
-    let outputs = &plan.placings[step.outputs.start as usize..step.outputs.end as usize];
     Line {
-        frame: frame(plan, step, extents, inputs, outputs),
         work: step.work,
         clock: step.clock,
         streak: 1,
+        singles: 0,
         out,
-        inputs: inputs.iter().map(wire).collect(),
-        outputs: outputs.into(),
+        inputs: plan.inputs(step).iter().map(wire).collect(),
+        outputs: plan.outputs(step).into(),
         node: step.node,
     }
 }
 
-fn frame(
-    plan: &Plan,
-    step: &Step,
-    extents: &[Extent],
-    inputs: &[Binding],
-    outputs: &[Placing],
-) -> Option<(u32, u32)> {
-    let (StepWork::Process(index), [output]) = (step.work, outputs) else {
-        return None;
-    };
+fn single_step(plan: &Plan, step: &Step, processor: usize, extents: &[Extent]) -> Option<SingleStep> {
+    let [output] = plan.outputs(step) else { return None };
     let to = extents.get(step.out as usize)?.start + output.start;
-    let (from, scalar) = match inputs {
+    let (from, scalar) = match plan.inputs(step) {
         // A source does not look at what it is given.
         [] => (to, output.width == 1),
-        [input] => (
+        [input, others @ ..] if others.iter().all(|other| other.form == Form::Absent) => (
             extents.get(input.slot as usize)?.start + input.start,
             input.form == Form::Sampled && input.width == 1 && output.width == 1,
         ),
         _ => return None,
     };
-    (scalar && plan.processors[index as usize].has_frame()).then_some((from, to))
+    let single = plan.processors[processor].single().filter(|_| scalar)?;
+    Some(SingleStep { single, from, to })
 }
 
 /// No two slots overlap and none is both read and written by a step, so that an input lies wholly before the step's

@@ -86,6 +86,7 @@ impl Next {
                 Carry::Whole => std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]),
                 Carry::Copied => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
             }
+            new.renew_single(*to);
         }
         for (from, to) in &self.devices {
             std::mem::swap(&mut old.devices[*from], &mut new.devices[*to]);

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::{Event, Kind};
 use haptograph_engine::node::{
     BuildContext, BuildError, InputSpec, Io, KindRule, Latency, NodeKind, NodeSpec, OutputSpec, Processor,
-    QuantityRule, Tick, any_input,
+    QuantityRule, Single, Tick, any_input,
 };
 use haptograph_engine::settings::NoSettings;
 
@@ -62,6 +62,16 @@ impl Processor for Difference {
                 *previous = *x;
             }
         }
+    }
+
+    fn single(&self) -> Option<Single> {
+        Some(Single::Call)
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        let previous = if self.started { self.previous[0] } else { x };
+        (self.previous[0], self.started) = (x, true);
+        (x - previous) * self.rate_hz
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {

@@ -2,7 +2,7 @@
 //! watch at the sinks finds where it came from; it does not stick.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, any_input, output_like,
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Single, Tick, any_input, output_like,
 };
 
 use crate::successor;
@@ -50,11 +50,19 @@ struct Clamping {
 
 impl Processor for Clamping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (x, low, high) = (io.lanes(0), self.lowest, self.highest);
-        for (y, &x) in io.out(0).iter_mut().zip(x) {
-            let above = if x < low { low } else { x };
-            *y = if above > high { high } else { above };
+        let x = io.lanes(0);
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            *y = self.frame(*x);
         }
+    }
+
+    fn single(&self) -> Option<Single> {
+        Some(Single::Call)
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        let above = if x < self.lowest { self.lowest } else { x };
+        if above > self.highest { self.highest } else { above }
     }
 
     fn set(&mut self, setting: usize, value: f64) {
@@ -108,10 +116,18 @@ struct SoftClipping {
 
 impl Processor for SoftClipping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (x, limit) = (io.lanes(0), self.limit);
+        let x = io.lanes(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
-            *y = limit * (x / limit).tanh();
+            *y = self.frame(*x);
         }
+    }
+
+    fn single(&self) -> Option<Single> {
+        Some(Single::Call)
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        self.limit * (x / self.limit).tanh()
     }
 
     fn set(&mut self, setting: usize, value: f64) {

@@ -3,7 +3,7 @@
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
-    Processor, QuantityRule, Tick, any_input, output_like,
+    Processor, QuantityRule, Single, Tick, any_input, output_like,
 };
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::elementwise;
@@ -97,12 +97,8 @@ impl Processor for Scaler {
         elementwise::scale(self.factor, x, io.out(0));
     }
 
-    fn has_frame(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        self.factor * x
+    fn single(&self) -> Option<Single> {
+        Some(Single::Scale(self.factor))
     }
 
     fn set(&mut self, setting: usize, value: f64) {
@@ -156,12 +152,8 @@ impl Processor for Shifter {
         elementwise::offset(self.offset, x, io.out(0));
     }
 
-    fn has_frame(&self) -> bool {
-        true
-    }
-
-    fn frame(&mut self, x: f64) -> f64 {
-        x + self.offset
+    fn single(&self) -> Option<Single> {
+        Some(Single::Offset(self.offset))
     }
 
     fn set(&mut self, setting: usize, value: f64) {
@@ -198,8 +190,16 @@ impl Processor for Rectifier {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.lanes(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
-            *y = x.abs();
+            *y = self.frame(*x);
         }
+    }
+
+    fn single(&self) -> Option<Single> {
+        Some(Single::Call)
+    }
+
+    fn frame(&mut self, x: f64) -> f64 {
+        x.abs()
     }
 }
 
