@@ -1,17 +1,24 @@
 //! Simulated bodies: hands, tools, devices and objects that run where no hardware is. Whatever comes from here is
 //! labelled simulated wherever it is shown.
 
+pub mod accelerometer;
 pub mod drawing;
 pub mod force_sensor;
 pub mod ground;
 pub mod hand;
 pub mod haptuator;
 pub mod knock;
+pub mod material;
 pub mod omni;
 pub mod pen_brake;
 pub mod pen_object;
+pub mod recorder;
 pub mod script;
+pub mod static_resolution;
 pub mod stroke;
 pub mod tablet;
 pub mod tablet_node;
+pub mod terrain;
+pub mod tool;
+pub mod tracker;
 pub mod wobble;

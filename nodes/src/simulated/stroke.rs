@@ -57,7 +57,7 @@ pub struct StrokeSettings {
     pub shape: StrokeShape,
     /// Mean normal force, N. A recorded path brings its own.
     pub force_n: f64,
-    /// Standard deviation of the force as a fraction of its mean, 0 to 0.3.
+    /// Standard deviation of the force as a fraction of its mean, 0 to 1; it never falls below a tenth of the mean.
     pub force_variation: f64,
     /// Standard deviation of the pace as a fraction of its mean, 0 to 0.3.
     pub pace_variation: f64,
@@ -154,7 +154,7 @@ impl Stroke {
         let pressure = 1.0 + self.settings.force_variation * self.force.at(time_s);
         StrokePoint {
             position_m: [shape[0] * grow[0], shape[1] * grow[1]],
-            force_n: self.settings.force_n * pressure.max(0.0) * pressed,
+            force_n: self.settings.force_n * pressure.max(0.1) * pressed,
             lifted,
         }
     }
@@ -256,13 +256,9 @@ fn check(settings: &StrokeSettings) -> Result<(), StrokeError> {
             Err(StrokeError::OutOfRange { name, value, range })
         }
     };
-    for (name, value) in [
-        ("force_variation", settings.force_variation),
-        ("pace_variation", settings.pace_variation),
-        ("size_variation", settings.size_variation),
-    ] {
-        within(name, value, 0.3, "a fraction from 0 to 0.3")?;
-    }
+    within("force_variation", settings.force_variation, 1.0, "a fraction from 0 to 1")?;
+    within("pace_variation", settings.pace_variation, 0.3, "a fraction from 0 to 0.3")?;
+    within("size_variation", settings.size_variation, 0.3, "a fraction from 0 to 0.3")?;
     within(
         "force_n",
         settings.force_n,

@@ -1,0 +1,201 @@
+//! Procedural surfaces: a height field made of noise of a given spatial spectrum, smooth enough to roll a tool over.
+//!
+//! A square tile of random coefficients, shaped in the Fourier domain and repeated without seams, is the control net of a
+//! cubic B-spline: height and slope are continuous, and so is curvature. What the field means is what the tool's tip traces,
+//! its own radius already taken into account.
+
+use haptograph_signal::Complex64;
+use haptograph_signal::noise::Gaussian;
+use rustfft::FftPlanner;
+use std::f64::consts::FRAC_PI_2;
+
+/// Coefficients along each side of the tile.
+const SIDE: usize = 1024;
+/// Distance of neighbouring coefficients, m.
+const CELL_M: f64 = 1e-4;
+
+/// How rough a surface is, and how fine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relief {
+    /// Root mean square of the height, m.
+    pub rms_m: f64,
+    /// Mean spatial frequency of the height's power along any direction of travel, 1/m.
+    pub fineness_per_m: f64,
+    /// Width of the spectrum: standard deviation of the logarithm of spatial frequency.
+    pub spread: f64,
+    /// Share of the height's rms that is fine grain of all frequencies.
+    pub grain: f64,
+}
+
+/// A height field over the plane.
+#[derive(Debug, Clone)]
+pub struct Terrain {
+    coefficients: Box<[f32]>,
+    highest_m: f64,
+}
+
+/// Height and slope at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Height, m.
+    pub height_m: f64,
+    /// Slopes along x and y.
+    pub slope: [f64; 2],
+}
+
+impl Terrain {
+    /// A piece of a surface; the seed is the piece.
+    pub fn new(relief: &Relief, seed: u64) -> Self {
+        let mut grid = vec![0.0; SIDE * SIDE];
+        Gaussian::new(seed).fill(&mut grid);
+        let mut field: Vec<Complex64> = grid.iter().map(|&x| Complex64::from(x)).collect();
+        transform(&mut field, false);
+        let densities: Vec<f64> = (0..SIDE * SIDE).map(|i| density(relief, frequency(i))).collect();
+        let coarse: f64 = densities.iter().sum();
+        let fine = (SIDE * SIDE) as f64;
+        for (value, density) in field.iter_mut().zip(&densities) {
+            let power = (1.0 - relief.grain.powi(2)) * density / coarse + relief.grain.powi(2) / fine;
+            *value *= power.sqrt();
+        }
+        field[0] = Complex64::ZERO;
+        transform(&mut field, true);
+        let mut coefficients: Vec<f32> = field.iter().map(|v| v.re as f32).collect();
+        let mean_square = coefficients.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>() / fine;
+        let scale = (relief.rms_m / mean_square.sqrt()) as f32;
+        coefficients.iter_mut().for_each(|c| *c *= scale);
+        let highest_m = coefficients.iter().fold(0.0_f32, |most, c| most.max(*c)).into();
+        Self { coefficients: coefficients.into(), highest_m }
+    }
+
+    /// No point is higher than this, m.
+    pub fn highest_m(&self) -> f64 {
+        self.highest_m
+    }
+
+    /// Height and slope at a point in m.
+    #[inline]
+    pub fn at(&self, x_m: f64, y_m: f64) -> Spot {
+        let (column, across, across_slope) = spline(x_m / CELL_M);
+        let (row, along, along_slope) = spline(y_m / CELL_M);
+        let (mut height_m, mut slope) = (0.0, [0.0; 2]);
+        for j in 0..4 {
+            let line = ((row + j) & (SIDE - 1)) * SIDE;
+            let (mut sum, mut sum_slope) = (0.0, 0.0);
+            for i in 0..4 {
+                let c = f64::from(self.coefficients[line + ((column + i) & (SIDE - 1))]);
+                sum += across[i] * c;
+                sum_slope += across_slope[i] * c;
+            }
+            height_m += along[j] * sum;
+            slope[0] += along[j] * sum_slope;
+            slope[1] += along_slope[j] * sum;
+        }
+        Spot { height_m, slope: slope.map(|s| s / CELL_M) }
+    }
+}
+
+/// Power by spatial frequency in a cell of the Fourier plane: log-normal along the radius, spread over the circle.
+fn density(relief: &Relief, frequency_per_m: f64) -> f64 {
+    if frequency_per_m <= 0.0 {
+        return 0.0;
+    }
+    // A straight way sees the plane's waves at an angle, 2/pi of their frequency on average; the mean of a log-normal law is
+    // its median times exp(spread^2 / 2).
+    let median_per_m = relief.fineness_per_m * FRAC_PI_2 * (-0.5 * relief.spread * relief.spread).exp();
+    let away = (frequency_per_m / median_per_m).ln() / relief.spread;
+    (-0.5 * away * away).exp() / (frequency_per_m * frequency_per_m)
+}
+
+/// Spatial frequency of a coefficient of the transform, 1/m.
+fn frequency(index: usize) -> f64 {
+    let signed = |k: usize| if k < SIDE / 2 { k as f64 } else { k as f64 - SIDE as f64 };
+    signed(index % SIDE).hypot(signed(index / SIDE)) / (SIDE as f64 * CELL_M)
+}
+
+/// The two-dimensional Fourier transform, not scaled.
+fn transform(field: &mut [Complex64], inverse: bool) {
+    let mut planner = FftPlanner::new();
+    let fft = if inverse { planner.plan_fft_inverse(SIDE) } else { planner.plan_fft_forward(SIDE) };
+    for _ in 0..2 {
+        fft.process(field);
+        for row in 0..SIDE {
+            for column in row + 1..SIDE {
+                field.swap(row * SIDE + column, column * SIDE + row);
+            }
+        }
+    }
+}
+
+/// First of the four coefficients around a place, their weights and the weights' derivatives by the place.
+#[inline]
+fn spline(place: f64) -> (usize, [f64; 4], [f64; 4]) {
+    let below = place.floor();
+    let t = place - below;
+    let s = 1.0 - t;
+    let weights = [
+        s * s * s / 6.0,
+        (4.0 - 3.0 * t * t * (2.0 - t)) / 6.0,
+        (4.0 - 3.0 * s * s * (2.0 - s)) / 6.0,
+        t * t * t / 6.0,
+    ];
+    let slopes = [-0.5 * s * s, -0.5 * t * (4.0 - 3.0 * t), 0.5 * s * (4.0 - 3.0 * s), 0.5 * t * t];
+    // The tile repeats: whole numbers modulo its side, negative ones too.
+    let first = (below as i64 - 1).rem_euclid(SIDE as i64) as usize;
+    (first, weights, slopes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::spectrum::{spectral_centroid, welch};
+    use haptograph_signal::window::Window;
+
+    const RELIEF: Relief = Relief { rms_m: 1e-5, fineness_per_m: 1000.0, spread: 0.4, grain: 0.02 };
+
+    #[test]
+    fn heights_have_the_rms_and_the_slopes_are_their_derivative() {
+        let terrain = Terrain::new(&RELIEF, 1);
+        let mut square = 0.0;
+        for k in 0..20_000 {
+            let (x, y) = (f64::from(k) * 3.7e-5 - 0.3, f64::from(k) * 2.3e-6 + 0.01);
+            let here = terrain.at(x, y);
+            square += here.height_m.powi(2) / 20_000.0;
+            let step_m = 1e-8;
+            let slope = [
+                (terrain.at(x + step_m, y).height_m - terrain.at(x - step_m, y).height_m) / (2.0 * step_m),
+                (terrain.at(x, y + step_m).height_m - terrain.at(x, y - step_m).height_m) / (2.0 * step_m),
+            ];
+            assert!(slope.iter().zip(here.slope).all(|(a, b)| (a - b).abs() < 1e-6));
+            assert!(here.height_m <= terrain.highest_m());
+        }
+        // The spline smooths the finest grain a little.
+        assert!((square.sqrt() / 1e-5 - 0.95).abs() < 0.06, "{}", square.sqrt());
+    }
+
+    #[test]
+    fn the_tile_has_no_seam() {
+        let terrain = Terrain::new(&RELIEF, 2);
+        let period_m = SIDE as f64 * CELL_M;
+        for (x, y) in [(0.0, 0.0), (1e-3, -2e-3), (-0.05, 0.03)] {
+            let (a, b) = (terrain.at(x, y), terrain.at(x + period_m, y - period_m));
+            assert!((a.height_m - b.height_m).abs() < 1e-14);
+        }
+        let (a, b) = (terrain.at(-1e-12, 0.0), terrain.at(1e-12, 0.0));
+        assert!((a.height_m - b.height_m).abs() < 1e-13);
+    }
+
+    #[test]
+    fn a_finer_relief_is_finer_along_any_way() {
+        let centroid = |fineness_per_m: f64| {
+            let terrain = Terrain::new(&Relief { fineness_per_m, grain: 0.0, ..RELIEF }, 3);
+            let (sin, cos) = 0.63_f64.sin_cos();
+            let profile: Vec<f64> =
+                (0..65_536).map(|k| f64::from(k) * 5e-5).map(|s| terrain.at(s * cos, s * sin).height_m).collect();
+            let spectrum = welch(&profile, 1.0 / 5e-5, 4096, 2048, Window::Hann).unwrap();
+            spectral_centroid(&spectrum.frequency_hz, &spectrum.density)
+        };
+        let (coarse, fine) = (centroid(700.0), centroid(1400.0));
+        assert!((coarse / 700.0 - 1.0).abs() < 0.1, "{coarse}");
+        assert!((fine / coarse - 2.0).abs() < 0.15, "{fine} against {coarse}");
+    }
+}
