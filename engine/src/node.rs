@@ -265,7 +265,16 @@ pub trait FileKind: 'static {
     ///
     /// # Errors
     /// [`BuildError`] where the settings do not fit.
-    fn build(settings: Self::Settings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError>;
+    fn build(settings: Self::Settings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError>;
+}
+
+/// What a file sink is told when it is built.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FileContext {
+    /// What it will write, in the order of its inputs.
+    pub streams: Vec<Stream>,
+    /// The seed of the whole graph, for files that say how they can be made again.
+    pub graph_seed: u64,
 }
 
 /// One signal as a file sink or probe sees it.
@@ -426,7 +435,7 @@ pub struct NodeEntry {
 pub(crate) enum Build {
     Processor(Read<BuildContext, Advised>),
     Actuator(Read<(), (f64, Limit)>),
-    File(Read<Vec<Stream>, Box<dyn FileSink>>),
+    File(Read<FileContext, Box<dyn FileSink>>),
     /// Reads a device; its outputs are the device's channels of the same names.
     Source,
 }
@@ -475,7 +484,7 @@ impl NodeEntry {
             settings: K::Settings::specs,
             build: Build::File(|fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
-                Some(Box::new(|streams| K::build(settings, streams)))
+                Some(Box::new(|cx| K::build(settings, cx)))
             }),
         }
     }

@@ -29,6 +29,7 @@ pub fn registry() -> Registry {
     plain_blocks(&mut all);
     texture(&mut all);
     touch(&mut all);
+    recording(&mut all);
     all
 }
 
@@ -45,6 +46,7 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::wav::WavSource>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())
         .add(NodeEntry::file::<sinks::csv::CsvSink>())
+        .add(NodeEntry::file::<sinks::recording::RecordingSink>())
         .add(NodeEntry::processor::<sinks::meter::Meter>());
 }
 
@@ -113,6 +115,14 @@ fn touch(all: &mut Registry) {
         .add(NodeEntry::processor::<sensing::study::ForceWarning>())
         .add(NodeEntry::processor::<sensing::study::QuadrantDwell>())
         .add(NodeEntry::actuator::<actuators::force_sink::ForceSink>());
+}
+
+fn recording(all: &mut Registry) {
+    all.add(NodeEntry::source(&simulated::recorder::RECORDING_TOOL))
+        .add(NodeEntry::processor::<simulated::sensor_models::AccelerometerModel>())
+        .add(NodeEntry::processor::<simulated::sensor_models::TrackerModel>())
+        .add(NodeEntry::processor::<simulated::sensor_models::ForceSensorModel>())
+        .add_device(DeviceEntry::of::<simulated::recorder::SimulatedRecordingTool>());
 }
 
 /// The processor that takes over, if it is of the same type.

@@ -2,6 +2,7 @@
 
 pub mod csv;
 pub mod meter;
+pub mod recording;
 pub mod wav;
 
 use haptograph_engine::node::BuildError;

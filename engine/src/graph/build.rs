@@ -7,7 +7,7 @@ use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerp
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::frame::Kind;
-use crate::node::{Build, BuildContext, BuildError, Flow, KindRule, QuantityRule, Stream};
+use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
 use crate::settings::Fields;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
@@ -130,9 +130,14 @@ fn work(
         }
         Build::File(read) => {
             let finish = cx.reading(|reading| read(&mut fields, reading));
-            let streams = streams(draft, clocks, simulated, node).filter(|_| sound);
-            match (finish, streams) {
-                (Some(finish), Some(streams)) => places.or_report(cx, finish(&streams)).map(Work::File),
+            let context = streams(draft, clocks, simulated, node)
+                .filter(|_| sound)
+                .map(|streams| FileContext {
+                    streams,
+                    graph_seed: seed,
+                });
+            match (finish, context) {
+                (Some(finish), Some(context)) => places.or_report(cx, finish(&context)).map(Work::File),
                 _ => None,
             }
         }

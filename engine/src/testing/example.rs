@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostics, Sources};
 use crate::document::text;
 use crate::document::value::{Body, Name, Shape, Value};
 use crate::frame::Kind;
-use crate::node::{Build, InputSpec, KindRule, NodeEntry, NodeSpec, Presence, Stream};
+use crate::node::{Build, FileContext, InputSpec, KindRule, NodeEntry, NodeSpec, Presence, Stream};
 use crate::settings::{Fields, Reading};
 use haptograph_signal::quantity::Quantity;
 use std::path::Path;
@@ -61,7 +61,11 @@ impl Bench {
                     simulated: false,
                 };
                 let streams = kinds(&times).into_iter().map(stream).collect();
-                finish(&streams).map_err(|error| error.to_string())?;
+                finish(&FileContext {
+                    streams,
+                    graph_seed: 1,
+                })
+                .map_err(|error| error.to_string())?;
                 Ok(None)
             }
             Build::Source => {

@@ -4,9 +4,9 @@
 use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, Io, KindRule,
-    Limit, NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule, Stream, Tick,
-    any_input, input, output, output_like,
+    ActuatorKind, BuildContext, BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec,
+    Io, KindRule, Limit, NodeEntry, NodeKind, NodeSpec, OutputSpec, Presence, Processor, QuantityRule,
+    Stream, Tick, any_input, input, output, output_like,
 };
 use haptograph_engine::registry::Registry;
 use haptograph_engine::{choices, settings};
@@ -318,8 +318,8 @@ impl FileKind for Wav {
         }],
         &[],
     );
-    fn build(settings: WavSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
-        let rates = streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
+    fn build(settings: WavSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
+        let rates = cx.streams.windows(2).all(|pair| pair[0].rate == pair[1].rate);
         if !rates {
             return Err(BuildError::at(
                 "inputs",

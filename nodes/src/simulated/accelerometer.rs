@@ -47,24 +47,24 @@ pub struct Accelerometer {
     raw_noise_m_s2: f64,
     noise: Gaussian,
     filters: [SectionsState; 3],
+    settled: bool,
 }
 
 impl Accelerometer {
-    /// A sensor at rest under gravity along its third axis, sampled at `rate_hz`.
+    /// A sensor sampled at `rate_hz`. Its filter starts at rest at the first sample: a recording begins while the tool is held.
     pub fn new(settings: AccelerometerSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
         let sections = bessel_lowpass(5, settings.cutoff_hz, rate_hz)?;
         let mut impulse = [0.0; 4096];
         impulse[0] = 1.0;
         SectionsState::new(&sections).process_in_place(&mut impulse);
         let gain = impulse.iter().map(|h| h * h).sum::<f64>().sqrt();
-        let mut filters = [(); 3].map(|()| SectionsState::new(&sections));
-        filters.iter_mut().for_each(|filter| filter.settle_at(settings.zero_v));
         Ok(Self {
             settings,
             step_v: 2.0 * settings.full_scale_v / 2.0_f64.powi(settings.bits.min(52) as i32),
             raw_noise_m_s2: settings.noise_m_s2 / gain,
             noise: Gaussian::new(seed),
-            filters,
+            filters: [(); 3].map(|()| SectionsState::new(&sections)),
+            settled: false,
         })
     }
 
@@ -75,6 +75,13 @@ impl Accelerometer {
             let noisy = felt + self.raw_noise_m_s2 * self.noise.next_sample();
             s.zero_v + noisy.clamp(-s.range_m_s2, s.range_m_s2) / s.m_s2_per_v
         });
+        if !self.settled {
+            self.settled = true;
+            self.filters
+                .iter_mut()
+                .zip(volts)
+                .for_each(|(filter, value)| filter.settle_at(value));
+        }
         for (filter, value) in self.filters.iter_mut().zip(&mut volts) {
             filter.process_in_place(std::slice::from_mut(value));
         }
@@ -90,7 +97,10 @@ mod tests {
     const RATE_HZ: f64 = 10_000.0;
 
     fn sensor(noise_m_s2: f64) -> Accelerometer {
-        let settings = AccelerometerSettings { noise_m_s2, ..AccelerometerSettings::default() };
+        let settings = AccelerometerSettings {
+            noise_m_s2,
+            ..AccelerometerSettings::default()
+        };
         Accelerometer::new(settings, RATE_HZ, 1).unwrap()
     }
 

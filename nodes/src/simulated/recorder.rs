@@ -1,169 +1,200 @@
-//! A simulated recording session (2.2): a person, a piece of a material, the recording tool, its sensors, and what they write
-//! down. `graphs/recorder.ron` is this as a graph; here it is in one call, for tests and for batches.
+//! The simulated recording tool as a device of graphs, and the source that reads it (2.2): a person, a piece of a material, and
+//! the tool with its sensors' places. What the sensors make of it is the business of the graph.
 
-use super::accelerometer::{Accelerometer, AccelerometerSettings};
-use super::force_sensor::{ForceSensor, ForceSensorSettings};
-use super::ground::Ground;
+use super::habit::habit;
 use super::material::{Material, MaterialName};
-use super::script::{Action, ScriptError, ScriptSettings};
-use super::stroke::{StrokeSettings, StrokeShape};
-use super::tool::{
-    FORCE_SENSOR_UP_M, SUBSTEPS, SimulatedTool, TOOL_RATE_HZ, TRACKER_UP_M, ToolGrip, ToolReading, conjugate, rotate,
-};
-use super::tracker::TrackerSettings;
-use crate::vector::{Vec3, cross, dot};
-use haptograph_signal::filter::DesignError;
+use super::orientation::{conjugate, from_rotation_vector, matrix, rotate, rotation_vector};
+use super::tool::{SUBSTEPS, SimulatedTool, TOOL_RATE_HZ, ToolGrip, ToolReading};
+use crate::sinks::recording::Motion;
+use crate::vector::{Vec3, add_scaled, cross, dot};
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::noise::stream_seed;
-use haptograph_surfaces::recording::{Calibration, Gesture, Pose, Recording, RecordingError, Series, Wrench};
-use haptograph_surfaces::{Origin, Provenance};
-use rand::{RngExt, SeedableRng};
-use rand_xoshiro::Xoshiro256PlusPlus;
+use haptograph_signal::quantity::Quantity;
 
-/// What is recorded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Session {
-    /// The material.
-    pub material: MaterialName,
-    /// What the hand does.
-    pub gesture: Gesture,
-    /// Who does it; people differ in hands, posture and habits.
-    pub person: u64,
-    /// Length, s.
-    pub seconds: f64,
-    /// The piece of material and the attempt.
-    pub seed: u64,
+const POSITION: &str = "Where the tracker's sensor is, m.";
+const ORIENTATION: &str = "Rotation from the tool's frame to the world: axis times angle, rad.";
+const ACCELERATION: &str =
+    "Acceleration less gravity in the tool's frame, m/s2: what an accelerometer feels.";
+const WRENCH: &str = "Load of the surface on the tool, at the force sensor and in its frame, N and N m.";
+
+/// Reads a recording tool.
+pub const RECORDING_TOOL: NodeSpec = NodeSpec {
+    name: "RecordingTool",
+    group: "sources",
+    doc: "A tool that records surfaces: what there is to be sensed where its sensors sit.",
+    source: "2.2.1",
+    inputs: &[],
+    outputs: &[
+        output("position", Kind::Vector, Quantity::LENGTH, POSITION),
+        output("orientation", Kind::Vector, Quantity::ANGLE, ORIENTATION),
+        output("acceleration", Kind::Vector, Quantity::ACCELERATION, ACCELERATION),
+        output("wrench", Kind::Wrench, Quantity::FORCE, WRENCH),
+    ],
+    example: r#""tool": RecordingTool(clock: "daq", endpoint: "tool")"#,
+};
+
+haptograph_engine::settings! {
+    /// Settings of [`SimulatedRecordingTool`].
+    pub struct SimulatedRecordingToolSettings {
+        /// The material: T1 to T5 have stiffness, friction and fineness of Table 3.1, their heights are our own mapping of its roughness; T6 is made up.
+        material: String = "T2".to_owned();
+        /// What is done: Drag, Circle, Tap, or the Press of a testing machine.
+        motion: Motion = Motion::Drag;
+        /// Who does it: another number is another hand, posture and habit.
+        person: u64 = 1;
+        /// From the tracker's sensor to the tip, in the tool's frame (z up along the tool), mm.
+        tracker_to_tip_mm: [f64; 3] = [0.0, 0.0, -120.0];
+        /// From the force sensor to the tip, in the tool's frame, mm.
+        force_sensor_to_tip_mm: [f64; 3] = [0.0, 0.0, -30.0];
+        /// Rotation from the force sensor's frame to the tool's: axis times angle, degrees.
+        force_sensor_turn_deg: [f64; 3] = [0.0, 0.0, 45.0];
+    }
 }
 
-/// Why nothing can be recorded.
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    /// No time.
-    #[error("a recording of {seconds} s: give a finite time from 0.1 to 3600 s")]
-    Length {
-        /// The time asked for.
-        seconds: f64,
-    },
-    /// The hand cannot play its script.
-    #[error(transparent)]
-    Script(#[from] ScriptError),
-    /// A sensor's filter cannot be designed.
-    #[error(transparent)]
-    Sensor(#[from] DesignError),
-    /// The recording is not sound.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-}
+/// A recording tool on a surface.
+pub struct SimulatedRecordingTool;
 
-/// Rotation of the force sensor in the tool: an eighth of a turn about the tool's axis.
-pub const FORCE_SENSOR_TO_TOOL: [[f64; 3]; 3] = [
-    [std::f64::consts::FRAC_1_SQRT_2, -std::f64::consts::FRAC_1_SQRT_2, 0.0],
-    [std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::FRAC_1_SQRT_2, 0.0],
-    [0.0, 0.0, 1.0],
-];
-/// Time from the start of the simulation to the start of the recording, s: the tool is on the surface.
+/// Time before the first tick, s: the tool has come down on the surface.
 const LEAD_S: f64 = 1.0;
 
-/// What a person does when asked for a gesture: everyone draws larger or smaller, faster or slower, harder or softer.
-pub fn habit(gesture: Gesture, person: u64) -> ScriptSettings {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));
-    let mut around = |value: f64| value * 1.25_f64.powf(rng.random_range(-1.0..1.0));
-    let (size, pace, force) = (around(1.0), around(1.0), around(1.0));
-    let long_s = 4000.0;
-    let draw = |shape, force_n, force_variation, pace_variation| Action::Draw {
-        stroke: StrokeSettings { shape, force_n, force_variation, pace_variation, size_variation: 0.1 },
-        duration_s: long_s,
+impl DeviceKind for SimulatedRecordingTool {
+    type Settings = SimulatedRecordingToolSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "SimulatedRecordingTool",
+        doc: "A rigid tool in a simulated hand, its tip dragged over a procedural height field: masses, springs, dampers, a \
+              Hertzian contact and Coulomb friction; no stored vibration, no model of a texture. It ticks at 10 kHz. The graph's \
+              seed is the piece of the material and the attempt.",
+        source: "2.2",
+        simulated: true,
+        senses: &[
+            Channel {
+                name: "position",
+                kind: Kind::Vector,
+                quantity: Quantity::LENGTH,
+                doc: POSITION,
+            },
+            Channel {
+                name: "orientation",
+                kind: Kind::Vector,
+                quantity: Quantity::ANGLE,
+                doc: ORIENTATION,
+            },
+            Channel {
+                name: "acceleration",
+                kind: Kind::Vector,
+                quantity: Quantity::ACCELERATION,
+                doc: ACCELERATION,
+            },
+            Channel {
+                name: "wrench",
+                kind: Kind::Wrench,
+                quantity: Quantity::FORCE,
+                doc: WRENCH,
+            },
+        ],
+        drives: &[],
+        example: r#""tool": SimulatedRecordingTool(material: "T2", motion: Drag, person: 1)"#,
     };
-    let action = match gesture {
-        Gesture::Drag => {
-            let shape = StrokeShape::Wander { side_m: 0.05 * size, fastest_hz: 1.6 * pace };
-            draw(shape, 1.2 * force, 0.45, 0.25)
+
+    fn build(
+        settings: SimulatedRecordingToolSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Device>, BuildError> {
+        if cx.rate.hz() != TOOL_RATE_HZ {
+            let message = format!(
+                "this tool ticks {TOOL_RATE_HZ} times a second, its clock {}",
+                cx.rate
+            );
+            return Err(BuildError {
+                field: None,
+                message,
+                help: Some("read it on a clock of 10000 Hz".to_owned()),
+            });
         }
-        Gesture::Circle => {
-            let shape = StrokeShape::Circles { radius_m: 0.025 * size, period_s: 1.3 / pace };
-            draw(shape, 1.1 * force, 0.3, 0.1)
+        let name = MaterialName::from_word(&settings.material).ok_or_else(|| {
+            let words: Vec<&str> = MaterialName::ALL.into_iter().map(MaterialName::word).collect();
+            let message = format!("there is no simulated material `{}`", settings.material);
+            BuildError::at("material", message).help(format!("choose one of {}", words.join(", ")))
+        })?;
+        let (motion, person) = (settings.motion, settings.person);
+        let grip = if motion == Motion::Press {
+            ToolGrip::LOAD_FRAME
+        } else {
+            ToolGrip::of_person(person)
+        };
+        let seed = stream_seed(
+            cx.seed,
+            &format!("{}/{person}/{}", name.word(), motion.gesture().word()),
+        );
+        let mut tool = SimulatedTool::new(&Material::of(name), grip, &habit(&motion, person), SUBSTEPS, seed)
+            .map_err(|error| BuildError::at("motion", error.to_string()))?;
+        if motion != Motion::Press {
+            (0..(LEAD_S * TOOL_RATE_HZ) as usize).for_each(|_| tool.advance());
         }
-        Gesture::Tap => Action::Taps {
-            count: 4000,
-            slowest_m_s: 0.06 * pace,
-            fastest_m_s: 0.3 * pace,
-            interval_s: 0.7,
-            force_n: 0.5 * force,
-        },
-        Gesture::Press => Action::Press { force_n: 5.0 * force, duration_s: 6.0 / pace },
-    };
-    ScriptSettings { ground: Ground::TABLE, actions: vec![action], hover_m: 0.008 }
+        Ok(Box::new(Recorder {
+            reading: tool.read(),
+            tool,
+            tracker_to_tip_m: settings.tracker_to_tip_mm.map(|x| 1e-3 * x),
+            force_sensor_to_tip_m: settings.force_sensor_to_tip_mm.map(|x| 1e-3 * x),
+            force_sensor_to_tool: rotation_of_deg(settings.force_sensor_turn_deg),
+        }))
+    }
 }
 
-/// Where the sensors are and what their readings mean.
-pub fn calibration(accelerometer: &AccelerometerSettings) -> Calibration {
-    Calibration {
-        acceleration_m_s2_per_v: [accelerometer.m_s2_per_v; 3],
-        acceleration_zero_v: [accelerometer.zero_v; 3],
-        force_sensor_to_tool: FORCE_SENSOR_TO_TOOL,
-        tracker_to_tip_m: [0.0, 0.0, -TRACKER_UP_M],
+/// A rotation matrix by rows from axis times angle, degrees.
+pub(crate) fn rotation_of_deg(turn_deg: Vec3) -> [Vec3; 3] {
+    matrix(from_rotation_vector(turn_deg.map(f64::to_radians)))
+}
+
+#[derive(Debug, Clone)]
+struct Recorder {
+    tool: SimulatedTool,
+    reading: ToolReading,
+    tracker_to_tip_m: Vec3,
+    force_sensor_to_tip_m: Vec3,
+    force_sensor_to_tool: [Vec3; 3],
+}
+
+impl Recorder {
+    fn tracker_m(&self) -> Vec3 {
+        add_scaled(
+            self.reading.tip_m,
+            rotate(self.reading.orientation, self.tracker_to_tip_m),
+            -1.0,
+        )
+    }
+
+    /// Force and torque in the sensor's frame.
+    fn wrench(&self) -> [Vec3; 2] {
+        let force_n = rotate(conjugate(self.reading.orientation), self.reading.force_n);
+        // Sensor to tool is a rotation by rows; its transpose leads back.
+        let rows = &self.force_sensor_to_tool;
+        let to_sensor = |v: Vec3| -> Vec3 { std::array::from_fn(|i| dot(v, rows.map(|row| row[i]))) };
+        [
+            to_sensor(force_n),
+            to_sensor(cross(self.force_sensor_to_tip_m, force_n)),
+        ]
     }
 }
 
-/// The load on the force sensor in its own frame, N and N m, of a tool's reading.
-pub fn sensor_load(reading: &ToolReading) -> (Vec3, Vec3) {
-    let in_tool = rotate(conjugate(reading.orientation), reading.force_n);
-    // Sensor to tool is a rotation by rows; its transpose leads back.
-    let to_sensor = |v: Vec3| -> Vec3 {
-        std::array::from_fn(|i| dot(v, std::array::from_fn(|j| FORCE_SENSOR_TO_TOOL[j][i])))
-    };
-    let lever_m = [0.0, 0.0, -FORCE_SENSOR_UP_M];
-    (to_sensor(in_tool), to_sensor(cross(lever_m, in_tool)))
-}
-
-/// Records a session. Everything in it is simulated, and the recording says so.
-pub fn record(session: &Session) -> Result<Recording, SessionError> {
-    if !(0.1..=3600.0).contains(&session.seconds) {
-        return Err(SessionError::Length { seconds: session.seconds });
+impl Device for Recorder {
+    fn advance(&mut self) {
+        self.tool.advance();
+        self.reading = self.tool.read();
     }
-    let material = Material::of(session.material);
-    let seed = stream_seed(session.seed, &format!("{}/{}", session.person, session.gesture.word()));
-    let grip = ToolGrip::of_person(session.person);
-    let script = habit(session.gesture, session.person);
-    let mut tool = SimulatedTool::new(&material, grip, &script, SUBSTEPS, seed)?;
-    let accelerometer_settings = AccelerometerSettings::default();
-    let mut accelerometer =
-        Accelerometer::new(accelerometer_settings, TOOL_RATE_HZ, stream_seed(seed, "accelerometer"))?;
-    let raw = ForceSensorSettings { cutoff_hz: None, ..ForceSensorSettings::default() };
-    let mut force_sensor = ForceSensor::new(raw, TOOL_RATE_HZ, stream_seed(seed, "force"))?;
-    let tracker = TrackerSettings::default();
 
-    let lead = if session.gesture == Gesture::Press { 0.0 } else { LEAD_S };
-    for _ in 0..(lead * TOOL_RATE_HZ) as usize {
-        tool.advance();
-        accelerometer.sample(tool.read().specific_m_s2);
-    }
-    let ticks = (session.seconds * TOOL_RATE_HZ).round() as usize;
-    let (mut poses, mut wrenches, mut volts) = (Vec::new(), Vec::with_capacity(ticks), Vec::with_capacity(ticks));
-    for tick in 0..ticks {
-        let reading = tool.read();
-        // The tracker's samples fall due when its count of periods reaches this tick.
-        if tick as f64 * tracker.rate_hz / TOOL_RATE_HZ >= poses.len() as f64 {
-            let (position_m, orientation) = tracker.sample(reading.tracker_m, reading.orientation);
-            poses.push(Pose { position_m, orientation });
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        match channel {
+            0 => frame.copy_from_slice(&self.tracker_m()),
+            1 => frame.copy_from_slice(&rotation_vector(self.reading.orientation)),
+            2 => frame.copy_from_slice(&self.reading.specific_m_s2),
+            _ => frame.copy_from_slice(self.wrench().as_flattened()),
         }
-        let (force_n, torque_n_m) = sensor_load(&reading);
-        let load = force_sensor.sample(force_n, torque_n_m);
-        wrenches.push(Wrench { force_n: load.force_n, torque_n_m: load.torque_n_m });
-        volts.push(accelerometer.sample(reading.specific_m_s2));
-        tool.advance();
     }
-    let provenance = Provenance::new(Origin::Simulated, "simulated recording tool")
-        .with_setting("material", session.material.word())
-        .with_setting("person", session.person)
-        .with_setting("seed", session.seed);
-    Ok(Recording::new(
-        Series::new(tracker.rate_hz, poses),
-        Series::new(TOOL_RATE_HZ, wrenches),
-        Series::new(TOOL_RATE_HZ, volts),
-        calibration(&accelerometer_settings),
-        session.gesture,
-        provenance,
-    )?)
+
+    fn write(&mut self, _: usize, _: &[f64]) {}
 }
 
 #[cfg(test)]

@@ -256,9 +256,24 @@ fn check(settings: &StrokeSettings) -> Result<(), StrokeError> {
             Err(StrokeError::OutOfRange { name, value, range })
         }
     };
-    within("force_variation", settings.force_variation, 1.0, "a fraction from 0 to 1")?;
-    within("pace_variation", settings.pace_variation, 0.3, "a fraction from 0 to 0.3")?;
-    within("size_variation", settings.size_variation, 0.3, "a fraction from 0 to 0.3")?;
+    within(
+        "force_variation",
+        settings.force_variation,
+        1.0,
+        "a fraction from 0 to 1",
+    )?;
+    within(
+        "pace_variation",
+        settings.pace_variation,
+        0.3,
+        "a fraction from 0 to 0.3",
+    )?;
+    within(
+        "size_variation",
+        settings.size_variation,
+        0.3,
+        "a fraction from 0 to 0.3",
+    )?;
     within(
         "force_n",
         settings.force_n,

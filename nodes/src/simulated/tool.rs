@@ -6,6 +6,7 @@
 
 use super::hand::Grip;
 use super::material::Material;
+use super::orientation::{conjugate, rotate, tilted};
 use super::script::{Intent, Script, ScriptError, ScriptSettings};
 use super::terrain::Terrain;
 use super::wobble::Wobble;
@@ -23,10 +24,6 @@ const GRAVITY_M_S2: f64 = 9.81;
 const TOOL_KG: f64 = 0.03;
 /// Way on which friction builds up, m.
 const PRESLIDING_M: f64 = 3e-5;
-/// From the tip to the tracker's sensor and to the force sensor, along the tool, m.
-pub const TRACKER_UP_M: f64 = 0.12;
-/// From the tip to the force sensor, along the tool, m.
-pub const FORCE_SENSOR_UP_M: f64 = 0.03;
 
 /// A person holding the tool: hand, finger pads and posture. The numbers are ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,18 +38,39 @@ pub struct ToolGrip {
     pub tilt_rad: f64,
     /// Direction of the tilt, rad.
     pub heading_rad: f64,
+    /// Standard deviations by which tilt and heading sway, rad.
+    pub sway_rad: [f64; 2],
 }
 
 impl ToolGrip {
+    /// A material-testing machine (3.2.2): upright, and as still as it is stiff.
+    pub const LOAD_FRAME: Self = Self {
+        hand: Grip {
+            mass_kg: 0.5,
+            stiffness_n_per_m: 2000.0,
+            damping_n_s_per_m: 60.0,
+            tremor_m: 0.0,
+        },
+        pads_n_per_m: 20_000.0,
+        pads_n_s_per_m: 40.0,
+        tilt_rad: 0.0,
+        heading_rad: 0.0,
+        sway_rad: [0.0; 2],
+    };
+
     /// The grip of a person; the seed is the person.
     pub fn of_person(seed: u64) -> Self {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "grip"));
         Self {
-            hand: Grip { mass_kg: 0.12, ..Grip::of_person(seed) },
+            hand: Grip {
+                mass_kg: 0.12,
+                ..Grip::of_person(seed)
+            },
             pads_n_per_m: 2500.0 * rng.random_range(0.7..1.4),
             pads_n_s_per_m: 6.0 * rng.random_range(0.7..1.4),
             tilt_rad: rng.random_range(0.2..0.6),
             heading_rad: rng.random_range(-PI..PI),
+            sway_rad: [0.04, 0.1],
         }
     }
 }
@@ -70,8 +88,6 @@ pub struct ToolReading {
     pub specific_m_s2: Vec3,
     /// Force of the surface on the tip, in the world, N, the mean over the tick.
     pub force_n: Vec3,
-    /// Position of the tracker's sensor, m.
-    pub tracker_m: Vec3,
 }
 
 /// The tool on a surface. One tick is 1/10 000 s. Labelled simulated wherever it is shown.
@@ -121,7 +137,10 @@ impl SimulatedTool {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(seed, "hand"));
         let script = Script::new(script, grip.hand.stiffness_n_per_m, rng.random())?;
         let intent = script.at(0.0);
-        let rest = Body { position_m: intent.position_m, velocity_m_s: ZERO };
+        let rest = Body {
+            position_m: intent.position_m,
+            velocity_m_s: ZERO,
+        };
         let mut tool = Self {
             terrain: Terrain::new(&material.relief, stream_seed(seed, "piece")),
             contact: Contact {
@@ -145,7 +164,6 @@ impl SimulatedTool {
                 orientation: [1.0, 0.0, 0.0, 0.0],
                 specific_m_s2: ZERO,
                 force_n: ZERO,
-                tracker_m: ZERO,
             },
         };
         tool.sense(ZERO, ZERO);
@@ -172,11 +190,14 @@ impl SimulatedTool {
         let aim_m_s = scale(sub(next.position_m, last.position_m), TOOL_RATE_HZ);
         let before_m_s = self.tip.velocity_m_s;
         let step_s = 1.0 / (TOOL_RATE_HZ * f64::from(self.substeps));
+        // Pressing, the hand gives way against its own stiffness by as much as the pads do: it allows for that.
+        let effort = 1.0 + self.grip.hand.stiffness_n_per_m / self.grip.pads_n_per_m;
         let mut sum_n = ZERO;
         for substep in 0..self.substeps {
             let share = (f64::from(substep) + 0.5) / f64::from(self.substeps);
             let aim_m = add_scaled(last.position_m, sub(next.position_m, last.position_m), share);
-            let press_n = scale(next.normal, -(last.force_n + share * (next.force_n - last.force_n)));
+            let force_n = last.force_n + share * (next.force_n - last.force_n);
+            let press_n = scale(next.normal, -effort * force_n);
             sum_n = add(sum_n, self.step(aim_m, aim_m_s, press_n, step_s));
         }
         let acceleration = scale(sub(self.tip.velocity_m_s, before_m_s), TOOL_RATE_HZ);
@@ -187,10 +208,26 @@ impl SimulatedTool {
     fn step(&mut self, aim_m: Vec3, aim_m_s: Vec3, press_n: Vec3, step_s: f64) -> Vec3 {
         let (hand, tip, grip) = (self.hand, self.tip, &self.grip);
         let spring = |k: f64, b: f64, from: Body, to_m: Vec3, to_m_s: Vec3| {
-            add_scaled(scale(sub(to_m, from.position_m), k), sub(to_m_s, from.velocity_m_s), b)
+            add_scaled(
+                scale(sub(to_m, from.position_m), k),
+                sub(to_m_s, from.velocity_m_s),
+                b,
+            )
         };
-        let arm_n = spring(grip.hand.stiffness_n_per_m, grip.hand.damping_n_s_per_m, hand, aim_m, aim_m_s);
-        let pads_n = spring(grip.pads_n_per_m, grip.pads_n_s_per_m, tip, hand.position_m, hand.velocity_m_s);
+        let arm_n = spring(
+            grip.hand.stiffness_n_per_m,
+            grip.hand.damping_n_s_per_m,
+            hand,
+            aim_m,
+            aim_m_s,
+        );
+        let pads_n = spring(
+            grip.pads_n_per_m,
+            grip.pads_n_s_per_m,
+            tip,
+            hand.position_m,
+            hand.velocity_m_s,
+        );
         let surface_n = self.surface(step_s);
         let on_hand_n = add(sub(arm_n, pads_n), press_n);
         push(&mut self.hand, on_hand_n, self.grip.hand.mass_kg, step_s);
@@ -219,20 +256,27 @@ impl SimulatedTool {
         // Friction of the spring that the tip drags along, at most its longest.
         let dragged = [self.bristle_m[0] + u * step_s, self.bristle_m[1] + v * step_s];
         let length_m = norm(dragged);
-        let cut = if length_m > PRESLIDING_M { PRESLIDING_M / length_m } else { 1.0 };
+        let cut = if length_m > PRESLIDING_M {
+            PRESLIDING_M / length_m
+        } else {
+            1.0
+        };
         self.bristle_m = dragged.map(|b| b * cut);
         let grip = -self.contact.friction * normal_n / PRESLIDING_M;
         let upright = normal_n / (1.0 + p * p + q * q).sqrt();
-        [grip * self.bristle_m[0] - p * upright, grip * self.bristle_m[1] - q * upright, upright]
+        [
+            grip * self.bristle_m[0] - p * upright,
+            grip * self.bristle_m[1] - q * upright,
+            upright,
+        ]
     }
 
     fn sense(&mut self, acceleration_m_s2: Vec3, force_n: Vec3) {
         let time_s = self.tick as f64 / TOOL_RATE_HZ;
         let [tilt, turn] = self.posture.each_ref().map(|wobble| wobble.at(time_s));
-        let tilt_rad = self.grip.tilt_rad + 0.04 * tilt;
-        let heading_rad = self.grip.heading_rad + 0.1 * turn;
+        let tilt_rad = self.grip.tilt_rad + self.grip.sway_rad[0] * tilt;
+        let heading_rad = self.grip.heading_rad + self.grip.sway_rad[1] * turn;
         let orientation = tilted(tilt_rad, heading_rad);
-        let up = rotate(orientation, [0.0, 0.0, 1.0]);
         let felt = add(acceleration_m_s2, [0.0, 0.0, GRAVITY_M_S2]);
         self.reading = ToolReading {
             tip_m: self.tip.position_m,
@@ -240,7 +284,6 @@ impl SimulatedTool {
             orientation,
             specific_m_s2: rotate(conjugate(orientation), felt),
             force_n,
-            tracker_m: add_scaled(self.tip.position_m, up, TRACKER_UP_M),
         };
     }
 }
@@ -248,25 +291,6 @@ impl SimulatedTool {
 fn push(body: &mut Body, force_n: Vec3, mass_kg: f64, step_s: f64) {
     body.velocity_m_s = add_scaled(body.velocity_m_s, force_n, step_s / mass_kg);
     body.position_m = add_scaled(body.position_m, body.velocity_m_s, step_s);
-}
-
-/// Tilted from upright by an angle towards a heading, without turning about its own axis.
-fn tilted(tilt_rad: f64, heading_rad: f64) -> [f64; 4] {
-    let (sin, cos) = (0.5 * tilt_rad).sin_cos();
-    // About the horizontal axis across the heading.
-    [cos, -sin * heading_rad.sin(), sin * heading_rad.cos(), 0.0]
-}
-
-/// A vector turned by a unit quaternion w, x, y, z.
-pub fn rotate([w, x, y, z]: [f64; 4], v: Vec3) -> Vec3 {
-    let q = [x, y, z];
-    let t = scale(crate::vector::cross(q, v), 2.0);
-    add(add_scaled(v, t, w), crate::vector::cross(q, t))
-}
-
-/// The inverse of a unit quaternion.
-pub fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
-    [w, -x, -y, -z]
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    BuildError, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence, QuantityRule,
-    Stream,
+    BuildError, FileContext, FileKind, FileSink, Flow, FrameWriter, InputSpec, KindRule, NodeSpec, Presence,
+    QuantityRule, Stream,
 };
 use std::collections::VecDeque;
 use std::fs::File;
@@ -44,7 +44,8 @@ impl FileKind for CsvSink {
         example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#,
     };
 
-    fn build(settings: CsvSinkSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
+    fn build(settings: CsvSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
+        let streams = &cx.streams;
         if let Some(other) = streams.iter().find(|stream| stream.rate != streams[0].rate) {
             let message = format!(
                 "{} has {} but {} has {}; the rows of a table have one rate",
@@ -147,6 +148,13 @@ mod tests {
     use haptograph_signal::quantity::Quantity;
     use haptograph_signal::time::Rate;
 
+    fn context(streams: &[Stream]) -> FileContext {
+        FileContext {
+            streams: streams.to_vec(),
+            graph_seed: 1,
+        }
+    }
+
     fn stream(name: &str, kind: Kind, quantity: Quantity, rate: &str) -> Stream {
         Stream {
             name: name.into(),
@@ -164,7 +172,7 @@ mod tests {
             stream("stylus.position", Kind::Vector, Quantity::LENGTH, "125"),
             stream("stylus.force", Kind::Scalar, Quantity::FORCE, "125"),
         ];
-        let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &streams).unwrap();
+        let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).unwrap();
         let path = folder.path().join(sink.file_name());
         let mut writer = sink.open(&path, &streams).unwrap();
         writer.write(0, &[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]).unwrap();
@@ -185,7 +193,7 @@ mod tests {
             stream("a.x", Kind::Scalar, Quantity::FORCE, "125"),
             stream("b.x", Kind::Scalar, Quantity::FORCE, "240"),
         ];
-        let refused = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &streams).err();
+        let refused = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).err();
         assert_eq!(refused.and_then(|e| e.field), Some("inputs"));
     }
 }

@@ -1,6 +1,8 @@
 //! Writing a signal to a WAV file of 32-bit floats.
 
-use haptograph_engine::node::{BuildError, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input};
+use haptograph_engine::node::{
+    BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
+};
 use hound::{SampleFormat, WavSpec, WavWriter};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -34,8 +36,8 @@ impl FileKind for WavSink {
         example: r#""record": WavSink(input: "texture.acceleration", file: "texture.wav", full_scale: 20.0)"#,
     };
 
-    fn build(settings: WavSinkSettings, streams: &[Stream]) -> Result<Box<dyn FileSink>, BuildError> {
-        for stream in streams {
+    fn build(settings: WavSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
+        for stream in &cx.streams {
             whole_rate(stream)?;
         }
         Ok(Box::new(Recording {
@@ -142,6 +144,13 @@ mod tests {
         }
     }
 
+    fn context(rate: &str) -> FileContext {
+        FileContext {
+            streams: vec![stream(rate)],
+            graph_seed: 1,
+        }
+    }
+
     fn settings(file: &str) -> WavSinkSettings {
         WavSinkSettings {
             file: file.into(),
@@ -152,7 +161,7 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back_in_its_unit() {
         let folder = tempfile::tempdir().unwrap();
-        let sink = WavSink::build(settings("x.wav"), &[stream("1000")]).unwrap();
+        let sink = WavSink::build(settings("x.wav"), &context("1000")).unwrap();
         let path = folder.path().join(sink.file_name());
         let mut writer = sink.open(&path, &[stream("1000")]).unwrap();
         writer.write(0, &[1.0, 2.0, -8.0]).unwrap();
@@ -173,7 +182,7 @@ mod tests {
     #[test]
     fn odd_rates_and_wandering_names_are_refused() {
         let field = |settings, rate| {
-            WavSink::build(settings, &[stream(rate)])
+            WavSink::build(settings, &context(rate))
                 .err()
                 .and_then(|e| e.field)
         };

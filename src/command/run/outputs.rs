@@ -3,7 +3,7 @@
 use super::super::Failure;
 use super::folder::RunFolder;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::node::{FileKind, FileSink, FrameWriter, Stream};
+use haptograph::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use haptograph::engine::run::{Offline, Probe};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
@@ -110,7 +110,10 @@ fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
 }
 
 fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure> {
-    let streams = std::slice::from_ref(stream);
+    let context = FileContext {
+        streams: vec![stream.clone()],
+        graph_seed: 0,
+    };
     let file = "probe".to_owned();
     let sink: Result<Box<dyn FileSink>, _> = match path.extension().and_then(|e| e.to_str()) {
         Some("wav") => WavSink::build(
@@ -118,12 +121,12 @@ fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure>
                 file,
                 full_scale: 1.0,
             },
-            streams,
+            &context,
         ),
-        _ => CsvSink::build(CsvSinkSettings { file }, streams),
+        _ => CsvSink::build(CsvSinkSettings { file }, &context),
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
-    sink.open(path, streams)
+    sink.open(path, &context.streams)
         .map_err(|error| Failure::file("write", path, &error))
 }
 

@@ -1,85 +1,111 @@
 use super::*;
-use crate::vector::norm;
-use haptograph_surfaces::learning::processing::{ProcessingSettings, process};
+use crate::vector::{norm, sub};
+use haptograph_signal::time::Rate;
 
-fn session(material: MaterialName, gesture: Gesture) -> Session {
-    Session { material, gesture, person: 1, seconds: 6.0, seed: 1 }
-}
-
-#[test]
-fn a_recording_has_its_rates_and_says_that_it_is_simulated() {
-    let recording = record(&session(MaterialName::T2, Gesture::Drag)).unwrap();
-    assert_eq!(recording.acceleration_v().samples.len(), 60_000);
-    assert_eq!(recording.wrench().samples.len(), 60_000);
-    assert_eq!(recording.motion().samples.len(), 1440);
-    assert_eq!(recording.provenance().origin, Origin::Simulated);
-    assert_eq!(recording.provenance().settings["material"], "T2");
-}
-
-#[test]
-fn processed_it_shows_the_forces_speeds_and_frictions_that_were_simulated() {
-    for name in [MaterialName::T1, MaterialName::T5] {
-        let recording = record(&session(name, Gesture::Circle)).unwrap();
-        let processed = process(&recording, &ProcessingSettings::default()).unwrap();
-        let signals = processed.signals();
-        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
-        let (normal_n, speed_m_s) = (mean(&signals.force_normal_n), mean(&signals.speed_m_s));
-        assert!((0.6..2.0).contains(&normal_n), "{normal_n} N");
-        assert!((0.05..0.3).contains(&speed_m_s), "{speed_m_s} m/s");
-        let friction = mean(signals.force_tangential_n.as_ref().unwrap()) / normal_n;
-        assert!((friction - Material::of(name).friction).abs() < 0.05, "{name:?}: {friction}");
+fn context(rate: &str, seed: u64) -> BuildContext {
+    let rate = Rate::parse(rate).unwrap();
+    BuildContext {
+        path: "tool".into(),
+        rate,
+        max_frames: 64,
+        seed,
+        input_widths: vec![],
     }
 }
 
-#[test]
-fn free_exploration_covers_speeds_and_forces() {
-    let processed =
-        process(&record(&session(MaterialName::T4, Gesture::Drag)).unwrap(), &ProcessingSettings::default()).unwrap();
-    let spread = |x: &[f64]| {
-        let mut x = x.to_vec();
-        x.sort_by(f64::total_cmp);
-        (x[x.len() / 20], x[x.len() * 19 / 20])
+fn settings(material: &str, motion: Motion, person: u64) -> SimulatedRecordingToolSettings {
+    SimulatedRecordingToolSettings {
+        material: material.into(),
+        motion,
+        person,
+        tracker_to_tip_mm: [0.0, 0.0, -120.0],
+        force_sensor_to_tip_mm: [0.0, 0.0, -30.0],
+        force_sensor_turn_deg: [0.0, 0.0, 45.0],
+    }
+}
+
+/// All channels, frame after frame.
+fn readings(settings: SimulatedRecordingToolSettings, seed: u64, seconds: f64) -> Vec<[f64; 15]> {
+    let mut device = SimulatedRecordingTool::build(settings, &context("10000", seed)).unwrap();
+    let frame = |device: &mut Box<dyn Device>| {
+        let mut lanes = [0.0; 15];
+        let (position, rest) = lanes.split_at_mut(3);
+        let (orientation, rest) = rest.split_at_mut(3);
+        let (acceleration, wrench) = rest.split_at_mut(3);
+        let channels: [&mut [f64]; 4] = [position, orientation, acceleration, wrench];
+        channels
+            .into_iter()
+            .enumerate()
+            .for_each(|(channel, lanes)| device.read(channel, lanes));
+        lanes
     };
-    let (slow, fast) = spread(&processed.signals().speed_m_s);
-    let (light, hard) = spread(&processed.signals().force_normal_n);
-    assert!(slow < 0.05 && fast > 0.12, "{slow} to {fast} m/s");
-    assert!(light < 0.8 && hard > 1.6, "{light} to {hard} N");
+    let ticks = (seconds * TOOL_RATE_HZ) as usize;
+    (0..ticks)
+        .map(|_| {
+            device.advance();
+            frame(&mut device)
+        })
+        .collect()
 }
 
 #[test]
-fn taps_and_presses_touch_as_asked() {
-    let forces = |gesture| -> Vec<f64> {
-        let recording = record(&session(MaterialName::T1, gesture)).unwrap();
-        recording.wrench().samples.iter().map(|w| norm(w.force_n)).collect()
+fn the_calibration_leads_back_to_tip_and_world() {
+    let turn = rotation_of_deg([0.0, 0.0, 45.0]);
+    let (mut normal_n, mut highest_m) = (0.0, 0.0_f64);
+    let all = readings(settings("T1", Motion::Circle, 1), 1, 1.0);
+    for lanes in &all {
+        let [x, y, z, a, b, c] = *lanes.first_chunk().unwrap();
+        let q = from_rotation_vector([a, b, c]);
+        let tip_m = add_scaled([x, y, z], rotate(q, [0.0, 0.0, -0.12]), 1.0);
+        highest_m = highest_m.max(tip_m[2].abs());
+        let sensed: Vec3 = *lanes[9..].first_chunk().unwrap();
+        let in_tool = turn.map(|row| dot(row, sensed));
+        normal_n += rotate(q, in_tool)[2] / all.len() as f64;
+        // The load acts at the tip: about the sensor it has the torque of the lever, in the sensor's frame.
+        let torque: Vec3 = *lanes[12..].first_chunk().unwrap();
+        let wanted = cross([0.0, 0.0, -0.03], in_tool);
+        assert!(norm(sub(turn.map(|row| dot(row, torque)), wanted)) < 1e-15);
+    }
+    assert!(highest_m < 1e-3, "the tip leaves the surface by {highest_m} m");
+    assert!((0.5..2.5).contains(&normal_n), "{normal_n} N");
+}
+
+#[test]
+fn people_pieces_and_materials_differ_and_a_session_repeats_to_the_bit() {
+    let short = |material: &str, person, seed| readings(settings(material, Motion::Drag, person), seed, 0.02);
+    let once = short("T3", 1, 1);
+    assert_eq!(once, short("T3", 1, 1));
+    assert!(once != short("T3", 2, 1) && once != short("T3", 1, 2) && once != short("T4", 1, 1));
+}
+
+#[test]
+fn a_press_is_upright_and_reaches_its_force() {
+    let press = readings(settings("T2", Motion::Press, 1), 1, 4.0);
+    let hardest_n = press.iter().map(|lanes| lanes[11]).fold(0.0, f64::max);
+    assert!((4.5..5.5).contains(&hardest_n), "{hardest_n} N");
+    assert!(press.iter().all(|lanes| lanes[3..6] == [0.0; 3]));
+}
+
+#[test]
+fn unknown_materials_and_other_rates_are_refused() {
+    let refused = |material: &str, rate: &str| {
+        SimulatedRecordingTool::build(settings(material, Motion::Drag, 1), &context(rate, 1))
+            .err()
+            .unwrap()
     };
-    let taps = forces(Gesture::Tap).windows(2).filter(|w| w[0] < 0.15 && w[1] >= 0.15).count();
-    assert!((6..60).contains(&taps), "{taps} onsets in 6 s");
-    let press = forces(Gesture::Press).into_iter().fold(0.0, f64::max);
-    assert!(press > 3.5, "{press} N");
+    let unknown = refused("T7", "10000");
+    assert_eq!(unknown.field, Some("material"));
+    assert!(unknown.help.unwrap().contains("T1, T2"));
+    assert!(refused("T1", "1000").message.contains("10000"));
 }
 
 #[test]
-fn people_differ_and_a_session_repeats_to_the_bit() {
-    let short = Session { seconds: 0.5, ..session(MaterialName::T3, Gesture::Drag) };
-    let once = record(&short).unwrap();
-    assert_eq!(once, record(&short).unwrap());
-    assert_ne!(once, record(&Session { person: 2, ..short }).unwrap());
-    assert_ne!(once, record(&Session { seed: 2, ..short }).unwrap());
-}
-
-#[test]
-#[ignore = "prints the time of a minute of recording"]
-fn a_minute_is_recorded_in_seconds() {
+#[ignore = "prints the time of a minute of simulation"]
+fn a_minute_is_simulated_in_seconds() {
     let start = std::time::Instant::now();
-    record(&Session { seconds: 60.0, ..session(MaterialName::T1, Gesture::Drag) }).unwrap();
+    readings(settings("T1", Motion::Drag, 1), 1, 60.0);
     #[allow(clippy::print_stderr)]
     {
-        eprintln!("a minute recorded in {:.2} s", start.elapsed().as_secs_f64());
+        eprintln!("a minute simulated in {:.2} s", start.elapsed().as_secs_f64());
     }
-}
-
-#[test]
-fn a_session_without_time_is_refused() {
-    let none = Session { seconds: 0.0, ..session(MaterialName::T1, Gesture::Drag) };
-    assert!(matches!(record(&none), Err(SessionError::Length { .. })));
 }

@@ -1,0 +1,65 @@
+//! What people do when they are asked for a recording: everyone draws larger or smaller, faster or slower, harder or softer.
+
+use super::ground::Ground;
+use super::script::{Action, ScriptSettings};
+use super::stroke::{StrokeSettings, StrokeShape};
+use crate::sinks::recording::Motion;
+use haptograph_signal::noise::stream_seed;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// Longer than any recording, s.
+const LONG_S: f64 = 40_000.0;
+
+/// What a person does when asked for a motion. A press is done by a machine, the same for everyone: down to 5 N and up again
+/// within six seconds, once.
+pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));
+    let mut around = || 1.15_f64.powf(rng.random_range(-1.0..1.0));
+    let (size, pace, force) = (around(), around(), around());
+    let draw = |shape, force_n, force_variation, pace_variation| Action::Draw {
+        stroke: StrokeSettings {
+            shape,
+            force_n,
+            force_variation,
+            pace_variation,
+            size_variation: 0.1,
+        },
+        duration_s: LONG_S,
+    };
+    let actions = match motion {
+        Motion::Drag => {
+            let shape = StrokeShape::Wander {
+                side_m: 0.045 * size,
+                fastest_hz: 0.85 * pace,
+            };
+            vec![draw(shape, 1.2 * force, 0.45, 0.25)]
+        }
+        Motion::Circle => {
+            let shape = StrokeShape::Circles {
+                radius_m: 0.025 * size,
+                period_s: 1.3 / pace,
+            };
+            vec![draw(shape, 1.1 * force, 0.3, 0.1)]
+        }
+        Motion::Tap => vec![Action::Taps {
+            count: (LONG_S / 0.7) as u32,
+            slowest_m_s: 0.06 * pace,
+            fastest_m_s: 0.3 * pace,
+            interval_s: 0.7,
+            force_n: 0.5 * force,
+        }],
+        Motion::Press => {
+            let press = Action::Press {
+                force_n: 5.0,
+                duration_s: 6.0,
+            };
+            vec![press, Action::Hover { duration_s: LONG_S }]
+        }
+    };
+    ScriptSettings {
+        ground: Ground::TABLE,
+        actions,
+        hover_m: 0.008,
+    }
+}

@@ -1,0 +1,277 @@
+//! Models of the recording tool's sensors as nodes: what they make of what there is to be sensed (2.2.1).
+
+use super::accelerometer::{self, AccelerometerSettings};
+use super::force_sensor::{self, ForceSensorSettings};
+use super::orientation::{from_rotation_vector, rotation_vector};
+use super::tracker::TrackerSettings;
+use crate::sinks::recording::Motion;
+use crate::successor;
+use crate::vector::Vec3;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`AccelerometerModel`].
+    pub struct AccelerometerModelSettings {
+        /// Acceleration for a volt, m/s2 per V: 57 mV per g.
+        m_s2_per_v: f64 = 9.81 / 0.057, in 1e-6..=1e6;
+        /// Voltage at rest, V.
+        zero_v: f64 = 1.5, in -1000.0..=1000.0;
+        /// Largest acceleration, m/s2: 18 g.
+        range_m_s2: f64 = 18.0 * 9.81, in 1e-6..=1e6;
+        /// Standard deviation of the noise in the voltage as acceleration, m/s2.
+        noise_m_s2: f64 = 0.126, in 0.0..=1e6;
+        /// Corner of the five-pole Bessel low-pass before the converter, Hz.
+        cutoff_hz: f64 = 1000.0, in 0.001..=1e6;
+        /// Full scale of the converter, from minus to plus this, V.
+        full_scale_v: f64 = 5.0, in 1e-6..=1000.0;
+        /// Bits of the converter.
+        bits: u32 = 16, in 1..=32;
+    }
+}
+
+/// Three-axis accelerometer, filter and converter.
+pub struct AccelerometerModel;
+
+impl NodeKind for AccelerometerModel {
+    type Settings = AccelerometerModelSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "AccelerometerModel",
+        group: "sensors",
+        doc: "What an analogue three-axis accelerometer, its anti-aliasing filter and a converter make of an acceleration. The \
+              defaults are the thesis's: +-18 g, 0.126 m/s2 of noise, a five-pole Bessel low-pass at 1000 Hz, 16 bits.",
+        source: "2.2.1",
+        inputs: &[input(
+            "acceleration",
+            Kind::Vector,
+            Quantity::ACCELERATION,
+            "Acceleration less gravity, m/s2.",
+        )],
+        outputs: &[output(
+            "voltage",
+            Kind::Vector,
+            Quantity::VOLTAGE,
+            "Readings of the three axes, V.",
+        )],
+        example: r#""accelerometer": AccelerometerModel(acceleration: "tool.acceleration")"#,
+    };
+
+    fn build(
+        settings: AccelerometerModelSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Processor>, BuildError> {
+        let settings = AccelerometerSettings {
+            m_s2_per_v: settings.m_s2_per_v,
+            zero_v: settings.zero_v,
+            range_m_s2: settings.range_m_s2,
+            noise_m_s2: settings.noise_m_s2,
+            cutoff_hz: settings.cutoff_hz,
+            full_scale_v: settings.full_scale_v,
+            bits: settings.bits,
+        };
+        let sensor = accelerometer::Accelerometer::new(settings, cx.rate.hz(), cx.seed)
+            .map_err(|error| BuildError::at("cutoff_hz", error.to_string()))?;
+        Ok(Box::new(Accelerometer(sensor)))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Accelerometer(accelerometer::Accelerometer);
+
+impl Processor for Accelerometer {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let felt = io.frames_of::<3>(0);
+        for (volts, felt) in io.out_frames::<3>(0).iter_mut().zip(felt) {
+            *volts = self.0.sample(felt.map(number));
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.0.clone_from(&self.0);
+        }
+    }
+}
+
+/// What is no number is nothing sensed.
+fn number(x: f64) -> f64 {
+    if x.is_finite() { x } else { 0.0 }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`TrackerModel`].
+    pub struct TrackerModelSettings {
+        /// Step of the position, mm.
+        step_mm: f64 = 0.5, in 1e-9..=1000.0;
+        /// Step of yaw, pitch and roll, degrees.
+        step_deg: f64 = 0.1, in 1e-9..=90.0;
+        /// What is recorded. A Press is done by a testing machine, which has its own, finer measure of position.
+        motion: Motion = Motion::Drag;
+        /// Step of the testing machine's position, mm.
+        machine_step_mm: f64 = 6e-5, in 1e-9..=1000.0;
+    }
+}
+
+/// Position and orientation in steps.
+pub struct TrackerModel;
+
+impl NodeKind for TrackerModel {
+    type Settings = TrackerModelSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "TrackerModel",
+        group: "sensors",
+        doc: "What a magnetic tracker makes of a pose: position and angles in steps, at the rate of its clock. The defaults are \
+              the thesis's: 0.5 mm and 0.1 degrees, and 0.06 um for the machine that presses.",
+        source: "2.2.1, 3.2.2",
+        inputs: &[
+            input(
+                "position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "Position of the tracker's sensor, m.",
+            ),
+            input(
+                "orientation",
+                Kind::Vector,
+                Quantity::ANGLE,
+                "Orientation as axis times angle, rad.",
+            ),
+        ],
+        outputs: &[
+            output("position", Kind::Vector, Quantity::LENGTH, "Position as read, m."),
+            output(
+                "orientation",
+                Kind::Vector,
+                Quantity::ANGLE,
+                "Orientation as read, axis times angle, rad.",
+            ),
+        ],
+        example: r#""tracker": TrackerModel(clock: "tracker", position: Hold("tool.position"), orientation: Hold("tool.orientation"))"#,
+    };
+
+    fn build(settings: TrackerModelSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let step_mm = if settings.motion == Motion::Press {
+            settings.machine_step_mm
+        } else {
+            settings.step_mm
+        };
+        Ok(Box::new(Tracker(TrackerSettings {
+            step_m: 1e-3 * step_mm,
+            step_rad: settings.step_deg.to_radians(),
+        })))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Tracker(TrackerSettings);
+
+impl Processor for Tracker {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (positions, orientations) = (io.frames_of::<3>(0), io.frames_of::<3>(1));
+        let [position, orientation] = io.outs();
+        let out = position
+            .as_chunks_mut::<3>()
+            .0
+            .iter_mut()
+            .zip(orientation.as_chunks_mut::<3>().0);
+        for ((position, orientation), (at_m, turned)) in out.zip(positions.iter().zip(orientations)) {
+            let turned: Vec3 = turned.map(number);
+            let (read_m, read) = self.0.sample(at_m.map(number), from_rotation_vector(turned));
+            (*position, *orientation) = (read_m, rotation_vector(read));
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`ForceSensorModel`].
+    pub struct ForceSensorModelSettings {
+        /// Step of each force, N.
+        force_step_n: f64 = 1.0 / 160.0, in 1e-9..=1000.0;
+        /// Step of each torque, N mm.
+        torque_step_n_mm: f64 = 1.0 / 32.0, in 1e-9..=1000.0;
+        /// Largest forces along x, y and z, N.
+        most_force_n: [f64; 3] = [25.0, 25.0, 35.0];
+        /// Largest torque about each axis, N mm.
+        most_torque_n_mm: f64 = 250.0, in 1e-9..=1e6;
+        /// Standard deviation of the noise in steps.
+        noise_steps: f64 = 1.0, in 0.0..=1000.0;
+    }
+}
+
+/// Six-axis force/torque sensor.
+pub struct ForceSensorModel;
+
+impl NodeKind for ForceSensorModel {
+    type Settings = ForceSensorModelSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ForceSensorModel",
+        group: "sensors",
+        doc: "What a six-axis force/torque sensor makes of a load: noise, end of scale, steps. The defaults are those of a Nano17 \
+              SI-25-0.25.",
+        source: "2.2.1",
+        inputs: &[input(
+            "wrench",
+            Kind::Wrench,
+            Quantity::FORCE,
+            "The load, N and N m.",
+        )],
+        outputs: &[output(
+            "wrench",
+            Kind::Wrench,
+            Quantity::FORCE,
+            "The load as read, N and N m.",
+        )],
+        example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#,
+    };
+
+    fn build(
+        settings: ForceSensorModelSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Processor>, BuildError> {
+        if settings.most_force_n.iter().any(|most| *most <= 0.0) {
+            return Err(BuildError::at(
+                "most_force_n",
+                "the largest forces have to be above zero",
+            ));
+        }
+        let settings = ForceSensorSettings {
+            force_step_n: settings.force_step_n,
+            torque_step_n_m: 1e-3 * settings.torque_step_n_mm,
+            most_force_n: settings.most_force_n,
+            most_torque_n_m: 1e-3 * settings.most_torque_n_mm,
+            noise_steps: settings.noise_steps,
+            cutoff_hz: None,
+        };
+        let sensor =
+            force_sensor::ForceSensor::new(settings, cx.rate.hz(), cx.seed).map_err(|error| BuildError {
+                field: None,
+                message: error.to_string(),
+                help: None,
+            })?;
+        Ok(Box::new(ForceSensor(sensor)))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct ForceSensor(force_sensor::ForceSensor);
+
+impl Processor for ForceSensor {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let loads = io.frames_of::<6>(0);
+        for (read, load) in io.out_frames::<6>(0).iter_mut().zip(loads) {
+            let [fx, fy, fz, mx, my, mz] = load.map(number);
+            let reading = self.0.sample([fx, fy, fz], [mx, my, mz]);
+            read[..3].copy_from_slice(&reading.force_n);
+            read[3..].copy_from_slice(&reading.torque_n_m);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.0.clone_from(&self.0);
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! Writing what a recording tool felt to one file, from which surfaces are learned.
+
+use super::inside_the_run;
+use crate::simulated::orientation::from_rotation_vector;
+use crate::simulated::recorder::rotation_of_deg;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, input,
+};
+use haptograph_signal::quantity::Quantity;
+use haptograph_surfaces::recording::{
+    AnyRecording, Calibration, Gesture, Pose, Recording, Series, Wrench, save,
+};
+use haptograph_surfaces::{Origin, Provenance};
+use std::io;
+use std::path::{Path, PathBuf};
+
+haptograph_engine::choices! {
+    /// What is done with a tool while it records.
+    pub enum Motion {
+        /// Dragging freely at all speeds and forces: for textures.
+        Drag,
+        /// Smooth circles: for friction.
+        Circle,
+        /// Tapping: for taps.
+        Tap,
+        /// One slow press by a testing machine: for stiffness.
+        Press,
+    }
+}
+
+impl Motion {
+    /// The same as recordings call it.
+    pub fn gesture(&self) -> Gesture {
+        match self {
+            Self::Drag => Gesture::Drag,
+            Self::Circle => Gesture::Circle,
+            Self::Tap => Gesture::Tap,
+            Self::Press => Gesture::Press,
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`RecordingSink`].
+    pub struct RecordingSinkSettings {
+        /// Name of the file in the run's folder: our own archive, or a table where it ends in `.csv`.
+        file: String;
+        /// What was done: Drag, Circle, Tap or Press.
+        motion: Motion = Motion::Drag;
+        /// What was touched.
+        material: String;
+        /// Who did it, as a number.
+        person: u64 = 1;
+        /// Acceleration for a volt, m/s2 per V.
+        m_s2_per_v: f64, in 1e-6..=1e6;
+        /// Voltage at rest, V.
+        zero_v: f64 = 0.0, in -1000.0..=1000.0;
+        /// From the tracker's sensor to the tip, in the tool's frame, mm.
+        tracker_to_tip_mm: [f64; 3] = [0.0; 3];
+        /// Rotation from the force sensor's frame to the tool's: axis times angle, degrees.
+        force_sensor_turn_deg: [f64; 3] = [0.0; 3];
+    }
+}
+
+/// Writes a recording of a surface.
+pub struct RecordingSink;
+
+impl FileKind for RecordingSink {
+    type Settings = RecordingSinkSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "RecordingSink",
+        group: "sinks",
+        doc: "Writes what a recording tool felt to one file, each sensor at its own rate, with the calibration that makes physical \
+              quantities of the readings, and where it came from. Surfaces are learned from it.",
+        source: "2.2",
+        inputs: &[
+            input(
+                "position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "Position of the tracker's sensor in the world, m.",
+            ),
+            input(
+                "orientation",
+                Kind::Vector,
+                Quantity::ANGLE,
+                "Rotation from tool to world, axis times angle, rad.",
+            ),
+            input(
+                "wrench",
+                Kind::Wrench,
+                Quantity::FORCE,
+                "Load on the tool in the force sensor's frame, N and N m.",
+            ),
+            input(
+                "voltage",
+                Kind::Vector,
+                Quantity::VOLTAGE,
+                "Readings of the accelerometer's axes, V.",
+            ),
+        ],
+        outputs: &[],
+        example: r#""recording": RecordingSink(
+    position: "tracker.position", orientation: "tracker.orientation", wrench: "force", voltage: "accelerometer",
+    file: "recording.npz", motion: Drag, material: "T2", m_s2_per_v: 172.1, zero_v: 1.5)"#,
+    };
+
+    fn build(settings: RecordingSinkSettings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError> {
+        if let [position, orientation, ..] = cx.streams.as_slice()
+            && position.rate != orientation.rate
+        {
+            let message = format!(
+                "{} has {} but {} has {}; a pose has one rate",
+                position.name, position.rate, orientation.name, orientation.rate
+            );
+            return Err(BuildError::at("orientation", message).help("take both from one tracker"));
+        }
+        let calibration = Calibration {
+            acceleration_m_s2_per_v: [settings.m_s2_per_v; 3],
+            acceleration_zero_v: [settings.zero_v; 3],
+            force_sensor_to_tool: rotation_of_deg(settings.force_sensor_turn_deg),
+            tracker_to_tip_m: settings.tracker_to_tip_mm.map(|x| 1e-3 * x),
+        };
+        let simulated = cx.streams.iter().any(|stream| stream.simulated);
+        let (origin, source) = if simulated {
+            (Origin::Simulated, "simulated recording tool")
+        } else {
+            (Origin::Measured, "recording tool")
+        };
+        let mut provenance = Provenance::new(origin, source)
+            .with_setting("material", settings.material)
+            .with_setting("person", settings.person);
+        if simulated {
+            provenance = provenance.with_setting("seed", cx.graph_seed);
+        }
+        Ok(Box::new(Session {
+            file: inside_the_run(&settings.file)?,
+            calibration,
+            gesture: settings.motion.gesture(),
+            provenance,
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Session {
+    file: PathBuf,
+    calibration: Calibration,
+    gesture: Gesture,
+    provenance: Provenance,
+}
+
+impl FileSink for Session {
+    fn file_name(&self) -> &Path {
+        &self.file
+    }
+
+    fn open(&self, path: &Path, streams: &[Stream]) -> io::Result<Box<dyn FrameWriter>> {
+        let [position, orientation, wrench, voltage] = streams else {
+            return Err(io::Error::other("a recording has four signals"));
+        };
+        let series = |stream: &Stream| Series::new(stream.rate.hz(), Vec::new());
+        Ok(Box::new(Tape {
+            path: path.to_owned(),
+            position_m: series(position),
+            orientation: series(orientation),
+            wrench: series(wrench),
+            voltage: series(voltage),
+            calibration: self.calibration,
+            gesture: self.gesture,
+            provenance: self.provenance.clone(),
+        }))
+    }
+}
+
+/// What has come so far: lanes, as the engine hands them over.
+struct Tape {
+    path: PathBuf,
+    position_m: Series<f64>,
+    orientation: Series<f64>,
+    wrench: Series<f64>,
+    voltage: Series<f64>,
+    calibration: Calibration,
+    gesture: Gesture,
+    provenance: Provenance,
+}
+
+impl FrameWriter for Tape {
+    fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
+        let all = [
+            &mut self.position_m,
+            &mut self.orientation,
+            &mut self.wrench,
+            &mut self.voltage,
+        ];
+        if let Some(series) = all.into_iter().nth(stream) {
+            series.samples.extend_from_slice(frames);
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        let positions = self.position_m.samples.as_chunks().0.iter();
+        let orientations = self.orientation.samples.as_chunks().0.iter();
+        let poses = positions.zip(orientations).map(|(at, turned)| Pose {
+            position_m: *at,
+            orientation: from_rotation_vector(*turned),
+        });
+        let loads = self.wrench.samples.as_chunks().0.iter();
+        let loads = loads.map(|[fx, fy, fz, mx, my, mz]| Wrench {
+            force_n: [*fx, *fy, *fz],
+            torque_n_m: [*mx, *my, *mz],
+        });
+        let recording = Recording::new(
+            Series::new(self.position_m.rate_hz, poses.collect()),
+            Series::new(self.wrench.rate_hz, loads.collect()),
+            Series::new(self.voltage.rate_hz, self.voltage.samples.as_chunks().0.to_vec()),
+            self.calibration,
+            self.gesture,
+            self.provenance,
+        )
+        .map_err(io::Error::other)?;
+        save(&AnyRecording::Raw(recording), &self.path)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::time::Rate;
+    use haptograph_surfaces::recording::load;
+
+    fn stream(name: &str, kind: Kind, rate: &str, simulated: bool) -> Stream {
+        Stream {
+            name: name.into(),
+            kind,
+            quantity: Quantity::NUMBER,
+            rate: Rate::parse(rate).unwrap(),
+            simulated,
+        }
+    }
+
+    fn context(tracker: [&str; 2], simulated: bool) -> FileContext {
+        let streams = vec![
+            stream("tracker.position", Kind::Vector, tracker[0], simulated),
+            stream("tracker.orientation", Kind::Vector, tracker[1], simulated),
+            stream("force.wrench", Kind::Wrench, "1000", simulated),
+            stream("accelerometer.voltage", Kind::Vector, "1000", simulated),
+        ];
+        FileContext {
+            streams,
+            graph_seed: 7,
+        }
+    }
+
+    fn settings(file: &str) -> RecordingSinkSettings {
+        RecordingSinkSettings {
+            file: file.into(),
+            motion: Motion::Tap,
+            material: "T3".into(),
+            person: 2,
+            m_s2_per_v: 100.0,
+            zero_v: 1.5,
+            tracker_to_tip_mm: [0.0, 0.0, -120.0],
+            force_sensor_turn_deg: [0.0, 0.0, 90.0],
+        }
+    }
+
+    /// Writes ten frames of the fast sensors and five poses; reads them again.
+    fn written(file: &str, simulated: bool) -> Recording {
+        let cx = context(["500", "500"], simulated);
+        let folder = tempfile::tempdir().unwrap();
+        let sink = RecordingSink::build(settings(file), &cx).unwrap();
+        let path = folder.path().join(sink.file_name());
+        let mut writer = sink.open(&path, &cx.streams).unwrap();
+        for block in 0..5 {
+            let t = f64::from(block);
+            writer.write(0, &[t, 2.0, 3.0]).unwrap();
+            writer.write(1, &[0.0, 0.1 * t, 0.0]).unwrap();
+            writer
+                .write(2, &[t, 0.0, 1.0, 0.0, 0.5, 0.0, t, 0.0, 1.0, 0.0, 0.5, 0.0])
+                .unwrap();
+            writer.write(3, &[1.5, 1.5, t, 1.5, 1.5, t]).unwrap();
+        }
+        writer.finish().unwrap();
+        match load(&path).unwrap() {
+            AnyRecording::Raw(recording) => recording,
+            AnyRecording::Processed(_) => panic!("readings of sensors are raw"),
+        }
+    }
+
+    #[test]
+    fn what_the_sensors_read_is_found_in_the_file_with_its_calibration_and_source() {
+        for file in ["felt.npz", "felt.csv"] {
+            let recording = written(file, true);
+            assert_eq!(
+                (recording.motion().samples.len(), recording.motion().rate_hz),
+                (5, 500.0)
+            );
+            assert_eq!(
+                (recording.wrench().samples.len(), recording.wrench().rate_hz),
+                (10, 1000.0)
+            );
+            assert_eq!(recording.acceleration_v().samples[9], [1.5, 1.5, 4.0]);
+            assert_eq!(recording.wrench().samples[2].torque_n_m, [0.0, 0.5, 0.0]);
+            let [w, x, y, z] = recording.motion().samples[4].orientation;
+            assert!(
+                (w - 0.2_f64.cos()).abs() < 1e-12
+                    && (y - 0.2_f64.sin()).abs() < 1e-12
+                    && x == 0.0
+                    && z == 0.0
+            );
+            let calibration = recording.calibration();
+            assert!((calibration.force_sensor_to_tool[1][0] - 1.0).abs() < 1e-12);
+            assert_eq!(calibration.tracker_to_tip_m, [0.0, 0.0, -0.12]);
+            assert_eq!(recording.gesture(), Gesture::Tap);
+            let provenance = recording.provenance();
+            assert_eq!(provenance.origin, Origin::Simulated);
+            for (name, value) in [("material", "T3"), ("person", "2"), ("seed", "7")] {
+                assert_eq!(provenance.settings[name], value);
+            }
+        }
+    }
+
+    #[test]
+    fn what_no_simulation_made_is_measured() {
+        let provenance = written("felt.npz", false).provenance().clone();
+        assert_eq!(provenance.origin, Origin::Measured);
+        assert!(!provenance.settings.contains_key("seed"));
+    }
+
+    #[test]
+    fn poses_of_two_rates_are_refused() {
+        let refused = RecordingSink::build(settings("x.npz"), &context(["240", "1000"], true)).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("orientation"));
+    }
+
+    #[test]
+    fn a_run_too_short_for_a_recording_says_so() {
+        let cx = context(["500", "500"], true);
+        let folder = tempfile::tempdir().unwrap();
+        let sink = RecordingSink::build(settings("x.npz"), &cx).unwrap();
+        let writer = sink.open(&folder.path().join("x.npz"), &cx.streams).unwrap();
+        assert!(writer.finish().unwrap_err().to_string().contains("needs two"));
+        assert!(!folder.path().join("x.npz").exists());
+    }
+}
