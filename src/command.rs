@@ -5,6 +5,7 @@ pub mod draw;
 pub mod new;
 pub mod nodes;
 pub mod run;
+pub mod simulate_recording;
 
 use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};

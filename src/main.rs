@@ -3,7 +3,7 @@
 mod command;
 
 use clap::{Parser, Subcommand};
-use command::{check, draw, new, nodes, run};
+use command::{check, draw, new, nodes, run, simulate_recording};
 use std::process::ExitCode;
 
 /// Runs graphs that render the feel of real surfaces.
@@ -21,6 +21,7 @@ enum Command {
     Draw(draw::Arguments),
     Nodes(nodes::Arguments),
     New(new::Arguments),
+    SimulateRecording(simulate_recording::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Draw(arguments) => draw::run(&arguments),
         Command::Nodes(arguments) => nodes::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
+        Command::SimulateRecording(arguments) => simulate_recording::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -207,3 +207,60 @@ fn the_graph_of_the_readme_is_sound_and_runs() {
     succeed(folder.path(), &["run", "scratch.ron", "--for", "0.2"]);
     assert!(folder.path().join("out/scratch/scratch.wav").exists());
 }
+
+#[test]
+fn a_simulated_recording_is_the_one_the_recorder_graph_makes() {
+    let folder = tempfile::tempdir().unwrap();
+    let simulate = ["simulate-recording", "--material", "T5", "--motion"];
+    let rest = ["--person", "2", "--seconds", "0.5", "--seed", "3", "-o"];
+    for (motion, file) in [
+        ("circle", "circle.npz"),
+        ("tap", "tap.csv"),
+        ("circle", "again.npz"),
+    ] {
+        let told = succeed(
+            folder.path(),
+            &[&simulate[..], &[motion], &rest[..], &[file]].concat(),
+        );
+        assert!(told.contains("simulated"), "{told}");
+    }
+    let bytes = fs::read(folder.path().join("circle.npz")).unwrap();
+    assert!(bytes == fs::read(folder.path().join("again.npz")).unwrap());
+    let graph = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("graphs/recorder.ron")
+        .display()
+        .to_string();
+    let set = [
+        "--set",
+        "material=T5",
+        "--set",
+        "motion=Circle",
+        "--set",
+        "person=2",
+    ];
+    let run = ["run", &graph, "--for", "0.5", "--seed", "3", "--out", "run"];
+    succeed(folder.path(), &[&run[..], &set[..]].concat());
+    assert!(bytes == fs::read(folder.path().join("run/recording.npz")).unwrap());
+    let table = fs::read_to_string(folder.path().join("tap.csv")).unwrap();
+    assert!(
+        table.contains("simulated") && table.contains("_m_s2"),
+        "{}",
+        &table[..300]
+    );
+    // Nothing is left beside them.
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
+    let told = fail(
+        folder.path(),
+        &[
+            "simulate-recording",
+            "--material",
+            "T7",
+            "--motion",
+            "drag",
+            "-o",
+            "x",
+        ],
+        2,
+    );
+    assert!(told.contains("T1"), "{told}");
+}

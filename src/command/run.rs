@@ -121,7 +121,7 @@ fn watch(graph: &Graph, offline: &mut Offline<'_>) -> Vec<Record> {
 }
 
 /// The first ctrl-C ends the run with complete files, the second ends the program.
-fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
+pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
@@ -134,7 +134,7 @@ fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 /// Shown on terminals only.
-fn progress_bar(duration_s: f64) -> ProgressBar {
+pub fn progress_bar(duration_s: f64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(
         Some((duration_s * 1e3) as u64),
         ProgressDrawTarget::stderr_with_hz(10),

@@ -47,7 +47,7 @@ impl ToolGrip {
     pub const LOAD_FRAME: Self = Self {
         hand: Grip {
             mass_kg: 0.5,
-            stiffness_n_per_m: 2000.0,
+            stiffness_n_per_m: 500.0,
             damping_n_s_per_m: 60.0,
             tremor_m: 0.0,
         },

@@ -228,7 +228,9 @@ impl FrameWriter for Tape {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vector::{norm, sub};
     use haptograph_signal::time::Rate;
+    use haptograph_surfaces::learning::processing::{acceleration_axes, tip_positions, tool_wrench};
     use haptograph_surfaces::recording::load;
 
     fn stream(name: &str, kind: Kind, rate: &str, simulated: bool) -> Stream {
@@ -302,23 +304,21 @@ mod tests {
                 (recording.wrench().samples.len(), recording.wrench().rate_hz),
                 (10, 1000.0)
             );
-            assert_eq!(recording.acceleration_v().samples[9], [1.5, 1.5, 4.0]);
-            assert_eq!(recording.wrench().samples[2].torque_n_m, [0.0, 0.5, 0.0]);
-            let [w, x, y, z] = recording.motion().samples[4].orientation;
-            assert!(
-                (w - 0.2_f64.cos()).abs() < 1e-12
-                    && (y - 0.2_f64.sin()).abs() < 1e-12
-                    && x == 0.0
-                    && z == 0.0
-            );
-            let calibration = recording.calibration();
-            assert!((calibration.force_sensor_to_tool[1][0] - 1.0).abs() < 1e-12);
-            assert_eq!(calibration.tracker_to_tip_m, [0.0, 0.0, -0.12]);
+            // Whether a file keeps readings and calibration apart or not: the physical quantities are the same.
+            assert_eq!(acceleration_axes(&recording)[9], [0.0, 0.0, 250.0]);
+            let tip_m = tip_positions(&recording)[4];
+            let sway = 0.4_f64;
+            let wanted_m = [4.0 - 0.12 * sway.sin(), 2.0, 3.0 - 0.12 * sway.cos()];
+            assert!(norm(sub(tip_m, wanted_m)) < 1e-12, "{tip_m:?}");
+            let load = tool_wrench(&recording)[2];
+            assert!(norm(sub(load.force_n, [0.0, 1.0, 1.0])) < 1e-12, "{load:?}");
+            assert!(norm(sub(load.torque_n_m, [-0.5, 0.0, 0.0])) < 1e-12, "{load:?}");
             assert_eq!(recording.gesture(), Gesture::Tap);
             let provenance = recording.provenance();
             assert_eq!(provenance.origin, Origin::Simulated);
+            // A table has no place for the rest.
             for (name, value) in [("material", "T3"), ("person", "2"), ("seed", "7")] {
-                assert_eq!(provenance.settings[name], value);
+                assert!(file.ends_with("csv") || provenance.settings[name] == value);
             }
         }
     }
