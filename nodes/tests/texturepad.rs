@@ -66,3 +66,28 @@ fn gain_zero_is_no_current() {
     let [_, current] = render(&texturepad(&[("gain", "0.0")]), 0.2, 0);
     assert!(current.iter().all(|i| *i == 0.0));
 }
+
+#[test]
+fn a_node_is_another_one_once_its_file_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let surface = folder.path().join("surface.ron");
+    std::fs::copy(graphs().join("surfaces/modest.ron"), &surface).unwrap();
+    let fingerprints = || {
+        let graph = texturepad(&[("surface", surface.to_str().unwrap())]);
+        graph
+            .nodes()
+            .node_weights()
+            .map(|node| node.fingerprint)
+            .collect::<Vec<_>>()
+    };
+    let before = fingerprints();
+    assert_eq!(before, fingerprints());
+    let text = std::fs::read_to_string(&surface).unwrap();
+    std::fs::write(&surface, format!("// Saved again.\n{text}")).unwrap();
+    let after = fingerprints();
+    assert!(before.iter().zip(&after).any(|(before, after)| before != after));
+    assert!(
+        before.iter().zip(&after).any(|(before, after)| before == after),
+        "the tablet is the same"
+    );
+}

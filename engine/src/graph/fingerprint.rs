@@ -8,6 +8,7 @@ use crate::document::value::{Body, Shape, Tagged, Value};
 use crate::frame::Kind;
 use crate::settings::Fields;
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
 
 /// Of a node's kind, settings, rate, and the frames it is given.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
@@ -58,7 +59,9 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut DefaultHasher) {
         Shape::Number(number, _) => number.to_bits().hash(state),
         Shape::String(text) => {
             text.hash(state);
-            folder(&cx.sources, given.span.source).hash(state);
+            let folder = folder(&cx.sources, given.span.source);
+            folder.hash(state);
+            file(&folder.join(text), state);
         }
         Shape::List(values) => values.iter().for_each(|inner| value(cx, inner, state)),
         Shape::Map(pairs) => {
@@ -80,5 +83,14 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut DefaultHasher) {
                 }
             }
         }
+    }
+}
+
+/// If there is such a file: which version of it, as what a node reads from a file is part of what the node is.
+fn file(path: &Path, state: &mut DefaultHasher) {
+    let Ok(found) = path.metadata() else { return };
+    if found.is_file() {
+        found.len().hash(state);
+        found.modified().ok().hash(state);
     }
 }
