@@ -4,6 +4,7 @@
 pub mod arma;
 pub mod delay;
 pub mod elementwise;
+pub mod fft;
 pub mod filter;
 pub mod noise;
 pub mod prediction;

@@ -3,11 +3,9 @@
 //! Densities are one-sided, in the signal's unit squared per hertz: summed over all bins and multiplied by the bin
 //! width they give the power. Nothing is detrended.
 
+use crate::Complex64;
+use crate::fft::{self, Transform};
 use crate::window::{Symmetry, Window};
-use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
-use std::cell::RefCell;
-use std::sync::Arc;
 use thiserror::Error;
 
 /// A one-sided power spectral density on evenly spaced frequencies from 0 to the Nyquist frequency.
@@ -233,7 +231,7 @@ pub fn expected_welch(
             lags[2 * segment - lag].re = overlap * r;
         }
     }
-    plan(2 * segment).process(&mut lags);
+    fft::forward(2 * segment).process(&mut lags);
     let density = (0..periodogram.bins())
         .map(|bin| lags[2 * bin].re * periodogram.scale(bin))
         .collect();
@@ -241,14 +239,6 @@ pub fn expected_welch(
         frequency_hz: periodogram.frequency_hz(),
         density,
     })
-}
-
-/// The forward transform of this length. Plans are kept for the thread's life.
-fn plan(length: usize) -> Arc<dyn Fft<f64>> {
-    thread_local! {
-        static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
-    }
-    PLANNER.with_borrow_mut(|planner| planner.plan_fft_forward(length))
 }
 
 /// First samples of the segments that fit.
@@ -271,7 +261,7 @@ struct Periodogram {
     rate_hz: f64,
     window: Vec<f64>,
     window_energy: f64,
-    transform: Arc<dyn Fft<f64>>,
+    transform: Transform,
     bins: Vec<Complex64>,
     scratch: Vec<Complex64>,
 }
@@ -285,7 +275,7 @@ impl Periodogram {
             return Err(SpectrumError::BadRate { rate_hz });
         }
         let window = window.samples(segment, Symmetry::Periodic);
-        let transform = plan(segment);
+        let transform = fft::forward(segment);
         Ok(Self {
             rate_hz,
             window_energy: window.iter().map(|w| w * w).sum(),

@@ -10,9 +10,8 @@
 //! ([`Known`]); with nothing known the resonances, their quality and the gain remain.
 
 use super::two_mass::{Mode, Response, TwoMass};
-use haptograph_signal::Complex64;
+use haptograph_signal::{Complex64, fft};
 use nalgebra::{DMatrix, DVector};
-use rustfft::FftPlanner;
 use std::f64::consts::TAU;
 
 /// What is known of the actuator beside the recording.
@@ -213,7 +212,7 @@ fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
 
 fn spectrum(x: &[f64]) -> Vec<Complex64> {
     let mut bins: Vec<Complex64> = x.iter().map(|&v| Complex64::from(v)).collect();
-    FftPlanner::new().plan_fft_forward(bins.len()).process(&mut bins);
+    fft::forward(bins.len()).process(&mut bins);
     bins
 }
 

@@ -4,9 +4,8 @@
 //! cubic B-spline: height and slope are continuous, and so is curvature. What the field means is what the tool's tip traces,
 //! its own radius already taken into account.
 
-use haptograph_signal::Complex64;
 use haptograph_signal::noise::Gaussian;
-use rustfft::FftPlannerScalar;
+use haptograph_signal::{Complex64, fft};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
@@ -132,13 +131,12 @@ fn response(index: usize) -> f64 {
     (2.0 + (TAU * index as f64 / SIDE as f64).cos()) / 3.0
 }
 
-/// The two-dimensional Fourier transform, not scaled. Scalar, so that its rounding does not depend on the processor.
+/// The two-dimensional Fourier transform, not scaled.
 fn transform(field: &mut [Complex64], inverse: bool) {
-    let mut planner = FftPlannerScalar::new();
     let fft = if inverse {
-        planner.plan_fft_inverse(SIDE)
+        fft::inverse(SIDE)
     } else {
-        planner.plan_fft_forward(SIDE)
+        fft::forward(SIDE)
     };
     for _ in 0..2 {
         fft.process(field);

@@ -7,9 +7,8 @@ use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, proc
 use crate::recording::{AnyRecording, ProcessedRecording, Recording};
 use crate::statistics::{Line, mean, median};
 use crate::{SurfaceError, Tap, Taps};
-use haptograph_signal::Complex64;
 use haptograph_signal::spectrum::spectral_centroid;
-use rustfft::FftPlanner;
+use haptograph_signal::{Complex64, fft};
 
 /// How taps are learned.
 #[derive(Debug, Clone, PartialEq)]
@@ -284,7 +283,7 @@ fn approach_speed(raw: &Recording, time_s: f64, seconds: f64) -> f64 {
 /// The spectral centroid of taps in Hz (Eq. 2.5.4), averaged over incoming speeds of 50, 60, ..., 100 mm/s as in thesis 4.6.
 pub fn tap_spectral_centroid_hz(taps: &Taps) -> f64 {
     let length = taps.length();
-    let fft = FftPlanner::new().plan_fft_forward(length);
+    let fft = fft::forward(length);
     let centroid = |speed_mm_s: u32| {
         let mix = taps.mix(f64::from(speed_mm_s) / 1000.0);
         let mut tap: Vec<Complex64> = (0..length)

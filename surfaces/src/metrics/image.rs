@@ -1,7 +1,6 @@
 //! How rough and how fine a surface looks on a photograph (thesis sections 3.2.1 and 3.2.4).
 
-use haptograph_signal::Complex64;
-use rustfft::FftPlanner;
+use haptograph_signal::{Complex64, fft};
 
 /// Gray values of a photograph.
 #[derive(Debug, Clone, PartialEq)]
@@ -187,7 +186,7 @@ pub fn fineness_per_mm(image: &GrayImage) -> f64 {
 
 /// Mean amplitude spectrum of the rows.
 fn row_spectrum(image: &GrayImage) -> Vec<f64> {
-    let fft = FftPlanner::new().plan_fft_forward(image.width);
+    let fft = fft::forward(image.width);
     let mut sum = vec![0.0; image.width / 2 + 1];
     for row in image.pixels.chunks(image.width) {
         let mean = row.iter().sum::<f64>() / row.len() as f64;

@@ -13,10 +13,9 @@
 //! error of zero.
 
 use crate::statistics::standard_deviation;
-use haptograph_signal::Complex64;
 use haptograph_signal::spectrum::spectral_centroid;
 use haptograph_signal::window::{Symmetry, Window};
-use rustfft::FftPlanner;
+use haptograph_signal::{Complex64, fft};
 
 /// How signals are cut into windows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +113,7 @@ impl WindowedSpectra {
         }
         let taper = window.samples(samples, Symmetry::Symmetric);
         let taper_energy: f64 = taper.iter().map(|w| w * w).sum();
-        let fft = FftPlanner::new().plan_fft_forward(samples);
+        let fft = fft::forward(samples);
         let mut scratch = vec![Complex64::default(); fft.get_inplace_scratch_len()];
         let mut buffer = vec![Complex64::default(); samples];
         let bins = samples / 2 + 1;

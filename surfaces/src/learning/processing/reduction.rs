@@ -1,9 +1,8 @@
 //! Three axes of vibration on one. People cannot tell its direction, but they can tell some of these reductions from the original, and the
 //! field argues which is best; so all of them are here.
 
+use haptograph_signal::{Complex64, fft};
 use nalgebra::{Matrix3, SymmetricEigen};
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
 
 /// How three axes become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -65,8 +64,7 @@ fn dft321(axes: &[Vec<f64>; 3]) -> Vec<f64> {
     if n == 0 {
         return vec![];
     }
-    let mut planner = FftPlanner::new();
-    let forward = planner.plan_fft_forward(n);
+    let forward = fft::forward(n);
     let spectra = axes.each_ref().map(|axis| {
         let mut spectrum: Vec<Complex64> = axis.iter().map(|&x| Complex64::new(x, 0.0)).collect();
         forward.process(&mut spectrum);
@@ -87,7 +85,7 @@ fn dft321(axes: &[Vec<f64>; 3]) -> Vec<f64> {
         // The other half mirrors it, or the result would not be real.
         combined[(n - k) % n] = combined[k].conj();
     }
-    planner.plan_fft_inverse(n).process(&mut combined);
+    fft::inverse(n).process(&mut combined);
     combined.iter().map(|c| c.re / n as f64).collect()
 }
 

@@ -1,0 +1,56 @@
+//! Fourier transforms of any length by `rustfft`, in one place.
+//!
+//! The scalar transforms are taken on every processor, so that what is learned and measured has the same bits on all of
+//! them: the vector ones round differently. It also keeps the transforms from being compiled into every crate again.
+
+use rustfft::{Fft, FftPlannerScalar};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// A planned transform of complex values in place, not scaled.
+pub type Transform = Arc<dyn Fft<f64>>;
+
+/// The forward transform of this length: `X_k = sum x_n e^(-2 pi i k n / length)`.
+pub fn forward(length: usize) -> Transform {
+    planned(|planner| planner.plan_fft_forward(length))
+}
+
+/// The inverse of [`forward`] times the length.
+pub fn inverse(length: usize) -> Transform {
+    planned(|planner| planner.plan_fft_inverse(length))
+}
+
+/// Plans are kept for the thread's life.
+fn planned(plan: impl FnOnce(&mut FftPlannerScalar<f64>) -> Transform) -> Transform {
+    thread_local! {
+        static PLANNER: RefCell<FftPlannerScalar<f64>> = RefCell::new(FftPlannerScalar::new());
+    }
+    PLANNER.with_borrow_mut(plan)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Complex64;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn they_are_the_sums_of_the_definition() {
+        for length in [1, 2, 12, 17, 64, 100] {
+            let x: Vec<Complex64> = (0..length)
+                .map(|n| Complex64::new((n as f64).sin(), (n * n % 7) as f64))
+                .collect();
+            let mut y = x.clone();
+            forward(length).process(&mut y);
+            for (k, y) in y.iter().enumerate() {
+                let turn = |n: usize| Complex64::cis(-TAU * (k * n) as f64 / length as f64);
+                let sum: Complex64 = x.iter().enumerate().map(|(n, x)| x * turn(n)).sum();
+                assert!((y - sum).norm() < 1e-10, "{length}: {k}");
+            }
+            inverse(length).process(&mut y);
+            for (x, y) in x.iter().zip(&y) {
+                assert!((x * length as f64 - y).norm() < 1e-10, "{length}");
+            }
+        }
+    }
+}
