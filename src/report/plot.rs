@@ -240,8 +240,13 @@ impl Plot {
             Mark::Image(image) => Some(image),
             _ => None,
         });
-        let top = if self.title.is_empty() { 14.0 } else { 34.0 };
         let right = if image.is_some() { 86.0 } else { 18.0 };
+        let crowded = heading_width(&self.title, &self.note) + self.legend_width() > size.0 - 66.0 - right;
+        let top = match (self.title.is_empty(), crowded) {
+            (true, _) => 14.0,
+            (false, false) => 34.0,
+            (false, true) => 52.0,
+        };
         let bottom = if self.x.label.is_empty() { 26.0 } else { 44.0 };
         let left = self.left_margin(size.1 - top - bottom);
         let frame = Rect {
@@ -362,20 +367,32 @@ impl Plot {
             .collect()
     }
 
+    /// The marks that have a name.
+    fn named(&self) -> impl DoubleEndedIterator<Item = (&Mark, &Style)> {
+        let named = |mark| Some((mark, Mark::style(mark)?)).filter(|(_, style)| !style.name.is_empty());
+        self.marks.iter().filter_map(named)
+    }
+
+    fn legend_width(&self) -> f64 {
+        self.named()
+            .map(|(_, style)| text_width(&style.name, 10.0) + 30.0)
+            .sum()
+    }
+
+    /// The heading, and the legend beside it, or under it where both do not fit in a line.
     fn draw_head(&self, svg: &mut Svg, frame: Rect) {
         svg.heading((frame.x, 18.0), &self.title, &self.note);
+        let line = (frame.y - 16.0).max(14.0);
         let mut x = frame.right();
-        let named = |mark: &&Mark| mark.style().is_some_and(|style| !style.name.is_empty());
-        for mark in self.marks.iter().rev().filter(named) {
-            let Some(style) = mark.style() else { continue };
+        for (mark, style) in self.named().rev() {
             x -= text_width(&style.name, 10.0);
-            svg.text("small soft", (x, 18.0), Anchor::Start, &style.name);
+            svg.text("small soft", (x, line), Anchor::Start, &style.name);
             x -= 18.0;
             if matches!(mark, Mark::Dots(..)) {
-                svg.circle(&format!("f{}", style.ink.class()), (x + 7.0, 14.5), 3.5);
+                svg.circle(&format!("f{}", style.ink.class()), (x + 7.0, line - 3.5), 3.5);
             } else {
                 let class = style.curve_class().replace(" hair", "");
-                svg.line(&class, (x, 14.5), (x + 13.0, 14.5));
+                svg.line(&class, (x, line - 3.5), (x + 13.0, line - 3.5));
             }
             x -= 12.0;
         }
@@ -407,6 +424,10 @@ impl Plot {
             svg.text_upwards("soft", (14.0, frame.y + frame.height / 2.0), &self.y.label);
         }
     }
+}
+
+fn heading_width(title: &str, note: &str) -> f64 {
+    text_width(title, 13.0) * 1.06 + text_width(note, 10.0) + 10.0
 }
 
 fn draw_grid(
@@ -608,7 +629,7 @@ impl Matrix {
         let (cell_width, cell_height) = (widest(&self.columns.0).max(48.0) + 8.0, 30.0);
         let top = if self.columns.1.is_empty() { 54.0 } else { 74.0 };
         let (rows, columns) = (self.rows.0.len() as f64, self.columns.0.len() as f64);
-        let head = left + text_width(&self.title, 13.0) * 1.06 + text_width(&self.note, 10.0) + 30.0;
+        let head = left + heading_width(&self.title, &self.note) + 20.0;
         let size = (
             (left + columns * cell_width + 16.0).max(head),
             top + rows * cell_height + 14.0,
