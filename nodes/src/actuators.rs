@@ -1,6 +1,7 @@
 //! Actuators and what stands before them: the voice-coil model, its identification and its compensation.
 
 pub mod brake;
+pub mod brake_node;
 pub mod compensator;
 pub mod drive;
 pub mod force_sink;

@@ -3,10 +3,12 @@
 pub mod force_node;
 pub mod mesh;
 pub mod nodes;
+pub mod object;
 pub mod proxy;
 pub mod shape;
 pub mod stiffness;
 pub mod wrench;
+pub mod wrench_node;
 
 use crate::vector::Vec3;
 use haptograph_engine::frame;

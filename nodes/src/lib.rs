@@ -114,7 +114,16 @@ fn touch(all: &mut Registry) {
         .add(NodeEntry::processor::<sensing::study::Responsiveness>())
         .add(NodeEntry::processor::<sensing::study::ForceWarning>())
         .add(NodeEntry::processor::<sensing::study::QuadrantDwell>())
-        .add(NodeEntry::actuator::<actuators::force_sink::ForceSink>());
+        .add(NodeEntry::processor::<contact::wrench_node::ContactFromWrench>())
+        .add(NodeEntry::processor::<contact::wrench_node::SurfaceSpeed>())
+        .add(NodeEntry::processor::<actuators::brake_node::BrakeController>())
+        .add(NodeEntry::actuator::<actuators::force_sink::ForceSink>())
+        .add(NodeEntry::actuator::<actuators::brake_node::BrakeSink>())
+        .add(NodeEntry::source(&simulated::arm::ARM))
+        .add(NodeEntry::source(&simulated::pen::FORCE_TORQUE_SENSOR))
+        .add(NodeEntry::source(&simulated::pen::TRUE_CONTACT))
+        .add_device(DeviceEntry::of::<simulated::arm::SimulatedOmni>())
+        .add_device(DeviceEntry::of::<simulated::pen::SimulatedPenAndObject>());
 }
 
 fn recording(all: &mut Registry) {

@@ -2,6 +2,8 @@
 //! labelled simulated wherever it is shown.
 
 pub mod accelerometer;
+pub mod acting;
+pub mod arm;
 pub mod drawing;
 pub mod force_sensor;
 pub mod ground;
@@ -12,6 +14,7 @@ pub mod knock;
 pub mod material;
 pub mod omni;
 pub(crate) mod orientation;
+pub mod pen;
 pub mod pen_brake;
 pub mod pen_object;
 pub mod recorder;

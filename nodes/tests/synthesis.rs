@@ -1,6 +1,10 @@
 //! The synthesis of a texture is right: what the four nodes of the `Texture` template put out has the power and the
 //! spectrum of the surface's models, is silent at rest, and shows no trace of its coefficients' changing.
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests; a skip is said")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests; a skip is said"
+)]
 
 use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::settings::NoSettings;

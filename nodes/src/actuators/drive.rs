@@ -144,15 +144,20 @@ impl ActuatorKind for ActuatorSink {
     };
 
     fn limit(settings: &ActuatorSinkSettings) -> Result<(f64, Limit), BuildError> {
-        let limit = Limit {
-            peak: settings.limit.peak_a,
-            continuous: settings.limit.continuous_a,
-            window_s: settings.limit.window_s,
-            slew_per_s: settings.limit.slew_a_per_s,
-        };
-        keepable(&limit)?;
-        Ok((settings.gain, limit))
+        Ok((settings.gain, current_limit(&settings.limit)?))
     }
+}
+
+/// The limit of a coil, if it can be kept.
+pub(crate) fn current_limit(settings: &CurrentLimitSettings) -> Result<Limit, BuildError> {
+    let limit = Limit {
+        peak: settings.peak_a,
+        continuous: settings.continuous_a,
+        window_s: settings.window_s,
+        slew_per_s: settings.slew_a_per_s,
+    };
+    keepable(&limit)?;
+    Ok(limit)
 }
 
 /// Can the limit be kept at any rate that an actuator is driven at?

@@ -95,6 +95,11 @@ impl WrenchLocator {
         &self.object
     }
 
+    /// Goes on from the last contact of another locator.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.last = other.last;
+    }
+
     /// One tick: the contact behind the force and the torque on the object, N and N m. A wrench that is not finite is none.
     pub fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
         let (force_n, torque_n_m) = (force_on_object_n, torque_on_object_n_m);

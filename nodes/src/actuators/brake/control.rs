@@ -104,6 +104,12 @@ impl Brake {
         }
     }
 
+    /// Goes on from the state of another control.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.coil.copy_state_from(&other.coil);
+        (self.trim, self.dragged_n, self.stuck) = (other.trim, other.dragged_n, other.stuck);
+    }
+
     /// One tick: the current for a wanted coefficient of friction. Measurements that are not finite leave the brake off.
     pub fn update(&mut self, wanted: f64, dragging: &Dragging) -> BrakeCommand {
         let usable = [wanted, dragging.normal_n, dragging.friction_n, dragging.speed_m_s]

@@ -65,6 +65,11 @@ impl CoilThermal {
         }
     }
 
+    /// As warm as another coil.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        (self.coil_k, self.sink_k, self.tripped) = (other.coil_k, other.sink_k, other.tripped);
+    }
+
     /// A time of a constant current, s and A (implicit Euler: stable for any time).
     pub fn advance(&mut self, current_a: f64, time_s: f64) {
         let s = &self.settings;

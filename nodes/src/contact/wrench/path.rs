@@ -52,6 +52,12 @@ impl SurfacePath {
         })
     }
 
+    /// Goes on from where another path is.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.estimator.copy_state_from(&other.estimator);
+        (self.at, self.way_m) = (other.at, other.way_m);
+    }
+
     /// One tick: the velocity along the surface in its tangent plane, m/s; null while nothing touches.
     pub fn update(&mut self, contact: &WrenchContact) -> Vec3 {
         if !contact.touching {

@@ -1,0 +1,265 @@
+//! The control of the pen's friction brake as a node, and the sink that drives the brake.
+
+use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach};
+use super::drive::{CurrentLimitSettings, current_limit};
+use crate::successor;
+use crate::texture::load_surface;
+use crate::vector::norm;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    ActuatorKind, BuildContext, BuildError, Io, Limit, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+use std::path::PathBuf;
+
+haptograph_engine::settings! {
+    /// Settings of [`BrakeController`].
+    pub struct BrakeControllerSettings {
+        /// The surface whose coefficient of friction is wanted, relative to the graph file.
+        surface: Option<PathBuf> = None;
+        /// The wanted coefficient of friction, in place of the surface's.
+        [live] mu: Option<f64> = None, in 0.0..=2.0;
+        /// Speed of the correction by the measured friction, 1/s; zero: open loop, as in the thesis.
+        trim_per_s: f64 = BrakeSettings::default().trim_per_s, in 0.0..=100.0;
+        /// Largest correction of the coefficient.
+        most_trim: f64 = BrakeSettings::default().most_trim, in 0.0..=2.0;
+        /// Largest current, A.
+        most_current_a: f64 = BrakeSettings::default().most_current_a, in 0.0..=100.0;
+        /// Normal force below which friction is not measured, N.
+        least_load_n: f64 = BrakeSettings::default().least_normal_n, in 0.0..=100.0;
+        /// Speed below which friction is not measured, mm/s.
+        least_speed_mm_s: f64 = BrakeSettings::default().least_speed_m_s * 1e3, in 0.0..=10_000.0;
+    }
+}
+
+/// Controls the friction brake of a pen.
+pub struct BrakeController;
+
+impl NodeKind for BrakeController {
+    type Settings = BrakeControllerSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "BrakeController",
+        group: "actuators",
+        doc: "The current for the pen's brake that makes it drag as a surface of a wanted friction: by the experimental \
+              line, corrected slowly by the friction that is measured. It says whether the wanted friction can be had, and \
+              rests while its model of the coil is too hot.",
+        source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12",
+        inputs: &[
+            input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+            input("friction", Kind::Vector, Quantity::FORCE, "Measured friction, N."),
+            input(
+                "speed",
+                Kind::Scalar,
+                Quantity::SPEED,
+                "Speed along the surface, m/s.",
+            ),
+        ],
+        outputs: &[
+            output(
+                "current",
+                Kind::Scalar,
+                Quantity::CURRENT,
+                "Current for the brake, A.",
+            ),
+            output(
+                "measured",
+                Kind::Scalar,
+                Quantity::NUMBER,
+                "Friction coefficient as measured; the last one while at rest.",
+            ),
+            output(
+                "trim",
+                Kind::Scalar,
+                Quantity::NUMBER,
+                "Correction of the coefficient.",
+            ),
+            output(
+                "reach",
+                Kind::Scalar,
+                Quantity::NUMBER,
+                "0: the wanted friction can be had. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
+                 would lift the ball. 4: the correction is at its end. 5: the coil is too hot.",
+            ),
+            output(
+                "coil",
+                Kind::Scalar,
+                Quantity::TEMPERATURE,
+                "Modelled temperature of the coil, K.",
+            ),
+        ],
+        example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/modest.ron")"#,
+    };
+
+    fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let brake = BrakeSettings {
+            most_current_a: settings.most_current_a,
+            trim_per_s: settings.trim_per_s,
+            most_trim: settings.most_trim,
+            least_normal_n: settings.least_load_n,
+            least_speed_m_s: settings.least_speed_mm_s * 1e-3,
+            coil: CoilSettings::default(),
+        };
+        Ok(Box::new(Braking {
+            brake: Brake::new(brake, cx.rate.hz()),
+            wanted: wanted(&settings)?,
+            measured: 0.0,
+        }))
+    }
+}
+
+fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
+    if let Some(mu) = settings.mu {
+        return Ok(mu);
+    }
+    let Some(path) = &settings.surface else {
+        return Err(
+            BuildError::at("mu", "there is no wanted friction").help("give `mu` or a `surface` that has one")
+        );
+    };
+    let surface = load_surface(path)?;
+    surface.friction.map(|friction| friction.mu()).ok_or_else(|| {
+        let message = format!("the surface {} has no friction", surface.name);
+        BuildError::at("surface", message).help("give `mu`")
+    })
+}
+
+#[derive(Debug, Clone)]
+struct Braking {
+    brake: Brake,
+    wanted: f64,
+    measured: f64,
+}
+
+impl Processor for Braking {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (loads, frictions, speeds) = (io.lanes(0), io.frames_of::<3>(1), io.lanes(2));
+        let [current, measured, trim, reach, coil] = io.outs();
+        for (frame, ((load, friction), speed)) in loads.iter().zip(frictions).zip(speeds).enumerate() {
+            let dragging = Dragging {
+                normal_n: *load,
+                friction_n: norm(*friction),
+                speed_m_s: *speed,
+            };
+            let command = self.brake.update(self.wanted, &dragging);
+            self.measured = command.measured.unwrap_or(self.measured);
+            current[frame] = command.current_a;
+            measured[frame] = self.measured;
+            trim[frame] = command.trim;
+            reach[frame] = match command.reach {
+                Reach::Within => 0.0,
+                Reach::BelowFreePen => 1.0,
+                Reach::CurrentLimit => 2.0,
+                Reach::PlungerLimit => 3.0,
+                Reach::TrimLimit => 4.0,
+                Reach::TooHot => 5.0,
+            };
+            coil[frame] = self.brake.coil().coil_c() + 273.15;
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 1 {
+            self.wanted = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.brake.copy_state_from(&self.brake);
+            new.measured = self.measured;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`BrakeSink`].
+    pub struct BrakeSinkSettings {
+        /// A plain factor on the current, before the limit.
+        gain: f64 = 1.0;
+        /// What the solenoid may be given.
+        limit: CurrentLimitSettings;
+    }
+}
+
+/// Drives the brake of a pen.
+pub struct BrakeSink;
+
+impl ActuatorKind for BrakeSink {
+    type Settings = BrakeSinkSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "BrakeSink",
+        group: "sinks",
+        doc: "Drives the solenoid of the pen's brake by current, within limits that it has to state.",
+        source: "5.5",
+        inputs: &[input(
+            "brake",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current that is asked for, A.",
+        )],
+        outputs: &[output(
+            "delivered",
+            Kind::Scalar,
+            Quantity::CURRENT,
+            "Current that the brake was given, A.",
+        )],
+        example: r#""hold": BrakeSink(brake: "brake.current", endpoint: "pen", limit: (peak_a: 0.3, continuous_a: 0.3))"#,
+    };
+
+    fn limit(settings: &BrakeSinkSettings) -> Result<(f64, Limit), BuildError> {
+        Ok((settings.gain, current_limit(&settings.limit)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actuators::brake::solenoid;
+    use haptograph_engine::testing::Bench;
+
+    fn settings(mu: Option<f64>) -> BrakeControllerSettings {
+        let BrakeSettings {
+            most_current_a,
+            trim_per_s,
+            most_trim,
+            least_normal_n,
+            least_speed_m_s,
+            ..
+        } = BrakeSettings::default();
+        BrakeControllerSettings {
+            surface: None,
+            mu,
+            trim_per_s,
+            most_trim,
+            most_current_a,
+            least_load_n: least_normal_n,
+            least_speed_mm_s: least_speed_m_s * 1e3,
+        }
+    }
+
+    #[test]
+    fn at_rest_the_current_is_that_of_the_experimental_line() {
+        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let mut bench = Bench::new::<BrakeController>(settings(Some(0.35)), 1000.0, &kinds).unwrap();
+        let out = bench.run(&[&[1.0], &[0.0; 3], &[0.0]]);
+        let wanted = solenoid::current_a(solenoid::experimental_phi(0.35) * 1.0);
+        assert!((out[0][0] - wanted).abs() < 1e-12 && wanted > 0.05);
+        assert_eq!(out[3][0], 0.0);
+        assert!((out[4][0] - 298.15).abs() < 1.0);
+    }
+
+    #[test]
+    fn too_little_friction_raises_the_trim_and_too_much_to_ask_is_said() {
+        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let mut bench = Bench::new::<BrakeController>(settings(Some(0.4)), 1000.0, &kinds).unwrap();
+        let n = 500;
+        let out = bench.run(&[&vec![1.0; n], &[-0.3, 0.0, 0.0].repeat(n), &vec![0.05; n]]);
+        assert!((out[1][n - 1] - 0.3).abs() < 1e-6, "measured");
+        assert!(out[2][n - 1] > 0.01 && out[0][n - 1] > out[0][0]);
+        bench.processor().set(1, 0.9);
+        let out = bench.run(&[&[1.0], &[-0.3, 0.0, 0.0], &[0.05]]);
+        assert!(out[3][0] >= 2.0, "out of reach");
+        let refused = Bench::new::<BrakeController>(settings(None), 1000.0, &kinds).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("mu"));
+    }
+}

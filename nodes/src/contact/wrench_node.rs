@@ -1,0 +1,337 @@
+//! Nodes of contact location from a wrench: where a tool touches an object on a force/torque sensor, and how fast it
+//! slides.
+
+use super::object::{CubeSettings, Object, on_sensor};
+use super::wrench::{LEASH, SurfacePath, WrenchContact, WrenchLocator, WrenchSettings};
+use crate::filters::design_error;
+use crate::sensing::speed::SpeedFilter;
+use crate::successor;
+use crate::vector::norm;
+use haptograph_engine::frame::{self, Kind};
+use haptograph_engine::node::{
+    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`ContactFromWrench`].
+    pub struct ContactFromWrenchSettings {
+        /// The convex object: Cube, Cylinder, Ball, or the Solid of a file.
+        object: Object = Object::Cube(CubeSettings { edge_mm: 25.4 });
+        /// Height of its lowest point over the sensor's origin, mm.
+        height_mm: f64 = 8.0, in -1000.0..=1000.0;
+        /// Force at which contact begins, N.
+        threshold_n: f64 = WrenchSettings::default().threshold_n, in 1e-6..=1000.0;
+        /// Step of the measured force, N, for the uncertainty.
+        force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
+        /// Step of the measured torque, N mm, for the uncertainty.
+        torque_step_n_mm: f64 = WrenchSettings::default().torque_step_n_m * 1e3, in 0.0..=1e6;
+    }
+}
+
+/// Where a tool touches an object on a sensor.
+pub struct ContactFromWrench;
+
+impl NodeKind for ContactFromWrench {
+    type Settings = ContactFromWrenchSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "ContactFromWrench",
+        group: "contact",
+        doc: "Where a tool touches an object that stands on a force/torque sensor: the line of action of the force meets \
+              the object's surface where it presses. The object has to be convex; a concave one is refused, with the edge \
+              that makes it so. Any tool will do.",
+        source: "5.2, Eq. 5.2.1 to 5.2.4",
+        inputs: &[input(
+            "wrench",
+            Kind::Wrench,
+            Quantity::FORCE,
+            "Wrench on the object in the sensor's frame, N and N m.",
+        )],
+        outputs: &[
+            output(
+                "contact",
+                Kind::Contact,
+                Quantity::NUMBER,
+                "Point, outward normal and face; there is no penetration.",
+            ),
+            output("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
+            output(
+                "friction",
+                Kind::Vector,
+                Quantity::FORCE,
+                "Friction on the tool, N.",
+            ),
+            output(
+                "residual",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "|F . M| / |F|^2, m: zero for contact in one point.",
+            ),
+            output(
+                "uncertainty",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "Uncertainty of the point, m (Eq. 5.2.4).",
+            ),
+            output(
+                "miss",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "By how much the line of action misses the object, m.",
+            ),
+        ],
+        example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
+    };
+
+    fn build(
+        settings: ContactFromWrenchSettings,
+        _: &BuildContext,
+    ) -> Result<Box<dyn Processor>, BuildError> {
+        let object = on_sensor(&settings.object, settings.height_mm * 1e-3)?;
+        let measured = WrenchSettings {
+            threshold_n: settings.threshold_n,
+            force_step_n: settings.force_step_n,
+            torque_step_n_m: settings.torque_step_n_mm * 1e-3,
+        };
+        let locator = WrenchLocator::new(object, measured).map_err(|error| {
+            BuildError::at("object", error.to_string()).help("give a convex object, or its convex hull")
+        })?;
+        Ok(Box::new(Locating { locator }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Locating {
+    locator: WrenchLocator,
+}
+
+impl Processor for Locating {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let wrenches = io.frames_of::<6>(0);
+        let [contacts, load, friction, residual, uncertainty, miss] = io.outs();
+        let (contacts, friction) = (contacts.as_chunks_mut().0, friction.as_chunks_mut().0);
+        for (frame, [fx, fy, fz, tx, ty, tz]) in wrenches.iter().enumerate() {
+            let at = self.locator.update([*fx, *fy, *fz], [*tx, *ty, *tz]);
+            contacts[frame] = frame::Contact {
+                touching: at.touching,
+                hip_m: at.position_m,
+                ihip_m: at.position_m,
+                normal: if at.touching { at.normal } else { [0.0; 3] },
+                penetration_m: 0.0,
+                face: at.face,
+            }
+            .to_lanes();
+            load[frame] = at.normal_force_n;
+            friction[frame] = at.friction_n;
+            residual[frame] = at.residual_m;
+            uncertainty[frame] = at.point_uncertainty_m;
+            miss[frame] = at.miss_m;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.locator.copy_state_from(&self.locator);
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SurfaceSpeed`].
+    pub struct SurfaceSpeedSettings {
+        /// Cut-off of the second-order low-pass, below half the rate.
+        cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
+        /// How far the point may jitter before it counts as motion, in uncertainties.
+        leash: f64 = LEASH, in 0.0..=1000.0;
+    }
+}
+
+/// The speed of a contact along a surface with edges.
+pub struct SurfaceSpeed;
+
+impl NodeKind for SurfaceSpeed {
+    type Settings = SurfaceSpeedSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "SurfaceSpeed",
+        group: "sensing",
+        doc: "The speed of a point of contact along a surface, over its edges: two points on faces that meet at an angle are \
+              as far apart as when the faces are laid flat. Jitter within the point's uncertainty is no motion.",
+        source: "5.2.4",
+        inputs: &[
+            input(
+                "contact",
+                Kind::Contact,
+                Quantity::NUMBER,
+                "Where the tool touches.",
+            ),
+            input(
+                "uncertainty",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "Uncertainty of the point, m.",
+            )
+            .optional(),
+        ],
+        outputs: &[
+            output(
+                "speed",
+                Kind::Scalar,
+                Quantity::SPEED,
+                "Speed along the surface, m/s; zero while free.",
+            ),
+            output(
+                "along",
+                Kind::Vector,
+                Quantity::SPEED,
+                "Velocity in the tangent plane, m/s; zero while free.",
+            ),
+            output(
+                "way",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "Length of the way so far, m.",
+            ),
+        ],
+        example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.uncertainty")"#,
+    };
+
+    fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let filter = SpeedFilter::Butterworth {
+            order: 2,
+            cutoff_hz: settings.cutoff_hz,
+        };
+        let path =
+            SurfacePath::new(filter, settings.leash, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
+        Ok(Box::new(Following { path }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Following {
+    path: SurfacePath,
+}
+
+impl Processor for Following {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (contacts, uncertainties) = (io.contacts(0), io.lanes(1));
+        let [speed, along, way] = io.outs();
+        let along = along.as_chunks_mut().0;
+        for (frame, contact) in contacts.enumerate() {
+            let point_uncertainty_m = uncertainties.get(frame).copied().unwrap_or(0.0);
+            let finite = contact
+                .ihip_m
+                .iter()
+                .chain(&contact.normal)
+                .all(|x| x.is_finite());
+            let at = WrenchContact {
+                touching: contact.touching && finite && point_uncertainty_m.is_finite(),
+                position_m: contact.ihip_m,
+                normal: contact.normal,
+                face: contact.face,
+                normal_force_n: 0.0,
+                friction_n: [0.0; 3],
+                residual_m: 0.0,
+                uncertainty_m: point_uncertainty_m,
+                point_uncertainty_m,
+                miss_m: 0.0,
+            };
+            along[frame] = self.path.update(&at);
+            speed[frame] = norm(along[frame]);
+            way[frame] = self.path.way_m();
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.path.copy_state_from(&self.path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vector::cross;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn a_press_on_the_cube_is_found_where_it_is() {
+        let settings = ContactFromWrenchSettings {
+            object: Object::Cube(CubeSettings { edge_mm: 25.4 }),
+            height_mm: 8.0,
+            threshold_n: 0.08,
+            force_step_n: 1.0 / 160.0,
+            torque_step_n_mm: 1.0 / 32.0,
+        };
+        let mut bench = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::Wrench]).unwrap();
+        let (point, force) = ([0.004, -0.003, 0.0334], [0.2, 0.1, -1.0]);
+        let wrench = [force, cross(point, force)].concat();
+        let out = bench.run(&[&[wrench, vec![0.0; 6]].concat()]);
+        let contacts: Vec<frame::Contact> = out[0]
+            .as_chunks()
+            .0
+            .iter()
+            .map(frame::Contact::from_lanes)
+            .collect();
+        assert!(crate::vector::distance(contacts[0].ihip_m, point) < 1e-9);
+        assert_eq!(contacts[0].normal, [0.0, 0.0, 1.0]);
+        assert!((out[1][0] - 1.0).abs() < 1e-9, "load");
+        assert!(
+            (out[2][0] + 0.2).abs() < 1e-9 && (out[2][1] + 0.1).abs() < 1e-9,
+            "friction on the tool"
+        );
+        assert!(out[3][0] < 1e-9 && out[5][0] < 1e-9);
+        assert!(!contacts[1].touching && out[1][1] == 0.0);
+    }
+
+    #[test]
+    fn sliding_over_an_edge_keeps_its_speed() {
+        let bench = || {
+            let settings = SurfaceSpeedSettings {
+                cutoff_hz: 20.0,
+                leash: 0.0,
+            };
+            Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap()
+        };
+        // Along the top to the edge at x = 0, then down the side, 50 mm/s.
+        let contacts: Vec<f64> = (-500..500)
+            .flat_map(|k| {
+                let way = 5e-5 * f64::from(k);
+                let (ihip_m, normal) = if k < 0 {
+                    ([way, 0.0, 0.0], [0.0, 0.0, 1.0])
+                } else {
+                    ([0.0, 0.0, -way], [1.0, 0.0, 0.0])
+                };
+                frame::Contact {
+                    touching: true,
+                    ihip_m,
+                    normal,
+                    ..frame::Contact::default()
+                }
+                .to_lanes()
+            })
+            .collect();
+        let out = bench().run(&[&contacts]);
+        for (k, speed) in out[0].iter().enumerate().skip(200) {
+            assert!((speed - 0.05).abs() < 1e-6, "{k}: {speed}");
+        }
+    }
+
+    #[test]
+    fn a_concave_object_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("open.stl");
+        let open = "solid open\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
+                    endsolid open\n";
+        std::fs::write(&file, open).unwrap();
+        let settings = ContactFromWrenchSettings {
+            object: Object::Solid(super::super::object::SolidSettings { file, unit_mm: 1.0 }),
+            height_mm: 0.0,
+            threshold_n: 0.08,
+            force_step_n: 0.01,
+            torque_step_n_mm: 0.01,
+        };
+        let refused = Bench::new::<ContactFromWrench>(settings, 1000.0, &[Kind::Wrench]).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("object"));
+    }
+}

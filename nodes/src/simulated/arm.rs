@@ -1,0 +1,193 @@
+//! A desktop arm as a device of graphs, and the source that reads one.
+
+use super::acting::{Doing, GripSettings, a_bit_of_everything, actions};
+use super::ground::Ground;
+use super::hand::Load;
+use super::omni::{OMNI_RATE_HZ, OmniSettings, SimulatedOmni as Omni};
+use super::script::ScriptSettings;
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_signal::quantity::Quantity;
+
+/// Reads a desktop arm.
+pub const ARM: NodeSpec = NodeSpec {
+    name: "Arm",
+    group: "sources",
+    doc: "A desktop arm: where its tip is.",
+    source: "4.3",
+    inputs: &[],
+    outputs: &[output(
+        "position",
+        Kind::Vector,
+        Quantity::LENGTH,
+        "Position of the tip (HIP), m.",
+    )],
+    example: r#""arm": Arm(clock: "servo", endpoint: "arm")"#,
+};
+
+haptograph_engine::choices! {
+    /// The surface that a simulated hand means to touch.
+    pub enum Under {
+        /// A plane.
+        Plane(UnderPlaneSettings),
+        /// A ball.
+        Sphere(UnderSphereSettings),
+    }
+}
+
+haptograph_engine::settings! {
+    /// A plane under a hand.
+    pub struct UnderPlaneSettings {
+        /// The origin of strokes, a point of the plane, mm.
+        origin_mm: [f64; 3] = [0.0, 0.0, 0.0];
+        /// Outward direction, of any length.
+        normal: [f64; 3] = [0.0, 0.0, 1.0];
+    }
+}
+
+haptograph_engine::settings! {
+    /// A ball under a hand.
+    pub struct UnderSphereSettings {
+        /// Centre, mm.
+        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
+        /// Diameter at which the tool's centre touches: that of the ball and of the tool's tip together, mm.
+        diameter_mm: f64 = 103.2, in 0.001..=100_000.0;
+        /// Direction from the centre to the origin of strokes, of any length.
+        up: [f64; 3] = [0.0, 0.0, 1.0];
+    }
+}
+
+impl Under {
+    fn to_ground(&self) -> Ground {
+        let metres = |mm: [f64; 3]| mm.map(|x| x * 1e-3);
+        match self {
+            Self::Plane(plane) => Ground::Plane {
+                origin_m: metres(plane.origin_mm),
+                normal: plane.normal,
+            },
+            Self::Sphere(sphere) => Ground::Sphere {
+                centre_m: metres(sphere.centre_mm),
+                radius_m: 0.5e-3 * sphere.diameter_mm,
+                up: sphere.up,
+            },
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SimulatedOmni`].
+    pub struct SimulatedOmniSettings {
+        /// What the hand means to touch; the graph renders it.
+        under: Under = Under::Sphere(UnderSphereSettings {
+            centre_mm: [0.0; 3], diameter_mm: 103.2, up: [0.0, 0.0, 1.0],
+        });
+        /// What the hand does, one thing after the other, over and over: Hover, Draw, Taps, Press.
+        does: Vec<Doing> = a_bit_of_everything();
+        /// Height of the lifted tip, mm.
+        hover_mm: f64 = 10.0, in 0.01..=1000.0;
+        /// How the hand holds the arm.
+        grip: GripSettings = GripSettings::typical();
+        /// Step of the position along each axis, mm.
+        step_mm: f64 = OmniSettings::default().step_m * 1e3, in 1e-6..=10.0;
+        /// Largest force of the motors, N.
+        peak_n: f64 = OmniSettings::default().peak_n, in 0.001..=1000.0;
+        /// Apparent mass of the arm at its tip, g.
+        mass_g: f64 = OmniSettings::default().load.mass_kg * 1e3, in 0.0..=100_000.0;
+        /// Back-drive friction at the tip, N.
+        friction_n: f64 = OmniSettings::default().load.dry_friction_n, in 0.0..=100.0;
+    }
+}
+
+/// A desktop arm of the Omni's kind in a simulated hand.
+pub struct SimulatedOmni;
+
+const fn sensed(name: &'static str, quantity: Quantity, doc: &'static str) -> Channel {
+    Channel {
+        name,
+        kind: Kind::Vector,
+        quantity,
+        doc,
+    }
+}
+
+impl DeviceKind for SimulatedOmni {
+    type Settings = SimulatedOmniSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "SimulatedOmni",
+        doc: "A desktop arm at 1 kHz with steps of 0.055 mm and 3.3 N, held by a simulated hand: a mass on a spring and a \
+              damper that pull it along what it means to do. The seed is the person and the attempt.",
+        source: "4.3",
+        simulated: true,
+        senses: &[
+            sensed("position", Quantity::LENGTH, "Position of the tip in steps, m."),
+            sensed("true_position", Quantity::LENGTH, "Where the tip really is, m."),
+            sensed("true_velocity", Quantity::SPEED, "Its real velocity, m/s."),
+        ],
+        drives: &[sensed(
+            "force",
+            Quantity::FORCE,
+            "Force of the motors on the hand, N.",
+        )],
+        example: r#""arm": SimulatedOmni(under: Sphere(diameter_mm: 103.2), does: [Draw(stroke: Circles(radius_mm: 20.0), force_n: 1.0), Taps(count: 3)])"#,
+    };
+
+    fn build(settings: SimulatedOmniSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        if cx.rate.hz() != OMNI_RATE_HZ {
+            return Err(BuildError {
+                field: None,
+                message: format!(
+                    "this arm has a servo rate of {OMNI_RATE_HZ} Hz, its clock has {}",
+                    cx.rate
+                ),
+                help: Some(format!("read and drive it on a clock of {OMNI_RATE_HZ} Hz")),
+            });
+        }
+        let arm = OmniSettings {
+            step_m: settings.step_mm * 1e-3,
+            peak_n: settings.peak_n,
+            load: Load {
+                mass_kg: settings.mass_g * 1e-3,
+                dry_friction_n: settings.friction_n,
+            },
+        };
+        let script = ScriptSettings {
+            ground: settings.under.to_ground(),
+            actions: actions(&settings.does)?,
+            hover_m: settings.hover_mm * 1e-3,
+        };
+        let omni = Omni::new(arm, settings.grip.to_grip(), &script, cx.seed);
+        let omni = omni.map_err(|error| BuildError::at("does", error.to_string()))?;
+        Ok(Box::new(Held {
+            omni,
+            force_n: [0.0; 3],
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Held {
+    omni: Omni,
+    force_n: [f64; 3],
+}
+
+impl Device for Held {
+    fn advance(&mut self) {
+        self.omni.advance(self.force_n);
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        let reading = self.omni.read();
+        frame.copy_from_slice(match channel {
+            0 => &reading.position_m,
+            1 => &reading.true_position_m,
+            _ => &reading.true_velocity_m_s,
+        });
+    }
+
+    fn write(&mut self, _: usize, frame: &[f64]) {
+        if let Ok(force_n) = frame.try_into() {
+            self.force_n = force_n;
+        }
+    }
+}

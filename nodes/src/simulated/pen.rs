@@ -1,0 +1,263 @@
+//! The object on its sensor and the pen that touches it, as one device of graphs, and the sources that read it.
+
+use super::acting::DrawSettings;
+use super::acting::{Doing, GripSettings, actions};
+use super::drawing::{Drawing, WanderSettings};
+use super::haptuator::TwoMassSettings;
+use super::knock::KnockSettings;
+use super::pen_object::{PEN_OBJECT_RATE_HZ, PenObject, PenObjectSettings};
+use crate::contact::object::{CubeSettings, Object, on_sensor};
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_signal::quantity::Quantity;
+
+/// Reads a force/torque sensor.
+pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
+    name: "ForceTorqueSensor",
+    group: "sources",
+    doc: "A six-axis force/torque sensor under an object: the wrench on the object, zeroed with the object on it.",
+    source: "5.2.1",
+    inputs: &[],
+    outputs: &[output(
+        "wrench",
+        Kind::Wrench,
+        Quantity::FORCE,
+        "Wrench on the object in the sensor's frame, N and N m.",
+    )],
+    example: r#""sensor": ForceTorqueSensor(clock: "servo", endpoint: "pen")"#,
+};
+
+/// Reads what only a simulation knows.
+pub const TRUE_CONTACT: NodeSpec = NodeSpec {
+    name: "TrueContact",
+    group: "sources",
+    doc: "What only a simulation knows of a contact, to compare a measurement with.",
+    source: "",
+    inputs: &[],
+    outputs: &[
+        output(
+            "true_position",
+            Kind::Vector,
+            Quantity::LENGTH,
+            "Where the pen really touches, m.",
+        ),
+        output(
+            "true_velocity",
+            Kind::Vector,
+            Quantity::SPEED,
+            "Its real velocity along the surface, m/s.",
+        ),
+        output(
+            "true_load",
+            Kind::Scalar,
+            Quantity::FORCE,
+            "The real normal force, N; zero while free.",
+        ),
+        output(
+            "true_friction",
+            Kind::Vector,
+            Quantity::FORCE,
+            "The real friction on the pen, N.",
+        ),
+    ],
+    example: r#""truth": TrueContact(clock: "servo", endpoint: "pen")"#,
+};
+
+haptograph_engine::settings! {
+    /// Knocks on the table.
+    pub struct KnocksSettings {
+        /// Mean time between knocks, s.
+        every_s: f64 = KnockSettings::default().every_s, in 0.01..=100_000.0;
+        /// Hardest knock: acceleration of the table at its start, m/s2.
+        hardest_m_s2: f64 = KnockSettings::default().hardest_m_s2, in 0.0..=1000.0;
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SimulatedPenAndObject`].
+    pub struct SimulatedPenAndObjectSettings {
+        /// The convex object: Cube, Cylinder, Ball, or the Solid of a file.
+        object: Object = Object::Cube(CubeSettings { edge_mm: 25.4 });
+        /// Height of its lowest point over the sensor's origin, mm.
+        height_mm: f64 = 8.0, in -1000.0..=1000.0;
+        /// Mass of object and mount, g.
+        object_g: f64 = 35.0, in 0.0..=100_000.0;
+        /// What the hand does, one thing after the other, over and over: Hover, Draw, Taps, Press.
+        does: Vec<Doing> = exploration();
+        /// Height of the lifted pen, mm.
+        hover_mm: f64 = 10.0, in 0.01..=1000.0;
+        /// How the hand holds the pen.
+        grip: GripSettings = GripSettings::typical();
+        /// Knocks on the table, if any.
+        knocks: Option<KnocksSettings> = None;
+        /// The haptuator across the pen; placeholders, not measurements.
+        haptuator: TwoMassSettings = TwoMassSettings::placeholder();
+    }
+}
+
+/// Aimless exploration of the object's top.
+fn exploration() -> Vec<Doing> {
+    vec![Doing::Draw(DrawSettings {
+        stroke: Drawing::Wander(WanderSettings {
+            side_mm: 12.0,
+            fastest_hz: 1.5,
+        }),
+        duration_s: 10.0,
+        force_n: 1.1,
+        force_variation: 0.2,
+        pace_variation: 0.15,
+        size_variation: 0.05,
+    })]
+}
+
+/// An object on a force/torque sensor, and a pen with a brake in a simulated hand.
+pub struct SimulatedPenAndObject;
+
+const fn channel(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Channel {
+    Channel {
+        name,
+        kind,
+        quantity,
+        doc,
+    }
+}
+
+impl DeviceKind for SimulatedPenAndObject {
+    type Settings = SimulatedPenAndObjectSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "SimulatedPenAndObject",
+        doc: "A convex object on a force/torque sensor at 1 kHz (steps of 1/160 N and 1/32 N mm, noise of one step, 20 Hz \
+              low-pass), touched by a rolling-ball pen with a solenoid brake and a haptuator, in a simulated hand. The seed \
+              is the person, the pen and the noise; the pen's brake is not the inverse of its controller.",
+        source: "5.2, 5.3, 5.5",
+        simulated: true,
+        senses: &[
+            channel(
+                "wrench",
+                Kind::Wrench,
+                Quantity::FORCE,
+                "The sensor's reading, N and N m.",
+            ),
+            channel(
+                "true_position",
+                Kind::Vector,
+                Quantity::LENGTH,
+                "Where the pen really touches, m.",
+            ),
+            channel(
+                "true_velocity",
+                Kind::Vector,
+                Quantity::SPEED,
+                "Its real velocity along the surface, m/s.",
+            ),
+            channel(
+                "true_load",
+                Kind::Scalar,
+                Quantity::FORCE,
+                "The real normal force, N.",
+            ),
+            channel(
+                "true_friction",
+                Kind::Vector,
+                Quantity::FORCE,
+                "The real friction on the pen, N.",
+            ),
+            channel(
+                "acceleration",
+                Kind::Scalar,
+                Quantity::ACCELERATION,
+                "What the hand feels of the haptuator, m/s2.",
+            ),
+        ],
+        drives: &[
+            channel(
+                "brake",
+                Kind::Scalar,
+                Quantity::CURRENT,
+                "Current through the brake's solenoid, A.",
+            ),
+            channel(
+                "current",
+                Kind::Scalar,
+                Quantity::CURRENT,
+                "Current through the haptuator, A.",
+            ),
+        ],
+        example: r#""pen": SimulatedPenAndObject(object: Cube(edge_mm: 25.4), does: [Draw(stroke: Wander(side_mm: 12.0), force_n: 1.1)])"#,
+    };
+
+    fn build(
+        settings: SimulatedPenAndObjectSettings,
+        cx: &BuildContext,
+    ) -> Result<Box<dyn Device>, BuildError> {
+        if cx.rate.hz() != PEN_OBJECT_RATE_HZ {
+            return Err(BuildError {
+                field: None,
+                message: format!(
+                    "this sensor is read {PEN_OBJECT_RATE_HZ} times a second, its clock has {}",
+                    cx.rate
+                ),
+                help: Some(format!("read and drive it on a clock of {PEN_OBJECT_RATE_HZ} Hz")),
+            });
+        }
+        let height_m = settings.height_mm * 1e-3;
+        let haptuator = settings.haptuator.to_two_mass().checked();
+        let device = PenObjectSettings {
+            object_kg: settings.object_g * 1e-3,
+            height_m,
+            knocks: settings.knocks.map(|knocks| KnockSettings {
+                every_s: knocks.every_s,
+                hardest_m_s2: knocks.hardest_m_s2,
+                ..KnockSettings::default()
+            }),
+            grip: settings.grip.to_grip(),
+            hover_m: settings.hover_mm * 1e-3,
+            haptuator: haptuator.map_err(|error| BuildError::at("haptuator", error.to_string()))?,
+            ..PenObjectSettings::new(on_sensor(&settings.object, height_m)?, actions(&settings.does)?)
+        };
+        let device =
+            PenObject::new(&device, cx.seed).map_err(|error| BuildError::at("does", error.to_string()))?;
+        Ok(Box::new(Touched {
+            device,
+            currents_a: [0.0; 2],
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Touched {
+    device: PenObject,
+    /// Of the brake and of the haptuator.
+    currents_a: [f64; 2],
+}
+
+impl Device for Touched {
+    fn advance(&mut self) {
+        let [brake_a, haptuator_a] = self.currents_a;
+        self.device.advance(brake_a, haptuator_a);
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        let truth = self.device.truth();
+        match channel {
+            0 => {
+                let reading = self.device.read();
+                let (force, torque) = frame.split_at_mut(3);
+                force.copy_from_slice(&reading.force_n);
+                torque.copy_from_slice(&reading.torque_n_m);
+            }
+            1 => frame.copy_from_slice(&truth.position_m),
+            2 => frame.copy_from_slice(&truth.velocity_m_s),
+            3 => frame.fill(truth.normal_n),
+            4 => frame.copy_from_slice(&truth.friction_n),
+            _ => frame.fill(truth.felt_m_s2),
+        }
+    }
+
+    fn write(&mut self, channel: usize, frame: &[f64]) {
+        if let (Some(current), [current_a]) = (self.currents_a.get_mut(channel), frame) {
+            *current = *current_a;
+        }
+    }
+}
