@@ -23,6 +23,7 @@ pub struct TriangleMesh {
     neighbours: Vec<[u32; 3]>,
     removed: usize,
     diagonal_m: f64,
+    centre_m: Vec3,
     index: Index,
 }
 
@@ -149,6 +150,7 @@ impl TriangleMesh {
             .iter()
             .map(|t| direction(doubled_area(&vertices, *t)).unwrap_or([0.0, 0.0, 1.0]))
             .collect();
+        let (low, high) = bounds(&vertices);
         let index = Index::build(&vertices, &triangles, 1e-9 * diagonal_m);
         Ok(Self {
             vertices,
@@ -157,6 +159,7 @@ impl TriangleMesh {
             neighbours,
             removed,
             diagonal_m,
+            centre_m: std::array::from_fn(|i| 0.5 * (low[i] + high[i])),
             index,
         })
     }
@@ -198,8 +201,7 @@ impl TriangleMesh {
 
     /// Centre of the bounding box, m.
     pub fn centre_m(&self) -> Vec3 {
-        let (low, high) = bounds(&self.vertices);
-        std::array::from_fn(|i| 0.5 * (low[i] + high[i]))
+        self.centre_m
     }
 
     /// Where the way from one point to another first touches the mesh, from either side. Exact: no way passes between

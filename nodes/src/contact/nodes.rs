@@ -88,7 +88,7 @@ haptograph_engine::choices! {
     }
 }
 
-fn metres(mm: [f64; 3]) -> Vec3 {
+pub(crate) fn metres(mm: [f64; 3]) -> Vec3 {
     mm.map(|x| x * 1e-3)
 }
 

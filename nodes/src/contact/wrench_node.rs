@@ -217,14 +217,11 @@ impl Processor for Following {
         let [speed, along, way] = io.outs();
         let along = along.as_chunks_mut().0;
         for (frame, contact) in contacts.enumerate() {
-            let point_uncertainty_m = uncertainties.get(frame).copied().unwrap_or(0.0);
-            let finite = contact
-                .ihip_m
-                .iter()
-                .chain(&contact.normal)
-                .all(|x| x.is_finite());
+            let point_uncertainty_m = uncertainties.get(frame).copied().unwrap_or(0.0).max(0.0);
+            let sound =
+                contact.ihip_m.iter().all(|x| x.is_finite()) && (norm(contact.normal) - 1.0).abs() < 1e-6;
             let at = WrenchContact {
-                touching: contact.touching && finite && point_uncertainty_m.is_finite(),
+                touching: contact.touching && sound && point_uncertainty_m.is_finite(),
                 position_m: contact.ihip_m,
                 normal: contact.normal,
                 face: contact.face,

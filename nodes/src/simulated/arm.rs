@@ -5,10 +5,14 @@ use super::ground::Ground;
 use super::hand::Load;
 use super::omni::{OMNI_RATE_HZ, OmniSettings, SimulatedOmni as Omni};
 use super::script::ScriptSettings;
+use crate::contact::mesh::{MeshError, TriangleMesh};
+use crate::contact::nodes::{Solid, SphereSettings, load_mesh, metres};
+use crate::vector::{add_scaled, direction};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::quantity::Quantity;
+use std::sync::Arc;
 
 /// Reads a desktop arm.
 pub const ARM: NodeSpec = NodeSpec {
@@ -26,62 +30,15 @@ pub const ARM: NodeSpec = NodeSpec {
     example: r#""arm": Arm(clock: "servo", endpoint: "arm")"#,
 };
 
-haptograph_engine::choices! {
-    /// The surface that a simulated hand means to touch.
-    pub enum Under {
-        /// A plane.
-        Plane(UnderPlaneSettings),
-        /// A ball.
-        Sphere(UnderSphereSettings),
-    }
-}
-
-haptograph_engine::settings! {
-    /// A plane under a hand.
-    pub struct UnderPlaneSettings {
-        /// The origin of strokes, a point of the plane, mm.
-        origin_mm: [f64; 3] = [0.0, 0.0, 0.0];
-        /// Outward direction, of any length.
-        normal: [f64; 3] = [0.0, 0.0, 1.0];
-    }
-}
-
-haptograph_engine::settings! {
-    /// A ball under a hand.
-    pub struct UnderSphereSettings {
-        /// Centre, mm.
-        centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
-        /// Diameter at which the tool's centre touches: that of the ball and of the tool's tip together, mm.
-        diameter_mm: f64 = 103.2, in 0.001..=100_000.0;
-        /// Direction from the centre to the origin of strokes, of any length.
-        up: [f64; 3] = [0.0, 0.0, 1.0];
-    }
-}
-
-impl Under {
-    fn to_ground(&self) -> Ground {
-        let metres = |mm: [f64; 3]| mm.map(|x| x * 1e-3);
-        match self {
-            Self::Plane(plane) => Ground::Plane {
-                origin_m: metres(plane.origin_mm),
-                normal: plane.normal,
-            },
-            Self::Sphere(sphere) => Ground::Sphere {
-                centre_m: metres(sphere.centre_mm),
-                radius_m: 0.5e-3 * sphere.diameter_mm,
-                up: sphere.up,
-            },
-        }
-    }
-}
-
 haptograph_engine::settings! {
     /// Settings of [`SimulatedOmni`].
     pub struct SimulatedOmniSettings {
-        /// What the hand means to touch; the graph renders it.
-        under: Under = Under::Sphere(UnderSphereSettings {
-            centre_mm: [0.0; 3], diameter_mm: 103.2, up: [0.0, 0.0, 1.0],
-        });
+        /// The scene that the graph renders. The hand means to touch its first shape, from above.
+        scene: Vec<Solid> = vec![Solid::Sphere(SphereSettings { centre_mm: [0.0; 3], diameter_mm: 100.0 })];
+        /// Diameter of the ball at the tool's tip, mm.
+        proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
+        /// Stiffness that the surface is rendered with, N/mm, as the hand has learned it: it aims as deep as its force will go.
+        gives_n_per_mm: Option<f64> = None, in 1e-6..=1000.0;
         /// What the hand does, one thing after the other, over and over: Hover, Draw, Taps, Press.
         does: Vec<Doing> = a_bit_of_everything();
         /// Height of the lifted tip, mm.
@@ -96,6 +53,8 @@ haptograph_engine::settings! {
         mass_g: f64 = OmniSettings::default().load.mass_kg * 1e3, in 0.0..=100_000.0;
         /// Back-drive friction at the tip, N.
         friction_n: f64 = OmniSettings::default().load.dry_friction_n, in 0.0..=100.0;
+        /// Viscous damping of the arm at its tip, N s/m.
+        damping_n_s_per_m: f64 = OmniSettings::default().load.damping_n_s_per_m, in 0.0..=1000.0;
     }
 }
 
@@ -129,7 +88,7 @@ impl DeviceKind for SimulatedOmni {
             Quantity::FORCE,
             "Force of the motors on the hand, N.",
         )],
-        example: r#""arm": SimulatedOmni(under: Sphere(diameter_mm: 103.2), does: [Draw(stroke: Circles(radius_mm: 20.0), force_n: 1.0), Taps(count: 3)])"#,
+        example: r#""arm": SimulatedOmni(scene: [Sphere(diameter_mm: 100.0)], does: [Draw(stroke: Circles(radius_mm: 20.0), force_n: 1.0), Taps(count: 3)])"#,
     };
 
     fn build(settings: SimulatedOmniSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
@@ -149,12 +108,14 @@ impl DeviceKind for SimulatedOmni {
             load: Load {
                 mass_kg: settings.mass_g * 1e-3,
                 dry_friction_n: settings.friction_n,
+                damping_n_s_per_m: settings.damping_n_s_per_m,
             },
         };
         let script = ScriptSettings {
-            ground: settings.under.to_ground(),
+            ground: ground(&settings.scene, settings.proxy_diameter_mm * 1e-3)?,
             actions: actions(&settings.does)?,
             hover_m: settings.hover_mm * 1e-3,
+            gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, |gives| gives * 1e3),
         };
         let omni = Omni::new(arm, settings.grip.to_grip(), &script, cx.seed);
         let omni = omni.map_err(|error| BuildError::at("does", error.to_string()))?;
@@ -163,6 +124,50 @@ impl DeviceKind for SimulatedOmni {
             force_n: [0.0; 3],
         }))
     }
+}
+
+/// What a hand feels of the first shape of a scene with the centre of a ball at its tool's tip.
+fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> {
+    let Some(first) = scene.first() else {
+        return Err(BuildError::at("scene", "the scene is empty").help("give at least one shape"));
+    };
+    let failed = |error: MeshError| BuildError::at("scene", error.to_string());
+    let up = [0.0, 0.0, 1.0];
+    let radius_m = 0.5 * proxy_diameter_m;
+    Ok(match first {
+        Solid::Plane(plane) => {
+            let normal = direction(plane.normal).unwrap_or(up);
+            Ground::Plane {
+                origin_m: add_scaled(metres(plane.origin_mm), normal, radius_m),
+                normal,
+            }
+        }
+        Solid::Sphere(sphere) => Ground::Sphere {
+            centre_m: metres(sphere.centre_mm),
+            radius_m: 0.5e-3 * sphere.diameter_mm + radius_m,
+            up,
+        },
+        Solid::Box(cuboid) => {
+            let felt_m = metres(cuboid.size_mm).map(|length_m| length_m + proxy_diameter_m);
+            let mesh = TriangleMesh::cuboid(felt_m).and_then(|mesh| mesh.moved(metres(cuboid.centre_mm)));
+            Ground::Solid(Arc::new(mesh.map_err(failed)?))
+        }
+        Solid::Room(room) => {
+            let floor_m = radius_m - 0.5e-3 * room.size_mm[2];
+            Ground::Plane {
+                origin_m: add_scaled(metres(room.centre_mm), up, floor_m),
+                normal: up,
+            }
+        }
+        // Meshes are felt by a point.
+        Solid::Mesh(mesh) => {
+            let loaded = load_mesh(&mesh.file, mesh.unit_mm).map_err(|error| BuildError {
+                field: Some("scene"),
+                ..error
+            })?;
+            Ground::Relief(Arc::new(loaded))
+        }
+    })
 }
 
 #[derive(Debug, Clone)]

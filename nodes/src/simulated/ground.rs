@@ -26,6 +26,8 @@ pub enum Ground {
     /// A convex solid from outside. The sheet touches its top (along z) and is projected from its centre, so that strokes
     /// wider than the top lead over the edges and down the sides.
     Solid(Arc<TriangleMesh>),
+    /// A relief from above (along z): the sheet is dropped onto it from over its middle.
+    Relief(Arc<TriangleMesh>),
 }
 
 /// A point of a surface.
@@ -66,6 +68,7 @@ impl Ground {
                 flat(add_scaled(centre_m, normal, radius_m), normal)
             }
             Self::Solid(solid) => projected(solid, [u, v]),
+            Self::Relief(relief) => dropped(relief, [u, v]),
         }
     }
 }
@@ -104,6 +107,30 @@ fn projected(solid: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
     }
 }
 
+/// The highest point of a relief under a point of a sheet; beside the relief, a plane at the height of its middle.
+fn dropped(relief: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
+    let (middle_m, reach_m) = (relief.centre_m(), relief.diagonal_m());
+    let up = [0.0, 0.0, 1.0];
+    let under_m = [middle_m[0] + u, middle_m[1] + v, middle_m[2]];
+    let top_m = add_scaled(under_m, up, reach_m);
+    match relief.first_hit(top_m, add_scaled(under_m, up, -reach_m)) {
+        Some(hit) => {
+            let normal = relief.normal(hit.triangle);
+            let normal = if normal[2] < 0.0 {
+                scale(normal, -1.0)
+            } else {
+                normal
+            };
+            GroundPoint {
+                position_m: add_scaled(top_m, up, -2.0 * reach_m * hit.fraction),
+                normal,
+                lift: up,
+            }
+        }
+        None => flat(under_m, up),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -125,6 +152,24 @@ mod tests {
         assert!(distance(ball.at([0.0, 0.0]).position_m, [0.0; 3]) < 1e-15);
         let far = ball.at([0.2, -0.1]);
         assert!((distance(far.position_m, [0.0, 0.0, -0.05]) - 0.05).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_relief_is_stroked_from_above() {
+        let slope = TriangleMesh::new(
+            &[
+                [-0.1, -0.1, 0.0],
+                [0.1, -0.1, 0.02],
+                [0.1, 0.1, 0.02],
+                [-0.1, 0.1, 0.0],
+            ],
+            &[[0, 1, 2], [0, 2, 3]],
+        );
+        let ground = Ground::Relief(Arc::new(slope.unwrap()));
+        let at = ground.at([0.05, 0.03]);
+        assert!(distance(at.position_m, [0.05, 0.03, 0.015]) < 1e-12, "{at:?}");
+        assert!(at.normal[0] < 0.0 && at.normal[2] > 0.9);
+        assert_eq!(ground.at([0.5, 0.0]).normal, [0.0, 0.0, 1.0], "beside it");
     }
 
     #[test]

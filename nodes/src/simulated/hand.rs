@@ -52,6 +52,8 @@ pub struct Load {
     pub mass_kg: f64,
     /// Dry friction against motion, N.
     pub dry_friction_n: f64,
+    /// Viscous damping of motion, N s/m.
+    pub damping_n_s_per_m: f64,
 }
 
 impl Load {
@@ -59,6 +61,7 @@ impl Load {
     pub const NONE: Self = Self {
         mass_kg: 0.0,
         dry_friction_n: 0.0,
+        damping_n_s_per_m: 0.0,
     };
 }
 
@@ -125,7 +128,7 @@ impl Hand {
         let start = script.at(0.0);
         Ok(Self {
             tremor: [(); 3].map(|()| Wobble::new(8.0, 12.0, &mut rng)),
-            transition: transition(mass_kg, &grip, period_s),
+            transition: transition(mass_kg, &grip, load.damping_n_s_per_m, period_s),
             mass_kg,
             friction_m_s: load.dry_friction_n * period_s / mass_kg,
             period_s,
@@ -233,8 +236,9 @@ impl Hand {
     }
 }
 
-fn transition(mass_kg: f64, grip: &Grip, period_s: f64) -> [[f64; 3]; 2] {
-    let (k, b) = (grip.stiffness_n_per_m / mass_kg, grip.damping_n_s_per_m / mass_kg);
+fn transition(mass_kg: f64, grip: &Grip, carried_n_s_per_m: f64, period_s: f64) -> [[f64; 3]; 2] {
+    let damping_n_s_per_m = grip.damping_n_s_per_m + carried_n_s_per_m;
+    let (k, b) = (grip.stiffness_n_per_m / mass_kg, damping_n_s_per_m / mass_kg);
     let exact = (Matrix3::new(0.0, 1.0, 0.0, -k, -b, 1.0, 0.0, 0.0, 0.0) * period_s).exp();
     [0, 1].map(|i| [exact[(i, 0)], exact[(i, 1)], exact[(i, 2)]])
 }
@@ -255,6 +259,7 @@ fn check(grip: &Grip, load: &Load, period_s: f64) -> Result<(), HandError> {
         ("tremor_m", grip.tremor_m),
         ("load.mass_kg", load.mass_kg),
         ("load.dry_friction_n", load.dry_friction_n),
+        ("load.damping_n_s_per_m", load.damping_n_s_per_m),
     ] {
         if !(value >= 0.0 && value.is_finite()) {
             return out(name, value, "a finite number, zero or more");

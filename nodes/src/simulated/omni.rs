@@ -20,7 +20,8 @@ pub struct OmniSettings {
 }
 
 impl Default for OmniSettings {
-    /// 0.055 mm, 3.3 N; 45 g and 0.26 N as commonly quoted for the device (not checked against a data sheet).
+    /// 0.055 mm, 3.3 N; 45 g and 0.26 N as commonly quoted for the device (not checked against a data sheet); 0.2 N s/m is
+    /// an assumption.
     fn default() -> Self {
         Self {
             step_m: 0.055e-3,
@@ -28,6 +29,7 @@ impl Default for OmniSettings {
             load: Load {
                 mass_kg: 0.045,
                 dry_friction_n: 0.26,
+                damping_n_s_per_m: 0.2,
             },
         }
     }
@@ -110,6 +112,7 @@ mod tests {
             ground: Ground::TABLE,
             actions,
             hover_m: 0.01,
+            gives_n_per_m: f64::INFINITY,
         }
     }
 

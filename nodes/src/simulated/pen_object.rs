@@ -138,10 +138,11 @@ impl PenObject {
             ground: Ground::Solid(object.clone()),
             actions: settings.actions.clone(),
             hover_m: settings.hover_m,
+            gives_n_per_m: f64::INFINITY,
         };
         let load = Load {
             mass_kg: PEN_KG,
-            dry_friction_n: 0.0,
+            ..Load::NONE
         };
         let step_s = 1.0 / (PEN_OBJECT_RATE_HZ * f64::from(SUBSTEPS));
         let hand = Hand::new(settings.grip, &script, load, step_s, stream_seed(seed, "hand"))?;

@@ -52,6 +52,9 @@ pub struct ScriptSettings {
     pub actions: Vec<Action>,
     /// Height of the lifted tip, m.
     pub hover_m: f64,
+    /// Stiffness of the surface, N/m, as the hand has learned it: it aims as deep as its force will go. Infinite for a
+    /// surface that does not give.
+    pub gives_n_per_m: f64,
 }
 
 /// Why a script cannot be played.
@@ -106,6 +109,7 @@ pub struct Intent {
 pub struct Script {
     ground: Ground,
     hover_m: f64,
+    gives_n_per_m: f64,
     stiffness_n_per_m: f64,
     segments: Vec<Segment>,
     period_s: f64,
@@ -152,10 +156,14 @@ impl Script {
             0,
             &[("hover_m", hover_m), ("stiffness_n_per_m", stiffness_n_per_m)],
         )?;
+        if settings.gives_n_per_m.is_finite() || settings.gives_n_per_m.is_nan() {
+            require(0, &[("gives_n_per_m", settings.gives_n_per_m)])?;
+        }
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut script = Self {
             ground: settings.ground.clone(),
             hover_m,
+            gives_n_per_m: settings.gives_n_per_m,
             stiffness_n_per_m,
             segments: Vec::new(),
             period_s: 0.0,
@@ -263,8 +271,9 @@ impl Script {
         let local_s = t - segment.start_s;
         let ground = self.ground.at(segment.motion.sheet(local_s));
         let (height_m, force_n) = segment.motion.height(local_s, segment.duration_s, self);
+        let above_m = add_scaled(ground.position_m, ground.lift, height_m);
         Intent {
-            position_m: add_scaled(ground.position_m, ground.lift, height_m),
+            position_m: add_scaled(above_m, ground.normal, -force_n / self.gives_n_per_m),
             normal: ground.normal,
             force_n,
         }

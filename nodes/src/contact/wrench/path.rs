@@ -7,7 +7,9 @@
 
 use super::super::wrench::WrenchContact;
 use crate::sensing::speed::{SpeedEstimator, SpeedFilter};
-use crate::vector::{Vec3, ZERO, add_scaled, cross, direction, dot, norm, reject, scale, sub, tangents};
+use crate::vector::{
+    Vec3, ZERO, add_scaled, cross, direction, distance, dot, norm, reject, scale, sub, tangents,
+};
 use haptograph_signal::filter::DesignError;
 
 /// A leash that holds a still pen still: behind a 20 Hz filter five to six standard deviations of a Nano17's
@@ -16,6 +18,9 @@ pub const LEASH: f64 = 1.2;
 
 /// Time in which the followed point drifts to the middle of the jitter, s, so that the leash need not pull it there.
 const DRIFT_S: f64 = 0.8;
+
+/// A point this far from the last one, a tick ago, is another contact, m.
+const LEAP_M: f64 = 0.1;
 
 /// Follows one contact. Allocates when made only.
 #[derive(Debug, Clone)]
@@ -66,6 +71,11 @@ impl SurfacePath {
             return ZERO;
         }
         let (position_m, normal) = (contact.position_m, contact.normal);
+        let near = |at: &At| distance(at.position_m, position_m) < LEAP_M;
+        if self.at.is_some() && !self.at.as_ref().is_some_and(near) {
+            self.at = None;
+            self.estimator.lift();
+        }
         let mut at = self.at.unwrap_or_else(|| At {
             position_m,
             normal,

@@ -14,6 +14,7 @@ fn script(actions: Vec<Action>) -> ScriptSettings {
         ground: Ground::TABLE,
         actions,
         hover_m: 0.02,
+        gives_n_per_m: f64::INFINITY,
     }
 }
 
@@ -70,6 +71,7 @@ fn dry_friction_holds_a_hand_that_is_pushed_less() {
     let load = Load {
         mass_kg: 0.045,
         dry_friction_n: 0.26,
+        ..Load::NONE
     };
     let mut held = hand(STEADY, load, vec![Action::Hover { duration_s: 9.0 }]);
     let home_m = held.read().position_m;
