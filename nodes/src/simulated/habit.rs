@@ -61,5 +61,6 @@ pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
         ground: Ground::TABLE,
         actions,
         hover_m: 0.008,
+        gives_n_per_m: f64::INFINITY,
     }
 }

@@ -13,6 +13,7 @@ fn script(actions: Vec<Action>) -> ScriptSettings {
         ground: Ground::TABLE,
         actions,
         hover_m: 0.01,
+        gives_n_per_m: f64::INFINITY,
     }
 }
 
