@@ -1,5 +1,6 @@
 //! The sub-commands, and what they share: how graphs are loaded, how results and failures are said.
 
+pub mod bench;
 pub mod check;
 pub mod draw;
 pub mod new;

@@ -264,3 +264,32 @@ fn a_simulated_recording_is_the_one_the_recorder_graph_makes() {
     );
     assert!(told.contains("T1"), "{told}");
 }
+
+#[test]
+fn a_bench_tells_what_every_step_costs() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = texturepad_graph();
+    let told = succeed(
+        folder.path(),
+        &["bench", &graph, "--for", "0.1", "--json", "--svg", "cost.svg"],
+    );
+    let figures: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let steps = figures["steps"].as_array().unwrap();
+    let shares: f64 = steps.iter().map(|step| step["share"].as_f64().unwrap()).sum();
+    assert!((shares - 1.0).abs() < 1e-9, "{shares}");
+    assert!(steps.iter().any(|step| step["step"] == "texture/filter"));
+    let path = figures["critical_path"]["nodes"].as_array().unwrap();
+    let at = |name: &str| path.iter().position(|node| node == name);
+    assert!(at("texture/filter") < at("out"), "{path:?}");
+    assert_eq!(figures["simulated"], true);
+    assert!(
+        fs::read_to_string(folder.path().join("cost.svg"))
+            .unwrap()
+            .contains("texture/filter")
+    );
+    let shown = succeed(folder.path(), &["bench", &graph, "--for", "0.1"]);
+    assert!(
+        shown.contains("% of one core") && shown.contains("critical path"),
+        "{shown}"
+    );
+}

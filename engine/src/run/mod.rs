@@ -5,6 +5,7 @@ mod drive;
 mod live;
 mod meter;
 mod offline;
+mod profile;
 mod program;
 mod swap;
 mod timer;
@@ -14,6 +15,7 @@ pub use bridge::resampler;
 pub use live::{Control, ControlError, FADE_S, Live, LiveState, live};
 pub use meter::{Histogram, Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, Probe};
+pub use profile::{Profile, StepCost};
 pub use timer::{Timer, TimerNotes};
 
 use crate::device::Device;
@@ -24,6 +26,7 @@ use crate::plan::{ActuatorPlan, BridgeKind, Plan, StepWork};
 use bridge::{BridgeState, DelayState, Ends};
 use drive::Drive;
 use petgraph::graph::NodeIndex;
+use profile::{Unwatched, Watch};
 use program::{Line, Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
@@ -150,8 +153,15 @@ impl Run {
         self.steps(0..self.plan.steps.len());
     }
 
+    /// The same, every step by itself, each told to `watch`.
+    fn advance_watched(&mut self, frames: usize, watch: &mut impl Watch) {
+        self.state.windows.next_block(frames.min(self.plan.block));
+        self.state
+            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), watch);
+    }
+
     fn steps(&mut self, range: Range<usize>) {
-        self.state.steps(&self.plan, &self.program, range);
+        self.state.steps(&self.plan, &self.program, range, &mut Unwatched);
     }
 
     /// Driver frames run so far.
@@ -244,13 +254,14 @@ impl State {
         }
     }
 
-    fn steps(&mut self, plan: &Plan, program: &Program, range: Range<usize>) {
+    fn steps<W: Watch>(&mut self, plan: &Plan, program: &Program, range: Range<usize>, watch: &mut W) {
         let mut number = range.start;
         while number < range.end {
             let line = &program.lines[number];
-            number += match line.work {
+            let count = match line.work {
                 StepWork::Process(first) => {
-                    let count = (line.streak as usize).min(range.end - number);
+                    let streak = if W::APART { 1 } else { line.streak as usize };
+                    let count = streak.min(range.end - number);
                     let period_s = program.periods_s[line.clock as usize];
                     self.processors(&program.lines[number..number + count], first as usize, period_s);
                     count
@@ -262,7 +273,7 @@ impl State {
                 } => {
                     let steps = steps as usize;
                     let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
-                    self.island(plan, program, number + 1..number + 1 + steps, pacings);
+                    self.island(plan, program, number + 1..number + 1 + steps, pacings, watch);
                     1 + steps
                 }
                 _ => {
@@ -270,19 +281,30 @@ impl State {
                     1
                 }
             };
+            if W::APART {
+                watch.done(number, self.windows.of(line.clock).count);
+            }
+            number += count;
         }
     }
 
     /// Runs the steps of an island over the block, window by window.
     #[inline(never)]
-    fn island(&mut self, plan: &Plan, program: &Program, range: Range<usize>, pacings: &[u64]) {
+    fn island<W: Watch>(
+        &mut self,
+        plan: &Plan,
+        program: &Program,
+        range: Range<usize>,
+        pacings: &[u64],
+        watch: &mut W,
+    ) {
         self.whole.copy_from_slice(self.windows.all());
         self.windows.rewind();
         let (mut begin, end) = self.windows.block();
         while begin < end {
             begin = self.windows.boundary_after(begin, pacings);
             self.windows.narrow_to(begin);
-            self.steps(plan, program, range.clone());
+            self.steps(plan, program, range.clone(), watch);
         }
         self.windows.restore(&self.whole);
     }

@@ -4,7 +4,7 @@ mod live;
 mod naive;
 mod world;
 
-use super::{Offline, Probe, Run};
+use super::{Offline, Probe, Profile, Run};
 use crate::graph::Graph;
 use crate::node::FrameWriter;
 use crate::plan::{Plan, PlanOptions};
@@ -143,4 +143,34 @@ fn a_stop_ends_the_run_with_complete_blocks() {
         })
         .unwrap();
     assert_eq!((outcome.driver_frames, outcome.stopped), (50, true));
+}
+
+#[test]
+fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
+    for seed in 0..30 {
+        let graph = random_graph(seed, seed);
+        let taps: Vec<(NodeIndex, usize)> = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+        let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 50, taps }));
+        let (mut plain, mut measured) = (Run::new(Arc::clone(&plan)), Profile::timing_every(&plan, 3));
+        for _ in 0..30 {
+            plain.advance(50);
+            measured.advance(50);
+            for tap in 0..plan.tap_streams().count() {
+                let bits = |frames: &[f64]| frames.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                assert_eq!(bits(plain.tap(tap)), bits(measured.run().tap(tap)), "seed {seed}");
+            }
+        }
+        assert_eq!(measured.timed_blocks(), 10);
+        let costs = measured.costs();
+        assert!(
+            costs
+                .iter()
+                .all(|cost| cost.median_ns <= cost.p99_ns && cost.p99_ns <= cost.worst_ns)
+        );
+        let processors = graph.nodes.node_indices().filter(|node| {
+            // A clock of a graph may be too slow to tick in 1500 frames.
+            costs.iter().any(|cost| cost.node == *node)
+        });
+        assert!(processors.count() * 2 > graph.nodes.node_count(), "seed {seed}");
+    }
 }
