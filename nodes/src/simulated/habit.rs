@@ -31,7 +31,7 @@ pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
         Motion::Drag => {
             let shape = StrokeShape::Wander {
                 side_m: 0.045 * size,
-                fastest_hz: 0.85 * pace,
+                fastest_hz: 0.7 * pace,
             };
             vec![draw(shape, 1.2 * force, 0.45, 0.25)]
         }

@@ -69,16 +69,17 @@ const CHARACTER: [[f64; 3]; 6] = [
     [0.70, 0.06, 4.0],
     [0.35, 0.02, 2.5],
 ];
-/// The table's smoothest surface stands for this height, m (ours).
-const SMOOTHEST_M: f64 = 4e-6;
+/// The table's smoothest surface stands for this height as the tip traces it, m. Ours: with it the six vibrate between half a
+/// metre and some metres a second squared, as the public models of such materials do.
+const SMOOTHEST_M: f64 = 0.6e-6;
 
 impl Material {
-    /// The material of a name. Roughness r of the table becomes a height of 4 um (r / 0.2776)^4, so that the roughest is about
-    /// three times as high as the smoothest.
+    /// The material of a name. Roughness r of the table becomes a height of 0.6 um (r / 0.2776)^6, so that the roughest is
+    /// between five and six times as high as the smoothest.
     pub fn of(name: MaterialName) -> Self {
         let [roughness, stiffness_n_per_mm, friction, fineness_per_mm] = TABLE[name as usize];
         let [spread, grain, damping_s_per_m] = CHARACTER[name as usize];
-        let rms_m = SMOOTHEST_M * (roughness / 0.2776_f64).powi(4);
+        let rms_m = SMOOTHEST_M * (roughness / 0.2776_f64).powi(6);
         Self {
             relief: Relief {
                 rms_m,

@@ -20,8 +20,8 @@ use std::f64::consts::PI;
 pub const TOOL_RATE_HZ: f64 = 10_000.0;
 /// Acceleration of gravity, m/s2.
 const GRAVITY_M_S2: f64 = 9.81;
-/// Mass of the tool, kg.
-const TOOL_KG: f64 = 0.03;
+/// Mass of the tool as the tip feels it, kg: a tool of about 40 g that turns about the fingers.
+const TOOL_KG: f64 = 0.015;
 /// Way on which friction builds up, m.
 const PRESLIDING_M: f64 = 3e-5;
 
