@@ -5,6 +5,7 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
 //! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
 
+pub mod evaluate;
 pub mod files;
 pub mod hull;
 pub mod interpolation;
@@ -15,6 +16,7 @@ pub mod model;
 pub mod provenance;
 pub mod recording;
 pub mod resampling;
+pub mod select;
 mod statistics;
 pub mod surface;
 pub mod taps;

@@ -1,0 +1,322 @@
+//! The vibration of a texture along a trajectory of speed and force (thesis 2.4.2), offline.
+
+use crate::recording::ProcessedRecording;
+use crate::{Coefficients, Interpolator, TextureModel};
+use haptograph_signal::arma::{ArmaError, ArmaFilter, Form};
+use haptograph_signal::filter::{butterworth_lowpass, filtfilt};
+use haptograph_signal::noise::Gaussian;
+
+/// How vibrations are synthesised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SynthesisSettings {
+    /// How often coefficients are interpolated; 240 Hz in chapter 2.
+    pub update_hz: f64,
+    /// Seed of the excitation.
+    pub seed: u64,
+}
+
+impl Default for SynthesisSettings {
+    fn default() -> Self {
+        Self {
+            update_hz: 240.0,
+            seed: 1,
+        }
+    }
+}
+
+/// Speed and force over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Speed, m/s.
+    pub speed_m_s: Vec<f64>,
+    /// Normal force, N; as long.
+    pub force_n: Vec<f64>,
+}
+
+impl Trajectory {
+    /// The speed and force of a recording.
+    pub fn of(recording: &ProcessedRecording) -> Self {
+        let signals = recording.signals();
+        Self {
+            rate_hz: signals.rate_hz,
+            speed_m_s: signals.speed_m_s.clone(),
+            force_n: signals.force_normal_n.clone(),
+        }
+    }
+}
+
+/// A smoothed random walk through speed and force, as of a hand that explores without a plan (thesis 2.5.4).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RandomWalk {
+    /// How long, s.
+    pub seconds: f64,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Speed from and to, m/s. Both ends are reached.
+    pub speed_m_s: (f64, f64),
+    /// Force from and to, N. Both ends are reached.
+    pub force_n: (f64, f64),
+    /// What varies faster is smoothed away.
+    pub cutoff_hz: f64,
+    /// Seed.
+    pub seed: u64,
+}
+
+impl Default for RandomWalk {
+    /// Thirty seconds at 10 kHz over the range of the thesis's test recordings (170 mm/s, 2.8 N).
+    fn default() -> Self {
+        Self {
+            seconds: 30.0,
+            rate_hz: 10_000.0,
+            speed_m_s: (0.005, 0.17),
+            force_n: (0.1, 2.8),
+            cutoff_hz: 1.0,
+            seed: 1,
+        }
+    }
+}
+
+/// Samples a second of the walk before it is interpolated.
+const WALK_HZ: f64 = 100.0;
+
+impl RandomWalk {
+    /// The walk. Empty for no time or no rate.
+    pub fn trajectory(&self) -> Trajectory {
+        let samples = (self.seconds * self.rate_hz).max(0.0) as usize;
+        let mut noise = Gaussian::new(self.seed);
+        let [speed_m_s, force_n] = [self.speed_m_s, self.force_n].map(|(from, to)| {
+            let walk = self.walk(&mut noise);
+            let at = |i: usize| {
+                let position = i as f64 / self.rate_hz * WALK_HZ;
+                let before = (position as usize).min(walk.len() - 2);
+                let part = position - before as f64;
+                from + (to - from) * (walk[before] + part * (walk[before + 1] - walk[before])).clamp(0.0, 1.0)
+            };
+            (0..samples).map(at).collect()
+        });
+        Trajectory {
+            rate_hz: self.rate_hz,
+            speed_m_s,
+            force_n,
+        }
+    }
+
+    /// A walk between reflecting walls, smoothed and stretched to 0..1.
+    fn walk(&self, noise: &mut Gaussian) -> Vec<f64> {
+        let steps = (self.seconds * WALK_HZ).max(0.0) as usize + 2;
+        let mut place = 0.5;
+        let walk: Vec<f64> = (0..steps)
+            .map(|_| {
+                // A deviation of 0.7 in a second: it crosses the range every few.
+                place += 0.07 * noise.next_sample();
+                // Reflection, however far it went.
+                place = 1.0 - (place.rem_euclid(2.0) - 1.0).abs();
+                place
+            })
+            .collect();
+        let smooth = match butterworth_lowpass(2, self.cutoff_hz, WALK_HZ) {
+            Ok(lowpass) => filtfilt(&lowpass, &walk),
+            Err(_) => walk,
+        };
+        let least = smooth.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = smooth.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        smooth
+            .iter()
+            .map(|x| {
+                if most > least {
+                    (x - least) / (most - least)
+                } else {
+                    0.5
+                }
+            })
+            .collect()
+    }
+}
+
+/// Why nothing was synthesised.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum SynthesisError {
+    #[error(
+        "the texture's rate is {texture_hz} Hz, the trajectory's {trajectory_hz} Hz: resample one of them"
+    )]
+    Rates { texture_hz: f64, trajectory_hz: f64 },
+    #[error("the trajectory has {speeds} speeds but {forces} forces")]
+    Lengths { speeds: usize, forces: usize },
+    #[error("coefficients cannot be updated at {update_hz} Hz")]
+    UpdateRate { update_hz: f64 },
+    #[error("the texture has coefficients that no filter takes: {0}")]
+    Filter(#[from] ArmaError),
+}
+
+/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance through the interpolated
+/// filter, which is updated at [`SynthesisSettings::update_hz`].
+pub fn synthesise(
+    texture: &TextureModel,
+    trajectory: &Trajectory,
+    settings: &SynthesisSettings,
+) -> Result<Vec<f64>, SynthesisError> {
+    let Trajectory {
+        rate_hz,
+        speed_m_s,
+        force_n,
+    } = trajectory;
+    if texture.rate_hz() != *rate_hz {
+        return Err(SynthesisError::Rates {
+            texture_hz: texture.rate_hz(),
+            trajectory_hz: *rate_hz,
+        });
+    }
+    if speed_m_s.len() != force_n.len() {
+        return Err(SynthesisError::Lengths {
+            speeds: speed_m_s.len(),
+            forces: force_n.len(),
+        });
+    }
+    let every = rate_hz / settings.update_hz;
+    if !(every.is_finite() && every > 0.0) {
+        return Err(SynthesisError::UpdateRate {
+            update_hz: settings.update_hz,
+        });
+    }
+    let samples = speed_m_s.len();
+    let mut interpolator = Interpolator::new(texture);
+    let mut coefficients = Coefficients::SILENCE;
+    let mut filter = ArmaFilter::new(Form::Direct);
+    let mut noise = Gaussian::new(settings.seed);
+    let mut vibration = vec![0.0; samples];
+    let mut excitation = vec![];
+    let mut start = 0;
+    let mut update = 0.0;
+    while start < samples {
+        update += 1.0;
+        let end = ((update * every).round() as usize).clamp(start + 1, samples);
+        interpolator.interpolate(speed_m_s[start], force_n[start], &mut coefficients);
+        filter.set_coefficients(coefficients.ar(), coefficients.ma(), coefficients.gain)?;
+        excitation.resize(end - start, 0.0);
+        noise.fill(&mut excitation);
+        let deviation = coefficients.variance.sqrt();
+        excitation.iter_mut().for_each(|e| *e *= deviation);
+        filter.process(&excitation, &mut vibration[start..end]);
+        start = end;
+    }
+    Ok(vibration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::Hull;
+    use crate::{ArmaModel, ModelAt, VertexKind};
+
+    pub(super) fn texture() -> TextureModel {
+        let at = |speed_m_s: f64, force_n: f64, variance: f64| ModelAt {
+            speed_m_s,
+            force_n,
+            model: ArmaModel::from_ar(&[-1.2, 0.7], variance).unwrap(),
+            kind: VertexKind::Measured,
+        };
+        let measured = vec![
+            at(0.05, 0.5, 1.0),
+            at(0.2, 0.5, 2.0),
+            at(0.05, 2.0, 2.0),
+            at(0.2, 2.0, 4.0),
+            at(0.1, 1.0, 1.5),
+        ];
+        TextureModel::from_measured(10_000.0, measured, &Hull::default()).unwrap()
+    }
+
+    fn constant(speed: f64, force: f64, samples: usize) -> Trajectory {
+        Trajectory {
+            rate_hz: 10_000.0,
+            speed_m_s: vec![speed; samples],
+            force_n: vec![force; samples],
+        }
+    }
+
+    #[test]
+    fn silence_at_zero_speed_and_at_zero_force() {
+        for (speed, force) in [(0.0, 1.0), (0.1, 0.0)] {
+            let silence = synthesise(&texture(), &constant(speed, force, 1000), &Default::default()).unwrap();
+            assert!(silence.iter().all(|&y| y == 0.0));
+        }
+    }
+
+    #[test]
+    fn the_power_at_a_model_is_the_models() {
+        let vibration = synthesise(&texture(), &constant(0.2, 2.0, 200_000), &Default::default()).unwrap();
+        let power = vibration.iter().map(|y| y * y).sum::<f64>() / 200_000.0;
+        let expected = 4.0 * haptograph_signal::prediction::power_gain(&[-1.2, 0.7], &[]).unwrap();
+        assert!((power / expected - 1.0).abs() < 0.05, "{power} for {expected}");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bits_and_another_does_not() {
+        let trajectory = RandomWalk {
+            seconds: 0.5,
+            ..Default::default()
+        }
+        .trajectory();
+        let with = |seed| {
+            synthesise(
+                &texture(),
+                &trajectory,
+                &SynthesisSettings {
+                    seed,
+                    ..Default::default()
+                },
+            )
+            .unwrap()
+        };
+        assert_eq!(with(1), with(1));
+        assert_ne!(with(1), with(2));
+    }
+
+    #[test]
+    fn a_walk_spans_its_range_and_is_smooth() {
+        let walk = RandomWalk::default().trajectory();
+        assert_eq!((walk.speed_m_s.len(), walk.force_n.len()), (300_000, 300_000));
+        for (values, (from, to)) in [(&walk.speed_m_s, (0.005, 0.17)), (&walk.force_n, (0.1, 2.8))] {
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(0.0, f64::max);
+            assert!(
+                least < from + 0.03 * (to - from)
+                    && most > to - 0.03 * (to - from)
+                    && least >= from
+                    && most <= to
+            );
+            let step = values.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+            assert!(step * 10_000.0 < 10.0 * (to - from), "no jumps");
+        }
+    }
+
+    #[test]
+    fn trajectories_that_do_not_fit_are_refused() {
+        let mut short = constant(0.1, 1.0, 10);
+        short.force_n.pop();
+        assert!(matches!(
+            synthesise(&texture(), &short, &Default::default()),
+            Err(SynthesisError::Lengths { .. })
+        ));
+        let slow = Trajectory {
+            rate_hz: 1000.0,
+            ..constant(0.1, 1.0, 10)
+        };
+        assert!(matches!(
+            synthesise(&texture(), &slow, &Default::default()),
+            Err(SynthesisError::Rates { .. })
+        ));
+        let never = SynthesisSettings {
+            update_hz: 0.0,
+            ..Default::default()
+        };
+        let error = synthesise(&texture(), &constant(0.1, 1.0, 10), &never);
+        assert!(matches!(error, Err(SynthesisError::UpdateRate { .. })));
+        assert_eq!(
+            synthesise(&texture(), &constant(0.1, 1.0, 0), &Default::default()),
+            Ok(vec![])
+        );
+    }
+}

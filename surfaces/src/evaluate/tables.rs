@@ -1,0 +1,390 @@
+//! Virtual textures against recordings: how far the vibration that a texture gives along a recording's speed and force is from what was
+//! recorded (thesis 2.5.2 and 2.5.3).
+
+use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, synthesise};
+use crate::TextureModel;
+use crate::metrics::{
+    Deviations, ErrorStatistics, MetricError, PairErrors, Pooling, WindowSettings, WindowedSpectra,
+};
+use crate::recording::ProcessedRecording;
+use crate::statistics::{mean, standard_deviation};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How tables are made.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct TableSettings {
+    /// Windows of the metric.
+    pub windows: WindowSettings,
+    /// What deviations are pooled over.
+    pub pooling: Pooling,
+    /// How textures are played.
+    pub synthesis: SynthesisSettings,
+}
+
+/// Test recordings of one material.
+#[derive(Debug, Clone)]
+pub struct TestSet<'a> {
+    /// The material.
+    pub name: String,
+    /// Its recordings; three in the thesis.
+    pub recordings: Vec<&'a ProcessedRecording>,
+}
+
+/// Spectral differences, one row a virtual texture (or person), one column a material.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DifferenceTable {
+    /// Names of the rows.
+    pub rows: Vec<String>,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Spectral differences by row, then column, averaged over the column's recordings; `None` where there is no texture.
+    pub differences: Vec<Vec<Option<f64>>>,
+}
+
+/// Why no table was made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum TableError {
+    #[error("recording {recording} (from 0) of {material} cannot be compared: {source}")]
+    Recording {
+        material: String,
+        recording: usize,
+        source: MetricError,
+    },
+    #[error("the texture in row {row} cannot be played along the recordings of {material}: {source}")]
+    Synthesis {
+        row: String,
+        material: String,
+        source: SynthesisError,
+    },
+    #[error("what row {row} plays along the recordings of {material} cannot be compared: {source}")]
+    Comparison {
+        row: String,
+        material: String,
+        source: MetricError,
+    },
+}
+
+/// The table of spectral differences with a texture for each cell, or none. Rows are worked on in parallel; `progress` gets the part done.
+///
+/// For Table 2.1 the texture depends on the row only, for Table 2.2 on person (row) and material (column).
+pub fn spectral_differences<'t>(
+    rows: &[String],
+    tests: &[TestSet<'_>],
+    texture: &(dyn Fn(usize, usize) -> Option<&'t TextureModel> + Sync),
+    settings: &TableSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<DifferenceTable, TableError> {
+    let references = references(tests, settings)?;
+    let done = AtomicUsize::new(0);
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism()
+        .map_or(1, usize::from)
+        .min(rows.len().max(1));
+    let work = || {
+        let mut finished = vec![];
+        loop {
+            let row = next.fetch_add(1, Ordering::Relaxed);
+            let Some(name) = rows.get(row) else {
+                return finished;
+            };
+            let cells = (0..tests.len())
+                .map(|column| match texture(row, column) {
+                    Some(texture) => {
+                        cell(name, texture, &tests[column].name, &references[column], settings).map(Some)
+                    }
+                    None => Ok(None),
+                })
+                .collect::<Result<Vec<_>, _>>();
+            finished.push((row, cells));
+            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / rows.len() as f64);
+        }
+    };
+    let mut cells: Vec<_> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().ok())
+            .flatten()
+            .collect()
+    });
+    cells.sort_by_key(|(row, _)| *row);
+    let cells = cells
+        .into_iter()
+        .map(|(_, cells)| cells)
+        .collect::<Result<Vec<_>, _>>()?;
+    let pooled = pool(&cells);
+    let differences = cells
+        .into_iter()
+        .map(|row| {
+            row.into_iter()
+                .map(|cell| cell.map(|pairs| difference(&pairs, pooled, settings.pooling)))
+                .collect()
+        })
+        .collect();
+    Ok(DifferenceTable {
+        rows: rows.to_vec(),
+        columns: tests.iter().map(|t| t.name.clone()).collect(),
+        differences,
+    })
+}
+
+/// A recording as the metric sees it, and the trajectory to play textures along.
+struct Reference {
+    spectra: WindowedSpectra,
+    trajectory: Trajectory,
+}
+
+fn references(tests: &[TestSet], settings: &TableSettings) -> Result<Vec<Vec<Reference>>, TableError> {
+    let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
+        let signals = recording.signals();
+        let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &settings.windows);
+        let failed = |source| TableError::Recording {
+            material: material.to_owned(),
+            recording: index,
+            source,
+        };
+        Ok(Reference {
+            spectra: spectra.map_err(failed)?,
+            trajectory: Trajectory::of(recording),
+        })
+    };
+    tests
+        .iter()
+        .map(|test| {
+            test.recordings
+                .iter()
+                .enumerate()
+                .map(|item| reference(&test.name, item))
+                .collect()
+        })
+        .collect()
+}
+
+/// The errors of a texture against each of a material's recordings.
+fn cell(
+    row: &str,
+    texture: &TextureModel,
+    material: &str,
+    references: &[Reference],
+    settings: &TableSettings,
+) -> Result<Vec<ErrorStatistics>, TableError> {
+    let (row, material) = (|| row.to_owned(), || material.to_owned());
+    references
+        .iter()
+        .map(|reference| {
+            let vibration =
+                synthesise(texture, &reference.trajectory, &settings.synthesis).map_err(|source| {
+                    TableError::Synthesis {
+                        row: row(),
+                        material: material(),
+                        source,
+                    }
+                })?;
+            WindowedSpectra::new(&vibration, texture.rate_hz(), &settings.windows)
+                .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
+                .map(|errors| errors.statistics())
+                .map_err(|source| TableError::Comparison {
+                    row: row(),
+                    material: material(),
+                    source,
+                })
+        })
+        .collect()
+}
+
+fn pool(cells: &[Vec<Option<Vec<ErrorStatistics>>>]) -> Deviations {
+    let all = cells.iter().flatten().flatten().flatten();
+    all.fold(ErrorStatistics::default(), |all, pair| all.merged(pair))
+        .deviations()
+}
+
+fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -> f64 {
+    let differences: Vec<f64> = pairs
+        .iter()
+        .map(|pair| {
+            pair.spectral_difference(&match pooling {
+                Pooling::Pair => pair.deviations(),
+                Pooling::All => pooled,
+            })
+        })
+        .collect();
+    mean(&differences)
+}
+
+impl DifferenceTable {
+    /// The difference between each texture and its own material, where rows and columns are the same materials in the same order.
+    pub fn diagonal(&self) -> Vec<f64> {
+        (0..self.rows.len().min(self.columns.len()))
+            .filter_map(|i| self.differences[i][i])
+            .collect()
+    }
+
+    /// Mean and two sample standard deviations of the diagonal: the thesis's bound of what counts as alike (4.72 there).
+    pub fn baseline(&self) -> f64 {
+        let diagonal = self.diagonal();
+        mean(&diagonal) + 2.0 * standard_deviation(&diagonal)
+    }
+
+    /// Whether a cell is the least of its row.
+    pub fn is_least_of_row(&self, row: usize, column: usize) -> bool {
+        let least = self.differences[row]
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
+        self.differences[row][column] == Some(least)
+    }
+
+    /// Whether a cell is the least of its column.
+    pub fn is_least_of_column(&self, row: usize, column: usize) -> bool {
+        let least = self
+            .differences
+            .iter()
+            .filter_map(|row| row[column])
+            .fold(f64::INFINITY, f64::min);
+        self.differences[row][column] == Some(least)
+    }
+
+    /// Whether every texture is nearest to its own material, and every material to its own texture.
+    pub fn diagonal_is_least(&self) -> bool {
+        let count = self.rows.len().min(self.columns.len());
+        (0..count).all(|i| self.is_least_of_row(i, i) && self.is_least_of_column(i, i))
+    }
+
+    /// Mean and sample standard deviation of each row, as Table 2.2 has them.
+    pub fn row_statistics(&self) -> Vec<(f64, f64)> {
+        let statistics = |row: &Vec<Option<f64>>| {
+            let values: Vec<f64> = row.iter().copied().flatten().collect();
+            (mean(&values), standard_deviation(&values))
+        };
+        self.differences.iter().map(statistics).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learning::texture::learn_texture;
+    use crate::recording::synthetic::drag;
+
+    /// Three materials that ring at different frequencies.
+    fn recording(material: usize, seed: u64) -> ProcessedRecording {
+        let steps: Vec<_> = (0..9)
+            .map(|i| {
+                (
+                    0.15,
+                    0.05 + 0.05 * ((i * 2) % 3) as f64,
+                    0.5 + 0.5 * (i / 3) as f64,
+                )
+            })
+            .collect();
+        drag(&steps, 0.3, seed, |speed, force| {
+            let angle = 0.3 + 0.5 * material as f64;
+            (
+                vec![-1.8 * angle.cos(), 0.81],
+                (1.0 + material as f64) * speed * force,
+            )
+        })
+    }
+
+    fn table(pooling: Pooling) -> DifferenceTable {
+        let names: Vec<String> = ["low", "middle", "high"].map(String::from).to_vec();
+        let learned = |material| {
+            learn_texture(&[recording(material, 10)], &Default::default(), &|_| ())
+                .unwrap()
+                .0
+        };
+        let textures: Vec<TextureModel> = (0..3).map(learned).collect();
+        let recordings: Vec<Vec<_>> = (0..3)
+            .map(|m| (0..2).map(|seed| recording(m, seed)).collect())
+            .collect();
+        let tests: Vec<TestSet> = names
+            .iter()
+            .zip(&recordings)
+            .map(|(name, recordings)| TestSet {
+                name: name.clone(),
+                recordings: recordings.iter().collect(),
+            })
+            .collect();
+        let settings = TableSettings {
+            pooling,
+            ..Default::default()
+        };
+        spectral_differences(&names, &tests, &|row, _| textures.get(row), &settings, &|_| ()).unwrap()
+    }
+
+    #[test]
+    fn every_texture_is_nearest_to_its_own_material() {
+        for pooling in [Pooling::Pair, Pooling::All] {
+            let table = table(pooling);
+            assert!(table.diagonal_is_least(), "{table:?}");
+            assert!(table.baseline() > table.diagonal()[0]);
+        }
+    }
+
+    #[test]
+    fn rows_on_any_number_of_threads_give_the_same_table() {
+        assert_eq!(table(Pooling::Pair), table(Pooling::Pair));
+    }
+
+    #[test]
+    fn baseline_and_statistics_are_those_of_the_thesis() {
+        let rows = [
+            [4.50, 5.33, 6.29, 7.11, 7.48, 6.41],
+            [5.46, 3.81, 4.54, 5.79, 5.52, 5.12],
+            [6.04, 4.81, 3.91, 4.92, 4.68, 4.28],
+            [6.62, 6.21, 5.11, 4.44, 4.47, 4.96],
+            [7.13, 5.64, 5.13, 4.53, 4.04, 5.57],
+            [6.05, 5.27, 4.27, 5.05, 4.95, 4.23],
+        ];
+        let names: Vec<String> = (1..=6).map(|i| format!("T{i}")).collect();
+        let differences = rows
+            .iter()
+            .map(|row| row.iter().copied().map(Some).collect())
+            .collect();
+        let table = DifferenceTable {
+            rows: names.clone(),
+            columns: names,
+            differences,
+        };
+        assert!((table.baseline() - 4.72).abs() < 0.005, "{}", table.baseline());
+        assert!(table.diagonal_is_least());
+        assert!(!table.is_least_of_row(0, 1) && !table.is_least_of_column(0, 1));
+        let below = table
+            .differences
+            .iter()
+            .flatten()
+            .flatten()
+            .filter(|d| **d < table.baseline())
+            .count()
+            - 6;
+        assert_eq!(below, 6, "six cells off the diagonal lie below the baseline");
+        // The experimenter's row of Table 2.2 is this diagonal.
+        let diagonal = table.diagonal().into_iter().map(Some).collect();
+        let people = DifferenceTable {
+            rows: vec!["Exp".into()],
+            differences: vec![diagonal],
+            ..table
+        };
+        let (mean, deviation) = people.row_statistics()[0];
+        assert!((mean - 4.155).abs() < 1e-3 && (deviation - 0.282).abs() < 1e-3);
+    }
+
+    #[test]
+    fn cells_without_a_texture_stay_empty() {
+        let recording = recording(0, 1);
+        let tests = [TestSet {
+            name: "low".into(),
+            recordings: vec![&recording],
+        }];
+        let none = spectral_differences(
+            &["S1".to_owned()],
+            &tests,
+            &|_, _| None,
+            &Default::default(),
+            &|_| (),
+        );
+        assert_eq!(none.unwrap().differences, vec![vec![None]]);
+    }
+}
