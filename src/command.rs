@@ -2,6 +2,8 @@
 
 pub mod bench;
 pub mod check;
+pub mod devices;
+pub mod doctor;
 pub mod draw;
 pub mod new;
 pub mod nodes;
@@ -73,16 +75,17 @@ pub fn remark(text: &str) {
 }
 
 /// Which graph, and with what in place of its defaults.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct GraphArguments {
     /// The graph file
     pub graph: PathBuf,
     /// Give a parameter of the graph another value; can be repeated
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
-    /// The set of endpoints that the graph's devices are taken from
-    #[arg(long, default_value = "simulated", value_name = "SET")]
-    pub endpoints: String,
+    /// The set of endpoints that the graph's devices are taken from: `simulated` where it is not given, or for
+    /// `run --live` `live` where the graph has that
+    #[arg(long, value_name = "SET")]
+    pub endpoints: Option<String>,
 }
 
 fn assignment(text: &str) -> Result<(String, String), String> {
@@ -99,10 +102,25 @@ impl GraphArguments {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
         let options = CheckOptions {
             set: self.set.clone(),
-            endpoints: self.endpoints.clone(),
+            endpoints: self.endpoints().to_owned(),
             seed,
         };
         check(&document, &haptograph::nodes::registry(), &options)
+    }
+
+    /// The set of endpoints to bind to.
+    pub fn endpoints(&self) -> &str {
+        self.endpoints.as_deref().unwrap_or("simulated")
+    }
+
+    /// The same for a live run: with the live endpoints, where the graph has them and no others were asked for.
+    pub fn for_live(&self) -> Result<Self, Failure> {
+        let mut live = self.clone();
+        if live.endpoints.is_none() {
+            let document = Document::load(&self.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
+            live.endpoints = document.endpoints().find(|set| *set == "live").map(str::to_owned);
+        }
+        Ok(live)
     }
 
     /// The graph, its warnings said on standard error.

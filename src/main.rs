@@ -3,7 +3,7 @@
 mod command;
 
 use clap::{Parser, Subcommand};
-use command::{bench, check, draw, new, nodes, run, simulate_recording};
+use command::{bench, check, devices, doctor, draw, new, nodes, run, simulate_recording};
 use std::process::ExitCode;
 
 /// Runs graphs that render the feel of real surfaces.
@@ -23,6 +23,8 @@ enum Command {
     Nodes(nodes::Arguments),
     New(new::Arguments),
     SimulateRecording(simulate_recording::Arguments),
+    Devices(devices::Arguments),
+    Doctor(doctor::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -35,6 +37,8 @@ fn main() -> ExitCode {
         Command::Nodes(arguments) => nodes::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
         Command::SimulateRecording(arguments) => simulate_recording::run(&arguments),
+        Command::Devices(arguments) => devices::run(&arguments),
+        Command::Doctor(arguments) => doctor::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,7 +3,7 @@
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
-use haptograph_engine::run::{Offline, OfflineError};
+use haptograph_engine::run::{Offline, OfflineError, Outlets};
 use haptograph_nodes::simulated::material::MaterialName;
 use haptograph_surfaces::recording::{AnyRecording, Gesture, LoadError, load};
 use std::sync::atomic::AtomicBool;
@@ -75,8 +75,8 @@ pub fn record(
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;
-    let mut offline = Offline::new(&graph, 0);
-    offline.open_files(folder.path())?;
-    offline.run(session.seconds, stop, progress)?;
+    let mut outlets = Outlets::new(&graph);
+    outlets.open_files(folder.path()).map_err(OfflineError::from)?;
+    Offline::new(outlets, 0).run(session.seconds, stop, progress)?;
     Ok(load(&folder.path().join(FILE))?)
 }

@@ -7,6 +7,7 @@ use crate::frame::Kind;
 use crate::node::{BuildContext, BuildError};
 use crate::settings::{SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
+use std::any::Any;
 
 /// Everything that is known of a device kind before one is built.
 #[derive(Debug, Clone, Copy)]
@@ -48,17 +49,31 @@ pub trait Device: CloneDevice + Send + Sync {
     fn read(&mut self, channel: usize, frame: &mut [f64]);
     /// Takes one frame of a driven channel, already limited.
     fn write(&mut self, channel: usize, frame: &[f64]);
+    /// How long what is written takes to leave it, or what it senses to be read: its buffers, s.
+    fn latency_s(&self) -> f64 {
+        0.0
+    }
 }
 
-/// Cloning of devices; implemented for every `Clone` device.
+/// Cloning and downcasting of devices; implemented for every `Clone` device.
 pub trait CloneDevice {
     /// A copy with the same state.
     fn clone_box(&self) -> Box<dyn Device>;
+    /// For the driver that the device belongs to.
+    fn as_any(&self) -> &dyn Any;
+    /// For the driver that the device belongs to.
+    fn as_any_mut(&mut self) -> &mut dyn Any;
 }
 
 impl<T: Device + Clone + 'static> CloneDevice for T {
     fn clone_box(&self) -> Box<dyn Device> {
         Box::new(self.clone())
+    }
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
     }
 }
 

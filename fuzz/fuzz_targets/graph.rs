@@ -5,7 +5,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::diagnostic::{render, to_json};
-use haptograph_engine::run::Offline;
+use haptograph_engine::run::{Offline, Outlets};
 use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +17,7 @@ fuzz_target!(|text: &str| {
         .and_then(|document| check(&document, &REGISTRY, &CheckOptions::default()));
     match found {
         Ok(graph) => {
-            let _ = Offline::new(&graph, 0).run(0.002, &AtomicBool::new(false), &mut |_| {});
+            let _ = Offline::new(Outlets::new(&graph), 0).run(0.002, &AtomicBool::new(false), &mut |_| {});
         }
         Err(diagnostics) => {
             assert!(!diagnostics.list.is_empty());

@@ -11,6 +11,7 @@ pub mod math;
 pub mod sensing;
 pub mod simulated;
 pub mod sinks;
+pub mod soundcard;
 pub mod sources;
 pub mod tapping;
 pub mod texture;
@@ -95,7 +96,10 @@ fn texture(all: &mut Registry) {
         .add(NodeEntry::source(&simulated::tablet_node::TABLET))
         .add(NodeEntry::source(&simulated::haptuator::ACCELEROMETER))
         .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
-        .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>());
+        .add(NodeEntry::actuator::<soundcard::SoundcardSink>())
+        .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
+        .add_device(DeviceEntry::of::<soundcard::Soundcard>())
+        .add_device(DeviceEntry::of::<soundcard::SoundcardVoltage>());
 }
 
 fn touch(all: &mut Registry) {

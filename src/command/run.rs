@@ -1,14 +1,18 @@
-//! `haptograph run`: a graph runs as fast as the processor allows and leaves a folder: the files of its sinks, a
-//! page to look at, and `run.json`.
+//! `haptograph run`: a graph runs, as fast as the processor allows or against the clock, and leaves a folder: the
+//! files of its sinks, a page to look at, and `run.json`.
 
+mod console;
+mod driver;
 mod folder;
+mod live;
 mod outputs;
 mod summary;
+mod watch;
 
 use super::{Failure, GraphArguments, remark, say};
 use folder::RunFolder;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::{Offline, Probe};
+use haptograph::engine::run::{Offline, Outlets, Probe};
 use haptograph::report::record::{Record, recorder, watched};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::PathBuf;
@@ -18,13 +22,19 @@ use std::time::Instant;
 use summary::Summary;
 
 /// Run a graph and write what its sinks receive, with a page to look at
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     pub graph: GraphArguments,
-    /// How long the graph runs, in its own time
-    #[arg(long = "for", value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
-    pub duration_s: f64,
+    /// How long the graph runs, in its own time; 10 where it is not given, or live until ctrl-C
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    pub duration_s: Option<f64>,
+    /// Run against the clock, with the live endpoints
+    #[arg(long)]
+    pub live: bool,
+    /// Take over what changes in the graph's files while it runs
+    #[arg(long, requires = "live")]
+    pub watch: bool,
     /// The seed of all random streams, in place of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
@@ -55,48 +65,89 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// How long an offline run takes in its own time, unless told otherwise.
+const DURATION_S: f64 = 10.0;
+
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let graph = arguments.graph.load_and_warn(arguments.seed)?;
-    let target = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("out").join(arguments.graph.name()));
-    let folder = RunFolder::beside(&target)?;
-    let mut offline =
-        Offline::new(&graph, usize::from(arguments.block)).threads(usize::from(arguments.threads));
-    offline.open_files(folder.path()).map_err(message)?;
-    let probes = outputs::open_probes(&graph, &arguments.probe, &folder, &mut offline)?;
-    if arguments.record {
-        outputs::record_all(&graph, &folder, &mut offline)?;
+    if arguments.live {
+        return live::run(arguments);
     }
-    let records = watch(&graph, &mut offline);
+    let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    let made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
-    let bar = progress_bar(arguments.duration_s);
+    let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
+    let bar = progress_bar(duration_s);
     let start = Instant::now();
-    let outcome = offline
-        .run(arguments.duration_s, &stop, &mut |done_s| {
+    let outcome = Offline::new(made.outlets, usize::from(arguments.block))
+        .threads(usize::from(arguments.threads))
+        .run(duration_s, &stop, &mut |done_s| {
             bar.set_position((done_s * 1e3) as u64)
         })
         .map_err(message)?;
-    let took_s = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    let summary = Summary::of(arguments, &graph, &outcome, took_s);
-    folder.write("run.json", &summary.to_json())?;
-    folder.write("report.html", &summary.page(&graph, &records))?;
-    folder.write(
-        "graph.svg",
-        &haptograph::report::drawing::standalone_svg(&graph, &arguments.graph.name()),
-    )?;
-    outputs::place_probes(&folder, &probes)?;
-    folder.put_in_place(&target)?;
-    summary
-        .warnings()
-        .iter()
-        .for_each(|warning| remark(&format!("warning: {warning}\n")));
-    if arguments.json {
-        say(&summary.to_json())
-    } else {
-        say(&summary.sentence(&target))
+    let summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
+    made.kept.complete(arguments, &graph, &summary)
+}
+
+/// A run that is being made: what it writes, and what is kept to complete it.
+struct Making<'a> {
+    outlets: Outlets<'a>,
+    kept: Kept,
+}
+
+struct Kept {
+    target: PathBuf,
+    folder: RunFolder,
+    probes: Vec<PathBuf>,
+    records: Vec<Record>,
+}
+
+impl<'a> Making<'a> {
+    fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
+        let target = arguments
+            .out
+            .clone()
+            .unwrap_or_else(|| PathBuf::from("out").join(arguments.graph.name()));
+        let folder = RunFolder::beside(&target)?;
+        let mut outlets = Outlets::new(graph);
+        outlets.open_files(folder.path()).map_err(message)?;
+        outputs::keep_played(graph, folder.path(), &mut outlets)?;
+        let probes = outputs::open_probes(graph, &arguments.probe, &folder, &mut outlets)?;
+        if arguments.record {
+            outputs::record_all(graph, &folder, &mut outlets)?;
+        }
+        let records = watch_signals(graph, &mut outlets);
+        let kept = Kept {
+            target,
+            folder,
+            probes,
+            records,
+        };
+        Ok(Self { outlets, kept })
+    }
+}
+
+impl Kept {
+    /// Writes the page and the facts, puts the folder in its place, and says so.
+    fn complete(self, arguments: &Arguments, graph: &Graph, summary: &Summary) -> Result<(), Failure> {
+        self.folder.write("run.json", &summary.to_json())?;
+        self.folder
+            .write("report.html", &summary.page(graph, &self.records))?;
+        self.folder.write(
+            "graph.svg",
+            &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
+        )?;
+        outputs::place_probes(&self.folder, &self.probes)?;
+        self.folder.put_in_place(&self.target)?;
+        summary
+            .warnings()
+            .iter()
+            .for_each(|warning| remark(&format!("warning: {warning}\n")));
+        if arguments.json {
+            say(&summary.to_json())
+        } else {
+            say(&summary.sentence(&self.target))
+        }
     }
 }
 
@@ -105,12 +156,12 @@ fn message(error: impl std::fmt::Display) -> Failure {
 }
 
 /// Records what the page will show.
-fn watch(graph: &Graph, offline: &mut Offline<'_>) -> Vec<Record> {
+fn watch_signals(graph: &Graph, outlets: &mut Outlets<'_>) -> Vec<Record> {
     let watches = watched(graph).into_iter();
     watches
         .map(|watch| {
             let (writer, record) = recorder(watch.stream);
-            offline.probe(Probe {
+            outlets.probe(Probe {
                 node: watch.node,
                 output: watch.output,
                 writer: Box::new(writer),

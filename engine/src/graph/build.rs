@@ -6,6 +6,7 @@ use super::draft::{Context, Draft, DraftNode, Slot};
 use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, Span};
+use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
 use crate::settings::Fields;
@@ -358,6 +359,7 @@ pub(super) fn assemble(
             span: node.name,
             simulated,
             fingerprint: fingerprint::of_node(&cx, &draft, &clocks, i),
+            live: live_values(node),
             files: files.get(i).cloned().unwrap_or_default(),
         });
     }
@@ -382,6 +384,24 @@ pub(super) fn assemble(
         sources: cx.sources,
         warnings: cx.diagnostics,
     })
+}
+
+/// The live settings of a node and their values, as written or by default.
+fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
+    let specs = node.entry.settings().into_iter().enumerate();
+    specs
+        .filter(|(_, spec)| spec.live)
+        .filter_map(|(place, spec)| {
+            let written = node.fields.remaining().iter();
+            let written = written.clone().find(|(name, _)| name.text == spec.name);
+            let value = match written.map(|(_, value)| &value.shape) {
+                Some(Shape::Number(number, _)) => Some(*number),
+                Some(_) => None,
+                None => spec.default?.parse().ok(),
+            };
+            Some((place, value?))
+        })
+        .collect()
 }
 
 fn input(draft: &Draft, node: &DraftNode, slot: &Slot) -> Input {

@@ -10,12 +10,19 @@ use crate::settings::Fields;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
-/// Of a node's kind, settings, rate, and the frames it is given.
+/// Of a node's kind, settings but for those that may change while it runs, rate, and the frames it is given.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
     let mut state = DefaultHasher::new();
     target.entry.spec.name.hash(&mut state);
-    fields(cx, &target.fields, &mut state);
+    let live: Vec<&str> = target
+        .entry
+        .settings()
+        .iter()
+        .filter(|setting| setting.live)
+        .map(|setting| setting.name)
+        .collect();
+    fields(cx, &target.fields, &live, &mut state);
     target.clock.map(|clock| clocks.list[clock].rate).hash(&mut state);
     for slot in &target.inputs {
         let carried = slot
@@ -34,14 +41,18 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
 pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice) -> u64 {
     let mut state = DefaultHasher::new();
     device.entry.spec.name.hash(&mut state);
-    fields(cx, &device.fields, &mut state);
+    fields(cx, &device.fields, &[], &mut state);
     device.clock.map(|clock| clocks.list[clock].rate).hash(&mut state);
     state.finish()
 }
 
 /// Fields in any order: writing them in another one changes nothing.
-fn fields(cx: &Context<'_>, fields: &Fields, state: &mut DefaultHasher) {
-    let each = fields.remaining().iter().map(|(name, given)| {
+fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str], state: &mut DefaultHasher) {
+    let counted = fields
+        .remaining()
+        .iter()
+        .filter(|(name, _)| !but.contains(&name.text.as_str()));
+    let each = counted.map(|(name, given)| {
         let mut state = DefaultHasher::new();
         name.text.hash(&mut state);
         value(cx, given, &mut state);

@@ -26,9 +26,12 @@ impl Graph {
         let mut found = Vec::new();
         for source in self.nodes.externals(petgraph::Incoming) {
             let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
-            self.follow(source, Latency::default(), &mut reached, 0);
+            self.follow(source, self.buffers_of(source), &mut reached, 0);
             for (sink, latency) in reached {
-                if sink != source && self.nodes.edges(sink).next().is_none() {
+                let ends = self.nodes.edges(sink).next().is_none();
+                let drives = matches!(self.nodes[sink].work, Work::Actuator { .. });
+                if sink != source && (ends || drives) {
+                    let latency = sum(latency, self.buffers_of(sink));
                     found.push(PathLatency {
                         source: self.nodes[source].path.clone(),
                         sink: self.nodes[sink].path.clone(),
@@ -68,6 +71,17 @@ impl Graph {
                 let crossing = self.crossing(node, edge.target(), edge.weight());
                 self.follow(edge.target(), sum(here, crossing), reached, depth + 1);
             }
+        }
+    }
+
+    /// What the buffers of a node's device hold back.
+    fn buffers_of(&self, node: NodeIndex) -> Latency {
+        let device = self.nodes[node]
+            .device()
+            .map(|device| &self.devices[device].device);
+        Latency {
+            transport_s: device.map_or(0.0, |device| device.latency_s()),
+            group_delay_s: 0.0,
         }
     }
 

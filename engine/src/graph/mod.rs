@@ -19,6 +19,7 @@ mod wires;
 
 pub use check::{CheckOptions, check};
 pub use latency::PathLatency;
+pub use petgraph::graph::NodeIndex;
 
 use crate::device::{Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
@@ -72,8 +73,11 @@ pub struct Node {
     pub span: Span,
     /// Does its output depend on a simulated device?
     pub simulated: bool,
-    /// Of its kind, its settings, its rate and its connections: equal for nodes that are the same but for their path.
+    /// Of its kind, its settings but for the live ones, its rate and its connections: equal for nodes that are the
+    /// same but for their path.
     pub fingerprint: u64,
+    /// Its live settings: their places among all settings, and their values.
+    pub live: Vec<(usize, f64)>,
     /// The files that its settings name, like the surface it renders.
     pub files: Vec<PathBuf>,
 }
@@ -171,7 +175,58 @@ pub enum Bridge {
     },
 }
 
+/// A setting that may change while the graph runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LiveSetting {
+    /// The node.
+    pub node: NodeIndex,
+    /// The node's path.
+    pub path: String,
+    /// The setting's place among the node's settings, and its name.
+    pub setting: usize,
+    /// Its name.
+    pub field: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Smallest and largest value.
+    pub range: Option<(f64, f64)>,
+    /// Is it a whole number? Then it jumps.
+    pub whole: bool,
+}
+
+impl LiveSetting {
+    /// As it is written: `out.gain`.
+    pub fn name(&self) -> String {
+        format!("{}.{}", self.path, self.field)
+    }
+
+    pub(crate) fn is_same_as(&self, other: &Self) -> bool {
+        self.path == other.path && self.field == other.field
+    }
+}
+
 impl Graph {
+    /// The settings that may change while it runs.
+    pub fn live_settings(&self) -> Vec<LiveSetting> {
+        let mut found = Vec::new();
+        for (index, node) in self.nodes.node_indices().zip(self.nodes.node_weights()) {
+            let specs = node.entry.settings();
+            found.extend(node.live.iter().filter_map(|(setting, value)| {
+                let spec = specs.get(*setting)?;
+                Some(LiveSetting {
+                    node: index,
+                    path: node.path.clone(),
+                    setting: *setting,
+                    field: spec.name,
+                    value: *value,
+                    range: spec.range,
+                    whole: spec.expected.contains("whole"),
+                })
+            }));
+        }
+        found
+    }
+
     /// What the graph is about, as the file tells it.
     pub fn about(&self) -> &str {
         &self.about
@@ -199,6 +254,13 @@ impl Graph {
     /// What is probably not meant.
     pub fn warnings(&self) -> &[Diagnostic] {
         &self.warnings
+    }
+}
+
+impl GraphDevice {
+    /// The device in its initial state.
+    pub fn device(&self) -> &dyn Device {
+        self.device.as_ref()
     }
 }
 

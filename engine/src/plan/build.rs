@@ -101,6 +101,7 @@ impl<'a> Builder<'a> {
             delays: Vec::new(),
             taps: Vec::new(),
             lives: Vec::new(),
+            live: graph.live_settings(),
         };
         Self {
             graph,

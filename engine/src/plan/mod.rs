@@ -11,7 +11,7 @@ mod show;
 mod slots;
 
 use crate::device::Device;
-use crate::graph::Graph;
+use crate::graph::{Graph, LiveSetting};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
 use haptograph_signal::time::{Rate, TimeBase};
@@ -54,6 +54,8 @@ pub struct Plan {
     pub(crate) taps: Vec<Tap>,
     /// First and last step that need each slot's present content, by step: what lives across a cut of the list.
     pub(crate) lives: Vec<Life>,
+    /// The settings that may change while it runs.
+    pub(crate) live: Vec<LiveSetting>,
 }
 
 /// One line of the plan.
@@ -127,6 +129,14 @@ pub(crate) struct ActuatorPlan {
     pub rate: Rate,
 }
 
+impl ActuatorPlan {
+    /// Is it the same but for its gain, which is a live setting?
+    fn is_same_as(&self, other: &Self) -> bool {
+        let gain = other.gain;
+        Self { gain, ..self.clone() } == *other
+    }
+}
+
 /// A crossing of rates in a plan; the reader's clock is its step's.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BridgePlan {
@@ -190,7 +200,7 @@ impl Plan {
         self.rates[self.driver]
     }
 
-    /// Is the other plan of the same graph, laid out in the same way?
+    /// Is the other plan of the same graph but for live settings, laid out in the same way?
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
         let device_keys = |plan: &Self| {
             plan.devices
@@ -208,7 +218,12 @@ impl Plan {
             && self.bridges == other.bridges
             && self.delays == other.delays
             && self.processor_keys == other.processor_keys
-            && self.actuators == other.actuators
+            && self.actuators.len() == other.actuators.len()
+            && self
+                .actuators
+                .iter()
+                .zip(&other.actuators)
+                .all(|(a, b)| a.is_same_as(b))
             && self.taps == other.taps
             && device_keys(self) == device_keys(other)
     }

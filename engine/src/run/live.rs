@@ -5,9 +5,13 @@
 //! invariant: nothing is allocated, freed or locked in a callback.
 
 use super::drive::Drive;
+use super::glide::{GLIDE_S, Glide, Glides};
 use super::meter::{Meters, Wake};
+use super::rings::TapRings;
 use super::swap::{Next, Transfer};
 use super::{ActuatorReport, Faults, Run};
+use crate::device::Device;
+use crate::graph::LiveSetting;
 use crate::plan::Plan;
 use petgraph::graph::NodeIndex;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -16,7 +20,7 @@ use std::sync::Arc;
 
 /// How long outputs take from nothing to everything and back, unless told otherwise.
 pub const FADE_S: f64 = 0.01;
-const COMMANDS: usize = 256;
+const COMMANDS: usize = 4096;
 const REPORTS: usize = 4096;
 
 /// The real-time side of a live run.
@@ -26,11 +30,14 @@ pub struct Live {
     next: Option<Box<Next>>,
     stopping: bool,
     state: LiveState,
-    fade_s: f64,
+    /// Driver frames run by the plan, and after how many it ends.
+    frames: u64,
+    ends_after: Option<u64>,
+    glides: Glides,
+    rings: TapRings,
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
-    pending: Option<Wake>,
 }
 
 /// What a live run is doing.
@@ -40,16 +47,14 @@ pub enum LiveState {
     Running,
     /// Faded out after a stop; nothing more will come.
     Stopped,
+    /// Its time is over; the actuators were taken to zero and stay there.
+    Finished,
     /// A node panicked; the actuators were taken to zero and stay there.
     Panicked,
 }
 
 enum Command {
-    Set {
-        node: NodeIndex,
-        setting: usize,
-        value: f64,
-    },
+    Set(Glide),
     Swap(Box<Next>),
     Stop,
 }
@@ -67,13 +72,15 @@ pub struct Control {
     reports: Consumer<Report>,
     /// The plan that runs, or will when the last swap is done.
     plan: Arc<Plan>,
+    /// Its live settings as they were set last.
+    settings: Vec<LiveSetting>,
     meters: Meters,
     /// Old plans that came home.
     freed: u64,
 }
 
 /// Why a command was not sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ControlError {
     /// The real-time side has not read its commands for a while.
     #[error("the real-time side does not take commands: {COMMANDS} are waiting")]
@@ -81,28 +88,44 @@ pub enum ControlError {
     /// The new graph has another driver rate.
     #[error("the driver's rate changed; that needs a restart of the run")]
     OtherRate,
+    /// The node has no such setting, or it cannot change while the graph runs.
+    #[error("there is no live setting of that name")]
+    NotLive,
+    /// The value is not one that the setting can have.
+    #[error("choose a value from {0} to {1}")]
+    OutOfRange(f64, f64),
 }
 
-/// Both sides of a live run of `plan`, its outputs faded in.
+/// How a plan differed from the one in whose place it was put.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// In at most so many live settings: nothing was interrupted.
+    Settings(usize),
+    /// In more: it was faded out and the new one faded in.
+    Swap,
+}
+
+/// Both sides of a live run of `plan`. It begins as it does offline, so that the samples are the same.
 pub fn live(plan: Arc<Plan>) -> (Live, Control) {
     let (command_in, command_out) = RingBuffer::new(COMMANDS);
     let (report_in, report_out) = RingBuffer::new(REPORTS);
-    let mut run = Run::new(Arc::clone(&plan));
-    run.fade_in(FADE_S);
     let live = Live {
-        run,
+        run: Run::new(Arc::clone(&plan)),
         next: None,
         stopping: false,
         state: LiveState::Running,
-        fade_s: FADE_S,
+        frames: 0,
+        ends_after: None,
+        glides: Glides::with_room_for(COMMANDS),
+        rings: TapRings::default(),
         commands: command_out,
         reports: report_in,
         unreported: 0,
-        pending: None,
     };
     let control = Control {
         commands: command_in,
         reports: report_out,
+        settings: plan.live.clone(),
         plan,
         meters: Meters::default(),
         freed: 0,
@@ -114,34 +137,74 @@ impl Live {
     /// Runs `frames` driver frames, in blocks of at most the plan's; `each` sees every block when it is done.
     ///
     /// A panic in a node ends here: the actuators are taken to zero by the engine itself, outside the plan.
-    pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&Run, usize)) {
+    pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
         self.take_commands();
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
             self.change_over();
-            if self.state != LiveState::Running {
+            let block = left.min(self.block_now());
+            if self.state != LiveState::Running || block == 0 {
                 break;
             }
-            let block = left.min(self.run.plan.block);
             let run = &mut self.run;
             // The plan's state may be half-way through a tick afterwards; it is never run again.
             if catch_unwind(AssertUnwindSafe(|| run.advance(block))).is_err() {
                 self.state = LiveState::Panicked;
                 break;
             }
-            each(&self.run, block);
+            self.frames += block as u64;
+            self.rings.send(&self.run);
+            each(&mut self.run, block);
             left -= block;
         }
-        if self.state == LiveState::Panicked {
-            self.run.ramp_down(left, self.fade_s);
+        if matches!(self.state, LiveState::Panicked | LiveState::Finished) {
+            self.run.ramp_down(left, FADE_S);
+        }
+    }
+
+    /// Frames that may be run now; none when the time is over.
+    fn block_now(&mut self) -> usize {
+        let rate_hz = self.run.plan.driver_rate().hz();
+        let block = self.run.plan.block.min(self.glides.step(&mut self.run, rate_hz));
+        let left = self
+            .ends_after
+            .map_or(u64::MAX, |end| end.saturating_sub(self.frames));
+        if left == 0 {
+            self.state = LiveState::Finished;
+        }
+        block.min(usize::try_from(left).unwrap_or(usize::MAX))
+    }
+
+    /// Ends after so many driver frames from the start.
+    pub fn end_after(&mut self, frames: u64) {
+        self.ends_after = Some(frames);
+    }
+
+    pub(super) fn send_taps_through(&mut self, rings: TapRings) {
+        self.rings = rings;
+    }
+
+    /// Numbers of tapped outputs that found no room on their way to the files.
+    pub fn lost_numbers(&self) -> u64 {
+        self.rings.lost()
+    }
+
+    /// Driver frames that the plan has run.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Has everything ended, and is nothing driven any more?
+    pub fn is_at_rest(&self) -> bool {
+        match self.state {
+            LiveState::Running => false,
+            LiveState::Stopped => true,
+            LiveState::Finished | LiveState::Panicked => self.run.is_ramped_down(FADE_S),
         }
     }
 
     /// Reports a wake-up; what finds no room is counted.
     pub fn report(&mut self, wake: Wake) {
-        if let Some(old) = self.pending.take() {
-            self.unreported += u64::from(self.reports.push(Report::Wake(old)).is_err());
-        }
         self.unreported += u64::from(self.reports.push(Report::Wake(wake)).is_err());
     }
 
@@ -158,6 +221,18 @@ impl Live {
     /// Driver frames of the longest block.
     pub fn block(&self) -> usize {
         self.run.plan.block
+    }
+
+    /// The devices, for the driver that some of them belong to.
+    pub fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.run.devices_mut()
+    }
+
+    /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
+    pub fn resume(&mut self) {
+        if self.state == LiveState::Running && !self.stopping && self.next.is_none() {
+            self.run.fade_in(FADE_S);
+        }
     }
 
     /// The run, for what is asked when it is over.
@@ -179,17 +254,17 @@ impl Live {
         // A swap waits for the one before it, and so do the commands after it.
         while self.next.is_none() {
             match self.commands.pop() {
-                Ok(Command::Set { node, setting, value }) => self.run.set(node, setting, value),
+                Ok(Command::Set(glide)) => self.glides.start(glide, &mut self.run),
                 Ok(Command::Swap(mut next)) if next.transfer == Transfer::Everything => {
                     next.take_over_everything(&mut self.run);
                     self.retire(next);
                 }
                 Ok(Command::Swap(next)) => {
-                    self.run.fade_out(self.fade_s);
+                    self.run.fade_out(FADE_S);
                     self.next = Some(next);
                 }
                 Ok(Command::Stop) => {
-                    self.run.fade_out(self.fade_s);
+                    self.run.fade_out(FADE_S);
                     self.stopping = true;
                 }
                 Err(_) => break,
@@ -205,8 +280,10 @@ impl Live {
         if self.stopping {
             self.state = LiveState::Stopped;
         } else if let Some(mut next) = self.next.take() {
+            self.glides.arrive(&mut self.run);
             next.take_over(&mut self.run);
-            self.run.fade_in(self.fade_s);
+            next.rings.take_over(&mut self.rings);
+            self.run.fade_in(FADE_S);
             self.retire(next);
         }
     }
@@ -222,12 +299,50 @@ impl Live {
 }
 
 impl Control {
-    /// Sets a live setting of a node.
+    /// Sets a live setting of a node; it glides there within [`GLIDE_S`].
     ///
     /// # Errors
-    /// [`ControlError::Full`] if the real-time side does not read.
+    /// [`ControlError`] if it is no live setting, cannot have that value, or the real-time side does not read.
     pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) -> Result<(), ControlError> {
-        self.send(Command::Set { node, setting, value })
+        let place = self
+            .settings
+            .iter()
+            .position(|live| (live.node, live.setting) == (node, setting));
+        self.set_at(place.ok_or(ControlError::NotLive)?, value)
+    }
+
+    /// Sets a live setting by its name: `out.gain`.
+    ///
+    /// # Errors
+    /// As [`Control::set`].
+    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
+        let place = self.settings.iter().position(|live| live.name() == name);
+        self.set_at(place.ok_or(ControlError::NotLive)?, value)
+    }
+
+    /// The live settings of the graph that runs, as they were set last.
+    pub fn settings(&self) -> &[LiveSetting] {
+        &self.settings
+    }
+
+    fn set_at(&mut self, place: usize, value: f64) -> Result<(), ControlError> {
+        let live = &self.settings[place];
+        let (low, high) = live.range.unwrap_or((f64::MIN, f64::MAX));
+        if !(low..=high).contains(&value) {
+            return Err(ControlError::OutOfRange(low, high));
+        }
+        let glide_s = if live.whole { 0.0 } else { GLIDE_S };
+        let glide = Glide {
+            node: live.node,
+            setting: live.setting,
+            from: live.value,
+            to: value,
+            begin: 0,
+            frames: (glide_s * self.plan.driver_rate().hz()).round() as u64,
+        };
+        self.send(Command::Set(glide))?;
+        self.settings[place].value = value;
+        Ok(())
     }
 
     /// Fades out and stops.
@@ -238,19 +353,50 @@ impl Control {
         self.send(Command::Stop)
     }
 
-    /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit; another one
-    /// is swapped at the zero of a fade, the state of the nodes that stayed carried over.
+    /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where
+    /// only live settings differ they glide to their new values. Another graph is swapped at the zero of a fade, the
+    /// state of the nodes that stayed carried over. What was set by hand stays set where the file still says the same.
     ///
     /// # Errors
     /// [`ControlError`] if the driver's rate differs or the real-time side does not read.
-    pub fn swap(&mut self, plan: Arc<Plan>) -> Result<(), ControlError> {
+    pub fn swap(&mut self, plan: Arc<Plan>) -> Result<Change, ControlError> {
+        self.swap_with(plan, TapRings::default())
+    }
+
+    pub(super) fn swap_with(&mut self, plan: Arc<Plan>, rings: TapRings) -> Result<Change, ControlError> {
         if plan.driver_rate() != self.plan.driver_rate() {
             return Err(ControlError::OtherRate);
         }
-        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan)));
+        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings));
+        let transfer = next.transfer;
         self.send(Command::Swap(next))?;
-        self.plan = plan;
-        Ok(())
+        let old = std::mem::replace(&mut self.plan, plan);
+        let set = std::mem::replace(&mut self.settings, self.plan.live.clone());
+        let mut changes = Vec::new();
+        for (place, live) in self.settings.iter_mut().enumerate() {
+            let Some(was) = set.iter().find(|was| was.is_same_as(live)) else {
+                continue;
+            };
+            let written = old.live.iter().find(|written| written.is_same_as(live));
+            let by_file = written.is_some_and(|written| written.value.to_bits() != live.value.to_bits());
+            let wanted = if by_file { live.value } else { was.value };
+            let in_new_plan = std::mem::replace(&mut live.value, was.value);
+            if wanted.to_bits() != was.value.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
+                changes.push((place, wanted));
+            }
+        }
+        for (place, wanted) in &changes {
+            self.set_at(*place, *wanted)?;
+        }
+        Ok(match transfer {
+            Transfer::Everything => Change::Settings(changes.len()),
+            Transfer::Matching => Change::Swap,
+        })
+    }
+
+    /// The plan that runs, or will when the last swap is done.
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.plan
     }
 
     /// Takes in what the real-time side reported since, frees what came home, and returns what was counted so far.

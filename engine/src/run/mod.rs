@@ -2,21 +2,28 @@
 
 mod bridge;
 mod drive;
+mod glide;
 mod live;
 mod meter;
 mod offline;
+mod outlets;
 mod profile;
 mod program;
+mod rings;
+mod session;
 mod swap;
 mod timer;
 mod window;
 
 pub use bridge::resampler;
-pub use live::{Control, ControlError, FADE_S, Live, LiveState, live};
+pub use glide::GLIDE_S;
+pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
 pub use meter::{Histogram, Meters, Wake};
-pub use offline::{Offline, OfflineError, Outcome, Probe};
+pub use offline::{Offline, OfflineError, Outcome};
+pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
-pub use timer::{Timer, TimerNotes};
+pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
+pub use timer::{Timer, TimerNotes, TimerThread};
 
 use crate::device::Device;
 use crate::io::{Form, Io, Memory, Placing, Wire};
@@ -226,6 +233,16 @@ impl Run {
                 }
             }
         }
+    }
+
+    /// Has that ramp come to its end?
+    pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
+        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz()
+    }
+
+    /// The devices, in the order of the graph's.
+    pub fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
+        self.state.devices.iter_mut().map(|state| state.device.as_mut())
     }
 
     /// What was seen of signals that are not numbers.

@@ -1,41 +1,18 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
+use super::outlets::{Outlets, WriteError};
 use super::{ActuatorReport, Faults, Run};
-use crate::graph::{Graph, Work};
-use crate::node::{FrameWriter, Stream};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
-use petgraph::graph::NodeIndex;
-use petgraph::visit::EdgeRef;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-/// An output whose frames are wanted, and who takes them.
-pub struct Probe {
-    /// The node.
-    pub node: NodeIndex,
-    /// Index among its outputs.
-    pub output: usize,
-    /// Takes the frames, as stream 0.
-    pub writer: Box<dyn FrameWriter>,
-}
-
 /// An offline run that is being set up.
 pub struct Offline<'a> {
-    graph: &'a Graph,
+    outlets: Outlets<'a>,
     block: usize,
     threads: usize,
-    taps: Vec<(NodeIndex, usize)>,
-    /// Writers and the taps that are their streams.
-    writers: Vec<Written>,
-}
-
-struct Written {
-    writer: Box<dyn FrameWriter>,
-    taps: Vec<usize>,
-    what: PathBuf,
 }
 
 /// What a run did.
@@ -57,27 +34,20 @@ pub struct Outcome {
 #[derive(Debug, thiserror::Error)]
 pub enum OfflineError {
     /// A file could not be written.
-    #[error("cannot write {}: {error}", path.display())]
-    Write {
-        /// Which.
-        path: PathBuf,
-        /// What the file system says.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// A worker thread ended early; only a panic in a node can do that.
     #[error("a worker thread ended early: a node panicked")]
     Worker,
 }
 
 impl<'a> Offline<'a> {
-    /// A run of `graph` in blocks of `block` driver frames (0: the default).
-    pub fn new(graph: &'a Graph, block: usize) -> Self {
+    /// A run of a graph in blocks of `block` driver frames (0: the default), its outlets written.
+    pub fn new(outlets: Outlets<'a>, block: usize) -> Self {
         Self {
-            graph,
+            outlets,
             block,
             threads: 1,
-            taps: Vec::new(),
-            writers: Vec::new(),
         }
     }
 
@@ -86,51 +56,6 @@ impl<'a> Offline<'a> {
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads.max(1);
         self
-    }
-
-    /// Also hands an output's frames to a writer.
-    pub fn probe(&mut self, probe: Probe) {
-        self.taps.push((probe.node, probe.output));
-        let node = &self.graph.nodes[probe.node];
-        let what = PathBuf::from(format!("{}.{}", node.path, node.outputs[probe.output].name));
-        self.writers.push(Written {
-            writer: probe.writer,
-            taps: vec![self.taps.len() - 1],
-            what,
-        });
-    }
-
-    /// Opens the files of all file sinks in `folder`.
-    ///
-    /// # Errors
-    /// [`OfflineError::Write`] for the first that cannot be opened.
-    pub fn open_files(&mut self, folder: &Path) -> Result<(), OfflineError> {
-        for index in self.graph.nodes.node_indices() {
-            let Work::File(sink) = &self.graph.nodes[index].work else {
-                continue;
-            };
-            let path = folder.join(sink.file_name());
-            let streams = file_streams(self.graph, index);
-            let writer = sink.open(
-                &path,
-                &streams
-                    .iter()
-                    .map(|(_, stream)| stream.clone())
-                    .collect::<Vec<_>>(),
-            );
-            let writer = writer.map_err(|error| OfflineError::Write {
-                path: path.clone(),
-                error,
-            })?;
-            let first = self.taps.len();
-            self.taps.extend(streams.iter().map(|(port, _)| *port));
-            self.writers.push(Written {
-                writer,
-                taps: (first..self.taps.len()).collect(),
-                what: path,
-            });
-        }
-        Ok(())
     }
 
     /// Runs for `seconds`, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
@@ -146,20 +71,18 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.taps,
+            taps: self.outlets.taps,
         };
-        let plan = Arc::new(Plan::new(self.graph, &options));
+        let plan = Arc::new(Plan::new(self.outlets.graph, &options));
         let rate_hz = plan.driver_rate().hz();
         let total = (seconds * rate_hz).round().max(0.0) as u64;
-        let mut writers = self.writers;
+        let mut writers = self.outlets.written;
         let mut after_block = |run: &Run| -> Result<(), OfflineError> {
             for written in &mut writers {
                 for (stream, tap) in written.taps.iter().enumerate() {
                     let result = written.writer.write(stream, run.tap(*tap));
-                    result.map_err(|error| OfflineError::Write {
-                        path: written.what.clone(),
-                        error,
-                    })?;
+                    let path = || written.what.clone();
+                    result.map_err(|error| WriteError { path: path(), error })?;
                 }
             }
             progress(run.driver_frames() as f64 / rate_hz);
@@ -187,7 +110,7 @@ impl<'a> Offline<'a> {
             written
                 .writer
                 .finish()
-                .map_err(|error| OfflineError::Write { path, error })?;
+                .map_err(|error| WriteError { path, error })?;
         }
         let seconds = driver_frames as f64 / rate_hz;
         Ok(Outcome {
@@ -198,29 +121,6 @@ impl<'a> Offline<'a> {
             actuators,
         })
     }
-}
-
-/// The streams of a file sink, by input, and the ports they come from.
-fn file_streams(graph: &Graph, index: NodeIndex) -> Vec<((NodeIndex, usize), Stream)> {
-    let mut edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
-    edges.sort_by_key(|edge| edge.weight().input);
-    let stream = |source: NodeIndex, output: usize| {
-        let node = &graph.nodes[source];
-        Stream {
-            name: format!("{}.{}", node.path, node.outputs[output].name),
-            kind: node.outputs[output].kind,
-            quantity: node.outputs[output].quantity,
-            rate: graph.clocks[node.clock.unwrap_or(0)].rate,
-            simulated: node.simulated,
-        }
-    };
-    edges
-        .into_iter()
-        .map(|edge| {
-            let port = (edge.source(), edge.weight().output);
-            (port, stream(port.0, port.1))
-        })
-        .collect()
 }
 
 struct Blocks<'a> {

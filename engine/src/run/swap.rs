@@ -2,13 +2,16 @@
 //! real-time thread things only change places.
 
 use super::Run;
+use super::rings::TapRings;
 use crate::plan::{NodeKey, Plan};
 use std::sync::Arc;
 
 /// A plan ready to take over, and afterwards the old one on its way home.
-pub(crate) struct Next {
+pub(super) struct Next {
     run: Run,
     pub transfer: Transfer,
+    /// Where its taps go.
+    pub rings: TapRings,
     processors: Vec<(usize, usize, Carry)>,
     devices: Vec<(usize, usize)>,
     actuators: Vec<(usize, usize)>,
@@ -16,7 +19,7 @@ pub(crate) struct Next {
 
 /// How much of the old plan goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Transfer {
+pub(super) enum Transfer {
     /// The graphs are the same: all state goes on, and no bit changes.
     Everything,
     /// Nodes, devices and limiters that are in both.
@@ -33,7 +36,7 @@ enum Carry {
 }
 
 impl Next {
-    pub(crate) fn new(old: &Plan, plan: Arc<Plan>) -> Self {
+    pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings) -> Self {
         let same = old.is_same_as(&plan);
         let place = |keys: &[NodeKey], wanted: &NodeKey| keys.iter().position(|key| key.path == wanted.path);
         let mut processors = Vec::new();
@@ -63,6 +66,7 @@ impl Next {
             devices: devices.collect(),
             actuators: actuators.collect(),
             processors,
+            rings,
             transfer: if same {
                 Transfer::Everything
             } else {

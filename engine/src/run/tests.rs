@@ -4,7 +4,7 @@ mod live;
 mod naive;
 mod world;
 
-use super::{Offline, Probe, Profile, Run};
+use super::{Offline, Outlets, Probe, Profile, Run};
 use crate::graph::Graph;
 use crate::node::FrameWriter;
 use crate::plan::{Plan, PlanOptions};
@@ -106,18 +106,19 @@ fn any_number_of_threads_gives_the_same_bits() {
         let rate_hz = Plan::new(&graph, &PlanOptions::default()).driver_rate().hz();
         let alone = play(&graph, 1000, &[64]);
         for threads in [1, 2, 3, 8, 100] {
-            let mut offline = Offline::new(&graph, 50).threads(threads);
+            let mut outlets = Outlets::new(&graph);
             let mut heard = Vec::new();
             for node in graph.nodes.node_indices() {
                 heard.push(Heard::default());
                 let writer = Box::new(heard[node.index()].clone());
-                offline.probe(Probe {
+                outlets.probe(Probe {
                     node,
                     output: 0,
                     writer,
                 });
             }
-            let outcome = offline
+            let outcome = Offline::new(outlets, 50)
+                .threads(threads)
                 .run(1000.0 / rate_hz, &AtomicBool::new(false), &mut |_| {})
                 .unwrap();
             assert_eq!((outcome.driver_frames, outcome.stopped), (1000, false));
@@ -134,7 +135,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn a_stop_ends_the_run_with_complete_blocks() {
     let graph = random_graph(3, 3);
     let stop = AtomicBool::new(false);
-    let offline = Offline::new(&graph, 10);
+    let offline = Offline::new(Outlets::new(&graph), 10);
     let mut calls = 0;
     let outcome = offline
         .run(1e6, &stop, &mut |_| {

@@ -4,10 +4,10 @@
 //! spins the rest. A stall of the machine is not made up for by a burst: the frames lost in it are counted, and time
 //! goes on from there; a burst would push a force loop through many ticks with the hand standing still.
 
-use super::Run;
-use super::live::{Live, LiveState};
+use super::live::Live;
 use super::meter::Wake;
-use haptograph_signal::time::Rate;
+use std::sync::mpsc::channel;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How a timer wakes.
@@ -39,13 +39,51 @@ pub struct TimerNotes {
     pub refused: Vec<String>,
 }
 
+/// A thread that drives a live run.
+pub struct TimerThread {
+    /// What the system allowed it.
+    pub notes: TimerNotes,
+    thread: JoinHandle<Live>,
+}
+
+impl TimerThread {
+    /// Is the run over?
+    pub fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Waits for the end of the run; none if the thread itself failed.
+    pub fn join(self) -> Option<Live> {
+        self.thread.join().ok()
+    }
+}
+
 impl Timer {
+    /// Starts a real-time thread that runs until the run is over.
+    ///
+    /// # Errors
+    /// What the system says where it gives no thread.
+    pub fn start(self, mut live: Live) -> std::io::Result<TimerThread> {
+        let (told, notes) = channel();
+        let thread = std::thread::Builder::new()
+            .name("haptograph-timer".into())
+            .spawn(move || {
+                // Nobody listens where the thread that started this one has gone.
+                let _ = told.send(self.prepare_thread());
+                self.run(&mut live);
+                live
+            })?;
+        let notes = notes.recv().unwrap_or_default();
+        Ok(TimerThread { notes, thread })
+    }
+
     /// Asks the system for real-time scheduling and locked memory for the calling thread.
     pub fn prepare_thread(&self) -> TimerNotes {
         let mut notes = TimerNotes::default();
         #[cfg(target_os = "linux")]
         {
             use nix::sys::mman::{MlockAllFlags, mlockall};
+            use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit};
             use thread_priority::{
                 RealtimeThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy,
                 set_thread_priority_and_policy, thread_native_id,
@@ -58,7 +96,13 @@ impl Timer {
                      /etc/security/limits.d/"
                 ));
             }
-            if let Err(error) = mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE) {
+            // Under a limit, locking what will be allocated would make later allocations fail.
+            let unlimited = getrlimit(Resource::RLIMIT_MEMLOCK).is_ok_and(|(soft, _)| soft == RLIM_INFINITY);
+            let flags = match unlimited {
+                true => MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE,
+                false => MlockAllFlags::MCL_CURRENT,
+            };
+            if let Err(error) = mlockall(flags) {
                 notes.refused.push(format!(
                     "memory is not locked ({error}): page faults may cause jitter; allow it with `memlock unlimited` \
                      in /etc/security/limits.d/"
@@ -68,26 +112,26 @@ impl Timer {
         notes
     }
 
-    /// Runs until `seconds` of driver time have passed, the run stops, or a node panics. Runs on the calling thread.
-    pub fn run(&self, live: &mut Live, rate: Rate, seconds: f64, mut each: impl FnMut(&Run, usize)) {
+    /// Runs until the run is over and nothing is driven any more. Runs on the calling thread.
+    pub fn run(&self, live: &mut Live) {
+        let rate_hz = live.run().rate_hz();
         let mut start = Instant::now();
-        let total = (seconds * rate.hz()).round() as u64;
         let period = Duration::from_secs_f64(1.0 / self.wakes_hz);
         let (mut wake, mut done, mut lost) = (0_u64, 0_u64, 0_u32);
-        while live.state() == LiveState::Running && done < total {
+        while !live.is_at_rest() {
             wake += 1;
             let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
-            let due = ((wake as f64 / self.wakes_hz * rate.hz()).floor() as u64).min(total);
+            let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;
             self.wait_until(deadline);
             let began = Instant::now();
             let late = began.saturating_duration_since(deadline);
             if late > self.stall {
                 // Time is moved on as if the stall had not been.
                 start += late;
-                lost = lost.saturating_add((late.as_secs_f64() * self.wakes_hz) as u32);
+                lost = (late.as_secs_f64() * self.wakes_hz) as u32;
             }
             let frames = due.saturating_sub(done);
-            live.callback(frames as usize, &mut each);
+            live.callback(frames as usize, |_, _| {});
             done = due;
             let work = began.elapsed();
             live.report(Wake {

@@ -111,7 +111,7 @@ haptograph_engine::settings! {
     /// Settings of [`ActuatorSink`].
     pub struct ActuatorSinkSettings {
         /// A plain factor on the current, before the limit.
-        gain: f64 = 1.0;
+        [live] gain: f64 = 1.0;
         /// What the actuator may be given.
         limit: CurrentLimitSettings;
     }

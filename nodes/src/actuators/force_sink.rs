@@ -23,7 +23,7 @@ haptograph_engine::settings! {
     /// Settings of [`ForceSink`].
     pub struct ForceSinkSettings {
         /// A plain factor on the force, before the limit.
-        gain: f64 = 1.0;
+        [live] gain: f64 = 1.0;
         /// What the arm may be given. Peak and window express a short overload, as the thesis's taps need.
         limit: ForceLimitSettings;
     }

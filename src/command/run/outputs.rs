@@ -4,10 +4,11 @@ use super::super::Failure;
 use super::folder::RunFolder;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
-use haptograph::engine::run::{Offline, Probe};
+use haptograph::engine::run::{Outlets, Probe};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use haptograph::nodes::sinks::wav::{WavSink, WavSinkSettings};
+use haptograph::nodes::soundcard::played;
 use haptograph::report::record::{Watch, watch};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,13 +37,13 @@ pub fn open_probes(
     graph: &Graph,
     arguments: &[ProbeArgument],
     folder: &RunFolder,
-    offline: &mut Offline<'_>,
+    outlets: &mut Outlets<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     for (number, argument) in arguments.iter().enumerate() {
         let watch = find(graph, &argument.output)?;
         let name = argument.file.file_name().map(PathBuf::from).unwrap_or_default();
         let writer = writer(&folder.probe(number)?.join(name), &watch.stream)?;
-        offline.probe(Probe {
+        outlets.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -83,7 +84,7 @@ fn move_file(from: &Path, to: &Path) -> std::io::Result<()> {
 }
 
 /// Writes every output into `record/`: WAV where that can hold it, CSV where not.
-pub fn record_all(graph: &Graph, folder: &RunFolder, offline: &mut Offline<'_>) -> Result<(), Failure> {
+pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
     let place = folder.path().join("record");
     fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
     for watch in outputs(graph) {
@@ -93,7 +94,24 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, offline: &mut Offline<'_>) 
             Ok(writer) if watch.stream.kind.is_linear() => writer,
             _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
         };
-        offline.probe(Probe {
+        outlets.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(())
+}
+
+/// Writes what soundcards play, in their full scale: what they get live, they would get offline.
+pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
+    for played in played(graph) {
+        let Some(watch) = watch(graph, played.sink, 0) else {
+            continue;
+        };
+        let name = format!("{}.soundcard.wav", played.endpoint.replace('/', "."));
+        let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
+        outlets.probe(Probe {
             node: watch.node,
             output: watch.output,
             writer,
@@ -110,19 +128,17 @@ fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
 }
 
 fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure> {
+    scaled_writer(path, stream, 1.0)
+}
+
+fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dyn FrameWriter>, Failure> {
     let context = FileContext {
         streams: vec![stream.clone()],
         graph_seed: 0,
     };
     let file = "probe".to_owned();
     let sink: Result<Box<dyn FileSink>, _> = match path.extension().and_then(|e| e.to_str()) {
-        Some("wav") => WavSink::build(
-            WavSinkSettings {
-                file,
-                full_scale: 1.0,
-            },
-            &context,
-        ),
+        Some("wav") => WavSink::build(WavSinkSettings { file, full_scale }, &context),
         _ => CsvSink::build(CsvSinkSettings { file }, &context),
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;

@@ -46,7 +46,7 @@ impl Summary {
         let facts = vec![
             ("graph", "Graph", json!(arguments.graph.graph)),
             ("set", "Set", json!(set)),
-            ("endpoints", "Endpoints", json!(arguments.graph.endpoints)),
+            ("endpoints", "Endpoints", json!(arguments.graph.endpoints())),
             ("seed", "Seed", json!(graph.seed())),
             ("files", "Files read", json!(files)),
             ("clocks", "Clocks", json!(clocks)),
@@ -74,6 +74,12 @@ impl Summary {
             took_s,
             stopped: outcome.stopped,
         }
+    }
+
+    /// Adds what is to be known of a live run only.
+    pub fn add(&mut self, facts: Vec<(&'static str, &'static str, Value)>, warnings: Vec<String>) {
+        self.facts.extend(facts);
+        self.warnings.extend(warnings);
     }
 
     pub fn warnings(&self) -> &[String] {
@@ -192,6 +198,11 @@ fn plain(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
         Value::Array(list) => list.iter().map(plain).collect::<Vec<_>>().join(", "),
+        Value::Object(fields) => fields
+            .iter()
+            .map(|(name, value)| format!("{name} {}", plain(value)))
+            .collect::<Vec<_>>()
+            .join(", "),
         Value::Bool(true) => "yes".to_owned(),
         Value::Bool(false) => "no".to_owned(),
         other => other.to_string(),

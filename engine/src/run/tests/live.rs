@@ -4,7 +4,7 @@ use super::world::{Body, LIMIT, random_graph, with_processor};
 use crate::graph::{Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{LiveState, Run, live};
+use crate::run::{ControlError, LiveState, Run, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 
@@ -224,7 +224,12 @@ fn gain_is_set_while_running() {
     let (mut live, mut control) = live(plan(&graph, 8));
     live.callback(40, |_, _| {});
     control.set(sink, 0, 0.05).unwrap();
-    let mut last = 0.0;
-    live.callback(8, |run, _| last = run.tap(sink.index())[7]);
-    assert_eq!(last, 5.0);
+    let mut heard = Vec::new();
+    live.callback(30, |run, _| heard.extend_from_slice(run.tap(sink.index())));
+    // 100 times the gain, from the limit of 10 down to 5 in a straight line of 20 ms.
+    assert_eq!((heard[0], heard[29]), (10.0, 5.0));
+    let steps = heard.windows(2).map(|pair| pair[0] - pair[1]);
+    assert!(steps.clone().all(|step| (0.0..5.0).contains(&step)), "{heard:?}");
+    assert!(heard[19] > 5.0 && heard[20] == 5.0, "{heard:?}");
+    assert_eq!(control.set(sink, 1, 0.1), Err(ControlError::NotLive));
 }

@@ -69,9 +69,17 @@ impl Device for Body {
     }
 }
 
+crate::settings! {
+    /// Settings of a leaky node or sink.
+    pub struct LeakySettings {
+        /// A sink's gain.
+        [live] gain: f64 = 1.0;
+    }
+}
+
 struct Nothing;
 impl NodeKind for Nothing {
-    type Settings = NoSettings;
+    type Settings = LeakySettings;
     const SPEC: NodeSpec = NodeSpec {
         name: "Leaky",
         group: "test",
@@ -81,7 +89,7 @@ impl NodeKind for Nothing {
         outputs: &[],
         example: "",
     };
-    fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(_: LeakySettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         Err(BuildError::at("none", "built by hand"))
     }
 }
@@ -181,6 +189,7 @@ impl World {
             span: Span::default(),
             simulated: false,
             fingerprint: self.fingerprint,
+            live: Vec::new(),
             files: Vec::new(),
         });
         self.nodes.len() - 1
@@ -373,6 +382,7 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
             limit: LIMIT,
         },
     );
+    world.nodes[sink].live.push((0, 0.1));
     let input = Input {
         name: "in",
         kind: Kind::Scalar,

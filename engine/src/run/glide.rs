@@ -1,0 +1,83 @@
+//! Settings that change while a plan runs go to their new values in straight lines, in steps too short to feel.
+
+use super::Run;
+use petgraph::graph::NodeIndex;
+
+/// How long a setting takes to its new value.
+pub const GLIDE_S: f64 = 0.02;
+/// How long it stays the same on its way.
+const STEP_S: f64 = 0.000_25;
+
+/// The settings on their way. Never more than it was made for: one more arrives at once.
+pub(super) struct Glides {
+    list: Vec<Glide>,
+}
+
+/// A change of a setting, as it is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Glide {
+    pub node: NodeIndex,
+    pub setting: usize,
+    pub from: f64,
+    pub to: f64,
+    /// Driver frame at which it left, and frames that it takes; 0 for a setting that jumps.
+    pub begin: u64,
+    pub frames: u64,
+}
+
+impl Glides {
+    pub fn with_room_for(most: usize) -> Self {
+        Self {
+            list: Vec::with_capacity(most),
+        }
+    }
+
+    /// Sends a setting on its way, from where it is.
+    pub fn start(&mut self, mut glide: Glide, run: &mut Run) {
+        let now = run.driver_frames();
+        glide.begin = now;
+        let room = self.list.len() < self.list.capacity();
+        let on_its_way = self
+            .list
+            .iter_mut()
+            .find(|known| (known.node, known.setting) == (glide.node, glide.setting));
+        match on_its_way {
+            Some(known) => {
+                glide.from = known.at(now);
+                *known = glide;
+            }
+            None if glide.frames > 0 && room => self.list.push(glide),
+            None => run.set(glide.node, glide.setting, glide.to),
+        }
+    }
+
+    /// Sets what is due now, and says how many driver frames at most may pass until the next time.
+    pub fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
+        if self.list.is_empty() {
+            return usize::MAX;
+        }
+        let now = run.driver_frames();
+        self.list.retain(|glide| {
+            run.set(glide.node, glide.setting, glide.at(now));
+            now < glide.begin + glide.frames
+        });
+        (STEP_S * rate_hz).max(1.0) as usize
+    }
+
+    /// Lets everything arrive: the plan is about to go.
+    pub fn arrive(&mut self, run: &mut Run) {
+        for glide in self.list.drain(..) {
+            run.set(glide.node, glide.setting, glide.to);
+        }
+    }
+}
+
+impl Glide {
+    fn at(&self, now: u64) -> f64 {
+        let passed = now.saturating_sub(self.begin);
+        if passed >= self.frames {
+            return self.to;
+        }
+        self.from + (self.to - self.from) * (passed as f64 / self.frames as f64)
+    }
+}

@@ -1,0 +1,118 @@
+//! What leaves a run besides what drives its devices: outputs that are tapped, and the writers that take their frames.
+
+use crate::graph::{Graph, Work};
+use crate::node::{FrameWriter, Stream};
+use petgraph::graph::NodeIndex;
+use petgraph::visit::EdgeRef;
+use std::path::{Path, PathBuf};
+
+/// An output whose frames are wanted, and who takes them.
+pub struct Probe {
+    /// The node.
+    pub node: NodeIndex,
+    /// Index among its outputs.
+    pub output: usize,
+    /// Takes the frames, as stream 0.
+    pub writer: Box<dyn FrameWriter>,
+}
+
+/// The tapped outputs of a graph and their writers.
+pub struct Outlets<'a> {
+    pub(super) graph: &'a Graph,
+    pub(super) taps: Vec<(NodeIndex, usize)>,
+    pub(super) written: Vec<Written>,
+}
+
+/// A writer and the taps that are its streams.
+pub(super) struct Written {
+    pub writer: Box<dyn FrameWriter>,
+    pub taps: Vec<usize>,
+    pub what: PathBuf,
+    /// The file sink that it belongs to, by its file's name; none for probes.
+    pub sink: Option<PathBuf>,
+}
+
+/// A file that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {error}", path.display())]
+pub struct WriteError {
+    /// Which.
+    pub path: PathBuf,
+    /// What the file system says.
+    pub error: std::io::Error,
+}
+
+impl<'a> Outlets<'a> {
+    /// None yet.
+    pub fn new(graph: &'a Graph) -> Self {
+        let (taps, written) = (Vec::new(), Vec::new());
+        Self { graph, taps, written }
+    }
+
+    /// Also hands an output's frames to a writer.
+    pub fn probe(&mut self, probe: Probe) {
+        self.taps.push((probe.node, probe.output));
+        self.written.push(Written {
+            writer: probe.writer,
+            taps: vec![self.taps.len() - 1],
+            what: PathBuf::from(stream(self.graph, (probe.node, probe.output)).name),
+            sink: None,
+        });
+    }
+
+    /// Opens the files of all file sinks in `folder`.
+    ///
+    /// # Errors
+    /// [`WriteError`] for the first that cannot be opened.
+    pub fn open_files(&mut self, folder: &Path) -> Result<(), WriteError> {
+        for index in self.graph.nodes.node_indices() {
+            self.open_file(index, folder)?;
+        }
+        Ok(())
+    }
+
+    /// Opens the file of a node, if it is a file sink.
+    pub(super) fn open_file(&mut self, index: NodeIndex, folder: &Path) -> Result<(), WriteError> {
+        let Work::File(sink) = &self.graph.nodes[index].work else {
+            return Ok(());
+        };
+        let path = folder.join(sink.file_name());
+        let ports = file_ports(self.graph, index);
+        let streams: Vec<Stream> = ports.iter().map(|port| stream(self.graph, *port)).collect();
+        let writer = sink.open(&path, &streams).map_err(|error| WriteError {
+            path: path.clone(),
+            error,
+        })?;
+        let first = self.taps.len();
+        self.taps.extend(ports);
+        self.written.push(Written {
+            writer,
+            taps: (first..self.taps.len()).collect(),
+            what: path,
+            sink: Some(sink.file_name().to_owned()),
+        });
+        Ok(())
+    }
+}
+
+/// The ports that a file sink writes, by input.
+pub(super) fn file_ports(graph: &Graph, index: NodeIndex) -> Vec<(NodeIndex, usize)> {
+    let mut edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
+    edges.sort_by_key(|edge| edge.weight().input);
+    edges
+        .into_iter()
+        .map(|edge| (edge.source(), edge.weight().output))
+        .collect()
+}
+
+/// What an output carries.
+pub(super) fn stream(graph: &Graph, (source, output): (NodeIndex, usize)) -> Stream {
+    let node = &graph.nodes[source];
+    Stream {
+        name: format!("{}.{}", node.path, node.outputs[output].name),
+        kind: node.outputs[output].kind,
+        quantity: node.outputs[output].quantity,
+        rate: graph.clocks[node.clock.unwrap_or(0)].rate,
+        simulated: node.simulated,
+    }
+}

@@ -1,0 +1,114 @@
+//! Soundcards: devices that an amplifier and a voice-coil actuator hang on.
+//!
+//! The device kinds are always there, so that graphs which name them can be checked and run offline anywhere. What
+//! moves samples to a real card needs cpal, and that on Linux the headers of ALSA: it is the feature `soundcard`,
+//! always on where no system package is needed.
+
+mod card;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod cpal_driver;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod fill;
+mod request;
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+mod without;
+
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+pub use cpal_driver::{CardDriver, list};
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+pub use without::{CardDriver, list};
+
+pub use card::{
+    CardFormat, Soundcard, SoundcardSettings, SoundcardSink, SoundcardSinkSettings, SoundcardVoltage,
+    SoundcardVoltageSettings, VoltageLimitSettings,
+};
+pub use request::{Played, Request, played, request};
+
+/// Why a graph cannot be driven by a soundcard.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SoundcardError {
+    /// The program was built without it.
+    #[error(
+        "this haptograph was built without soundcards; install the headers with `sudo apt install libasound2-dev \
+         pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`), then build with `cargo build --release --features \
+         soundcard`"
+    )]
+    NotBuilt,
+    /// It does not tick on a driver of its own.
+    #[error(
+        "device `{0}` is a soundcard and has to tick on a driver clock, not on a derived one: bridge to it"
+    )]
+    Derived(String),
+    /// Two endpoints want the card in two ways.
+    #[error("devices `{0}` and `{1}` want soundcards that differ in {2}; one soundcard drives a graph")]
+    Differ(String, String, &'static str),
+    /// Two endpoints drive one channel.
+    #[error("devices `{0}` and `{1}` both drive channel {2} of the soundcard")]
+    Shared(String, String, u32),
+    /// No such card.
+    #[error("there is no soundcard `{wanted}`; there are: {found}")]
+    Unknown {
+        /// The name that was asked for.
+        wanted: String,
+        /// What there is.
+        found: String,
+    },
+    /// The card cannot do what is asked for.
+    #[error("{card} cannot do {wanted}; it does: {found}")]
+    Unsupported {
+        /// Its name.
+        card: String,
+        /// What was asked for.
+        wanted: String,
+        /// What it can do.
+        found: String,
+    },
+    /// What the system says.
+    #[error("the soundcard cannot be opened: {0}")]
+    System(String),
+}
+
+/// A soundcard as it is listed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// Name to give as `device`.
+    pub name: String,
+    /// Longer name.
+    pub about: String,
+    /// Is it the system's default?
+    pub default: bool,
+    /// What it plays: a line for each.
+    pub formats: Vec<String>,
+}
+
+/// What came of a request for a stream.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Got {
+    /// Name of the card.
+    pub card: String,
+    /// Rate, Hz.
+    pub rate_hz: u32,
+    /// Channels of the stream.
+    pub channels: u16,
+    /// Form of its samples.
+    pub format: String,
+    /// Frames of a callback, as far as the system says.
+    pub buffer_frames: Option<u32>,
+}
+
+/// What was counted of a stream beside the wake-ups.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CardCounts {
+    /// Underruns that the system reported.
+    pub xruns: u64,
+    /// The longest time that a callback came late after one, ns.
+    pub xrun_delay_max_ns: u64,
+    /// When the latest was, since the start, ns.
+    pub xrun_last_ns: u64,
+    /// Samples beyond full scale.
+    pub clipped: u64,
+    /// How often the card vanished.
+    pub vanished: u64,
+    /// Longest time from callback to sound that the system stated, ns.
+    pub output_latency_max_ns: u64,
+}

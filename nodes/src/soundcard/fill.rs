@@ -1,0 +1,214 @@
+//! What happens in a soundcard's callback: real-time code, and nothing of the soundcard's system in it.
+
+use super::card::Card;
+use haptograph_engine::run::{Live, Wake};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Between the callback and the rest of the program: counts only.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    pub callbacks: AtomicU64,
+    pub clipped: AtomicU64,
+    pub xruns: AtomicU64,
+    pub xrun_delay_max_ns: AtomicU64,
+    pub xrun_last_ns: AtomicU64,
+    pub output_latency_max_ns: AtomicU64,
+    /// The next callback is the first after an xrun.
+    pub after_xrun: AtomicBool,
+    /// The card has gone.
+    pub lost: AtomicBool,
+    /// The run is over and nothing is driven any more.
+    pub at_rest: AtomicBool,
+}
+
+/// Where a run waits while no stream has it.
+pub(super) type Home = Arc<Mutex<Option<Box<Live>>>>;
+
+/// Fills buffers from a live run, which it owns; when it goes, the run goes home.
+pub(super) struct Filler {
+    live: Option<Box<Live>>,
+    home: Home,
+    shared: Arc<Shared>,
+    rate_hz: f64,
+    start: Instant,
+    /// When the next callback is due.
+    due: Option<Instant>,
+}
+
+impl Filler {
+    /// Takes the run from its home.
+    pub fn new(home: &Home, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+        Self {
+            live: home.lock().ok().and_then(|mut home| home.take()),
+            home: Arc::clone(home),
+            shared: Arc::clone(shared),
+            rate_hz: f64::from(rate_hz),
+            start,
+            due: None,
+        }
+    }
+
+    /// Fills a buffer of any length, frames of `channels` samples.
+    pub fn fill<T: Copy>(&mut self, data: &mut [T], channels: usize, silence: T, convert: impl Fn(f64) -> T) {
+        let began = Instant::now();
+        data.fill(silence);
+        let Some(live) = &mut self.live else { return };
+        let mut clipped = 0;
+        for part in data.chunks_mut(live.block() * channels) {
+            live.callback(part.len() / channels, |_, _| {});
+            for device in live.devices_mut() {
+                if let Some(card) = device.as_any_mut().downcast_mut::<Card>() {
+                    clipped += place(card, part, channels, &convert);
+                }
+            }
+        }
+        self.shared.clipped.fetch_add(clipped, Relaxed);
+        self.shared.at_rest.store(live.is_at_rest(), Relaxed);
+        let frames = data.len() / channels;
+        self.report(began, frames);
+    }
+
+    fn report(&mut self, began: Instant, frames: usize) {
+        let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
+        let late = self
+            .due
+            .map_or(Duration::ZERO, |due| began.saturating_duration_since(due));
+        // A callback that is early is due again a buffer after it would have been on time.
+        self.due = Some(self.due.map_or(began, |due| due.max(began)) + lasts);
+        if self.shared.after_xrun.swap(false, Relaxed) {
+            self.shared
+                .xrun_delay_max_ns
+                .fetch_max(late.as_nanos() as u64, Relaxed);
+            let since_start = began.saturating_duration_since(self.start);
+            self.shared
+                .xrun_last_ns
+                .store(since_start.as_nanos() as u64, Relaxed);
+        }
+        let work = began.elapsed();
+        if let Some(live) = &mut self.live {
+            live.report(Wake {
+                late_ns: late.as_nanos() as u64,
+                work_ns: work.as_nanos() as u64,
+                frames: frames as u32,
+                lost: 0,
+                overrun: work > lasts,
+            });
+        }
+        self.shared.callbacks.fetch_add(1, Relaxed);
+    }
+}
+
+impl Drop for Filler {
+    fn drop(&mut self) {
+        if let (Some(live), Ok(mut home)) = (self.live.take(), self.home.lock()) {
+            *home = Some(live);
+        }
+    }
+}
+
+/// Puts what a card was given into its channels, at the end of the part: where a card came with a swap, it was given
+/// nothing before. Returns the samples beyond full scale.
+fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &impl Fn(f64) -> T) -> u64 {
+    let frames = part.len() / channels;
+    let (samples, mapped) = card.take();
+    let skipped = frames.saturating_sub(samples.len());
+    let mut clipped = 0;
+    for (frame, sample) in part.chunks_exact_mut(channels).skip(skipped).zip(samples) {
+        clipped += u64::from(sample.abs() > 1.0);
+        let sample = convert(sample.clamp(-1.0, 1.0));
+        for channel in mapped {
+            if let Some(slot) = frame.get_mut(*channel as usize - 1) {
+                *slot = sample;
+            }
+        }
+    }
+    clipped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, Graph, check};
+    use haptograph_engine::run::{LiveOptions, Outlets, Session};
+
+    /// Two endpoints on one card: 0.25 of full scale on channel 2, twice full scale on 1 and 3.
+    fn graph() -> Graph {
+        let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+            nodes: {
+                "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
+                "four": Constant(clock: "audio", value: 4.0, quantity: "current"),
+                "a": ActuatorSink(current: "half", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "four", endpoint: "b", limit: (peak_a: 9, continuous_a: 9)),
+            },
+            endpoints: { "simulated": {
+                "a": Soundcard(amperes_full_scale: 2.0, channels: [2]),
+                "b": Soundcard(amperes_full_scale: 2.0, channels: [1, 3]),
+            } })"#;
+        let document = Document::parse("g.ron", text).unwrap();
+        check(&document, &crate::registry(), &CheckOptions::default())
+            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    }
+
+    fn filler(seconds: f64) -> (Filler, Arc<Shared>, Session) {
+        let graph = graph();
+        let options = LiveOptions {
+            block: 64,
+            seconds: Some(seconds),
+        };
+        let (live, session) = Session::open(Outlets::new(&graph), &options).unwrap();
+        let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
+        let shared = Arc::default();
+        (
+            Filler::new(&home, &shared, 48_000, Instant::now()),
+            shared,
+            session,
+        )
+    }
+
+    #[test]
+    fn every_endpoint_plays_on_its_channels_in_buffers_of_any_length() {
+        let (mut filler, shared, _session) = filler(1.0);
+        for frames in [1, 64, 170, 5000, 7] {
+            let mut data = vec![9.0; frames * 4];
+            filler.fill(&mut data, 4, 0.0, |x| x);
+            assert!(
+                data.chunks(4).all(|frame| frame == [1.0, 0.25, 1.0, 0.0]),
+                "{frames}"
+            );
+        }
+        // Twice full scale is cut off, and counted once for each sample that should have been played.
+        assert_eq!(shared.clipped.load(Relaxed), 1 + 64 + 170 + 5000 + 7);
+        assert_eq!(shared.callbacks.load(Relaxed), 5);
+    }
+
+    #[test]
+    fn at_the_end_everything_falls_to_zero_and_stays_there() {
+        let (mut filler, shared, _session) = filler(0.01);
+        let mut data = vec![9.0; 1500 * 4];
+        filler.fill(&mut data, 4, 0.0, |x| x);
+        let channel: Vec<f64> = data.chunks(4).map(|frame| frame[1]).collect();
+        assert!(channel[..480].iter().all(|x| *x == 0.25));
+        let ramp = &channel[480..960];
+        assert!(ramp.windows(2).all(|pair| pair[1] < pair[0]), "{ramp:?}");
+        assert!(channel[960..].iter().all(|x| *x == 0.0));
+        assert!(shared.at_rest.load(Relaxed));
+    }
+
+    #[test]
+    fn a_run_outlives_its_stream() {
+        let graph = graph();
+        let (live, _session) = Session::open(Outlets::new(&graph), &LiveOptions::default()).unwrap();
+        let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
+        let shared = Arc::default();
+        for expected in [10, 20] {
+            let mut filler = Filler::new(&home, &shared, 48_000, Instant::now());
+            filler.fill(&mut [0.0; 10], 1, 0.0, |x| x);
+            drop(filler);
+            let live = home.lock().unwrap();
+            assert_eq!(live.as_ref().map(|live| live.frames()), Some(expected));
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! A build without soundcards: every request says how to get one with them.
+
+use super::{CardCounts, Got, Listed, Request, SoundcardError};
+use haptograph_engine::run::Live;
+
+/// There is none in this build.
+#[derive(Debug)]
+pub enum CardDriver {}
+
+/// The soundcards of this machine.
+///
+/// # Errors
+/// [`SoundcardError::NotBuilt`], always.
+pub fn list() -> Result<Vec<Listed>, SoundcardError> {
+    Err(SoundcardError::NotBuilt)
+}
+
+impl CardDriver {
+    /// Opens the card and lets it drive a live run.
+    ///
+    /// # Errors
+    /// [`SoundcardError::NotBuilt`], always.
+    pub fn start(_: Request, _: Live) -> Result<Self, SoundcardError> {
+        Err(SoundcardError::NotBuilt)
+    }
+
+    /// What was got.
+    pub fn got(&self) -> &Got {
+        match *self {}
+    }
+
+    /// Looks after the stream; returns what there is to say.
+    pub fn tend(&mut self) -> Vec<String> {
+        match *self {}
+    }
+
+    /// Is the run over?
+    pub fn is_finished(&self) -> bool {
+        match *self {}
+    }
+
+    /// Is the card away?
+    pub fn is_waiting(&self) -> bool {
+        match *self {}
+    }
+
+    /// What was counted.
+    pub fn counts(&self) -> CardCounts {
+        match *self {}
+    }
+
+    /// Closes the stream and gives the run back.
+    pub fn join(self) -> Option<Live> {
+        match self {}
+    }
+}

@@ -1,0 +1,41 @@
+//! `haptograph devices`: the soundcards of this machine.
+
+use super::{Failure, say};
+use haptograph::nodes::soundcard::{Listed, list};
+use std::fmt::Write;
+
+/// List the soundcards of this machine
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Also say what each can play
+    #[arg(long)]
+    formats: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let found = list().map_err(|error| Failure::Message(error.to_string()))?;
+    if found.is_empty() {
+        return Err(Failure::Message(
+            "there is no soundcard; `haptograph doctor` says what this machine has".to_owned(),
+        ));
+    }
+    let text: String = found.iter().map(|card| shown(card, arguments.formats)).collect();
+    say(&text)
+}
+
+fn shown(card: &Listed, formats: bool) -> String {
+    let mut text = card.name.clone();
+    if !card.about.is_empty() && card.about != card.name {
+        // Some systems describe a card in several lines.
+        let about = card.about.lines().collect::<Vec<_>>().join(", ");
+        let _ = write!(text, "  ({about})");
+    }
+    if card.default {
+        text += "  default";
+    }
+    text.push('\n');
+    for format in card.formats.iter().filter(|_| formats) {
+        let _ = writeln!(text, "    {format}");
+    }
+    text
+}

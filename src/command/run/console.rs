@@ -1,0 +1,75 @@
+//! What is typed while a graph runs.
+
+use std::io::BufRead;
+use std::sync::mpsc::{Receiver, channel};
+
+/// A line that was typed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Typed {
+    /// Gives a parameter of the graph or a live setting another value.
+    Set { name: String, value: String },
+    /// Shows what can be set.
+    List,
+    /// Ends the run.
+    Stop,
+    /// Anything else, with what could have been meant.
+    Unknown(String),
+}
+
+pub const HELP: &str = "set NAME=VALUE, list, stop";
+
+impl Typed {
+    fn parse(line: &str) -> Option<Self> {
+        let line = line.trim();
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        match (word, rest.split_once('=')) {
+            ("", _) => None,
+            ("set", Some((name, value))) if !name.trim().is_empty() => Some(Self::Set {
+                name: name.trim().to_owned(),
+                value: value.trim().to_owned(),
+            }),
+            ("list", None) if rest.is_empty() => Some(Self::List),
+            ("stop" | "quit" | "exit", None) if rest.is_empty() => Some(Self::Stop),
+            _ => Some(Self::Unknown(line.to_owned())),
+        }
+    }
+}
+
+/// Listens on standard input, on a thread of its own. The end of the input ends nothing.
+pub fn listen() -> Receiver<Typed> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if Typed::parse(&line).is_some_and(|typed| sender.send(typed).is_err()) {
+                break;
+            }
+        }
+    });
+    receiver
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_understood_or_given_back() {
+        let set = |name: &str, value: &str| Typed::Set {
+            name: name.into(),
+            value: value.into(),
+        };
+        for (line, typed) in [
+            ("", None),
+            ("  set gain=0.5 ", Some(set("gain", "0.5"))),
+            ("set out.gain = 0.5", Some(set("out.gain", "0.5"))),
+            ("set surface=a=b.ron", Some(set("surface", "a=b.ron"))),
+            ("set gain", Some(Typed::Unknown("set gain".into()))),
+            ("set =1", Some(Typed::Unknown("set =1".into()))),
+            ("list", Some(Typed::List)),
+            ("stop", Some(Typed::Stop)),
+            ("stop it", Some(Typed::Unknown("stop it".into()))),
+        ] {
+            assert_eq!(Typed::parse(line), typed, "{line}");
+        }
+    }
+}

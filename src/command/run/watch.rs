@@ -1,0 +1,84 @@
+//! Has a file of the graph changed? Asked by looking at times and lengths: that works with every editor and file
+//! system, and a few files looked at ten times a second cost nothing.
+
+use haptograph::engine::graph::Graph;
+use std::path::PathBuf;
+use std::time::SystemTime;
+
+/// The files of a graph: itself, what it includes, and what its settings name.
+pub struct Watch {
+    files: Vec<(PathBuf, Stamp)>,
+    /// A change was seen at the last look: it counts when the next finds nothing new, as then it is whole.
+    settling: bool,
+}
+
+/// None while the file is gone: some editors write another and rename it.
+type Stamp = Option<(SystemTime, u64)>;
+
+impl Watch {
+    pub fn of(graph: &Graph) -> Self {
+        let sources = graph.sources().iter().map(|source| source.path.clone());
+        let named = graph.nodes().node_weights().flat_map(|node| node.files.clone());
+        let mut paths: Vec<PathBuf> = sources.chain(named).collect();
+        paths.sort();
+        paths.dedup();
+        Self {
+            files: paths
+                .into_iter()
+                .filter_map(|path| stamp(&path).map(|stamp| (path, Some(stamp))))
+                .collect(),
+            settling: false,
+        }
+    }
+
+    /// True once for each change.
+    pub fn has_changed(&mut self) -> bool {
+        let (mut new, mut gone) = (false, false);
+        for (path, known) in &mut self.files {
+            let now = stamp(path);
+            new |= now != *known;
+            gone |= now.is_none();
+            *known = now;
+        }
+        if new || gone {
+            self.settling |= new;
+            return false;
+        }
+        std::mem::take(&mut self.settling)
+    }
+}
+
+fn stamp(path: &PathBuf) -> Stamp {
+    let facts = std::fs::metadata(path).ok()?;
+    Some((facts.modified().ok()?, facts.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph::engine::document::Document;
+    use haptograph::engine::graph::{CheckOptions, check};
+
+    #[test]
+    fn a_change_is_seen_once_and_only_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("g.ron");
+        let text = include_str!("../new/starter.ron");
+        std::fs::write(&path, text).unwrap();
+        let document = Document::load(&path, &Default::default()).unwrap();
+        let graph = check(
+            &document,
+            &haptograph::nodes::registry(),
+            &CheckOptions::default(),
+        )
+        .unwrap();
+        let mut watch = Watch::of(&graph);
+        assert!(!watch.has_changed());
+        std::fs::remove_file(&path).unwrap();
+        assert!(!watch.has_changed() && !watch.has_changed());
+        std::fs::write(&path, format!("{text} ")).unwrap();
+        assert!(!watch.has_changed(), "it may still be being written");
+        assert!(watch.has_changed());
+        assert!(!watch.has_changed());
+    }
+}

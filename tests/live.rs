@@ -1,0 +1,338 @@
+//! Graphs against the clock, as their users run them. No test here asserts a wall-clock deadline: machines stall.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+fn shipped(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs").join(name);
+    path.display().to_string()
+}
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+fn succeed(folder: &Path, arguments: &[&str]) -> Output {
+    let output = command(folder, arguments).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {told}");
+    output
+}
+
+/// A run that is talked to while it runs. What it says is written to a file, to be read meanwhile.
+struct Running {
+    child: Child,
+    said: PathBuf,
+}
+
+impl Running {
+    fn start(folder: &Path, arguments: &[&str]) -> Self {
+        let said = folder.join("said");
+        let child = command(folder, arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(fs::File::create(&said).unwrap())
+            .spawn()
+            .unwrap();
+        let mut running = Self { child, said };
+        running.wait_for("driven by");
+        running
+    }
+
+    fn said(&self) -> String {
+        fs::read_to_string(&self.said).unwrap()
+    }
+
+    fn wait_for(&mut self, words: &str) {
+        let start = Instant::now();
+        while !self.said().contains(words) {
+            let ended = self.child.try_wait().unwrap().is_some();
+            let told = self.said();
+            assert!(told.contains(words) || !ended, "it ended: {told}");
+            assert!(
+                start.elapsed() < Duration::from_secs(60),
+                "no `{words}` in: {told}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn type_line(&mut self, line: &str) {
+        writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
+    }
+
+    fn stop(mut self) -> String {
+        self.type_line("stop");
+        assert!(self.child.wait().unwrap().success(), "{}", self.said());
+        self.said()
+    }
+}
+
+fn facts(run: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(run.join("run.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn live_and_offline_give_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("texturepad.ron");
+    let common = ["run", &graph, "--for", "0.3", "--endpoints", "simulated", "--out"];
+    succeed(folder.path(), &[&common[..], &["offline"]].concat());
+    succeed(folder.path(), &[&common[..], &["live", "--live"]].concat());
+    let of = |run: &str, file: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+    for file in ["texture.wav", "current.wav", "hand.csv"] {
+        assert!(of("offline", file).len() > 400, "{file}");
+        assert!(of("offline", file) == of("live", file), "{file}");
+    }
+    let facts = facts(&folder.path().join("live"));
+    assert_eq!(
+        (&facts["driver_frames"], &facts["live"]),
+        (&14_400.into(), &true.into())
+    );
+    assert!(facts["late_us"]["p99"].is_number() && facts["wakes"].as_u64().unwrap() >= 300);
+}
+
+const TONE: &str = r#"Graph(format: 1,
+    parameters: { "loudness": 0.25 },
+    clocks: { "servo": Driver(rate_hz: 1000) },
+    nodes: {
+        "one": Constant(clock: "servo", value: 1, quantity: "number"),
+        "loud": Gain(input: "one", gain: Param("loudness")),
+        "file": WavSink(input: "loud", file: "loud.wav"),
+    })"#;
+
+/// Samples of a mono WAV file of 32-bit floats.
+fn samples(path: &Path) -> Vec<f32> {
+    let bytes = fs::read(path).unwrap();
+    let at = bytes.windows(4).position(|tag| tag == b"data").unwrap() + 8;
+    bytes[at..]
+        .as_chunks()
+        .0
+        .iter()
+        .map(|bytes| f32::from_le_bytes(*bytes))
+        .collect()
+}
+
+#[test]
+fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--out", "out"]);
+    run.type_line("set loudness=0.5");
+    run.wait_for("a setting changed");
+    run.type_line("set loud.gain=0.75");
+    run.wait_for("loud.gain is 0.75");
+    for (wrong, told) in [
+        ("set loudnes=1", "no parameter `loudnes`"),
+        ("set loud.gian=1", "did you mean `loud.gain`"),
+        ("dance", "`dance` is not known"),
+    ] {
+        run.type_line(wrong);
+        run.wait_for(told);
+    }
+    run.stop();
+    let heard = samples(&folder.path().join("out/loud.wav"));
+    assert_eq!((heard[0], *heard.last().unwrap()), (0.25, 0.75));
+    assert!(heard.contains(&0.5));
+    // 20 ms for a quarter: 1/80 a frame.
+    assert!(
+        heard
+            .windows(2)
+            .all(|pair| (0.0..0.013).contains(&(pair[1] - pair[0]))),
+        "a jump"
+    );
+}
+
+#[test]
+fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    fs::write(&path, TONE).unwrap();
+    let mut run = Running::start(
+        folder.path(),
+        &["run", "tone.ron", "--live", "--watch", "--out", "out"],
+    );
+    fs::write(&path, TONE.replace("Gain(", "Gian(")).unwrap();
+    run.wait_for("the graph stays as it was");
+    assert!(run.said().contains("did you mean `Gain`"), "{}", run.said());
+    let more = r#""twice": Gain(input: "loud", gain: 2), "more": WavSink(input: "twice", file: "more.wav"),
+        "file":"#;
+    fs::write(&path, TONE.replace("\"file\":", more)).unwrap();
+    run.wait_for("the graph changed; more.wav begins");
+    // What was typed stays set through other changes.
+    run.type_line("set loud.gain=0.5");
+    run.wait_for("loud.gain is 0.5");
+    fs::write(&path, TONE.replace("value: 1,", "value: 1, ")).unwrap();
+    run.wait_for("more.wav is complete");
+    std::thread::sleep(Duration::from_millis(300));
+    let told = run.stop();
+    let out = folder.path().join("out");
+    let (all, some) = (samples(&out.join("loud.wav")), samples(&out.join("more.wav")));
+    assert_eq!((all[0], *all.last().unwrap()), (0.25, 0.5), "{told}");
+    assert!(
+        !some.is_empty() && some.len() < all.len(),
+        "{} of {}",
+        some.len(),
+        all.len()
+    );
+    assert!(some[0] == 0.5 && *some.last().unwrap() == 1.0);
+    assert_eq!(facts(&out)["driver_frames"], all.len());
+}
+
+#[cfg(all(target_os = "linux", not(feature = "soundcard")))]
+#[test]
+fn without_soundcards_a_live_run_says_what_to_install() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("texturepad.ron");
+    succeed(folder.path(), &["check", &graph, "--endpoints", "live"]);
+    let arguments = ["run", &graph, "--live", "--for", "0.1", "--out", "o"];
+    let output = command(folder.path(), &arguments).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && told.contains("libasound2-dev"),
+        "{told}"
+    );
+    assert!(told.contains("--features soundcard"), "{told}");
+    assert!(!folder.path().join("o").exists());
+}
+
+#[test]
+fn the_texturepad_by_soundcard_takes_less_than_ten_milliseconds() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("texturepad.ron");
+    let told = succeed(folder.path(), &["check", &graph, "--endpoints", "live"]);
+    let told = String::from_utf8_lossy(&told.stdout).into_owned();
+    let line = told
+        .lines()
+        .find(|line| line.starts_with("latency stylus -> out:"))
+        .unwrap();
+    let transport = line.split_whitespace().nth(4).unwrap();
+    let transport_ms: f64 = transport.parse().unwrap();
+    // Two buffers of 64 frames at 48 kHz are 2.67 ms of it.
+    assert!((2.67..10.0).contains(&transport_ms), "{line}");
+}
+
+/// ALSA's file plug-in: what a card would get, in a file; nothing paces it.
+#[cfg(all(target_os = "linux", feature = "soundcard"))]
+mod alsa {
+    use super::*;
+
+    fn config(folder: &Path) -> PathBuf {
+        let (config, raw) = (folder.join("asound.conf"), folder.join("heard.raw"));
+        let text = format!(
+            "pcm.!default {{ type file slave.pcm {{ type null }} file \"{}\" format raw perm 0644 }}\n",
+            raw.display()
+        );
+        fs::write(&config, text).unwrap();
+        config
+    }
+
+    fn live(folder: &Path, name: &str, more: &[&str]) -> Option<String> {
+        let graph = shipped("texturepad.ron");
+        let arguments = [&["run", &graph, "--live", "--for", "0.5", "--out", name], more].concat();
+        let output = command(folder, &arguments)
+            .env("ALSA_CONFIG_PATH", config(folder))
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+            println!("skipped: ALSA's file plug-in is not there: {told}");
+            return None;
+        }
+        assert!(output.status.success(), "{told}");
+        Some(told)
+    }
+
+    #[test]
+    fn what_arrives_equals_the_offline_rendering() {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(told) = live(folder.path(), "live", &[]) else {
+            return;
+        };
+        assert!(told.contains("buffers of 64 frames (64 asked for)"), "{told}");
+        let graph = shipped("texturepad.ron");
+        let offline = [
+            "run",
+            &graph,
+            "--for",
+            "0.5",
+            "--endpoints",
+            "live",
+            "--out",
+            "offline",
+        ];
+        succeed(folder.path(), &offline);
+        let rendered = samples(&folder.path().join("offline/haptuator.soundcard.wav"));
+        assert_eq!(rendered.len(), 24_000);
+        assert!(rendered.iter().any(|x| x.abs() > 1e-3), "silence");
+        let facts = facts(&folder.path().join("live"));
+        assert_eq!(
+            (&facts["xruns"]["count"], &facts["driver_frames"]),
+            (&0.into(), &24_000.into())
+        );
+        let raw = fs::read(folder.path().join("heard.raw")).unwrap();
+        let channels = raw_channels(&told);
+        let heard = raw.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        let heard: Vec<f32> = heard.step_by(channels).collect();
+        // The plug-in has no buffer of its own: the declared latency is all in the card that is not there.
+        assert!(heard[..24_000] == rendered[..], "not what was rendered");
+        // After the end a ramp of 10 ms, and silence.
+        let ramp: Vec<f32> = heard[24_000..24_480].iter().map(|x| x.abs()).collect();
+        assert!(ramp.windows(2).all(|pair| pair[1] <= pair[0]), "{ramp:?}");
+        assert!(heard[24_480..].iter().all(|x| *x == 0.0));
+    }
+
+    fn raw_channels(told: &str) -> usize {
+        let before = told.split(" channels").next().unwrap();
+        before.rsplit(' ').next().unwrap().parse().unwrap()
+    }
+
+    #[test]
+    fn a_card_that_is_not_there_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let graph = fs::read_to_string(shipped("texturepad.ron")).unwrap();
+        let graph = graph
+            .replace(
+                "amperes_full_scale: 1.0",
+                "amperes_full_scale: 1.0, device: \"nosuch\"",
+            )
+            .replace("\"parts/", &format!("\"{}/", shipped("parts")))
+            .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
+        fs::write(folder.path().join("g.ron"), graph).unwrap();
+        let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.1"])
+            .env("ALSA_CONFIG_PATH", config(folder.path()))
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(told.contains("there is no soundcard `nosuch`"), "{told}");
+    }
+}
+
+/// Takes a minute of real time.
+#[test]
+#[ignore = "takes a minute"]
+fn in_a_minute_no_time_is_lost_that_is_not_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    succeed(
+        folder.path(),
+        &["run", "tone.ron", "--live", "--for", "60", "--out", "out"],
+    );
+    let facts = facts(&folder.path().join("out"));
+    assert_eq!(samples(&folder.path().join("out/loud.wav")).len(), 60_000);
+    assert_eq!(facts["lost_numbers"], 0);
+    let lost_s = facts["lost_wakes"].as_f64().unwrap() / 1000.0;
+    let over_s = facts["took_s"].as_f64().unwrap() - 60.0;
+    // Starting, stopping and completing the files take a while too.
+    assert!(
+        over_s - lost_s < 1.0,
+        "{over_s} s too long, {lost_s} s of them reported"
+    );
+}
