@@ -3,51 +3,21 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 #![expect(unsafe_code, reason = "an allocator that counts can only be written so")]
 
+mod realtime;
+
 use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::NodeEntry;
 use haptograph_engine::testing::{Bench, MAX_FRAMES, device_from_example};
 use haptograph_nodes::registry;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+use realtime::allocations;
 use std::path::Path;
 
 /// Of every node on this bench; that of the recording among the examples' files.
 const RATE_HZ: f64 = 10_000.0;
 /// Of the taps of the surface, for the nodes that need it.
 const SERVO_HZ: f64 = 1000.0;
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to the system's allocator unchanged; counting touches a `const`-initialised thread-local
-// without a destructor, which neither allocates nor unwinds.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's obligations are the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Allocations and deallocations of this thread during `work`.
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = ALLOCATIONS.get();
-    work();
-    ALLOCATIONS.get() - before
-}
 
 /// A folder with the files that examples name.
 fn folder() -> tempfile::TempDir {
@@ -323,4 +293,31 @@ fn a_copy_that_takes_over_goes_on_as_if_nothing_happened() {
         let got = new.run_frames(300, &slices(&second), &[64]);
         assert!(same(&wanted, &got), "{}", entry.spec.name);
     });
+}
+
+#[test]
+fn devices_do_not_allocate_and_stay_finite_whatever_drives_them() {
+    let folder = folder();
+    for entry in registry().devices() {
+        let build = |rate_hz| device_from_example(entry, folder.path(), rate_hz).ok();
+        let mut device = [125.0, SERVO_HZ, RATE_HZ].into_iter().find_map(build).unwrap();
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
+        let mut frame = [0.0; 64];
+        for _ in 0..2000 {
+            let mut sensed = true;
+            let asked: [f64; 6] = std::array::from_fn(|_| rng.random_range(-3.0..3.0));
+            let allocated = allocations(|| {
+                device.advance();
+                for (index, channel) in entry.spec.senses.iter().enumerate() {
+                    device.read(index, &mut frame[..channel.kind.width()]);
+                    sensed &= frame[..channel.kind.width()].iter().all(|x| x.is_finite());
+                }
+                for (index, channel) in entry.spec.drives.iter().enumerate() {
+                    device.write(index, &asked[..channel.kind.width()]);
+                }
+            });
+            assert_eq!(allocated, 0, "{}", entry.spec.name);
+            assert!(sensed, "{}", entry.spec.name);
+        }
+    }
 }
