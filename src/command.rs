@@ -9,6 +9,7 @@ pub mod new;
 pub mod nodes;
 pub mod run;
 pub mod simulate_recording;
+pub mod sweep;
 
 use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};

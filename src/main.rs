@@ -3,7 +3,7 @@
 mod command;
 
 use clap::{Parser, Subcommand};
-use command::{bench, check, devices, doctor, draw, new, nodes, run, simulate_recording};
+use command::{bench, check, devices, doctor, draw, new, nodes, run, simulate_recording, sweep};
 use std::process::ExitCode;
 
 /// Runs graphs that render the feel of real surfaces.
@@ -18,6 +18,7 @@ struct Arguments {
 enum Command {
     Run(run::Arguments),
     Check(check::Arguments),
+    Sweep(sweep::Arguments),
     Bench(bench::Arguments),
     Draw(draw::Arguments),
     Nodes(nodes::Arguments),
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Draw(arguments) => draw::run(&arguments),
         Command::Nodes(arguments) => nodes::run(&arguments),

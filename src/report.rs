@@ -1,6 +1,7 @@
 //! Everything a person looks at: plots, drawings of graphs, and the page a run leaves behind. All of it is SVG and
 //! HTML that needs no network, no script and no font of its own, and follows the reader's light or dark theme.
 
+pub mod asked;
 pub mod drawing;
 pub mod figures;
 mod layout;
@@ -11,5 +12,6 @@ pub mod record;
 pub mod reference;
 mod scale;
 mod svg;
+pub mod sweep;
 pub mod theme;
 pub mod thinning;

@@ -38,7 +38,7 @@ fn signals(graph: &str, arguments: &[&str]) -> BTreeMap<String, Vec<u8>> {
 /// A loop through a body runs at the body's period, however time is cut.
 #[test]
 fn blocks_change_no_bit_of_a_closed_loop_and_a_seed_does() {
-    for graph in ["omni.ron"] {
+    for graph in ["omni.ron", "ar-pen.ron"] {
         let usual = signals(graph, &["--for", "1.5"]);
         assert!(usual.len() > 30, "{graph}: {} signals", usual.len());
         for cut in [["--block", "1"], ["--block", "640"]] {
@@ -52,4 +52,27 @@ fn blocks_change_no_bit_of_a_closed_loop_and_a_seed_does() {
             "{graph}"
         );
     }
+}
+
+/// The four conditions of responsiveness, laid over each other by one command.
+#[test]
+fn a_sweep_leaves_a_page_and_a_folder_for_each_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/omni.ron");
+    let output = Command::new(env!("CARGO_BIN_EXE_haptograph"))
+        .arg("sweep")
+        .arg(graph)
+        .args(["--over", "condition=ForceAndSpeed,Force,Speed,Neither"])
+        .args(["--for", "1", "--out", "sweep"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{told}");
+    let page = fs::read_to_string(folder.path().join("sweep/report.html")).unwrap();
+    for said in ["ForceAndSpeed", "Neither", "simulated"] {
+        assert!(page.contains(said), "{said}");
+    }
+    let wav = |run: &str| fs::read(folder.path().join("sweep").join(run).join("texture.wav")).unwrap();
+    assert!(wav("01") != wav("02") && wav("03") != wav("04"));
 }

@@ -47,6 +47,9 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::wav::WavSource>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())
         .add(NodeEntry::file::<sinks::csv::CsvSink>())
+        .add(NodeEntry::file::<sinks::plots::TimePlot>())
+        .add(NodeEntry::file::<sinks::plots::XyPlot>())
+        .add(NodeEntry::file::<sinks::plots::PathPlot>())
         .add(NodeEntry::file::<sinks::recording::RecordingSink>())
         .add(NodeEntry::processor::<sinks::meter::Meter>());
 }

@@ -3,22 +3,23 @@
 
 mod console;
 mod driver;
-mod folder;
+pub mod folder;
 mod live;
 mod outputs;
-mod summary;
+mod shown;
+pub mod summary;
 mod watch;
 
 use super::{Failure, GraphArguments, remark, say};
 use folder::RunFolder;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::{Offline, Outlets, Probe};
-use haptograph::report::record::{Record, recorder, watched};
+use haptograph::engine::run::{Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+pub use shown::Shown;
 use summary::Summary;
 
 /// Run a graph and write what its sinks receive, with a page to look at
@@ -58,7 +59,7 @@ pub struct Arguments {
     pub json: bool,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value <= 1e7 => Ok(value),
         _ => Err("give a number of seconds above 0, at most 10000000".to_owned()),
@@ -66,7 +67,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 /// How long an offline run takes in its own time, unless told otherwise.
-const DURATION_S: f64 = 10.0;
+pub const DURATION_S: f64 = 10.0;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.live {
@@ -76,16 +77,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
-    let bar = progress_bar(duration_s);
-    let start = Instant::now();
-    let outcome = Offline::new(made.outlets, usize::from(arguments.block))
-        .threads(usize::from(arguments.threads))
-        .run(duration_s, &stop, &mut |done_s| {
-            bar.set_position((done_s * 1e3) as u64)
-        })
-        .map_err(message)?;
-    bar.finish_and_clear();
-    let summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
+    let offline =
+        Offline::new(made.outlets, usize::from(arguments.block)).threads(usize::from(arguments.threads));
+    let (outcome, took_s) = timed(offline, duration_s, &stop)?;
+    let summary = Summary::of(arguments, &graph, &outcome, took_s);
     made.kept.complete(arguments, &graph, &summary)
 }
 
@@ -99,7 +94,7 @@ struct Kept {
     target: PathBuf,
     folder: RunFolder,
     probes: Vec<PathBuf>,
-    records: Vec<Record>,
+    shown: Shown,
 }
 
 impl<'a> Making<'a> {
@@ -116,12 +111,12 @@ impl<'a> Making<'a> {
         if arguments.record {
             outputs::record_all(graph, &folder, &mut outlets)?;
         }
-        let records = watch_signals(graph, &mut outlets);
+        let shown = Shown::of(graph, &mut outlets);
         let kept = Kept {
             target,
             folder,
             probes,
-            records,
+            shown,
         };
         Ok(Self { outlets, kept })
     }
@@ -132,7 +127,7 @@ impl Kept {
     fn complete(self, arguments: &Arguments, graph: &Graph, summary: &Summary) -> Result<(), Failure> {
         self.folder.write("run.json", &summary.to_json())?;
         self.folder
-            .write("report.html", &summary.page(graph, &self.records))?;
+            .write("report.html", &summary.page(graph, &self.shown))?;
         self.folder.write(
             "graph.svg",
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
@@ -151,24 +146,22 @@ impl Kept {
     }
 }
 
-fn message(error: impl std::fmt::Display) -> Failure {
+pub fn message(error: impl std::fmt::Display) -> Failure {
     Failure::Message(error.to_string())
 }
 
-/// Records what the page will show.
-fn watch_signals(graph: &Graph, outlets: &mut Outlets<'_>) -> Vec<Record> {
-    let watches = watched(graph).into_iter();
-    watches
-        .map(|watch| {
-            let (writer, record) = recorder(watch.stream);
-            outlets.probe(Probe {
-                node: watch.node,
-                output: watch.output,
-                writer: Box::new(writer),
-            });
-            record
+/// Runs with a bar on the terminal; what happened, and how long it took in seconds.
+pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result<(Outcome, f64), Failure> {
+    let bar = progress_bar(duration_s);
+    let start = Instant::now();
+    let outcome = offline
+        .run(duration_s, stop, &mut |done_s| {
+            bar.set_position((done_s * 1e3) as u64)
         })
-        .collect()
+        .map_err(message)?;
+    let took_s = start.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+    Ok((outcome, took_s))
 }
 
 /// The first ctrl-C ends the run with complete files, the second ends the program.

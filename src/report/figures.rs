@@ -22,7 +22,7 @@ pub fn shown_in(quantity: Quantity) -> (String, f64) {
 }
 
 /// `Force (N)`, by the quantity.
-fn axis_label(quantity: Quantity) -> String {
+pub(super) fn axis_label(quantity: Quantity) -> String {
     let (unit, _) = shown_in(quantity);
     let name = quantity.name().unwrap_or("value");
     let name = if quantity == Quantity::NUMBER {
@@ -219,16 +219,26 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
     })
 }
 
-/// Where the hand went on a texture's map of speed and force (Fig. 2.8), over its triangles where they are known.
-pub fn stroke_on_map(recorded: &Recorded, texture: Option<&TextureModel>) -> Option<Plot> {
-    let Content::Map(points) = &recorded.content else {
+/// Where hands went on a texture's map of speed and force (Fig. 2.8, 4.9), over its triangles where they are known: named
+/// strokes, of one signal in one run or in several.
+pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
+    let (_, first) = strokes.first()?;
+    let paths = strokes
+        .iter()
+        .filter_map(|(name, recorded)| match &recorded.content {
+            Content::Map(points) => {
+                let path = points.kept().iter().map(|(v, f)| (v * 1e3, *f));
+                Some((*name, path.collect::<Vec<_>>()))
+            }
+            _ => None,
+        });
+    let paths: Vec<_> = paths.collect();
+    if paths.is_empty() {
         return None;
-    };
-    let place = |speed_m_s: f64, force_n: f64| (speed_m_s * 1e3, force_n);
-    let path: Vec<_> = points.kept().iter().map(|(v, f)| place(*v, *f)).collect();
+    }
     let mut plot = Plot {
-        title: format!("The stroke over speed and force, {}", recorded.stream.name),
-        note: if recorded.stream.simulated {
+        title: format!("The stroke over speed and force, {}", first.stream.name),
+        note: if first.stream.simulated {
             "simulated".to_owned()
         } else {
             String::new()
@@ -239,17 +249,19 @@ pub fn stroke_on_map(recorded: &Recorded, texture: Option<&TextureModel>) -> Opt
         size: (0.0, 380.0),
     };
     if let Some(texture) = texture {
-        let (speed, force) = place(texture.max_speed_m_s(), texture.max_force_n());
+        let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
         plot.x = plot.x.over(-0.015 * speed, 1.015 * speed);
         plot.y = plot.y.over(-0.02 * force, 1.02 * force);
         plot.marks.extend(triangulation(texture));
     }
-    plot.marks.push(Mark::Line(
-        Style::named(Ink::Orange, "stroke").weight(Weight::Hair),
-        path.clone(),
-    ));
-    plot.marks
-        .push(Mark::Dots(Style::of(Ink::Orange).weight(Weight::Hair), path));
+    // One stroke is orange over blue models; several begin there.
+    for (number, (name, path)) in paths.into_iter().enumerate() {
+        let ink = Ink::number(number + 1);
+        let line = Style::named(ink, name).weight(Weight::Hair);
+        plot.marks.push(Mark::Line(line, path.clone()));
+        plot.marks
+            .push(Mark::Dots(Style::of(ink).weight(Weight::Hair), path));
+    }
     Some(plot)
 }
 

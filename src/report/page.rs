@@ -20,6 +20,8 @@ pub struct Page<'a> {
     pub facts: Vec<(String, String)>,
     /// What the reader should be warned of: limits that held back, faults, a run cut short.
     pub warnings: Vec<String>,
+    /// The plots that the graph asks for.
+    pub asked: Vec<Plot>,
     /// The signals.
     pub signals: Vec<Recorded>,
     /// The texture that a signal on a map belongs to, by the signal's name.
@@ -31,68 +33,106 @@ pub struct Page<'a> {
 impl Page<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let title = escape(&self.title);
-        let badge = if self.simulated {
-            "<span class=\"badge\">simulated</span>"
-        } else {
-            ""
-        };
-        let about: String = paragraphs(&self.about);
-        let warnings: String = self
-            .warnings
-            .iter()
-            .map(|w| format!("<p class=\"warning\">{}</p>", escape(w)))
-            .collect();
         let facts: String = self
             .facts
             .iter()
             .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
             .collect();
-        let figures = self.plots();
-        let signals: String = figures
-            .iter()
-            .map(|plot| format!("<figure>{}</figure>\n", plot.to_svg()))
-            .collect();
-        let simulated = if self.simulated {
-            "<p class=\"remark\">Devices in this run were simulated: what is shown is what the models of them did, \
-             not a measurement.</p>"
+        let simulated = if self.simulated { SIMULATED } else { "" };
+        let (main, rest) = self.plots();
+        let mut sections = vec![("The run", format!("<dl>{facts}</dl>{simulated}"))];
+        sections.extend(
+            [("What happened", main), ("Signals", rest)].map(|(name, plots)| (name, figures_of(&plots))),
+        );
+        sections.push((
+            "The graph",
+            format!("<figure class=\"wide\">{}</figure>", self.drawing),
+        ));
+        Sheet {
+            title: &self.title,
+            about: &self.about,
+            simulated: self.simulated,
+            warnings: &self.warnings,
+            sections: &sections,
+        }
+        .to_html()
+    }
+
+    /// What tells what the rest means: the plots that were asked for and the map; then signals in the order of the graph.
+    /// Where nothing was asked for, all are one.
+    fn plots(&self) -> (Vec<Plot>, Vec<Plot>) {
+        let mut main = Vec::new();
+        for signal in &self.signals {
+            let texture = self.textures.iter().find(|(name, _)| *name == signal.stream.name);
+            let texture = texture.map(|(_, texture)| *texture);
+            main.extend(figures::strokes_on_map(&[("stroke", signal)], texture));
+        }
+        let mut rest = Vec::new();
+        let mut number = 0;
+        for signal in &self.signals {
+            let ink = Ink::number(number);
+            rest.extend(figures::over_time(signal, ink));
+            rest.extend(figures::mean_spectrum(signal, ink));
+            rest.extend(figures::contact_path(signal));
+            number += usize::from(matches!(signal.content, Content::Lanes(..) | Content::Events(..)));
+        }
+        if self.asked.is_empty() {
+            main.append(&mut rest);
+        }
+        (self.asked.iter().cloned().chain(main).collect(), rest)
+    }
+}
+
+/// What is said of simulated devices.
+pub(super) const SIMULATED: &str = "<p class=\"remark\">Devices in this run were simulated: what is shown is what the models \
+    of them did, not a measurement.</p>";
+
+/// Plots as figures of a sheet.
+pub(super) fn figures_of(plots: &[Plot]) -> String {
+    let figures = plots
+        .iter()
+        .map(|plot| format!("<figure>{}</figure>\n", plot.to_svg()));
+    figures.collect()
+}
+
+/// An HTML file: a head, and sections of a heading and HTML; empty ones are left out.
+pub(super) struct Sheet<'a> {
+    pub title: &'a str,
+    pub about: &'a str,
+    pub simulated: bool,
+    pub warnings: &'a [String],
+    pub sections: &'a [(&'a str, String)],
+}
+
+impl Sheet<'_> {
+    pub fn to_html(&self) -> String {
+        let title = escape(self.title);
+        let badge = if self.simulated {
+            "<span class=\"badge\">simulated</span>"
         } else {
             ""
         };
+        let warnings: String = self
+            .warnings
+            .iter()
+            .map(|w| format!("<p class=\"warning\">{}</p>", escape(w)))
+            .collect();
+        let sections: String = self
+            .sections
+            .iter()
+            .filter(|(_, content)| !content.is_empty())
+            .map(|(name, content)| format!("<section><h2>{}</h2>\n{content}</section>\n", escape(name)))
+            .collect();
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
              <title>{title}</title>\n<style>{}{PAGE_CSS}</style>\n</head>\n<body>\n<main>\n\
-             <header><h1>{title} {badge}</h1>{about}</header>\n{warnings}\n\
-             <section><h2>The run</h2><dl>{facts}</dl>{simulated}</section>\n\
-             <section><h2>What happened</h2>\n{signals}</section>\n\
-             <section><h2>The graph</h2>\n<figure class=\"wide\">{}</figure></section>\n\
+             <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n{sections}\
              <footer>Made by haptograph {}</footer>\n</main>\n</body>\n</html>\n",
             theme::css(),
-            self.drawing,
+            paragraphs(self.about),
             env!("CARGO_PKG_VERSION"),
         )
-    }
-
-    /// The map first, as it tells what the rest means; then signals in the order of the graph.
-    fn plots(&self) -> Vec<Plot> {
-        let mut plots = Vec::new();
-        for signal in &self.signals {
-            let texture = self.textures.iter().find(|(name, _)| *name == signal.stream.name);
-            plots.extend(figures::stroke_on_map(
-                signal,
-                texture.map(|(_, texture)| *texture),
-            ));
-        }
-        let mut number = 0;
-        for signal in &self.signals {
-            let ink = Ink::number(number);
-            plots.extend(figures::over_time(signal, ink));
-            plots.extend(figures::mean_spectrum(signal, ink));
-            plots.extend(figures::contact_path(signal));
-            number += usize::from(matches!(signal.content, Content::Lanes(..) | Content::Events(..)));
-        }
-        plots
     }
 }
 
@@ -113,11 +153,14 @@ background:#faeadd;color:#9a4310}\
 .remark,footer{color:#59636e;font-size:13px}footer{margin-top:40px}\
 dl{display:grid;grid-template-columns:max-content 1fr;gap:3px 22px;margin:0;font-size:14px}\
 dt{color:#59636e}dd{margin:0;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}\
+table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums}\
+th,td{padding:3px 14px 3px 0;text-align:right;border-bottom:1px solid #8883}th:first-child,td:first-child{text-align:left}\
+th{font-weight:600;color:#59636e}\
 figure{margin:0 0 14px}figure svg{display:block}\
 .wide{overflow-x:auto;width:min(96vw,1500px);position:relative;left:50%;transform:translateX(-50%)}\
 .wide svg.figure{min-width:1000px;margin:0 auto}\
 @media (prefers-color-scheme:dark){body{background:#14181d;color:#e8edf2}.badge{background:#412c1e;color:#f0a066}\
-.warning{background:#412c1e;color:#f3cfae}.remark,footer,dt{color:#a3aeb9}}\
+.warning{background:#412c1e;color:#f3cfae}.remark,footer,dt,th{color:#a3aeb9}}\
 @media print{.wide{width:100%}.wide svg.figure{max-width:100%}}";
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::thinning::{Decimated, Envelope};
 use haptograph_engine::frame::{Contact, Event, Kind, Weights};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::spectrum::Spectrogram;
 use haptograph_signal::window::Window;
@@ -51,7 +52,8 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
         {
             want((index, output));
         }
-        if on_map || node.entry.is_file() || node.entry.is_actuator() {
+        let kept = node.entry.is_file() && node.entry.spec.group != PLOTS;
+        if on_map || kept || node.entry.is_actuator() {
             for edge in nodes.edges_directed(index, petgraph::Incoming) {
                 want((edge.source(), edge.weight().output));
             }

@@ -2,7 +2,7 @@
 
 /// Lowest and highest value in equal stretches of a signal. When there are too many stretches, neighbours are joined,
 /// so that a run of an hour costs what a run of a second does.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Envelope {
     rate_hz: f64,
     /// Samples in a stretch.
@@ -109,7 +109,7 @@ impl Envelope {
 }
 
 /// Every n-th of a stream of points, n growing so that they stay few.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Decimated<T> {
     kept: Vec<T>,
     every: u64,

@@ -1,8 +1,9 @@
 //! What is to be known of a run: as JSON, as a sentence, and on its page.
 
-use super::Arguments;
+use super::{Arguments, Shown};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::Outcome;
+use haptograph::report::asked::Drawn;
 use haptograph::report::drawing;
 use haptograph::report::page::Page;
 use haptograph::report::record::Record;
@@ -82,6 +83,10 @@ impl Summary {
         self.warnings.extend(warnings);
     }
 
+    pub fn simulated(&self) -> bool {
+        self.simulated
+    }
+
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -114,12 +119,12 @@ impl Summary {
     }
 
     /// The page that is left behind.
-    pub fn page(&self, graph: &Graph, records: &[Record]) -> String {
+    pub fn page(&self, graph: &Graph, shown: &Shown) -> String {
         let surfaces = surfaces(graph);
         let textures = surfaces
             .iter()
             .filter_map(|(path, surface)| Some((path.clone(), surface.texture.as_ref()?)));
-        let shown = self
+        let facts = self
             .facts
             .iter()
             .filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
@@ -127,11 +132,16 @@ impl Summary {
             title: self.name.clone(),
             about: graph.about().to_owned(),
             simulated: self.simulated,
-            facts: shown
+            facts: facts
                 .map(|(_, name, value)| ((*name).to_owned(), plain(value)))
                 .collect(),
             warnings: self.warnings.clone(),
-            signals: records.iter().map(Record::content).collect(),
+            asked: shown
+                .asked
+                .iter()
+                .flat_map(|(asked, traces)| asked.plots(&[Drawn { name: "", traces }]))
+                .collect(),
+            signals: shown.records.iter().map(Record::content).collect(),
             textures: textures.collect(),
             drawing: drawing::svg(graph, ""),
         }
@@ -140,7 +150,7 @@ impl Summary {
 }
 
 /// The surfaces of nodes with a place on a map, by the name of that signal.
-fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
+pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
     let mut found = Vec::new();
     for node in graph.nodes().node_weights() {
         // The graph was built from these files a moment ago; one that is no surface, or is gone, is not drawn.

@@ -2,6 +2,7 @@
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Bridge, Graph, Node};
+use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use petgraph::visit::EdgeRef;
 
@@ -80,8 +81,12 @@ impl Sketch {
             ..Self::default()
         };
         let nodes = graph.nodes();
+        // Plots are for the page of a run; in a drawing they would hide the circuit.
+        let mut place: Vec<Option<usize>> = Vec::new();
         for node in nodes.node_weights() {
-            sketch.boxes.push(node_box(node));
+            let drawn = node.entry.spec.group != PLOTS;
+            place.push(drawn.then_some(sketch.boxes.len()));
+            sketch.boxes.extend(drawn.then(|| node_box(node)));
         }
         for edge in nodes.edge_references() {
             let (source, target) = (&nodes[edge.source()], &nodes[edge.target()]);
@@ -91,12 +96,14 @@ impl Sketch {
             ) else {
                 continue;
             };
-            let from = (edge.source().index(), edge.weight().output);
+            let ends = [edge.source(), edge.target()].map(|end| place[end.index()]);
+            let [Some(from), Some(to)] = ends else { continue };
+            let from = (from, edge.weight().output);
             // One unit is enough where an output has several readers.
             let named = sketch.wires.iter().any(|wire| wire.from == from);
             sketch.wires.push(WireLine {
                 from,
-                to: (edge.target().index(), edge.weight().input),
+                to: (to, edge.weight().input),
                 bridge: bridge_text(edge.weight().bridge),
                 unit: if named {
                     String::new()
@@ -129,7 +136,9 @@ impl Sketch {
                 .filter(|n| nodes[*n].device() == Some(number));
             for node in bound {
                 let drives = nodes[node].entry.is_actuator();
-                sketch.touch(node.index(), body, drives);
+                if let Some(place) = place[node.index()] {
+                    sketch.touch(place, body, drives);
+                }
             }
         }
         sketch

@@ -96,6 +96,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
     let surface = haptograph_surfaces::files::load(&path).unwrap();
     let texture = surface.texture.as_ref().unwrap();
     let page = Page {
+        asked: Vec::new(),
         title: "texturepad <b>".into(),
         about: "A stylus on a tablet.\n\nIt & more.".into(),
         simulated: true,

@@ -1,0 +1,559 @@
+//! Plots that a graph asks for by its nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several laid over
+//! each other.
+
+use super::figures::{axis_label, shown_in};
+use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::record::{Watch, watch};
+use super::theme::Ink;
+use super::thinning::{Decimated, Envelope};
+use haptograph_engine::frame::{Contact, Event, Kind};
+use haptograph_engine::graph::Graph;
+use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::sinks::plots::GROUP;
+use haptograph_signal::quantity::Quantity;
+use petgraph::visit::EdgeRef;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A plot that a graph asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// The name of its node.
+    pub title: String,
+    /// What it shows.
+    pub form: Form,
+    /// Its signals, in the order of the inputs.
+    pub signals: Vec<Watch>,
+}
+
+/// What a plot shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Signals over time.
+    OverTime,
+    /// Signals against the first.
+    Against,
+    /// Ways from above.
+    Path,
+}
+
+/// The plots that a graph asks for, in its order.
+pub fn asked(graph: &Graph) -> Vec<Asked> {
+    let nodes = graph.nodes();
+    let plots = nodes
+        .node_indices()
+        .filter(|index| nodes[*index].entry.spec.group == GROUP);
+    plots
+        .map(|index| {
+            let mut edges: Vec<_> = nodes.edges_directed(index, petgraph::Incoming).collect();
+            edges.sort_by_key(|edge| edge.weight().input);
+            Asked {
+                title: sentence_case(&nodes[index].path),
+                form: match nodes[index].entry.spec.name {
+                    "XyPlot" => Form::Against,
+                    "PathPlot" => Form::Path,
+                    _ => Form::OverTime,
+                },
+                signals: edges
+                    .iter()
+                    .filter_map(|edge| {
+                        let mut watch = watch(graph, edge.source(), edge.weight().output)?;
+                        let source = &nodes[edge.source()];
+                        if source.outputs.len() == 1 {
+                            watch.stream.name.clone_from(&source.path);
+                        }
+                        Some(watch)
+                    })
+                    .collect(),
+            }
+        })
+        .collect()
+}
+
+fn sentence_case(name: &str) -> String {
+    let mut letters = name.chars();
+    letters
+        .next()
+        .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// What a plot keeps of one signal.
+#[derive(Debug, Clone, PartialEq)]
+enum Kept {
+    /// Extremes over time.
+    Signal(Envelope),
+    /// (time in s, value), or (x, y) of a way.
+    Points(Decimated<(f64, f64)>),
+}
+
+/// One signal of a plot on its way there.
+#[derive(Debug)]
+pub struct Tracer {
+    kind: Kind,
+    form: Form,
+    period_s: f64,
+    frames: u64,
+    shared: Arc<Mutex<Kept>>,
+}
+
+/// Where a [`Tracer`] leaves what it kept.
+#[derive(Debug)]
+pub struct Trace {
+    stream: Stream,
+    shared: Arc<Mutex<Kept>>,
+}
+
+/// Points of a signal that are kept at most.
+const MOST_POINTS: usize = 4000;
+
+/// Keeps of a signal what a plot of this form shows.
+pub fn tracer(stream: &Stream, form: Form) -> (Tracer, Trace) {
+    let kept = if form == Form::OverTime && stream.kind != Kind::Event {
+        Kept::Signal(Envelope::new(stream.rate.hz()))
+    } else {
+        Kept::Points(Decimated::new(MOST_POINTS))
+    };
+    let shared = Arc::new(Mutex::new(kept));
+    let tracer = Tracer {
+        kind: stream.kind,
+        form,
+        period_s: stream.rate.period_s(),
+        frames: 0,
+        shared: Arc::clone(&shared),
+    };
+    let stream = stream.clone();
+    (tracer, Trace { stream, shared })
+}
+
+impl FrameWriter for Tracer {
+    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
+        let mut kept = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        for frame in frames.chunks_exact(self.kind.width()) {
+            let time_s = self.frames as f64 * self.period_s;
+            self.frames += 1;
+            match &mut *kept {
+                Kept::Signal(envelope) => envelope.extend([size(frame)]),
+                Kept::Points(points) => {
+                    if let Some(point) = point(self.form, self.kind, time_s, frame) {
+                        points.push(point);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A scalar, or the length of a vector.
+fn size(frame: &[f64]) -> f64 {
+    match frame {
+        [scalar] => *scalar,
+        lanes => lanes.iter().map(|x| x * x).sum::<f64>().sqrt(),
+    }
+}
+
+/// What a frame adds to a cloud of points. A way is interrupted where nothing touches.
+fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64)> {
+    match (kind, form) {
+        (Kind::Event, _) => {
+            let event = frame.as_chunks().0.first().map(Event::from_lanes)?;
+            event.fired.then_some((time_s, event.value))
+        }
+        (Kind::Contact, _) => {
+            let contact = frame.as_chunks().0.first().map(Contact::from_lanes)?;
+            let [x, y, _] = if contact.touching {
+                contact.ihip_m
+            } else {
+                [f64::NAN; 3]
+            };
+            Some((x, y))
+        }
+        (_, Form::Path) => Some((frame[0], *frame.get(1)?)),
+        _ => Some((time_s, size(frame))),
+    }
+}
+
+/// What one run left for a plot, under the run's name.
+#[derive(Debug)]
+pub struct Drawn<'a> {
+    /// Empty where there is one run only.
+    pub name: &'a str,
+    /// A trace for each signal.
+    pub traces: &'a [Trace],
+}
+
+impl Drawn<'_> {
+    fn equals(&self, other: &Self) -> bool {
+        let mut pairs = self.traces.iter().zip(other.traces);
+        self.traces.len() == other.traces.len() && pairs.all(|(a, b)| a.kept() == b.kept())
+    }
+}
+
+impl Asked {
+    /// The plot of one run, or of several in one frame. Fast signals of several runs, which would cover each other,
+    /// come one under another.
+    pub fn plots(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
+        if let [first, rest @ ..] = runs
+            && !rest.is_empty()
+            && rest.iter().all(|run| run.equals(first))
+        {
+            let mut plots = self.plots(&[Drawn {
+                name: "",
+                traces: first.traces,
+            }]);
+            for plot in &mut plots {
+                let separator = if plot.note.is_empty() { "" } else { ", " };
+                plot.note += &format!("{separator}the same in all runs");
+            }
+            return plots;
+        }
+        match self.form {
+            Form::OverTime => self.over_time(runs),
+            Form::Against => self.against(runs),
+            Form::Path => self.path(runs),
+        }
+    }
+
+    fn over_time(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
+        let (mut plots, mut rest): (Vec<Plot>, Vec<usize>) = (Vec::new(), (0..self.signals.len()).collect());
+        while let Some(first) = rest.first().copied() {
+            // One run: signals of a quantity share a frame. Several: runs do.
+            let quantity = self.signals[first].stream.quantity;
+            let alike = |i: &usize| match runs {
+                [_] => self.signals[*i].stream.quantity == quantity,
+                _ => *i == first,
+            };
+            let group: Vec<usize> = rest.iter().copied().filter(alike).collect();
+            rest.retain(|i| !group.contains(i));
+            let fast = self.signals[first].stream.rate.hz() >= FAST_HZ;
+            let curves: Vec<Curve<'_>> = runs
+                .iter()
+                .flat_map(|run| {
+                    let signals = group.iter().copied();
+                    signals.filter_map(|i| Some((run.name, run.traces.get(i)?)))
+                })
+                .enumerate()
+                .map(|(number, (run, trace))| Curve {
+                    name: if run.is_empty() { &trace.stream.name } else { run },
+                    ink: Ink::number(number),
+                    trace,
+                })
+                .collect();
+            let frames: Vec<&[Curve<'_>]> = match fast && curves.len() > 1 {
+                true => curves.chunks(1).collect(),
+                false => vec![&curves[..]],
+            };
+            let range = if frames.len() > 1 {
+                common_range(&curves)
+            } else {
+                None
+            };
+            for frame in frames {
+                let mut plot = self.frame();
+                match frame {
+                    [one, ..] if range.is_some() || runs.len() > 1 => {
+                        plot.title = format!("{}, {}", self.title, one.trace.stream.name);
+                    }
+                    _ if !plots.is_empty() => {
+                        plot.title = format!("{}: {}", self.title, quantity.name().unwrap_or("value"));
+                    }
+                    _ => {}
+                }
+                plot.x = Axis::of("Time (s)");
+                plot.y = Axis::of(axis_label(quantity));
+                if let Some((low, high)) = range {
+                    plot.y = plot.y.over(low, high);
+                    plot.size = (0.0, 160.0);
+                }
+                plot.marks = frame.iter().flat_map(Curve::over_time).collect();
+                plots.push(plot);
+            }
+        }
+        plots
+    }
+
+    fn against(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
+        let Some((across, _)) = self.signals.split_first() else {
+            return Vec::new();
+        };
+        let curves: Vec<(Curve<'_>, &Trace)> = runs
+            .iter()
+            .filter_map(|run| Some((run, run.traces.split_first()?)))
+            .flat_map(|(run, (x, ys))| ys.iter().map(move |trace| (run.name, trace, x)))
+            .enumerate()
+            .map(|(number, (run, trace, x))| {
+                let name = if run.is_empty() { &trace.stream.name } else { run };
+                let ink = Ink::number(number);
+                (Curve { name, ink, trace }, x)
+            })
+            .collect();
+        let Some((first, _)) = curves.first() else {
+            return Vec::new();
+        };
+        let (x, y) = (across.stream.quantity, first.trace.stream.quantity);
+        let mut plot = self.frame();
+        plot.x = Axis::of(match shown_in(x).0.as_str() {
+            "" => across.stream.name.clone(),
+            unit => format!("{} ({unit})", across.stream.name),
+        });
+        plot.y = Axis::of(axis_label(y));
+        plot.size = (0.0, 300.0);
+        plot.marks = curves
+            .iter()
+            .map(|(curve, x_trace)| {
+                let points = paired(&x_trace.points(), &curve.trace.points());
+                let (x_factor, y_factor) = (shown_in(x).1, shown_in(y).1);
+                let shown = points.into_iter().map(|(x, y)| (x * x_factor, y * y_factor));
+                Mark::Dots(
+                    Style::named(curve.ink, curve.name).weight(Weight::Hair),
+                    shown.collect(),
+                )
+            })
+            .collect();
+        vec![plot]
+    }
+
+    fn path(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
+        let mut plot = self.frame();
+        let traces = runs
+            .iter()
+            .flat_map(|run| run.traces.iter().map(|trace| (run.name, trace)));
+        plot.marks = traces
+            .enumerate()
+            .map(|(number, (run, trace))| {
+                let (_, factor) = shown_in(trace.way_quantity());
+                let points = trace.points().into_iter();
+                let name = if run.is_empty() { &trace.stream.name } else { run };
+                let style = Style::named(Ink::number(number), name).weight(Weight::Hair);
+                Mark::Line(style, points.map(|(x, y)| (x * factor, y * factor)).collect())
+            })
+            .collect();
+        let unit = runs
+            .first()
+            .and_then(|run| run.traces.first())
+            .map_or_else(String::new, |trace| shown_in(trace.way_quantity()).0);
+        plot.size = PATH_SIZE;
+        let ((x_low, x_high), (y_low, y_high)) = square(&plot.marks);
+        plot.x = Axis::of(format!("x ({unit})")).over(x_low, x_high);
+        plot.y = Axis::of(format!("y ({unit})")).over(y_low, y_high);
+        vec![plot]
+    }
+
+    fn frame(&self) -> Plot {
+        let simulated = self.signals.iter().any(|signal| signal.stream.simulated);
+        Plot {
+            title: self.title.clone(),
+            note: if simulated { "simulated" } else { "" }.to_owned(),
+            ..Plot::default()
+        }
+    }
+}
+
+/// Signals of this rate or more fill the space between their extremes.
+const FAST_HZ: f64 = 2000.0;
+/// Of plots of ways; and of the frame in it, over which both axes have one scale.
+const PATH_SIZE: (f64, f64) = (0.0, 420.0);
+const PATH_FRAME: (f64, f64) = (676.0, 342.0);
+
+struct Curve<'a> {
+    name: &'a str,
+    ink: Ink,
+    trace: &'a Trace,
+}
+
+impl Curve<'_> {
+    fn over_time(&self) -> Vec<Mark> {
+        let (_, factor) = shown_in(self.trace.stream.quantity);
+        let style = Style::named(self.ink, self.name);
+        match &*self.trace.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Signal(envelope) => vec![Mark::signal(style, envelope, factor)],
+            Kept::Points(events) => {
+                let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, v * factor)).collect();
+                let stems = heads.iter().map(|(t, v)| [(*t, 0.0), (*t, *v)]).collect();
+                vec![
+                    Mark::Segments(Style::of(self.ink), stems),
+                    Mark::Dots(style, heads),
+                ]
+            }
+        }
+    }
+}
+
+impl Trace {
+    fn kept(&self) -> Kept {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn points(&self) -> Vec<(f64, f64)> {
+        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Points(points) => points.kept().to_vec(),
+            Kept::Signal(_) => Vec::new(),
+        }
+    }
+
+    /// Of a way on a surface: a contact says where it is in metres.
+    fn way_quantity(&self) -> Quantity {
+        match self.stream.kind {
+            Kind::Contact => Quantity::LENGTH,
+            _ => self.stream.quantity,
+        }
+    }
+}
+
+/// A range that holds the values of all curves, with a little room.
+fn common_range(curves: &[Curve<'_>]) -> Option<(f64, f64)> {
+    let mut range = (f64::INFINITY, f64::NEG_INFINITY);
+    for curve in curves {
+        let (_, factor) = shown_in(curve.trace.stream.quantity);
+        if let Kept::Signal(envelope) = &*curve.trace.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            for (_, low, high) in envelope.points() {
+                range = (range.0.min(low * factor), range.1.max(high * factor));
+            }
+        }
+    }
+    let room = 0.05 * (range.1 - range.0);
+    (room > 0.0).then_some((range.0 - room, range.1 + room))
+}
+
+/// (x, y) by time: each y with the latest x of its time.
+fn paired(x: &[(f64, f64)], y: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut next = 0;
+    y.iter()
+        .filter_map(|(time_s, y)| {
+            while x.get(next).is_some_and(|(at_s, _)| *at_s <= time_s + 1e-9) {
+                next += 1;
+            }
+            let (_, x) = x.get(next.checked_sub(1)?)?;
+            Some((*x, *y))
+        })
+        .collect()
+}
+
+/// Ranges around all points of lines, a unit as long across as upwards.
+fn square(marks: &[Mark]) -> ((f64, f64), (f64, f64)) {
+    let points = marks.iter().flat_map(|mark| match mark {
+        Mark::Line(_, points) => points.as_slice(),
+        _ => &[],
+    });
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for (x, y) in points.filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        low = [low[0].min(*x), low[1].min(*y)];
+        high = [high[0].max(*x), high[1].max(*y)];
+    }
+    if low[0] > high[0] {
+        return ((-1.0, 1.0), (-1.0, 1.0));
+    }
+    let per_pixel = ((high[0] - low[0]) / PATH_FRAME.0).max((high[1] - low[1]) / PATH_FRAME.1);
+    let per_pixel = 1.06 * per_pixel.max(1e-9);
+    let around = |i: usize, pixels: f64| {
+        let middle = 0.5 * (low[i] + high[i]);
+        (
+            middle - 0.5 * pixels * per_pixel,
+            middle + 0.5 * pixels * per_pixel,
+        )
+    };
+    (around(0, PATH_FRAME.0), around(1, PATH_FRAME.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::time::Rate;
+
+    fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (Watch, Trace) {
+        let stream = Stream {
+            name: name.into(),
+            kind,
+            quantity: Quantity::FORCE,
+            rate: Rate::from_hz(hz).unwrap(),
+            simulated: true,
+        };
+        let (mut tracer, trace) = tracer(&stream, form);
+        tracer.write(0, frames).unwrap();
+        let (node, output) = (petgraph::graph::NodeIndex::new(0), 0);
+        (Watch { node, output, stream }, trace)
+    }
+
+    #[test]
+    fn signals_of_different_rates_are_paired_by_time() {
+        let ramp = |n: u32, step: f64| (0..n).map(|k| f64::from(k) * step).collect::<Vec<_>>();
+        let (x, slow) = trace("x", Kind::Scalar, 100, Form::Against, &ramp(10, 0.01));
+        let (y, fast) = trace("y", Kind::Scalar, 1000, Form::Against, &ramp(100, 0.001));
+        let asked = Asked {
+            title: "t".into(),
+            form: Form::Against,
+            signals: vec![x, y],
+        };
+        let plots = asked.plots(&[Drawn {
+            name: "",
+            traces: &[slow, fast],
+        }]);
+        let Mark::Dots(_, points) = &plots[0].marks[0] else {
+            panic!("{plots:?}")
+        };
+        assert_eq!(points.len(), 100);
+        assert!(points.iter().all(|(x, y)| y - x > -1e-12 && y - x < 0.01));
+    }
+
+    #[test]
+    fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
+        let touching = |x: f64, y: f64, yes: bool| {
+            let contact = Contact {
+                touching: yes,
+                ihip_m: [x, y, 0.0],
+                ..Contact::default()
+            };
+            contact.to_lanes()
+        };
+        let frames = [
+            touching(0.0, 0.0, true),
+            touching(9.0, 9.0, false),
+            touching(0.01, 0.02, true),
+        ];
+        let (watch, trace) = trace("touch.contact", Kind::Contact, 1000, Form::Path, &frames.concat());
+        let asked = Asked {
+            title: "way".into(),
+            form: Form::Path,
+            signals: vec![watch],
+        };
+        let plot = asked
+            .plots(&[Drawn {
+                name: "",
+                traces: &[trace],
+            }])
+            .remove(0);
+        let (Some((x0, x1)), Some((y0, y1))) = (plot.x.range, plot.y.range) else {
+            panic!("{plot:?}")
+        };
+        let (per_x, per_y) = ((x1 - x0) / PATH_FRAME.0, (y1 - y0) / PATH_FRAME.1);
+        assert!((per_x / per_y - 1.0).abs() < 1e-9 && x1 < 50.0);
+        assert!(matches!(&plot.marks[0], Mark::Line(_, points) if points[1].0.is_nan()));
+    }
+
+    #[test]
+    fn several_runs_share_a_frame_and_are_named() {
+        let frames = [1.0, 2.0, 3.0];
+        let (watch, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &frames);
+        let (_, second) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 4.0]);
+        let asked = Asked {
+            title: "force".into(),
+            form: Form::OverTime,
+            signals: vec![watch],
+        };
+        let runs = |other| {
+            [("soft", &first), ("hard", other)].map(|(name, trace)| Drawn {
+                name,
+                traces: std::slice::from_ref(trace),
+            })
+        };
+        let plots = asked.plots(&runs(&second));
+        assert_eq!((plots.len(), plots[0].marks.len()), (1, 2));
+        assert!(plots[0].to_svg().contains("hard"));
+        let plots = asked.plots(&runs(&first));
+        assert_eq!((plots.len(), plots[0].marks.len()), (1, 1));
+        assert!(plots[0].note.contains("same in all runs"));
+    }
+}
