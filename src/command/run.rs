@@ -15,11 +15,11 @@ use folder::RunFolder;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+pub use shown::Shown;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-pub use shown::Shown;
 use summary::Summary;
 
 /// Run a graph and write what its sinks receive, with a page to look at
