@@ -8,7 +8,7 @@ use cpal::{
     StreamConfig, SupportedStreamConfigRange,
 };
 use haptograph_engine::run::{Live, Timer};
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -76,6 +76,15 @@ fn system(error: Error) -> SoundcardError {
     SoundcardError::System(error.to_string())
 }
 
+/// What the sound system states of a stream.
+#[derive(Debug, Default)]
+struct Stated {
+    xruns: AtomicU64,
+    output_latency_max_ns: AtomicU64,
+    /// The card has gone.
+    lost: AtomicBool,
+}
+
 /// A stream that drives a live run.
 pub struct CardDriver {
     request: Request,
@@ -83,6 +92,7 @@ pub struct CardDriver {
     stream: Option<cpal::Stream>,
     home: Home,
     shared: Arc<Shared>,
+    stated: Arc<Stated>,
     /// What the callback has to say; only its first call and errors speak.
     told: (SyncSender<String>, Receiver<String>),
     start: Instant,
@@ -101,12 +111,14 @@ impl CardDriver {
     pub fn start(request: Request, live: Live) -> Result<Self, SoundcardError> {
         let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
         let shared = Arc::new(Shared::default());
+        let stated = Arc::new(Stated::default());
         let told = sync_channel(64);
         let start = Instant::now();
         let opening = Opening {
             request: &request,
             home: &home,
             shared: &shared,
+            stated: &stated,
             told: &told.0,
             start,
         };
@@ -117,6 +129,7 @@ impl CardDriver {
             stream: Some(stream),
             home,
             shared,
+            stated,
             told,
             start,
             vanished: 0,
@@ -143,7 +156,7 @@ impl CardDriver {
             self.rested = Some(now);
         }
         let silent = now.saturating_duration_since(self.heard.0) > SILENT;
-        if self.stream.is_some() && (silent || self.shared.lost.load(Relaxed)) {
+        if self.stream.is_some() && (silent || self.stated.lost.load(Relaxed)) {
             // What was driven by it is at rest with it; the run waits at home.
             self.stream = None;
             self.vanished += 1;
@@ -160,7 +173,7 @@ impl CardDriver {
     }
 
     fn reopen(&mut self) -> Option<String> {
-        self.shared.lost.store(false, Relaxed);
+        self.stated.lost.store(false, Relaxed);
         if let Some(live) = at_home(&self.home).as_mut() {
             live.resume();
         }
@@ -168,6 +181,7 @@ impl CardDriver {
             request: &self.request,
             home: &self.home,
             shared: &self.shared,
+            stated: &self.stated,
             told: &self.told.0,
             start: self.start,
         };
@@ -192,12 +206,12 @@ impl CardDriver {
     /// What was counted.
     pub fn counts(&self) -> CardCounts {
         CardCounts {
-            xruns: self.shared.xruns.load(Relaxed),
+            xruns: self.stated.xruns.load(Relaxed),
             xrun_delay_max_ns: self.shared.xrun_delay_max_ns.load(Relaxed),
             xrun_last_ns: self.shared.xrun_last_ns.load(Relaxed),
             clipped: self.shared.clipped.load(Relaxed),
             vanished: self.vanished,
-            output_latency_max_ns: self.shared.output_latency_max_ns.load(Relaxed),
+            output_latency_max_ns: self.stated.output_latency_max_ns.load(Relaxed),
         }
     }
 
@@ -217,6 +231,7 @@ struct Opening<'a> {
     request: &'a Request,
     home: &'a Home,
     shared: &'a Arc<Shared>,
+    stated: &'a Arc<Stated>,
     told: &'a SyncSender<String>,
     start: Instant,
 }
@@ -353,7 +368,7 @@ impl Opening<'_> {
     ) -> Result<cpal::Stream, Error> {
         let mut filler = Filler::new(self.home, self.shared, config.sample_rate, self.start);
         let channels = usize::from(config.channels);
-        let (shared, told) = (Arc::clone(self.shared), self.told.clone());
+        let (stated, told) = (Arc::clone(self.stated), self.told.clone());
         let mut first = true;
         let fill = move |data: &mut [T], info: &OutputCallbackInfo| {
             if std::mem::take(&mut first) {
@@ -364,19 +379,20 @@ impl Opening<'_> {
             }
             let stamp = info.timestamp();
             let ahead = stamp.playback.saturating_duration_since(stamp.callback);
-            shared
+            stated
                 .output_latency_max_ns
                 .fetch_max(ahead.as_nanos() as u64, Relaxed);
             filler.fill(data, channels, T::EQUILIBRIUM, T::from_sample);
         };
-        let (shared, told) = (Arc::clone(self.shared), self.told.clone());
+        let (shared, stated) = (Arc::clone(self.shared), Arc::clone(self.stated));
+        let told = self.told.clone();
         let failed = move |error: Error| match error.kind() {
             // One of these can bring thousands: they are counted only.
             ErrorKind::Xrun => {
-                shared.xruns.fetch_add(1, Relaxed);
+                stated.xruns.fetch_add(1, Relaxed);
                 shared.after_xrun.store(true, Relaxed);
             }
-            ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => shared.lost.store(true, Relaxed),
+            ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => stated.lost.store(true, Relaxed),
             _ => {
                 // Where nobody reads, one more is not needed.
                 let _ = told.try_send(error.to_string());

@@ -11,14 +11,10 @@ use std::time::{Duration, Instant};
 pub(super) struct Shared {
     pub callbacks: AtomicU64,
     pub clipped: AtomicU64,
-    pub xruns: AtomicU64,
     pub xrun_delay_max_ns: AtomicU64,
     pub xrun_last_ns: AtomicU64,
-    pub output_latency_max_ns: AtomicU64,
     /// The next callback is the first after an xrun.
     pub after_xrun: AtomicBool,
-    /// The card has gone.
-    pub lost: AtomicBool,
     /// The run is over and nothing is driven any more.
     pub at_rest: AtomicBool,
 }
