@@ -1,6 +1,6 @@
 //! Graphs against the clock, as their users run them. No test here asserts a wall-clock deadline: machines stall.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::fs;
 use std::io::Write;
