@@ -277,11 +277,18 @@ impl State {
             let line = &program.lines[number];
             let count = match line.work {
                 StepWork::Process(first) => {
-                    let streak = if W::APART { 1 } else { line.streak as usize };
-                    let count = streak.min(range.end - number);
-                    let period_s = program.periods_s[line.clock as usize];
-                    self.processors(&program.lines[number..number + count], first as usize, period_s);
-                    count
+                    let first = first as usize;
+                    let most = if W::APART { 1 } else { range.end - number };
+                    let (count, offset) = self.windows.frames(line.clock);
+                    if count == 1 && line.singles > 0 && !self.faults.watching {
+                        let singles = (line.singles as usize).min(most);
+                        self.singles(first..first + singles, offset);
+                        singles
+                    } else {
+                        let streak = (line.streak as usize).min(most);
+                        let period_s = program.periods_s[line.clock as usize];
+                        self.ported(&program.lines[number..number + streak], first, period_s)
+                    }
                 }
                 StepWork::Island {
                     steps,
@@ -326,30 +333,9 @@ impl State {
         self.windows.restore(&self.whole);
     }
 
-    /// Runs processors that follow one another at one clock: the hot loop.
+    /// Runs processors for one frame, at `offset` in their buffers, without ports.
     #[inline(never)]
-    fn processors(&mut self, lines: &[Line], first: usize, period_s: f64) {
-        let window = self.windows.of(lines[0].clock);
-        if window.count == 0 {
-            return;
-        }
-        let single = window.count == 1 && !self.faults.watching;
-        let mut done = 0;
-        while done < lines.len() {
-            let singles = (lines[done].singles as usize).min(lines.len() - done);
-            done += if single && singles > 0 {
-                self.single_frames(first + done..first + done + singles, window.offset);
-                singles
-            } else {
-                self.ported(&lines[done], first + done, window, period_s);
-                1
-            };
-        }
-    }
-
-    /// Runs processors for one frame without ports.
-    #[inline]
-    fn single_frames(&mut self, range: Range<usize>, offset: usize) {
+    fn singles(&mut self, range: Range<usize>, offset: usize) {
         let memory = &mut self.memory.all_mut()[offset..];
         let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
@@ -365,27 +351,42 @@ impl State {
         }
     }
 
-    #[inline]
-    fn ported(&mut self, line: &Line, processor: usize, window: Window, period_s: f64) {
+    /// Runs processors that follow one another at one clock, up to one that can do without ports in this window;
+    /// returns how many.
+    #[inline(never)]
+    fn ported(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
+        let window = self.windows.of(lines[0].clock);
+        if window.count == 0 {
+            return lines.len();
+        }
         let tick = Tick {
             first: window.first,
             frames: window.count,
             period_s,
         };
-        let (before, out, behind) = line.out.split(self.memory.all_mut());
-        let mut io = Io {
-            frames: window.count,
-            offset: window.offset,
-            inputs: &line.inputs,
-            outputs: &line.outputs,
-            before,
-            out,
-            behind,
-        };
-        self.processors[processor].process(&tick, &mut io);
-        if self.faults.watching {
-            self.faults.watch(line, out, window);
+        let watching = self.faults.watching;
+        let single = window.count == 1 && !watching;
+        let memory = self.memory.all_mut();
+        for (done, (line, processor)) in lines.iter().zip(&mut self.processors[first..]).enumerate() {
+            if single && line.singles > 0 {
+                return done;
+            }
+            let (before, out, behind) = line.out.split(memory);
+            let mut io = Io {
+                frames: window.count,
+                offset: window.offset,
+                inputs: &line.inputs,
+                outputs: &line.outputs,
+                before,
+                out,
+                behind,
+            };
+            processor.process(&tick, &mut io);
+            if watching {
+                self.faults.watch(line, out, window);
+            }
         }
+        lines.len()
     }
 
     #[inline(never)]

@@ -66,6 +66,13 @@ impl Windows {
         self.clocks[clock as usize]
     }
 
+    /// How many frames a clock has in the present stretch, and where they begin in its buffers.
+    #[inline]
+    pub(crate) fn frames(&self, clock: u32) -> (usize, usize) {
+        let window = &self.clocks[clock as usize];
+        (window.count, window.offset)
+    }
+
     pub(crate) fn period(&self, clock: u32) -> u64 {
         self.base.period(clock as usize)
     }
