@@ -163,7 +163,7 @@ impl<'a> Builder<'a> {
         let edges = self.graph.nodes.edge_references();
         let mut delays: Vec<_> = edges
             .filter(|edge| {
-                inside(edge.source()) && inside(edge.target()) && delay_frames(edge.weight()).is_some()
+                delay_frames(edge.weight()).is_some() && inside(edge.source()) && inside(edge.target())
             })
             .collect();
         delays.sort_by_key(|edge| (&self.graph.nodes[edge.target()].path, edge.weight().input));

@@ -40,7 +40,10 @@ pub(crate) fn order(graph: &Graph) -> Vec<Group> {
     let sequence = topological(&between, first_path);
     sequence
         .into_iter()
-        .map(|group| island(graph, &links, &groups[group.index()]))
+        .map(|group| {
+            let inside = |node: NodeIndex| group_of[node.index()] == group.index();
+            island(graph, &links, &groups[group.index()], inside)
+        })
         .collect()
 }
 
@@ -89,7 +92,13 @@ pub(crate) fn sink_device(work: &Work) -> Option<usize> {
     }
 }
 
-fn island(graph: &Graph, links: &DiGraph<NodeIndex, ()>, members: &[NodeIndex]) -> Group {
+/// The members in the order in which they run; `inside` tells members from other nodes.
+fn island(
+    graph: &Graph,
+    links: &DiGraph<NodeIndex, ()>,
+    members: &[NodeIndex],
+    inside: impl Fn(NodeIndex) -> bool,
+) -> Group {
     let looped = members.len() > 1 || links.find_edge(members[0], members[0]).is_some();
     if !looped {
         return Group {
@@ -97,20 +106,19 @@ fn island(graph: &Graph, links: &DiGraph<NodeIndex, ()>, members: &[NodeIndex]) 
             pacing: Vec::new(),
         };
     }
-    let inside = |node: NodeIndex| members.contains(&node);
     let mut local = DiGraph::<NodeIndex, ()>::new();
     let numbers: Vec<NodeIndex> = members.iter().map(|node| local.add_node(*node)).collect();
+    // Members are sorted by path.
+    let path = |node: NodeIndex| graph.nodes[node].path.as_str();
     let number = |node: NodeIndex| {
-        members
-            .iter()
-            .position(|member| *member == node)
-            .map(|i| numbers[i])
+        let place = members.binary_search_by(|member| path(*member).cmp(path(node)));
+        place.ok().map(|place| numbers[place])
     };
     let mut pacing = Vec::new();
-    for edge in graph
-        .nodes
-        .edge_references()
-        .filter(|edge| inside(edge.source()) && inside(edge.target()))
+    for edge in members
+        .iter()
+        .flat_map(|member| graph.nodes.edges(*member))
+        .filter(|edge| inside(edge.target()))
     {
         if let Some(frames) = delay_frames(edge.weight()) {
             let clock = graph.nodes[edge.target()].clock.unwrap_or(0);
@@ -144,8 +152,7 @@ fn island(graph: &Graph, links: &DiGraph<NodeIndex, ()>, members: &[NodeIndex]) 
     }
     pacing.sort_unstable();
     pacing.dedup();
-    let path = |node: NodeIndex| graph.nodes[local[node]].path.as_str();
-    let members = topological(&local, path)
+    let members = topological(&local, |node| path(local[node]))
         .into_iter()
         .map(|node| local[node])
         .collect();

@@ -3,7 +3,8 @@
 
 use super::Run;
 use super::rings::TapRings;
-use crate::plan::{NodeKey, Plan};
+use crate::plan::Plan;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A plan ready to take over, and afterwards the old one on its way home.
@@ -38,10 +39,11 @@ enum Carry {
 impl Next {
     pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings) -> Self {
         let same = old.is_same_as(&plan);
-        let place = |keys: &[NodeKey], wanted: &NodeKey| keys.iter().position(|key| key.path == wanted.path);
+        let places = old.processor_keys.iter().enumerate();
+        let places: HashMap<&str, usize> = places.map(|(at, key)| (key.path.as_str(), at)).collect();
         let mut processors = Vec::new();
         for (new_at, key) in plan.processor_keys.iter().enumerate() {
-            if let Some(old_at) = place(&old.processor_keys, key) {
+            if let Some(&old_at) = places.get(key.path.as_str()) {
                 let was = &old.processor_keys[old_at];
                 if was == key {
                     processors.push((old_at, new_at, Carry::Whole));

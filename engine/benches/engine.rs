@@ -1,0 +1,297 @@
+//! What the engine itself costs: a tick of a node, a hop through a ring, the real-time side of a swap, loading and
+//! planning. `cargo bench -p haptograph-engine`; beside other engines: `benches/peers`.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use haptograph_engine::document::{Builder, Document, Part};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::{CheckOptions, Graph, check};
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, NodeEntry, NodeKind, NodeSpec, Presence, Processor, Single,
+    Tick, any_input, output,
+};
+use haptograph_engine::plan::{Plan, PlanOptions};
+use haptograph_engine::registry::Registry;
+use haptograph_engine::run::{FADE_S, Run, live};
+use haptograph_engine::settings::NoSettings;
+use haptograph_signal::quantity::Quantity;
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rtrb::RingBuffer;
+use std::hint::{black_box, spin_loop};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+const RATE_HZ: f64 = 48_000.0;
+const NODES: usize = 1000;
+
+criterion_group!(benches, tick, ring, swap, set_up);
+criterion_main!(benches);
+
+/// A node and a block, in a chain of 1000: what the engine adds to the work of the nodes.
+fn tick(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("tick, per node");
+    group.throughput(Throughput::Elements(NODES as u64));
+    for (what, kind) in [
+        ("does nothing", "Nothing"),
+        ("copies its input", "Copy"),
+        ("takes single frames", "Call"),
+        ("multiplies single frames", "Product"),
+    ] {
+        for block in [1, 10, 64] {
+            let mut run = Run::new(Arc::new(plan(&chain(kind, NODES), block)));
+            group.bench_function(BenchmarkId::new(what, block), |bencher| {
+                bencher.iter(|| run.advance(black_box(block)));
+            });
+        }
+    }
+    group.finish();
+}
+
+/// 64 samples through the ring that joins threads.
+fn ring(criterion: &mut Criterion) {
+    type Block = [f64; 64];
+    let mut group = criterion.benchmark_group("ring hop, 64 samples");
+    let (mut into, mut from) = RingBuffer::<Block>::new(16);
+    let block = [0.5; 64];
+    group.bench_function("same thread", |bencher| {
+        bencher.iter(|| {
+            let sent = into.push(black_box(block)).is_ok();
+            (sent, black_box(from.pop().ok()))
+        });
+    });
+    let (mut there, mut far) = RingBuffer::<Block>::new(16);
+    let (mut echo, mut back) = RingBuffer::<Block>::new(16);
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    let other = std::thread::spawn(move || {
+        while !stopped.load(Ordering::Relaxed) {
+            match far.pop() {
+                // There is room: only one block is on its way.
+                Ok(block) => drop(echo.push(block)),
+                Err(_) => spin_loop(),
+            }
+        }
+    });
+    // Half of the median way there and back; the mean would measure who else wants the processors.
+    group.bench_function("across threads, median", |bencher| {
+        bencher.iter_custom(|turns| {
+            let mut times: Vec<Duration> = (0..turns.max(1001))
+                .map(|_| {
+                    let start = Instant::now();
+                    let sent = there.push(block).is_ok();
+                    while sent && back.pop().is_err() {
+                        spin_loop();
+                    }
+                    start.elapsed()
+                })
+                .collect();
+            let middle = times.len() / 2;
+            let (_, median, _) = times.select_nth_unstable(middle);
+            *median * u32::try_from(turns).unwrap_or(u32::MAX) / 2
+        });
+    });
+    group.finish();
+    stop.store(true, Ordering::Relaxed);
+    drop(other.join());
+}
+
+/// The callback in which a plan of 1000 nodes takes the place of another, with one frame of the new one; beside a
+/// callback that only runs a frame.
+fn swap(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("real-time side of a swap, 1000 nodes");
+    // One node more, and the state of all others carried over.
+    let plans = [NODES, NODES + 1].map(|nodes| Arc::new(plan(&chain("Copy", nodes), 64)));
+    let (mut running, mut control) = live(Arc::clone(&plans[0]));
+    group.bench_function("one frame alone", |bencher| {
+        bencher.iter(|| running.callback(1, |_, _| {}));
+    });
+    group.bench_function("the same graph", |bencher| {
+        bencher.iter_custom(|turns| {
+            let mut total = Duration::ZERO;
+            for _ in 0..turns {
+                let sent = control.swap(Arc::clone(&plans[0]));
+                assert!(sent.is_ok(), "the callback takes every command");
+                let start = Instant::now();
+                running.callback(1, |_, _| {});
+                total += start.elapsed();
+                control.poll();
+            }
+            total
+        });
+    });
+    let fade = (FADE_S * RATE_HZ).ceil() as usize;
+    let mut next = 1;
+    group.bench_function("another graph", |bencher| {
+        bencher.iter_custom(|turns| {
+            let mut total = Duration::ZERO;
+            for _ in 0..turns {
+                let sent = control.swap(Arc::clone(&plans[next]));
+                assert!(sent.is_ok(), "the callback takes every command");
+                next = 1 - next;
+                running.callback(fade, |_, _| {});
+                control.poll();
+                let before = control.freed();
+                let start = Instant::now();
+                running.callback(1, |_, _| {});
+                total += start.elapsed();
+                control.poll();
+                assert_eq!(
+                    control.freed(),
+                    before + 1,
+                    "the change came in the callback that was timed"
+                );
+                running.callback(fade, |_, _| {});
+            }
+            total
+        });
+    });
+    group.finish();
+}
+
+/// From text to a checked graph, and from that to a plan.
+fn set_up(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("1000 nodes, 2000 edges");
+    let text = random_text();
+    group.bench_function("load and check", |bencher| {
+        bencher.iter(|| load(black_box(&text)))
+    });
+    let graph = load(&text);
+    group.bench_function("plan", |bencher| bencher.iter(|| plan(black_box(&graph), 64)));
+    let made = Arc::new(plan(&graph, 64));
+    group.bench_function("make ready to run", |bencher| {
+        bencher.iter(|| Run::new(Arc::clone(black_box(&made))));
+    });
+    group.finish();
+}
+
+fn chain(kind: &str, nodes: usize) -> Graph {
+    let mut builder = source();
+    for node in 0..nodes {
+        let from = match node {
+            0 => "source.output".to_owned(),
+            _ => format!("n{}.output", node - 1),
+        };
+        builder = builder.node(&format!("n{node}"), Part::new(kind).wire("input", from.as_str()));
+    }
+    load(&builder.text())
+}
+
+/// Every node reads two of those before it.
+fn random_text() -> String {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+    let mut builder = source();
+    for node in 0..NODES {
+        let mut from = || match random.random_range(0..=node) {
+            0 => "source.output".to_owned(),
+            before => format!("n{}.output", before - 1),
+        };
+        let pair = [from(), from()];
+        let part = Part::new("Mix").wires("inputs", pair.iter().map(String::as_str));
+        builder = builder.node(&format!("n{node}"), part);
+    }
+    builder.text()
+}
+
+fn source() -> Builder {
+    Builder::new("The work of a bench.")
+        .driver("audio", RATE_HZ)
+        .node("source", Part::new("Source").on("audio"))
+}
+
+fn load(text: &str) -> Graph {
+    let mut registry = Registry::default();
+    registry.add(NodeEntry::processor::<Source>());
+    registry.add(NodeEntry::processor::<Nothing>());
+    registry.add(NodeEntry::processor::<Copy>());
+    registry.add(NodeEntry::processor::<Call>());
+    registry.add(NodeEntry::processor::<Product>());
+    registry.add(NodeEntry::processor::<Mix>());
+    let document = Document::parse("bench.ron", text).expect("the builder writes graphs");
+    check(&document, &registry, &CheckOptions::default()).expect("the graphs of the bench are sound")
+}
+
+fn plan(graph: &Graph, block: usize) -> Plan {
+    let taps = Vec::new();
+    Plan::new(graph, &PlanOptions { block, taps })
+}
+
+const INPUT: InputSpec = any_input("input", "Samples.");
+const INPUTS: InputSpec = InputSpec {
+    name: "inputs",
+    presence: Presence::Many,
+    ..INPUT
+};
+
+/// Node kinds without settings, each with what its processor does.
+macro_rules! kinds {
+    ($($name:ident($inputs:expr) { $($body:tt)* })*) => { $(
+        #[derive(Clone)]
+        struct $name;
+
+        impl NodeKind for $name {
+            type Settings = NoSettings;
+            const SPEC: NodeSpec = NodeSpec {
+                name: stringify!($name),
+                group: "bench",
+                doc: "Of the bench.",
+                source: "",
+                inputs: $inputs,
+                outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "Samples.")],
+                example: "",
+            };
+
+            fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+                Ok(Box::new(Self))
+            }
+        }
+
+        impl Processor for $name { $($body)* }
+    )* };
+}
+
+kinds! {
+    Source(&[]) {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            io.out(0).fill(0.5);
+        }
+    }
+    Nothing(&[INPUT]) {
+        fn process(&mut self, _: &Tick, _: &mut Io<'_>) {}
+    }
+    Copy(&[INPUT]) {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            let x = io.lanes(0);
+            io.out(0).copy_from_slice(x);
+        }
+    }
+    Call(&[INPUT]) {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            let x = io.lanes(0);
+            io.out(0).copy_from_slice(x);
+        }
+        fn single(&self) -> Option<Single> {
+            Some(Single::Call)
+        }
+        fn frame(&mut self, x: f64) -> f64 {
+            x
+        }
+    }
+    Product(&[INPUT]) {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            let x = io.lanes(0);
+            io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 0.5 * x);
+        }
+        fn single(&self) -> Option<Single> {
+            Some(Single::Scale(0.5))
+        }
+    }
+    Mix(&[INPUTS]) {
+        fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+            let (a, b) = (io.lanes(0), io.lanes(1));
+            for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
+                *y = 0.5 * (a + b);
+            }
+        }
+    }
+}
