@@ -282,12 +282,12 @@ impl State {
                     let (count, offset) = self.windows.frames(line.clock);
                     if count == 1 && line.singles > 0 && !self.faults.watching {
                         let singles = (line.singles as usize).min(most);
-                        self.singles(first..first + singles, offset);
+                        self.without_ports(first..first + singles, offset);
                         singles
                     } else {
                         let streak = (line.streak as usize).min(most);
                         let period_s = program.periods_s[line.clock as usize];
-                        self.ported(&program.lines[number..number + streak], first, period_s)
+                        self.with_ports(&program.lines[number..number + streak], first, period_s)
                     }
                 }
                 StepWork::Island {
@@ -335,7 +335,7 @@ impl State {
 
     /// Runs processors for one frame, at `offset` in their buffers, without ports.
     #[inline(never)]
-    fn singles(&mut self, range: Range<usize>, offset: usize) {
+    fn without_ports(&mut self, range: Range<usize>, offset: usize) {
         let memory = &mut self.memory.all_mut()[offset..];
         let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
@@ -354,7 +354,7 @@ impl State {
     /// Runs processors that follow one another at one clock, up to one that can do without ports in this window;
     /// returns how many.
     #[inline(never)]
-    fn ported(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
+    fn with_ports(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
         let window = self.windows.of(lines[0].clock);
         if window.count == 0 {
             return lines.len();
