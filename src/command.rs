@@ -5,6 +5,7 @@ pub mod check;
 pub mod devices;
 pub mod doctor;
 pub mod draw;
+pub mod identify;
 pub mod new;
 pub mod nodes;
 pub mod run;

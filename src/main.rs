@@ -3,7 +3,7 @@
 mod command;
 
 use clap::{Parser, Subcommand};
-use command::{bench, check, devices, doctor, draw, new, nodes, run, simulate_recording, sweep};
+use command::{bench, check, devices, doctor, draw, identify, new, nodes, run, simulate_recording, sweep};
 use std::process::ExitCode;
 
 /// Runs graphs that render the feel of real surfaces.
@@ -20,6 +20,7 @@ enum Command {
     Check(check::Arguments),
     Sweep(sweep::Arguments),
     Bench(bench::Arguments),
+    Identify(identify::Arguments),
     Draw(draw::Arguments),
     Nodes(nodes::Arguments),
     New(new::Arguments),
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Identify(arguments) => identify::run(&arguments),
         Command::Draw(arguments) => draw::run(&arguments),
         Command::Nodes(arguments) => nodes::run(&arguments),
         Command::New(arguments) => new::run(&arguments),

@@ -6,4 +6,5 @@ pub mod compensator;
 pub mod drive;
 pub mod force_sink;
 pub mod identify;
+pub mod sweep_file;
 pub mod two_mass;

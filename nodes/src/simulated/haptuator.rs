@@ -46,24 +46,7 @@ haptograph_engine::settings! {
 impl TwoMassSettings {
     /// The placeholders.
     pub fn placeholder() -> Self {
-        let TwoMass {
-            force_n_per_a,
-            magnet_kg,
-            suspension_n_per_m,
-            suspension_n_s_per_m,
-            body_kg,
-            hand_n_per_m,
-            hand_n_s_per_m,
-        } = TwoMass::PLACEHOLDER;
-        Self {
-            force_n_per_a,
-            magnet_g: magnet_kg * 1e3,
-            suspension_n_per_mm: suspension_n_per_m * 1e-3,
-            suspension_n_s_per_m,
-            body_g: body_kg * 1e3,
-            hand_n_per_mm: hand_n_per_m * 1e-3,
-            hand_n_s_per_m,
-        }
+        Self::from(TwoMass::PLACEHOLDER)
     }
 
     /// The model in SI.
@@ -76,6 +59,20 @@ impl TwoMassSettings {
             body_kg: self.body_g * 1e-3,
             hand_n_per_m: self.hand_n_per_mm * 1e3,
             hand_n_s_per_m: self.hand_n_s_per_m,
+        }
+    }
+}
+
+impl From<TwoMass> for TwoMassSettings {
+    fn from(model: TwoMass) -> Self {
+        Self {
+            force_n_per_a: model.force_n_per_a,
+            magnet_g: model.magnet_kg * 1e3,
+            suspension_n_per_mm: model.suspension_n_per_m * 1e-3,
+            suspension_n_s_per_m: model.suspension_n_s_per_m,
+            body_g: model.body_kg * 1e3,
+            hand_n_per_mm: model.hand_n_per_m * 1e-3,
+            hand_n_s_per_m: model.hand_n_s_per_m,
         }
     }
 }
