@@ -71,7 +71,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.known(),
     )
     .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
-    say(&if arguments.json { as_json(&found) } else { as_text(&found) })
+    say(&if arguments.json {
+        as_json(&found)
+    } else {
+        as_text(&found)
+    })
 }
 
 fn as_text(found: &Identified) -> String {

@@ -175,7 +175,8 @@ mod tests {
 
     #[test]
     fn columns_are_found_by_their_units() {
-        let found = read("time_s,felt_mm_s2,out.delivered_ma\n0,1000,250\n0.001,2000,500\n0.002,0,0\n").unwrap();
+        let found =
+            read("time_s,felt_mm_s2,out.delivered_ma\n0,1000,250\n0.001,2000,500\n0.002,0,0\n").unwrap();
         assert_eq!(found.acceleration_m_s2, [1.0, 2.0, 0.0]);
         assert_eq!(found.current_a, [0.25, 0.5, 0.0]);
         assert!((found.rate_hz - 1000.0).abs() < 1e-6);

