@@ -101,7 +101,8 @@ fn points_are_located_within_half_a_millimetre_in_95_of_100_ticks() {
 }
 
 #[test]
-#[ignore = "ten minutes of simulated knocks, twice"]
+#[ignore = "ten minutes of simulated knocks, twice; prints what it saw"]
+#[expect(clippy::print_stdout, reason = "a figure that is asked for")]
 fn knocks_touch_at_0_04_n_and_never_at_0_08_n() {
     let settings = PenObjectSettings {
         knocks: Some(KnockSettings::default()),
