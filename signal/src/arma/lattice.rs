@@ -254,10 +254,11 @@ impl<const PAIRS: usize, const LADDER: bool> Wavefront<PAIRS, LADDER> {
         self.forward[0] = lattice.backward[0];
         // Lane i sees sample n at tick n + entry - i. While the first sample has not reached it, and after the last has
         // left it, it must keep what it has.
-        for tick in 0..entry {
-            self.tick(excitation[tick], |i| i + tick >= entry);
+        let (first, rest) = excitation.split_at(entry);
+        for (tick, e) in first.iter().enumerate() {
+            self.tick(*e, |i| i + tick >= entry);
         }
-        for (e, out) in excitation[entry..].iter().zip(&mut *out) {
+        for (e, out) in rest.iter().zip(&mut *out) {
             self.tick(*e, |_| true);
             *out = self.output();
         }
