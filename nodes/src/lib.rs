@@ -8,6 +8,7 @@ pub mod contact;
 pub mod filters;
 pub mod friction;
 pub mod math;
+pub mod network;
 pub mod sensing;
 pub mod simulated;
 pub mod sinks;
@@ -101,6 +102,8 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
         .add(NodeEntry::actuator::<soundcard::SoundcardSink>())
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
+        .add_device(DeviceEntry::of::<network::UdpDevice>())
+        .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<soundcard::Soundcard>())
         .add_device(DeviceEntry::of::<soundcard::SoundcardVoltage>());
 }

@@ -11,6 +11,7 @@ use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, Session};
 use haptograph::engine::settings::closest;
+use haptograph::nodes::network::{Connections, Counts};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -28,6 +29,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
     let asked = wanted(&graph)?;
+    let mut network = Connections::default();
+    network.connect(&graph).map_err(message)?;
     let made = Making::begin(&arguments, &graph)?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
@@ -49,12 +52,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.graph.endpoints(),
         driver.about()
     ));
+    for (device, address) in network.addresses() {
+        remark(&format!("listening for `{device}` at {address}\n"));
+    }
     let mut attended = Attended {
         arguments: arguments.graph.clone(),
         seed: arguments.seed,
         folder: made.kept.folder.path().to_owned(),
         watch: arguments.watch.then(|| Watch::of(&graph)),
         session,
+        network,
         changes: 0,
     };
     notes.extend(attended.attend(&mut driver, &stop));
@@ -62,6 +69,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     notes.extend(driver.warnings());
     let live = driver.join()?;
     let changes = attended.changes;
+    facts.extend(packets(&attended.network));
+    drop(attended.network);
     let ended = attended.session.finish(live);
     let took_s = start.elapsed().as_secs_f64();
     remark(&format!("{}\n", ended.meters));
@@ -79,6 +88,7 @@ struct Attended {
     folder: PathBuf,
     watch: Option<Watch>,
     session: Session,
+    network: Connections,
     /// Other graphs that were put in place.
     changes: u32,
 }
@@ -177,6 +187,10 @@ impl Attended {
             );
             return false;
         }
+        if let Err(error) = self.network.connect(&graph) {
+            remark(&format!("the graph stays as it was: {error}\n"));
+            return false;
+        }
         match self.session.change(&graph, &self.folder) {
             Ok(changed) => {
                 self.changes += 1;
@@ -242,6 +256,27 @@ fn facts_of(ended: &LiveOutcome, changes: u32) -> Vec<(&'static str, &'static st
         ),
         ("changes", "Changed while running", json!(changes)),
     ]
+}
+
+/// What was seen of the packets of each network device.
+fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)> {
+    let counted = |(device, counts): (&str, Counts)| {
+        let Counts {
+            accepted,
+            missing,
+            outdated,
+            malformed,
+            not_numbers,
+            strangers,
+        } = counts;
+        let counts = json!({
+            "accepted": accepted, "missing": missing, "outdated": outdated, "malformed": malformed,
+            "not_numbers": not_numbers, "strangers": strangers,
+        });
+        (device.to_owned(), counts)
+    };
+    let devices: serde_json::Map<String, Value> = network.counts().map(counted).collect();
+    (!devices.is_empty()).then(|| ("packets", "Packets", Value::Object(devices)))
 }
 
 fn quantiles(histogram: &Histogram) -> Value {

@@ -1,0 +1,35 @@
+//! Devices beyond a network: a program that owns a real arm, sensor or tablet sends what it senses and gets back what
+//! to drive, by haptograph's own protocol ([`protocol`]) or by Open Sound Control.
+//!
+//! A thread of its own talks to the network; ticks see its latest news through a cell without locks ([`link`]).
+
+mod link;
+mod osc;
+pub mod protocol;
+mod remote;
+mod socket;
+
+pub use link::Counts;
+pub use osc::{OscDevice, OscDeviceSettings};
+pub use remote::{UdpDevice, UdpDeviceSettings};
+pub use socket::Connections;
+
+use std::net::SocketAddr;
+
+/// Why a device beyond the network cannot be reached.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// Its address is not to be had.
+    #[error("device `{device}` cannot listen at {address}: {error}")]
+    Bind {
+        /// Name of the endpoint.
+        device: String,
+        /// Where it should listen.
+        address: SocketAddr,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// Two endpoints would listen at the same place.
+    #[error("devices `{0}` and `{1}` both listen at {2}; give each a port of its own")]
+    Shared(String, String, SocketAddr),
+}

@@ -1,0 +1,138 @@
+//! What a network thread and a ticking thread share: the latest news each way, without locks or waiting.
+
+use std::sync::atomic::{AtomicU64, Ordering, fence};
+
+/// The latest of something that is N numbers: one thread puts, others look. A look that meets a put is told nothing.
+#[derive(Debug)]
+pub(super) struct Latest<const N: usize> {
+    /// Odd while a put is under way.
+    version: AtomicU64,
+    words: [AtomicU64; N],
+}
+
+/// Looks that are tried again when they meet a put.
+const TRIES: usize = 4;
+
+impl<const N: usize> Latest<N> {
+    pub fn new() -> Self {
+        Self {
+            version: AtomicU64::new(0),
+            words: std::array::from_fn(|_| AtomicU64::new(0)),
+        }
+    }
+
+    /// Puts new ones in place. Only ever called by one thread.
+    pub fn put(&self, values: &[f64; N]) {
+        let version = self.version.load(Ordering::Relaxed);
+        self.version.store(version.wrapping_add(1), Ordering::Relaxed);
+        fence(Ordering::Release);
+        for (word, value) in self.words.iter().zip(values) {
+            word.store(value.to_bits(), Ordering::Relaxed);
+        }
+        self.version.store(version.wrapping_add(2), Ordering::Release);
+    }
+
+    /// How often something was put, and what was put last; none while that changes.
+    pub fn look(&self) -> Option<(u64, [f64; N])> {
+        (0..TRIES).find_map(|_| {
+            let before = self.version.load(Ordering::Acquire);
+            let values = std::array::from_fn(|i| f64::from_bits(self.words[i].load(Ordering::Relaxed)));
+            fence(Ordering::Acquire);
+            let after = self.version.load(Ordering::Relaxed);
+            (before == after && before.is_multiple_of(2)).then_some((before / 2, values))
+        })
+    }
+}
+
+/// What a device senses: position (m), orientation (rotation vector, rad), force (N), torque (N m).
+pub(super) const SENSED: usize = 12;
+/// What it is driven by: force (N), current of the actuator and of the brake (A).
+pub(super) const DRIVEN: usize = 5;
+
+/// What was seen of the packets of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Taken over.
+    pub accepted: u64,
+    /// Known to have been sent and never seen.
+    pub missing: u64,
+    /// Older than one that was taken over, and dropped: out of order, or sent twice.
+    pub outdated: u64,
+    /// Of a wrong size, version or content.
+    pub malformed: u64,
+    /// With something that is not a finite number.
+    pub not_numbers: u64,
+    /// From somebody else than the device.
+    pub strangers: u64,
+}
+
+/// Both ways of a device, and what was counted.
+#[derive(Debug)]
+pub(super) struct Link {
+    pub sensed: Latest<SENSED>,
+    pub driven: Latest<DRIVEN>,
+    counts: [AtomicU64; 6],
+}
+
+/// Which of the counts.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Count {
+    Accepted,
+    Missing,
+    Outdated,
+    Malformed,
+    NotNumbers,
+    Strangers,
+}
+
+impl Link {
+    pub fn new() -> Self {
+        Self {
+            sensed: Latest::new(),
+            driven: Latest::new(),
+            counts: std::array::from_fn(|_| AtomicU64::new(0)),
+        }
+    }
+
+    pub fn count(&self, what: Count, times: u64) {
+        self.counts[what as usize].fetch_add(times, Ordering::Relaxed);
+    }
+
+    pub fn counts(&self) -> Counts {
+        let [accepted, missing, outdated, malformed, not_numbers, strangers] =
+            std::array::from_fn(|i| self.counts[i].load(Ordering::Relaxed));
+        Counts {
+            accepted,
+            missing,
+            outdated,
+            malformed,
+            not_numbers,
+            strangers,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_look_never_sees_half_of_a_put() {
+        let latest = Arc::new(Latest::<8>::new());
+        let writer = Arc::clone(&latest);
+        let putting = std::thread::spawn(move || (1..=100_000).for_each(|k| writer.put(&[f64::from(k); 8])));
+        let mut newest = 0;
+        while newest < 100_000 {
+            if let Some((version, values)) = latest.look() {
+                assert!(
+                    values.iter().all(|value| *value == version as f64),
+                    "{version}: {values:?}"
+                );
+                assert!(version >= newest);
+                newest = version;
+            }
+        }
+        putting.join().unwrap();
+    }
+}

@@ -1,0 +1,324 @@
+//! The device at the other end, as ticks see it: its latest news while they are fresh, and nothing to push with when
+//! they are not.
+
+use super::link::{DRIVEN, Link, SENSED};
+use super::socket::{Codec, Plug};
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError};
+use haptograph_signal::quantity::Quantity;
+use std::net::SocketAddr;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
+use std::time::Duration;
+
+/// Drives fall to zero in this time when the device is silent or jumps, and rise in it when it is back, s.
+const RAMP_S: f64 = 0.01;
+/// News may come in bunches: this much more time is granted before a movement counts as a jump, s.
+const BUNCHING_S: f64 = 0.002;
+
+haptograph_engine::settings! {
+    /// A device of which another program tells by haptograph's device protocol.
+    pub struct UdpDeviceSettings {
+        /// Address and port at which to listen: 127.0.0.1 for a program on this machine.
+        listen: String = "127.0.0.1:9750".to_owned();
+        /// Address and port that alone is listened to; none: the first that speaks, until it has been silent.
+        only: Option<String> = None;
+        /// Silence after which it counts as gone, ms.
+        timeout_ms: f64 = 20.0, in 1.0..=10_000.0;
+        /// A tip that seems to move faster has jumped, mm/s.
+        fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+    }
+}
+
+/// A device that another program owns.
+pub struct UdpDevice;
+
+const fn channel(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> Channel {
+    Channel {
+        name,
+        kind,
+        quantity,
+        doc,
+    }
+}
+
+/// What any device beyond a network can sense.
+pub(super) const SENSES: &[Channel] = &[
+    channel(
+        "position",
+        Kind::Vector,
+        Quantity::LENGTH,
+        "Position of the tip, m; holds while the device is silent.",
+    ),
+    channel(
+        "orientation",
+        Kind::Vector,
+        Quantity::ANGLE,
+        "Orientation as a rotation vector, rad.",
+    ),
+    channel(
+        "wrench",
+        Kind::Wrench,
+        Quantity::FORCE,
+        "Force and torque on the tool, N and N m; zero while silent.",
+    ),
+    channel(
+        "force",
+        Kind::Scalar,
+        Quantity::FORCE,
+        "Normal force of the tip: the force along z, not below zero, N.",
+    ),
+    channel(
+        "touching",
+        Kind::Scalar,
+        Quantity::NUMBER,
+        "1 while that force is above zero.",
+    ),
+];
+
+/// What it can be driven by.
+pub(super) const DRIVES: &[Channel] = &[
+    channel(
+        "force",
+        Kind::Vector,
+        Quantity::FORCE,
+        "Force of the motors on the hand, N.",
+    ),
+    channel(
+        "current",
+        Kind::Scalar,
+        Quantity::CURRENT,
+        "Current through the actuator, A.",
+    ),
+    channel(
+        "brake",
+        Kind::Scalar,
+        Quantity::CURRENT,
+        "Current through the brake's solenoid, A.",
+    ),
+];
+
+impl DeviceKind for UdpDevice {
+    type Settings = UdpDeviceSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "UdpDevice",
+        doc: "A device that another program owns, by the device protocol over UDP: where OpenHaptics or CHAI3D programs \
+              plug in. It is reached in live runs only. While it is silent or jumps, it is driven by nothing.",
+        source: "",
+        simulated: false,
+        senses: SENSES,
+        drives: DRIVES,
+        example: r#""arm": UdpDevice(listen: "127.0.0.1:9750")"#,
+    };
+
+    fn build(settings: UdpDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        let only = settings.only.map(|only| address("only", &only)).transpose()?;
+        let plug = Plug {
+            link: link_at(address("listen", &settings.listen)?),
+            listen: address("listen", &settings.listen)?,
+            only,
+            timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
+            codec: Codec::Protocol,
+        };
+        Ok(Box::new(Remote::new(plug, settings.fastest_mm_s * 1e-3, cx)))
+    }
+}
+
+/// An address as it is written in a graph. Names are not looked up: that could take seconds.
+pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, BuildError> {
+    text.parse().map_err(|_| {
+        BuildError::at(field, format!("`{text}` is not an address with a port"))
+            .help("write numbers: \"127.0.0.1:9750\", or \"[::1]:9750\"")
+    })
+}
+
+/// One link an address: a graph that is loaded again while it runs finds the socket that the old one opened.
+pub(super) fn link_at(listen: SocketAddr) -> Arc<Link> {
+    static LINKS: LazyLock<Mutex<Vec<(SocketAddr, Weak<Link>)>>> = LazyLock::new(Mutex::default);
+    let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
+    links.retain(|(_, link)| link.strong_count() > 0);
+    let known = links.iter().find(|(at, _)| *at == listen);
+    if let Some(link) = known.and_then(|(_, link)| link.upgrade()) {
+        return link;
+    }
+    let link = Arc::new(Link::new());
+    links.push((listen, Arc::downgrade(&link)));
+    link
+}
+
+/// A device beyond a network.
+#[derive(Debug, Clone)]
+pub(super) struct Remote {
+    pub plug: Plug,
+    period_s: f64,
+    timeout_ticks: u64,
+    fastest_m_s: f64,
+    /// Version of the latest news that were taken.
+    seen: u64,
+    latest: [f64; SENSED],
+    /// Ticks since.
+    age: u64,
+    /// Ticks for which it is held back after a jump.
+    held: u64,
+    /// How much of a force or a drive passes.
+    reach: f64,
+    driven: [f64; DRIVEN],
+}
+
+impl Remote {
+    pub fn new(plug: Plug, fastest_m_s: f64, cx: &BuildContext) -> Self {
+        let period_s = cx.rate.period_s();
+        Self {
+            timeout_ticks: (plug.timeout.as_secs_f64() / period_s).ceil() as u64,
+            plug,
+            period_s,
+            fastest_m_s,
+            seen: 0,
+            latest: [0.0; SENSED],
+            age: 0,
+            held: 0,
+            reach: 0.0,
+            driven: [0.0; DRIVEN],
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.seen == 0 || self.age > self.timeout_ticks
+    }
+
+    /// Has the tip moved as no hand moves it?
+    fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
+        let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
+        let time_s = self.age as f64 * self.period_s + BUNCHING_S;
+        moved.sqrt() > self.fastest_m_s * time_s
+    }
+}
+
+impl Device for Remote {
+    fn advance(&mut self) {
+        self.age = self.age.saturating_add(1);
+        self.held = self.held.saturating_sub(1);
+        if let Some((version, sensed)) = self.plug.link.sensed.look()
+            && version != self.seen
+        {
+            if !self.is_silent() && self.jumps_to(&sensed) {
+                self.held = self.timeout_ticks;
+            }
+            (self.seen, self.latest, self.age) = (version, sensed, 0);
+        }
+        let step = self.period_s / RAMP_S;
+        let step = if self.is_silent() || self.held > 0 {
+            -step
+        } else {
+            step
+        };
+        self.reach = (self.reach + step).clamp(0.0, 1.0);
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        let normal_n = self.latest[8].max(0.0) * self.reach;
+        match (channel, frame) {
+            (0, frame) => frame.copy_from_slice(&self.latest[..3]),
+            (1, frame) => frame.copy_from_slice(&self.latest[3..6]),
+            (2, frame) => {
+                for (lane, sensed) in frame.iter_mut().zip(&self.latest[6..]) {
+                    *lane = sensed * self.reach;
+                }
+            }
+            (3, frame) => frame.fill(normal_n),
+            (_, frame) => frame.fill(f64::from(u8::from(normal_n > 0.0))),
+        }
+    }
+
+    fn write(&mut self, channel: usize, frame: &[f64]) {
+        let first = if channel == 0 { 0 } else { 2 + channel };
+        for (driven, asked) in self.driven[first..].iter_mut().zip(frame) {
+            *driven = asked * self.reach;
+        }
+        self.plug.link.driven.put(&self.driven);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_signal::time::Rate;
+
+    fn remote() -> Remote {
+        let plug = Plug {
+            link: Arc::new(Link::new()),
+            listen: "127.0.0.1:0".parse().unwrap(),
+            only: None,
+            timeout: Duration::from_millis(20),
+            codec: Codec::Protocol,
+        };
+        let cx = BuildContext {
+            path: "arm".to_owned(),
+            rate: Rate::new(1000, 1).unwrap(),
+            max_frames: 1,
+            seed: 1,
+            input_widths: Vec::new(),
+        };
+        let mut remote = Remote::new(plug, 5.0, &cx);
+        remote.advance();
+        remote
+    }
+
+    fn news(remote: &mut Remote, x_m: f64) {
+        let mut sensed = [0.0; SENSED];
+        (sensed[0], sensed[8]) = (x_m, 1.5);
+        remote.plug.link.sensed.put(&sensed);
+        remote.advance();
+    }
+
+    fn pushes(remote: &mut Remote) -> f64 {
+        remote.write(0, &[2.0, 0.0, 0.0]);
+        remote.plug.link.driven.look().unwrap().1[0]
+    }
+
+    fn force(remote: &mut Remote) -> f64 {
+        let mut frame = [0.0];
+        remote.read(3, &mut frame);
+        frame[0]
+    }
+
+    #[test]
+    fn nothing_passes_before_it_speaks_and_everything_ten_milliseconds_after() {
+        let mut remote = remote();
+        assert_eq!((pushes(&mut remote), force(&mut remote)), (0.0, 0.0));
+        let mut before = 0.0;
+        for _ in 0..10 {
+            news(&mut remote, 0.0);
+            let now = pushes(&mut remote);
+            assert!(now > before && now - before < 0.21, "no leap: {before} to {now}");
+            before = now;
+        }
+        assert!((before - 2.0).abs() < 1e-9 && (force(&mut remote) - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn silence_takes_forces_and_drives_to_zero_and_holds_the_position() {
+        let mut remote = remote();
+        (0..30).for_each(|_| news(&mut remote, 0.01));
+        (0..20).for_each(|_| remote.advance());
+        assert_eq!(pushes(&mut remote), 2.0, "20 ms are no silence");
+        (0..11).for_each(|_| remote.advance());
+        assert_eq!((pushes(&mut remote), force(&mut remote)), (0.0, 0.0));
+        let mut position = [0.0; 3];
+        remote.read(0, &mut position);
+        assert_eq!(position, [0.01, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_jump_takes_drives_to_zero_for_a_while_and_a_fast_hand_does_not() {
+        let mut remote = remote();
+        (0..30).for_each(|k| news(&mut remote, 0.004 * f64::from(k)));
+        assert_eq!(pushes(&mut remote), 2.0, "4 m/s is fast, and allowed");
+        for _ in 0..10 {
+            news(&mut remote, 0.5);
+        }
+        assert!(pushes(&mut remote) < 1e-9);
+        (0..30).for_each(|_| news(&mut remote, 0.5));
+        assert_eq!(pushes(&mut remote), 2.0);
+    }
+}

@@ -1,0 +1,294 @@
+//! The thread that talks to a device: takes what is sound and new, and answers with what to drive.
+
+use super::link::{Count, Counts, DRIVEN, Link, SENSED};
+use super::osc::{Addresses, Teller};
+use super::protocol::{Command, PacketError, State};
+use super::{NetworkError, remote::Remote};
+use haptograph_engine::graph::Graph;
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Where a device is to be found, and in which language it speaks.
+#[derive(Debug, Clone)]
+pub(super) struct Plug {
+    pub link: Arc<Link>,
+    pub listen: SocketAddr,
+    pub only: Option<SocketAddr>,
+    /// Silence after which it counts as gone.
+    pub timeout: Duration,
+    pub codec: Codec,
+}
+
+/// The language of a device.
+#[derive(Debug, Clone)]
+pub(super) enum Codec {
+    /// The device protocol.
+    Protocol,
+    /// Open Sound Control.
+    Osc(Arc<Addresses>),
+}
+
+/// The longest that the thread waits before it looks whether it should end, or has something to tell.
+const WAIT: Duration = Duration::from_millis(5);
+/// Largest datagram.
+const MAX_BYTES: usize = 65_536;
+
+/// The network devices of a live run, connected. They are let go when this is dropped.
+#[derive(Debug, Default)]
+pub struct Connections {
+    list: Vec<Connection>,
+}
+
+#[derive(Debug)]
+struct Connection {
+    device: String,
+    listen: SocketAddr,
+    link: Arc<Link>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Connections {
+    /// Connects the network devices of a graph that are not connected yet.
+    ///
+    /// # Errors
+    /// [`NetworkError`]; those that were connected before stay so.
+    pub fn connect(&mut self, graph: &Graph) -> Result<(), NetworkError> {
+        let mut plugs: Vec<(&str, &Plug)> = Vec::new();
+        for device in graph.devices() {
+            let Some(remote) = device.device().as_any().downcast_ref::<Remote>() else {
+                continue;
+            };
+            if let Some((other, _)) = plugs.iter().find(|(_, plug)| plug.listen == remote.plug.listen) {
+                let (one, two) = ((*other).to_owned(), device.name.clone());
+                return Err(NetworkError::Shared(one, two, remote.plug.listen));
+            }
+            plugs.push((&device.name, &remote.plug));
+        }
+        for (device, plug) in plugs {
+            if !self.list.iter().any(|known| known.listen == plug.listen) {
+                self.list.push(Connection::open(device, plug)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// What was seen of the packets of each device.
+    pub fn counts(&self) -> impl Iterator<Item = (&str, Counts)> {
+        self.list
+            .iter()
+            .map(|known| (known.device.as_str(), known.link.counts()))
+    }
+
+    /// Each device, and where it is listened to.
+    pub fn addresses(&self) -> impl Iterator<Item = (&str, SocketAddr)> {
+        self.list
+            .iter()
+            .map(|known| (known.device.as_str(), known.listen))
+    }
+}
+
+impl Connection {
+    fn open(device: &str, plug: &Plug) -> Result<Self, NetworkError> {
+        let failed = |error| NetworkError::Bind {
+            device: device.to_owned(),
+            address: plug.listen,
+            error,
+        };
+        let socket = UdpSocket::bind(plug.listen).map_err(failed)?;
+        socket.set_read_timeout(Some(WAIT)).map_err(failed)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let (flag, theirs) = (Arc::clone(&stop), plug.clone());
+        let thread = std::thread::Builder::new()
+            .name(format!("network {device}"))
+            .spawn(move || Conversation::new(theirs, &socket).hold(&flag))
+            .map_err(failed)?;
+        Ok(Self {
+            device: device.to_owned(),
+            listen: plug.listen,
+            link: Arc::clone(&plug.link),
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // It cannot have panicked in a way that matters here: what it owned is gone either way.
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Conversation<'a> {
+    plug: Plug,
+    socket: &'a UdpSocket,
+    device: Option<SocketAddr>,
+    /// When the device was last heard.
+    heard: Option<Instant>,
+    /// Sequence number and timestamp of its latest state.
+    latest: (u32, u64),
+    sensed: [f64; SENSED],
+    driven: [f64; DRIVEN],
+    /// Version of the drives, and when it was first seen.
+    driven_version: (u64, Option<Instant>),
+    told: u32,
+    teller: Option<Teller>,
+}
+
+impl<'a> Conversation<'a> {
+    fn new(plug: Plug, socket: &'a UdpSocket) -> Self {
+        let teller = match &plug.codec {
+            Codec::Protocol => None,
+            Codec::Osc(addresses) => addresses.teller(),
+        };
+        Self {
+            device: plug.only,
+            plug,
+            socket,
+            heard: None,
+            latest: (0, 0),
+            sensed: [0.0; SENSED],
+            driven: [0.0; DRIVEN],
+            driven_version: (0, None),
+            told: 0,
+            teller,
+        }
+    }
+
+    fn hold(mut self, stop: &AtomicBool) {
+        let mut bytes = vec![0; MAX_BYTES];
+        while !stop.load(Ordering::Relaxed) {
+            match self.socket.recv_from(&mut bytes) {
+                Ok((length, from)) => self.hear(&bytes[..length], from),
+                Err(error) if is_passing(&error) => {}
+                // Nothing is known to help here; it must not spin.
+                Err(_) => std::thread::sleep(WAIT),
+            }
+            self.tell();
+        }
+        self.driven = [0.0; DRIVEN];
+        if let (Codec::Protocol, Some(device)) = (&self.plug.codec, self.device) {
+            // Whether it arrives or not, the device has its own watchdog.
+            let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.heard.is_none_or(|heard| heard.elapsed() > self.plug.timeout)
+    }
+
+    fn hear(&mut self, bytes: &[u8], from: SocketAddr) {
+        let silent = self.is_silent();
+        if self.device.is_some_and(|device| device != from) && (self.plug.only.is_some() || !silent) {
+            self.plug.link.count(Count::Strangers, 1);
+            return;
+        }
+        match &self.plug.codec {
+            Codec::Protocol => match State::from_bytes(bytes) {
+                Ok(state) => self.take_state(&state, from, silent),
+                Err(PacketError::NotFinite) => self.plug.link.count(Count::NotNumbers, 1),
+                Err(_) => self.plug.link.count(Count::Malformed, 1),
+            },
+            Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
+                Ok(()) => self.accept(from),
+                Err(what) => self.plug.link.count(what, 1),
+            },
+        }
+    }
+
+    fn take_state(&mut self, state: &State, from: SocketAddr, silent: bool) {
+        // After silence the device may have begun anew, with any number.
+        if !silent {
+            match ahead(state.sequence, self.latest.0) {
+                None => {
+                    self.plug.link.count(Count::Outdated, 1);
+                    return;
+                }
+                Some(ahead) => self.plug.link.count(Count::Missing, u64::from(ahead - 1)),
+            }
+        }
+        self.latest = (state.sequence, state.timestamp_ns);
+        let parts = [
+            state.position_m,
+            state.orientation_rad,
+            state.force_n,
+            state.torque_n_m,
+        ];
+        self.sensed.copy_from_slice(parts.as_flattened());
+        self.accept(from);
+        self.look_at_drives();
+        // A lost answer is made up for by the next.
+        let _ = self.socket.send_to(&self.command(true).to_bytes(), from);
+    }
+
+    fn accept(&mut self, from: SocketAddr) {
+        self.device = Some(from);
+        self.heard = Some(Instant::now());
+        self.plug.link.sensed.put(&self.sensed);
+        self.plug.link.count(Count::Accepted, 1);
+    }
+
+    /// The latest drives; zeros once the ticks that make them have stopped.
+    fn look_at_drives(&mut self) {
+        if let Some((version, driven)) = self.plug.link.driven.look() {
+            let (known, since) = self.driven_version;
+            if version != known || since.is_none() {
+                self.driven_version = (version, Some(Instant::now()));
+            }
+            self.driven = driven;
+        }
+        let (_, since) = self.driven_version;
+        if since.is_none_or(|since| since.elapsed() > self.plug.timeout) {
+            self.driven = [0.0; DRIVEN];
+        }
+    }
+
+    fn command(&mut self, running: bool) -> Command {
+        self.told = self.told.wrapping_add(1);
+        let [x, y, z, current_a, brake_a] = self.driven;
+        Command {
+            sequence: self.told,
+            answers: self.latest.0,
+            timestamp_ns: self.latest.1,
+            force_n: [x, y, z],
+            current_a,
+            brake_a,
+            running,
+        }
+    }
+
+    /// By Open Sound Control drives are told at a rate of their own.
+    fn tell(&mut self) {
+        if self.teller.as_mut().is_some_and(Teller::is_due) {
+            self.look_at_drives();
+            if let Some(teller) = &self.teller {
+                teller.tell(self.socket, &self.driven);
+            }
+        }
+    }
+}
+
+/// How far a sequence number is ahead of another, round the largest number; none where it is not.
+fn ahead(new: u32, old: u32) -> Option<u32> {
+    let ahead = new.wrapping_sub(old);
+    (1..=u32::MAX / 2).contains(&ahead).then_some(ahead)
+}
+
+/// Errors after which a socket is as good as before: nothing came, or an answer found nobody.
+fn is_passing(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
+    matches!(
+        error.kind(),
+        WouldBlock | TimedOut | Interrupted | ConnectionReset | ConnectionRefused
+    )
+}
+
+#[cfg(test)]
+mod tests;

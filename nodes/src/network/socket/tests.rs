@@ -1,0 +1,162 @@
+use super::*;
+use crate::network::link::Link;
+
+/// A conversation over loopback, and the device's end of it.
+struct Table {
+    link: Arc<Link>,
+    device: UdpSocket,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+    to: SocketAddr,
+}
+
+/// Silence that no loaded machine makes by itself within these tests.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+impl Table {
+    fn new(timeout: Duration) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(WAIT)).unwrap();
+        let to = socket.local_addr().unwrap();
+        let link = Arc::new(Link::new());
+        let plug = Plug {
+            link: Arc::clone(&link),
+            listen: to,
+            only: None,
+            timeout,
+            codec: Codec::Protocol,
+        };
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let thread = std::thread::spawn(move || Conversation::new(plug, &socket).hold(&flag));
+        let device = UdpSocket::bind("127.0.0.1:0").unwrap();
+        device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        Self {
+            link,
+            device,
+            stop,
+            thread,
+            to,
+        }
+    }
+
+    fn send(&self, sequence: u32, x_m: f64) {
+        let state = State {
+            sequence,
+            position_m: [x_m, 0.0, 0.0],
+            ..State::default()
+        };
+        self.device.send_to(&state.to_bytes(), self.to).unwrap();
+    }
+
+    fn answer(&self) -> Command {
+        let mut bytes = [0; 200];
+        let (length, _) = self.device.recv_from(&mut bytes).unwrap();
+        Command::from_bytes(&bytes[..length]).unwrap()
+    }
+
+    /// Sends a state that is answered: everything sent before has been looked at then.
+    fn settle(&self, sequence: u32) -> Counts {
+        self.send(sequence, 0.25);
+        while self.answer().answers != sequence {}
+        self.link.counts()
+    }
+
+    fn end(self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap();
+    }
+}
+
+#[test]
+fn every_state_is_answered_with_the_latest_drives() {
+    let table = Table::new(TIMEOUT);
+    table.link.driven.put(&[1.0, 2.0, 3.0, 0.25, 0.1]);
+    table.send(41, 0.01);
+    let command = table.answer();
+    assert_eq!((command.answers, command.running), (41, true));
+    assert_eq!(
+        (command.force_n, command.current_a, command.brake_a),
+        ([1.0, 2.0, 3.0], 0.25, 0.1)
+    );
+    assert_eq!(table.link.sensed.look().unwrap().1[0], 0.01);
+    let device = table.device.try_clone().unwrap();
+    table.end();
+    let mut bytes = [0; 200];
+    let (length, _) = device.recv_from(&mut bytes).unwrap();
+    let goodbye = Command::from_bytes(&bytes[..length]).unwrap();
+    assert_eq!((goodbye.running, goodbye.force_n), (false, [0.0; 3]));
+}
+
+#[test]
+fn missing_doubled_and_reordered_packets_are_counted_and_the_newest_stays() {
+    let table = Table::new(TIMEOUT);
+    for (sequence, x_m) in [(1, 0.1), (2, 0.2), (5, 0.5), (5, 0.9), (3, 0.9), (4, 0.9)] {
+        table.send(sequence, x_m);
+    }
+    let counts = table.settle(6);
+    assert_eq!((counts.accepted, counts.missing, counts.outdated), (4, 2, 3));
+    table.end();
+}
+
+#[test]
+fn numbers_go_on_round_the_largest() {
+    assert_eq!(ahead(0, u32::MAX), Some(1));
+    assert_eq!(ahead(u32::MAX, 0), None);
+    assert_eq!(ahead(7, 7), None);
+    assert_eq!(ahead(10, 7), Some(3));
+}
+
+#[test]
+fn forged_sizes_foreign_packets_and_what_is_no_number_change_nothing() {
+    let table = Table::new(TIMEOUT);
+    table.settle(1);
+    for length in [0, 1, 24, 119, 121, 1400, 9000] {
+        table.device.send_to(&vec![0x48; length], table.to).unwrap();
+    }
+    let nan = State {
+        sequence: 2,
+        force_n: [0.0, f64::NAN, 0.0],
+        ..State::default()
+    };
+    table.device.send_to(&nan.to_bytes(), table.to).unwrap();
+    let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let state = State {
+        sequence: 2,
+        position_m: [9.0; 3],
+        ..State::default()
+    };
+    stranger.send_to(&state.to_bytes(), table.to).unwrap();
+    let counts = table.settle(2);
+    assert_eq!(
+        (counts.malformed, counts.not_numbers, counts.strangers),
+        (7, 1, 1)
+    );
+    assert_eq!((counts.accepted, counts.missing, counts.outdated), (2, 0, 0));
+    assert_eq!(table.link.sensed.look().unwrap().1[0], 0.25);
+    table.end();
+}
+
+#[test]
+fn a_device_that_begins_anew_after_silence_is_heard() {
+    let table = Table::new(Duration::from_millis(1));
+    table.settle(1_000_000);
+    std::thread::sleep(Duration::from_millis(20));
+    assert_eq!(table.settle(0).accepted, 2);
+    table.end();
+}
+
+#[test]
+fn drives_that_nobody_renews_are_not_told_again() {
+    let table = Table::new(Duration::from_millis(1));
+    table.link.driven.put(&[1.0; 5]);
+    table.settle(1);
+    std::thread::sleep(Duration::from_millis(20));
+    table.send(2, 0.0);
+    let command = table.answer();
+    assert_eq!(
+        (command.answers, command.force_n, command.current_a),
+        (2, [0.0; 3], 0.0)
+    );
+    table.end();
+}
