@@ -2,15 +2,23 @@
 
 pub mod bench;
 pub mod check;
+pub mod compare;
 pub mod devices;
 pub mod doctor;
 pub mod draw;
 pub mod identify;
+pub mod evaluate;
+pub mod learn;
 pub mod new;
 pub mod nodes;
+mod progress;
 pub mod run;
+pub mod segment;
 pub mod simulate_recording;
+mod snippet;
+pub mod surface;
 pub mod sweep;
+mod table;
 
 use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};
@@ -32,6 +40,9 @@ pub enum Failure {
     /// Anything else, in words for the user.
     #[error("{0}")]
     Message(String),
+    /// An error shown at its place in a text.
+    #[error("{0}")]
+    Shown(String),
     /// Nobody reads what is written any more.
     #[error("")]
     BrokenPipe,
@@ -48,6 +59,7 @@ impl Failure {
         let text = match &self {
             Self::Graph(diagnostics) => render(diagnostics, std::io::stderr().is_terminal()),
             Self::Message(text) => format!("error: {text}\n"),
+            Self::Shown(text) => text.clone(),
             Self::Reported | Self::BrokenPipe => String::new(),
         };
         // Where standard error is closed there is nobody left to tell.
@@ -68,6 +80,13 @@ pub fn say(text: &str) -> Result<(), Failure> {
             std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
             _ => Failure::Message(format!("cannot write to standard output: {error}")),
         })
+}
+
+/// One line of JSON on standard output.
+pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))?;
+    say(&(text + "\n"))
 }
 
 /// Says something on standard error that is no failure.
@@ -148,6 +167,19 @@ pub fn warnings(graph: &Graph) -> Diagnostics {
         sources: graph.sources().clone(),
         list: graph.warnings().to_vec(),
     }
+}
+
+/// All bytes of a file.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    std::fs::read(path).map_err(|error| Failure::file("read", path, &error))
+}
+
+/// Writes a page called `report.html` into a folder, which is made if need be.
+pub fn report_page(folder: &Path, html: &str) -> Result<PathBuf, Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+    let page = folder.join("report.html");
+    write_file(&page, html)?;
+    Ok(page)
 }
 
 /// Writes a file whole or not at all.

@@ -3,7 +3,9 @@
 mod command;
 
 use clap::{Parser, Subcommand};
-use command::{bench, check, devices, doctor, draw, identify, new, nodes, run, simulate_recording, sweep};
+use command::{
+    bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, run, segment, simulate_recording, surface, sweep,
+};
 use std::process::ExitCode;
 
 /// Runs graphs that render the feel of real surfaces.
@@ -27,6 +29,11 @@ enum Command {
     SimulateRecording(simulate_recording::Arguments),
     Devices(devices::Arguments),
     Doctor(doctor::Arguments),
+    Learn(learn::Arguments),
+    Segment(segment::Arguments),
+    Surface(surface::Arguments),
+    Compare(compare::Arguments),
+    Evaluate(evaluate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -43,6 +50,11 @@ fn main() -> ExitCode {
         Command::SimulateRecording(arguments) => simulate_recording::run(&arguments),
         Command::Devices(arguments) => devices::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
+        Command::Learn(arguments) => learn::run(&arguments),
+        Command::Segment(arguments) => segment::run(&arguments),
+        Command::Surface(arguments) => surface::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,8 +3,10 @@
 
 pub mod asked;
 pub mod drawing;
+pub mod evaluation;
 pub mod figures;
 mod layout;
+pub mod learning;
 pub mod page;
 pub mod plot;
 mod raster;

@@ -9,7 +9,7 @@ mod kernel;
 mod polyphase;
 mod steered;
 
-pub use polyphase::Resampler;
+pub use polyphase::{Resampler, resample_whole};
 pub use steered::{MAX_CORRECTION_PPM, SteeredResampler};
 
 use crate::time::Rate;

@@ -152,13 +152,16 @@ pub fn select(surfaces: &[Features], clusters: usize) -> Result<Selection, Selec
     })
 }
 
+/// A feature by name, and how to take it.
+type Feature = (&'static str, fn(&Features) -> Option<f64>);
+
 fn shared_features(surfaces: &[Features]) -> Vec<(&'static str, Vec<f64>)> {
-    let kinds: [(&str, fn(&Features) -> Option<f64>); 3] = [
+    let kinds: [Feature; 3] = [
         ("friction", |f| f.friction),
         ("tap response", |f| f.tap_response),
         ("power", |f| f.power),
     ];
-    let column = |(name, value): (&'static str, fn(&Features) -> Option<f64>)| {
+    let column = |(name, value): Feature| {
         surfaces
             .iter()
             .map(value)

@@ -106,6 +106,31 @@ impl Resampler {
     }
 }
 
+/// A whole signal at another rate and without delay: sample k shows the input at the time k / output rate. What lies outside of the signal
+/// counts as zero.
+///
+/// # Errors
+/// As [`Resampler::new`].
+pub fn resample_whole(
+    x: &[f64],
+    input: Rate,
+    output: Rate,
+    quality: Quality,
+) -> Result<Vec<f64>, ResampleError> {
+    let mut resampler = Resampler::new(input, output, quality)?;
+    let latency = resampler.latency_frames();
+    // Zeros ahead, so that the delay is a whole number of outputs.
+    let down = usize::try_from(resampler.down).unwrap_or(usize::MAX);
+    let ahead = (down - latency % down) % down;
+    let late = ((latency + ahead) as u64 / resampler.down * resampler.up) as usize;
+    let samples = resampler.outputs_before(x.len() as u64) as usize;
+    let mut y = vec![0.0; late + samples];
+    let mut produced = resampler.process(&vec![0.0; ahead], &mut y).produced;
+    produced += resampler.process(x, &mut y[produced..]).produced;
+    resampler.process(&vec![0.0; latency + down], &mut y[produced..]);
+    Ok(y.split_off(late))
+}
+
 /// `output / input` in lowest terms.
 fn ratio(input: Rate, output: Rate) -> (u64, u64) {
     let ((ni, di), (no, d_o)) = (input.parts(), output.parts());

@@ -277,3 +277,22 @@ fn steering_is_clamped_and_survives_nonsense() {
     steered.set_correction_ppm(f64::NAN);
     assert_eq!(steered.inputs_needed(1_000_001), 1_000_001);
 }
+
+#[test]
+fn a_whole_signal_is_resampled_in_place() {
+    let tone = |rate: u64, i: usize| (TAU * 150.0 * i as f64 / rate as f64 + 0.3).sin();
+    for (input, output) in PAIRS
+        .into_iter()
+        .filter(|(input, output)| *input > 400 && *output > 400)
+    {
+        let x: Vec<f64> = (0..input as usize).map(|i| tone(input, i)).collect();
+        let y = resample_whole(&x, hz(input), hz(output), Quality::FINE).unwrap();
+        assert_eq!(y.len(), output as usize, "{input} to {output}");
+        for i in y.len() / 4..3 * y.len() / 4 {
+            assert!(
+                (y[i] - tone(output, i)).abs() < 1e-4,
+                "{input} to {output}, sample {i}"
+            );
+        }
+    }
+}

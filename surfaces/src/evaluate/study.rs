@@ -103,15 +103,15 @@ pub enum StudyError {
         "{material} has no test: {person} needs two takes of it at least, one to learn from and others to compare with"
     )]
     NoTest { material: String, person: String },
-    #[error("{} cannot be processed: {source}", show(name))]
+    #[error("{recording} cannot be processed: {source}")]
     Processing {
-        name: RecordingName,
-        source: ProcessingError,
+        recording: String,
+        source: Box<ProcessingError>,
     },
-    #[error("no texture can be learned from {}: {source}", show(name))]
+    #[error("no texture can be learned from {recording}: {source}")]
     Learning {
-        name: RecordingName,
-        source: LearnTextureError,
+        recording: String,
+        source: Box<LearnTextureError>,
     },
     #[error(transparent)]
     Table(#[from] TableError),
@@ -242,8 +242,8 @@ fn expert(drags: &[&Take]) -> Option<String> {
 
 fn process_one(take: &Take, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
     processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
-        name: take.name.clone(),
-        source,
+        recording: show(&take.name),
+        source: Box::new(source),
     })
 }
 
@@ -267,8 +267,8 @@ fn learn_all(
         let recording = process_one(take, settings)?;
         let (texture, report) = learn_texture(std::slice::from_ref(&recording), &settings.texture, &|_| ())
             .map_err(|source| StudyError::Learning {
-            name: take.name.clone(),
-            source,
+            recording: show(&take.name),
+            source: Box::new(source),
         })?;
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / takes.len() as f64);
         Ok(Learned {

@@ -24,7 +24,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A recording from the bytes of a CSV file; `source` is where they came from, unless they say so themselves.
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
-    let table = Table::read(bytes)?;
+    let table = Table::read(without_mark(bytes))?;
     let notes = &table.notes;
     let gesture = match notes.get("gesture") {
         Some(word) => Gesture::from_word(word).ok_or_else(|| {
@@ -47,31 +47,6 @@ pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
     } else {
         processed(&table, gesture, provenance).map(AnyRecording::Processed)
     }
-}
-
-/// One column of numbers by its name as the header has it, for any CSV file with a header.
-pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
-    let mut reader = reader(bytes);
-    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
-    let column = header
-        .iter()
-        .position(|field| field == name.as_bytes())
-        .ok_or_else(|| {
-            let known: Vec<_> = header.iter().map(String::from_utf8_lossy).collect();
-            ReadError::Csv {
-                line: 1,
-                message: format!("there is no column {name:?}; there are {}", known.join(", ")),
-            }
-        })?;
-    let mut values = vec![];
-    let mut record = ByteRecord::new();
-    while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
-        let line = record.position().map_or(0, csv::Position::line);
-        let cell = record.get(column).unwrap_or_default();
-        let value = number(cell, Scale::One).ok_or_else(|| not_a_number(line, name, cell))?;
-        values.push(value);
-    }
-    Ok(values)
 }
 
 fn processed(
@@ -163,7 +138,7 @@ fn columns(columns: [Result<Vec<f64>, ReadError>; 3]) -> Result<Vec<[f64; 3]>, R
 
 /// What a column's unit is in SI.
 #[derive(Clone, Copy)]
-enum Scale {
+pub(super) enum Scale {
     One,
     Thousandth,
     StandardGravity,
@@ -183,7 +158,7 @@ const UNITS: [(&str, &[(&str, Scale)]); 7] = [
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
 /// The name without its unit, and the unit; `None` for columns that are none of ours.
-fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
+pub(super) fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
     let (quantity, units) = UNITS.iter().find(|(quantity, _)| {
         name.strip_prefix(quantity)
             .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
@@ -208,7 +183,7 @@ fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
 }
 
 /// The columns that are understood, in SI; cells that were empty are NaN.
-struct Table {
+pub(super) struct Table {
     header_line: u64,
     notes: BTreeMap<String, String>,
     columns: Vec<(String, Vec<f64>)>,
@@ -216,7 +191,7 @@ struct Table {
     lines: Vec<u64>,
 }
 
-fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+pub(super) fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
     let header = bytes
         .split(|&b| b == b'\n')
         .find(|line| !line.starts_with(b"#") && !line.trim_ascii().is_empty());
@@ -233,14 +208,24 @@ fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
 }
 
 impl Table {
-    fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+    /// Times alone, of a file whose other columns are not ours.
+    pub(super) fn of_times(times: Vec<f64>, notes: BTreeMap<String, String>, lines: Vec<u64>) -> Self {
+        Self {
+            header_line: 1,
+            notes,
+            columns: vec![("time".to_owned(), times)],
+            lines,
+        }
+    }
+
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut reader = reader(bytes);
         let header = reader.headers().map_err(|e| csv_error(&e))?.clone();
         let header_line = header.position().map_or(1, csv::Position::line);
         let mut wanted = vec![];
         let mut columns: Vec<(String, Vec<f64>)> = vec![];
         for (index, name) in header.iter().enumerate() {
-            let Some(parsed) = parse_name(&name.to_ascii_lowercase()) else {
+            let Some(parsed) = parse_name(&unquoted(name).to_ascii_lowercase()) else {
                 continue;
             };
             let (plain, scale) = parsed.map_err(|message| ReadError::Csv {
@@ -271,7 +256,7 @@ impl Table {
                 let cell = record.get(index).unwrap_or_default();
                 values.push(match cell {
                     b"" => f64::NAN,
-                    cell => number(cell, scale).ok_or_else(|| not_a_number(line, name, cell))?,
+                    cell => number(cell, scale).ok_or_else(|| not_a_number(line, index, name, cell))?,
                 });
             }
         }
@@ -328,7 +313,7 @@ impl Table {
         }
     }
 
-    fn rate_hz(&self) -> Result<f64, ReadError> {
+    pub(super) fn rate_hz(&self) -> Result<f64, ReadError> {
         match self.noted_rate_hz()? {
             Some(rate_hz) => Ok(rate_hz),
             None => self
@@ -407,7 +392,7 @@ impl Table {
 }
 
 /// Lines `# key: value`.
-fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
+pub(super) fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
     let lines = bytes
         .split(|&b| b == b'\n')
         .take_while(|line| line.starts_with(b"#"));
@@ -420,8 +405,9 @@ fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
         .collect()
 }
 
-fn number(cell: &[u8], scale: Scale) -> Option<f64> {
-    let text = std::str::from_utf8(cell).ok()?;
+/// The number in a cell. Quotes behind a space are none to the parser of rows, and are taken off here.
+pub(super) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
+    let text = unquoted(std::str::from_utf8(cell).ok()?);
     let value = match scale {
         Scale::One => text.parse().ok()?,
         Scale::Thousandth => parse_thousandth(text)?,
@@ -430,18 +416,42 @@ fn number(cell: &[u8], scale: Scale) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-fn not_a_number(line: u64, name: &str, cell: &[u8]) -> ReadError {
+/// A name or number without the quotes around it.
+pub(super) fn unquoted(text: &str) -> &str {
+    let inner = text.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+    inner.unwrap_or(text).trim()
+}
+
+/// Text without the byte order mark that Windows programs put first.
+pub(super) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+/// `column` counts from 0.
+pub(super) fn not_a_number(line: u64, column: usize, name: &str, cell: &[u8]) -> ReadError {
     let start: String = String::from_utf8_lossy(cell).chars().take(20).collect();
-    ReadError::Csv {
+    let message = match start.is_empty() {
+        true => format!("the cell of {name} is empty"),
+        false => format!("{start:?} in {name} is no finite number"),
+    };
+    ReadError::CsvCell {
         line,
-        message: format!("{start:?} in {name} is no finite number"),
+        column: column + 1,
+        message,
     }
 }
 
-fn csv_error(error: &csv::Error) -> ReadError {
+pub(super) fn csv_error(error: &csv::Error) -> ReadError {
     ReadError::Csv {
         line: error.position().map_or(1, csv::Position::line),
-        message: error.to_string(),
+        message: match error.kind() {
+            csv::ErrorKind::UnequalLengths {
+                expected_len, len, ..
+            } => {
+                format!("the row has {len} cells where the header has {expected_len}")
+            }
+            _ => error.to_string(),
+        },
     }
 }
 

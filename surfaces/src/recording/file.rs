@@ -119,6 +119,12 @@ pub enum ReadError {
     Member { name: String, message: String },
     #[error("line {line}: {message}")]
     Csv { line: u64, message: String },
+    #[error("line {line}, column {column}: {message}")]
+    CsvCell {
+        line: u64,
+        column: usize,
+        message: String,
+    },
     #[error(
         "it is XML, but not named Accel_<material>.xml, Position_<material>.xml or Force_<material>.xml as the toolkit's recordings are"
     )]

@@ -10,12 +10,14 @@ mod csv;
 mod file;
 mod hatt;
 mod series;
+mod signal;
 
 pub use archive::{read_archive, write_archive};
-pub use csv::{read_column, read_csv, write_csv};
+pub use csv::{read_csv, write_csv};
 pub use file::{LoadError, MAX_FILE_BYTES, ReadError, load, save};
 pub use hatt::read_hatt;
 pub use series::Series;
+pub use signal::{Column, read_column, read_signal};
 
 use crate::Provenance;
 

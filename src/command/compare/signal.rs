@@ -1,0 +1,172 @@
+//! One vibration from whatever file it is in.
+
+use crate::command::{Failure, read_file};
+use haptograph::signal::resample::{Quality, resample_whole};
+use haptograph::signal::time::Rate;
+use haptograph::surfaces::learning::processing::{combined, processed};
+use haptograph::surfaces::recording::{load, read_signal};
+use hound::{SampleFormat, WavReader};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// A vibration. Its rate is unknown where a CSV file does not say it.
+#[derive(Debug)]
+pub struct Signal {
+    path: PathBuf,
+    samples: Vec<f64>,
+    rate_hz: Option<f64>,
+}
+
+/// What a run writes beside a WAV file.
+#[derive(Debug, Deserialize)]
+#[serde(rename = "Recording")]
+struct Note {
+    full_scale: f64,
+}
+
+impl Signal {
+    /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
+    pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
+        let bytes = read_file(path)?;
+        let (samples, rate_hz) = match &bytes {
+            bytes if bytes.starts_with(b"RIFF") => wav(path, bytes, column)?,
+            bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path)?,
+            bytes if column.is_none() && is_recording(bytes) => recording(path)?,
+            bytes => {
+                let column =
+                    read_signal(bytes, column).map_err(|error| Failure::file("read", path, &error))?;
+                (column.values, column.rate_hz)
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            samples,
+            rate_hz,
+        })
+    }
+
+    /// The samples at this rate.
+    pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
+        let Some(own_hz) = self.rate_hz.filter(|own| *own != rate_hz) else {
+            return Ok(self.samples.clone());
+        };
+        let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
+        if own_hz < rate_hz {
+            return Err(failed(&format!(
+                "its rate is {own_hz} Hz; give a --rate of at most that"
+            )));
+        }
+        let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
+        resample_whole(&self.samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE)
+            .map_err(|error| failed(&error))
+    }
+}
+
+/// The rate that two vibrations are compared at.
+pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
+    match (asked_hz, signals.map(|signal| signal.rate_hz)) {
+        (Some(asked_hz), _) => Ok(asked_hz),
+        (None, [Some(a), Some(b)]) if a == b => Ok(a),
+        (None, [Some(a), Some(b)]) => Err(Failure::Message(format!(
+            "{} has {a} Hz, {} has {b} Hz; say by --rate what to compare at, {} at most",
+            signals[0].path.display(),
+            signals[1].path.display(),
+            a.min(b)
+        ))),
+        (None, rates) => {
+            let unknown = if rates[0].is_none() {
+                signals[0]
+            } else {
+                signals[1]
+            };
+            let path = unknown.path.display();
+            Err(Failure::Message(format!(
+                "{path} does not say its rate; give it by --rate, or a column time_s in the file"
+            )))
+        }
+    }
+}
+
+fn is_xml(bytes: &[u8]) -> bool {
+    bytes
+        .strip_prefix(b"\xef\xbb\xbf")
+        .unwrap_or(bytes)
+        .trim_ascii_start()
+        .starts_with(b"<")
+}
+
+/// Whether a CSV file has what a recording has besides acceleration.
+fn is_recording(bytes: &[u8]) -> bool {
+    let mut lines = bytes
+        .split(|&byte| byte == b'\n')
+        .filter(|line| !line.starts_with(b"#"));
+    let header = String::from_utf8_lossy(lines.next().unwrap_or_default()).to_ascii_lowercase();
+    header.contains("accel")
+        && header.contains("force")
+        && (header.contains("speed") || header.contains("position"))
+}
+
+fn recording(path: &Path) -> Result<(Vec<f64>, Option<f64>), Failure> {
+    let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
+    let processed =
+        processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
+    let signals = processed.signals();
+    Ok((signals.acceleration_m_s2.clone(), Some(signals.rate_hz)))
+}
+
+/// The only channel, that of the given number, or three axes combined.
+fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<(Vec<f64>, Option<f64>), Failure> {
+    let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
+    let mut reader = WavReader::new(bytes).map_err(|error| failed(&error))?;
+    let spec = reader.spec();
+    let (channels, rate_hz) = (usize::from(spec.channels), f64::from(spec.sample_rate));
+    let full_scale = full_scale(path)?;
+    let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
+        SampleFormat::Float => reader
+            .samples::<f32>()
+            .map(|s| s.map(|s| f64::from(s) * full_scale))
+            .collect(),
+        SampleFormat::Int => {
+            let scale = full_scale / f64::from(spec.bits_per_sample - 1).exp2();
+            reader
+                .samples::<i32>()
+                .map(|s| s.map(|s| f64::from(s) * scale))
+                .collect()
+        }
+    };
+    let samples = samples.map_err(|error| failed(&error))?;
+    let one = |channel: usize| samples.iter().copied().skip(channel).step_by(channels).collect();
+    let chosen: Vec<f64> = match (channel, channels) {
+        (Some(number), _) => match number.parse::<usize>() {
+            Ok(number) if number < channels => one(number),
+            _ => {
+                return Err(failed(&format!(
+                    "there is no channel {number}; there are {channels}, counted from 0"
+                )));
+            }
+        },
+        (None, 1) => samples,
+        (None, 3) => {
+            let axes: Vec<[f64; 3]> = samples.as_chunks::<3>().0.to_vec();
+            combined(&axes, rate_hz, &Default::default()).map_err(|error| failed(&error))?
+        }
+        (None, _) => {
+            return Err(failed(&format!(
+                "it has {channels} channels; choose one by --column, from 0"
+            )));
+        }
+    };
+    Ok((chosen, Some(rate_hz)))
+}
+
+/// What a sample of 1.0 stands for, if a note beside the file says it.
+fn full_scale(path: &Path) -> Result<f64, Failure> {
+    let mut note = path.as_os_str().to_owned();
+    note.push(".ron");
+    let note = PathBuf::from(note);
+    let Ok(text) = std::fs::read_to_string(&note) else {
+        return Ok(1.0);
+    };
+    let parsed: Note = ron::from_str(&text).map_err(|error| Failure::file("read", &note, &error))?;
+    Ok(parsed.full_scale)
+}

@@ -1,0 +1,247 @@
+//! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
+
+use super::progress::Progress;
+use super::table::{facts, significant, table};
+use super::{Failure, learn, remark, say, say_json};
+use clap::ValueEnum;
+use haptograph::surfaces::evaluate::{
+    DifferenceTable, Evaluation, MapSettings, RecordingName, StudySettings, TableSettings, Take, evaluate,
+};
+use haptograph::surfaces::metrics::Pooling;
+use haptograph::surfaces::recording::load;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Measure how well learned textures match recordings
+///
+/// Reads all recordings in a folder that are named `<material>.<person>.<take>.<extension>`. For every material and person a texture is
+/// learned from the first take. Whoever has the most takes is the expert: the others of the expert's takes are what the textures are tested
+/// on. Prints Table 2.1 of the thesis (textures against materials; each texture's own material marked), and Table 2.2 where there are several
+/// people.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The folder of recordings
+    dir: PathBuf,
+    /// Also write a page with figures into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or all. The map of textures takes
+    /// all unless told otherwise
+    #[arg(long, value_enum)]
+    pooling: Option<PoolingArgument>,
+    /// Seed of the synthesised vibrations and of the map's trajectory
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print tables and map as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    settings: learn::Settings,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PoolingArgument {
+    Pair,
+    All,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let takes = read_takes(&arguments.dir)?;
+    let settings = study_settings(arguments);
+    let progress = Progress::of("evaluating");
+    let found = evaluate(&takes, &settings, &|part| progress.at(part))
+        .map_err(|error| Failure::file("evaluate", &arguments.dir, &error))?;
+    drop(progress);
+    let page = match &arguments.report {
+        Some(folder) => Some(super::report_page(
+            folder,
+            &haptograph::report::evaluation::page(&found, &settings),
+        )?),
+        None => None,
+    };
+    if arguments.json {
+        return say_json(&to_json(&found));
+    }
+    say(&describe(&found))?;
+    page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+fn study_settings(arguments: &Arguments) -> StudySettings {
+    let mut settings = StudySettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        table: TableSettings::default(),
+        map: MapSettings::default(),
+    };
+    if let Some(pooling) = arguments.pooling {
+        let pooling = match pooling {
+            PoolingArgument::Pair => Pooling::Pair,
+            PoolingArgument::All => Pooling::All,
+        };
+        (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
+    }
+    settings.table.synthesis.seed = arguments.seed;
+    settings.map.synthesis.seed = arguments.seed;
+    settings.map.walk.seed = arguments.seed;
+    settings.map.seed = arguments.seed;
+    settings
+}
+
+/// All takes in a folder; of the toolkit's triples the first file stands for all three.
+fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
+    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let mut files: BTreeMap<RecordingName, PathBuf> = BTreeMap::new();
+    let mut paths: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file())
+        .collect();
+    paths.sort();
+    for path in paths {
+        let file = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let file = ["Accel_", "Position_", "Force_"]
+            .iter()
+            .find_map(|part| file.strip_prefix(part))
+            .unwrap_or(&file);
+        match RecordingName::parse(file) {
+            Some(name) => {
+                files.entry(name).or_insert(path);
+            }
+            None => remark(&format!(
+                "warning: passed over {}: it is not named <material>.<person>.<take>.<extension>\n",
+                path.display()
+            )),
+        }
+    }
+    let read = |(name, path): (RecordingName, PathBuf)| {
+        let recording = load(&path).map_err(|error| Failure::Message(error.to_string()))?;
+        Ok(Take { name, recording })
+    };
+    files.into_iter().map(read).collect()
+}
+
+fn describe(found: &Evaluation) -> String {
+    let mut text = format!(
+        "Spectral difference of virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
+         [own material]  * least of its row and column\n\n",
+        found.expert, found.expert
+    );
+    text += &materials_table(&found.materials_table);
+    let least = found.materials_table.diagonal_is_least();
+    text += "\n";
+    text += &facts(&[
+        (
+            "baseline (mean + 2 sd of the diagonal)",
+            significant(found.materials_table.baseline(), 3),
+        ),
+        (
+            "each texture nearest to its own material",
+            if least { "yes" } else { "no" }.to_owned(),
+        ),
+    ]);
+    if let Some(people) = &found.people_table {
+        text += "\nEverybody's textures against the same recordings of their own material.\n\n";
+        text += &people_table(people);
+    }
+    if let Some(map) = &found.map {
+        text += "\nAll textures against each other, played along one random walk and placed on a map.\n\n";
+        let stress: Vec<String> = map
+            .scaling
+            .stress
+            .iter()
+            .map(|stress| significant(*stress, 2))
+            .collect();
+        text += &facts(&[
+            ("stress in 1, 2, ... dimensions", stress.join(" ")),
+            ("purity of k-means groups", significant(map.k_means_purity, 3)),
+            ("purity of hierarchical groups", significant(map.tree_purity, 3)),
+            (
+                "angle of roughness and fineness",
+                map.angle_deg.map_or_else(
+                    || "none".to_owned(),
+                    |angle| format!("{} degrees", significant(angle, 3)),
+                ),
+            ),
+        ]);
+    }
+    text
+}
+
+fn materials_table(differences: &DifferenceTable) -> String {
+    let rows: Vec<Vec<String>> = differences
+        .rows
+        .iter()
+        .enumerate()
+        .map(|(row, name)| {
+            let cells = differences.differences[row]
+                .iter()
+                .enumerate()
+                .map(|(column, cell)| {
+                    let least = differences.is_least_of_row(row, column)
+                        && differences.is_least_of_column(row, column);
+                    let star = if least { "*" } else { "" };
+                    match cell {
+                        Some(value) if row == column => format!("{star}[{value:.2}]"),
+                        Some(value) => format!("{star}{value:.2} "),
+                        None => "–".to_owned(),
+                    }
+                });
+            std::iter::once(format!("virtual {name}")).chain(cells).collect()
+        })
+        .collect();
+    let header: Vec<&str> = std::iter::once("")
+        .chain(differences.columns.iter().map(String::as_str))
+        .collect();
+    table(&header, &rows)
+}
+
+fn people_table(differences: &DifferenceTable) -> String {
+    let statistics = differences.row_statistics();
+    let rows: Vec<Vec<String>> = differences
+        .rows
+        .iter()
+        .zip(&differences.differences)
+        .zip(&statistics)
+        .map(|((name, cells), (mean, deviation))| {
+            let cells = cells
+                .iter()
+                .map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
+            let row = std::iter::once(name.clone()).chain(cells);
+            row.chain([format!("{mean:.2}"), format!("{deviation:.2}")])
+                .collect()
+        })
+        .collect();
+    let columns = differences.columns.iter().map(String::as_str);
+    let header: Vec<&str> = std::iter::once("").chain(columns).chain(["mean", "sd"]).collect();
+    table(&header, &rows)
+}
+
+fn to_json(found: &Evaluation) -> serde_json::Value {
+    let rows = |table: &DifferenceTable| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences });
+    json!({
+        "materials": found.materials,
+        "people": found.people,
+        "expert": found.expert,
+        "table": rows(&found.materials_table),
+        "diagonal": found.materials_table.diagonal(),
+        "baseline": found.materials_table.baseline(),
+        "diagonal_is_least": found.materials_table.diagonal_is_least(),
+        "people_table": found.people_table.as_ref().map(rows),
+        "map": found.map.as_ref().map(|map| json!({
+            "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+            "places": map.scaling.places,
+            "stress": map.scaling.stress,
+            "k_means": map.k_means,
+            "k_means_purity": map.k_means_purity,
+            "hierarchical_purity": map.tree_purity,
+            "power": map.power,
+            "spectral_centroid_hz": map.spectral_centroid_hz,
+            "angle_deg": map.angle_deg,
+        })),
+    })
+}

@@ -1,0 +1,249 @@
+//! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
+
+use super::progress::Progress;
+use super::table::{facts, significant};
+use super::{Failure, say, segment, surface};
+use clap::ValueEnum;
+use haptograph::surfaces::Surface;
+use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
+use haptograph::surfaces::learning::segmentation::SegmentationSettings;
+use haptograph::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
+use haptograph::surfaces::learning::{LearnSettings, LearningReport, learn};
+use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
+use std::path::{Path, PathBuf};
+
+/// Learn a surface from recordings
+///
+/// Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles friction, taps the taps, a
+/// press stiffness. Recordings are haptograph's own archives, CSV files with a header, or the toolkit's (HaTT) XML triples, of which any file
+/// is named; docs/learning.md tells what they hold. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Recordings of one material
+    #[arg(value_name = "RECORDING", required_unless_present_any = ["circle", "tap", "press"])]
+    recordings: Vec<PathBuf>,
+    /// A recording of circles, whatever it says of itself; can be repeated
+    #[arg(long, value_name = "RECORDING")]
+    circle: Vec<PathBuf>,
+    /// A recording of taps, whatever it says of itself; can be repeated
+    #[arg(long, value_name = "RECORDING")]
+    tap: Vec<PathBuf>,
+    /// The recording of a press, whatever it says of itself
+    #[arg(long, value_name = "RECORDING")]
+    press: Option<PathBuf>,
+    /// The surface to write: .ron (all of it) or .xml (what the toolkit has a place for)
+    #[arg(short, long, value_name = "SURFACE.ron")]
+    output: PathBuf,
+    /// Also write a page with figures into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// The surface's name; that of the output where it is not given
+    #[arg(long)]
+    name: Option<String>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// How textures are learned.
+#[derive(Debug, clap::Args)]
+pub struct Settings {
+    /// How three axes of acceleration become one
+    #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
+    reduction: Reduction,
+    /// The order of all models; the median of the segments' where it is not given
+    #[arg(long, value_name = "P")]
+    order: Option<usize>,
+    /// The fewest samples a segment may have
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    min_span: usize,
+    /// The highest order of a segment's model
+    #[arg(long, value_name = "P", default_value_t = 20)]
+    max_order: usize,
+    /// How a segment's innovation variance is estimated while breaks are sought
+    #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
+    variance: segment::Variance,
+    /// How the coefficients of a segment are found
+    #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
+    fit: Fit,
+    /// Keep models that do not fit in with the others
+    #[arg(long)]
+    keep_outliers: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Reduction {
+    /// By spectra: the energy of all axes, the phase of their sum; the thesis's
+    Dft321,
+    /// The sum of the axes
+    Sum,
+    /// The first axis
+    X,
+    /// The second axis
+    Y,
+    /// The third axis
+    Z,
+    /// The projection on the direction of greatest variance
+    PrincipalComponent,
+    /// The length of the vector at each moment
+    VectorMagnitude,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Fit {
+    /// From the autocovariance by the Levinson-Durbin recursion, as in the thesis
+    YuleWalker,
+    /// Burg's lattice: sharper resonances from short segments
+    Burg,
+}
+
+impl Settings {
+    pub fn processing(&self) -> ProcessingSettings {
+        let reduction = match self.reduction {
+            Reduction::Dft321 => AxisReduction::Dft321,
+            Reduction::Sum => AxisReduction::Sum,
+            Reduction::X => AxisReduction::SingleAxis(0),
+            Reduction::Y => AxisReduction::SingleAxis(1),
+            Reduction::Z => AxisReduction::SingleAxis(2),
+            Reduction::PrincipalComponent => AxisReduction::PrincipalComponent,
+            Reduction::VectorMagnitude => AxisReduction::VectorMagnitude,
+        };
+        ProcessingSettings {
+            reduction,
+            ..Default::default()
+        }
+    }
+
+    pub fn texture(&self) -> TextureSettings {
+        let usual = TextureSettings::default();
+        TextureSettings {
+            segmentation: SegmentationSettings {
+                min_span: self.min_span,
+                max_order: self.max_order,
+                variance: self.variance.estimate(),
+                ..SegmentationSettings::default()
+            },
+            order: self.order,
+            fit: match self.fit {
+                Fit::YuleWalker => CoefficientFit::YuleWalker,
+                Fit::Burg => CoefficientFit::Burg,
+            },
+            outliers: usual.outliers.filter(|_| !self.keep_outliers),
+            ..usual
+        }
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let recordings = read_all(arguments)?;
+    let settings = LearnSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        ..LearnSettings::default()
+    };
+    let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
+    let name = arguments.name.as_deref().unwrap_or(&stem);
+    let progress = Progress::of("learning");
+    let (learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
+        .map_err(|error| Failure::Message(error.to_string()))?;
+    drop(progress);
+    surface::save(&learned, &arguments.output)?;
+    let mut text = describe(&learned, &report, &arguments.output);
+    if let Some(folder) = &arguments.report {
+        let page = super::report_page(folder, &haptograph::report::learning::page(&learned, &report))?;
+        text += &format!("look at {}\n", page.display());
+    }
+    say(&text)
+}
+
+fn read_all(arguments: &Arguments) -> Result<Vec<AnyRecording>, Failure> {
+    let read = |path: &Path, gesture: Option<Gesture>| {
+        let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
+        Ok(match gesture {
+            Some(gesture) => recording.with_gesture(gesture),
+            None => recording,
+        })
+    };
+    let Arguments {
+        recordings,
+        circle,
+        tap,
+        press,
+        ..
+    } = arguments;
+    let said = recordings.iter().map(|path| (path, None));
+    let circles = circle.iter().map(|path| (path, Some(Gesture::Circle)));
+    let taps = tap.iter().map(|path| (path, Some(Gesture::Tap)));
+    let presses = press.iter().map(|path| (path, Some(Gesture::Press)));
+    said.chain(circles)
+        .chain(taps)
+        .chain(presses)
+        .map(|(path, gesture)| read(path, gesture))
+        .collect()
+}
+
+fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
+    let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
+    if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
+        let count = |fate: fn(&Fate) -> bool| {
+            report
+                .segments
+                .iter()
+                .filter(|segment| fate(&segment.fate))
+                .count()
+        };
+        let kept = count(|fate| *fate == Fate::Kept);
+        let outliers = count(|fate| matches!(fate, Fate::Outlier { .. }));
+        found.push((
+            "texture",
+            format!(
+                "{kept} models of order {} from {} segments ({outliers} outliers), to {} mm/s and {} N",
+                report.order,
+                report.segments.len(),
+                significant(texture.max_speed_m_s() * 1000.0, 3),
+                significant(texture.max_force_n(), 3)
+            ),
+        ));
+    }
+    let fit = |r_squared: Option<f64>| {
+        r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
+    };
+    if let Some(friction) = surface.friction {
+        found.push((
+            "friction",
+            format!(
+                "mu {}{}",
+                significant(friction.mu(), 3),
+                fit(friction.r_squared())
+            ),
+        ));
+    }
+    if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
+        let used = report.contacts.iter().filter(|contact| contact.used).count();
+        let response = report.response.map_or_else(String::new, |line| {
+            format!(
+                ", response {} N per m/s{}",
+                significant(line.slope, 3),
+                fit(Some(line.r_squared))
+            )
+        });
+        found.push((
+            "taps",
+            format!(
+                "{} of {} contacts, {used} used{response}",
+                taps.taps().len(),
+                report.contacts.len()
+            ),
+        ));
+    }
+    if let Some(stiffness) = surface.stiffness {
+        found.push((
+            "stiffness",
+            format!(
+                "{} N/mm{}",
+                significant(stiffness.n_per_mm(), 3),
+                fit(stiffness.r_squared())
+            ),
+        ));
+    }
+    format!("wrote {}\n{}", output.display(), facts(&found))
+}

@@ -1,0 +1,57 @@
+//! A bar for work that takes longer than a second, on terminals only.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Work that is not worth a bar takes at most this long.
+const PATIENCE: Duration = Duration::from_secs(1);
+const STEPS: f64 = 1000.0;
+
+/// The progress of one piece of work. The bar goes away with it.
+#[derive(Debug)]
+pub struct Progress {
+    bar: ProgressBar,
+    begun: Instant,
+    shown: AtomicBool,
+}
+
+impl Progress {
+    /// Work that begins now.
+    pub fn of(doing: &'static str) -> Self {
+        let style = ProgressStyle::with_template("{msg} {bar:40} {percent:>3} %  {eta} left");
+        let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden())
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+            .with_message(doing);
+        Self {
+            bar,
+            begun: Instant::now(),
+            shown: AtomicBool::new(false),
+        }
+    }
+
+    /// This part of it is done, 0 to 1.
+    pub fn at(&self, part: f64) {
+        if self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {
+            self.bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+        }
+        self.bar.set_position((part * STEPS) as u64);
+    }
+
+    /// Work that cannot tell how far it is: something turns until it is done.
+    pub fn unknown(doing: &'static str) -> Self {
+        let bar = ProgressBar::new_spinner().with_message(doing);
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self {
+            bar,
+            begun: Instant::now(),
+            shown: AtomicBool::new(true),
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

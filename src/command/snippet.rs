@@ -1,0 +1,63 @@
+//! An error in a text, shown at its place.
+
+use annotate_snippets::renderer::DecorStyle;
+use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use std::io::IsTerminal;
+
+/// Characters shown on either side of the place; lines of surface files can be long.
+const AROUND: usize = 60;
+
+/// `message`, and the place in `line`, which has this number (from 1); the column counts characters, from 1.
+pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
+    let renderer = if std::io::stderr().is_terminal() {
+        Renderer::styled()
+    } else {
+        Renderer::plain()
+    };
+    let place = format!("{name}:{number}:{column}");
+    let first = column.saturating_sub(AROUND + 1);
+    let shown: String = line.chars().skip(first).take(2 * AROUND).collect();
+    let start = shown
+        .char_indices()
+        .nth(column - 1 - first)
+        .map_or(shown.len(), |(index, _)| index);
+    let word = shown[start..]
+        .find(char::is_whitespace)
+        .unwrap_or(shown.len() - start);
+    let annotation = AnnotationKind::Primary.span(start..start + word.max(usize::from(start < shown.len())));
+    let snippet = Snippet::source(shown.as_str())
+        .line_start(number)
+        .path(name)
+        .annotation(annotation);
+    let report = Level::ERROR.primary_title(message).element(snippet);
+    let text = renderer.decor_style(DecorStyle::Ascii).render(&[report]);
+    // Where the line is cut, the picture counts its columns from the cut.
+    let text = if first == 0 {
+        text
+    } else {
+        text.replacen(&format!("{name}:{number}:{}", column - first), &place, 1)
+    };
+    text + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_place_is_named_and_shown() {
+        let text = at("stdin", "12 abc", 3, 4, "this is no number");
+        assert!(
+            text.contains("error: this is no number")
+                && text.contains("stdin:3:4")
+                && text.contains("12 abc"),
+            "{text}"
+        );
+        let long = format!("{}x{}", "a ".repeat(500), "b".repeat(500));
+        let text = at("file.xml", &long, 7, 1001, "what is this");
+        assert!(text.contains("file.xml:7:1001") && text.len() < 600, "{text}");
+        at("stdin", "", 1, 1, "nothing");
+        at("stdin", "é", 1, 2, "behind the end");
+        at("stdin", "ab", 1, 99, "far behind the end");
+    }
+}

@@ -1,0 +1,79 @@
+//! `haptograph surface`: what to do with surface files.
+
+mod convert;
+mod interpolate;
+mod resample;
+mod select;
+mod show;
+
+use super::{Failure, remark, snippet};
+use clap::Subcommand;
+use haptograph::surfaces::{Surface, TextureModel, files};
+use std::path::Path;
+
+/// Show, convert, resample, select and interpolate surface files
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Show(show::Arguments),
+    Convert(convert::Arguments),
+    Resample(resample::Arguments),
+    Select(select::Arguments),
+    Interpolate(interpolate::Arguments),
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.command {
+        Command::Show(arguments) => show::run(arguments),
+        Command::Convert(arguments) => convert::run(arguments),
+        Command::Resample(arguments) => resample::run(arguments),
+        Command::Select(arguments) => select::run(arguments),
+        Command::Interpolate(arguments) => interpolate::run(arguments),
+    }
+}
+
+/// A surface from a file; what is wrong in the file is shown at its place.
+pub fn load(path: &Path) -> Result<Surface, Failure> {
+    files::load(path).map_err(|error| match &error {
+        files::FileError::Read { path, error: read } => match (read.place, std::fs::read(path)) {
+            (Some(place), Ok(bytes)) => {
+                let text = String::from_utf8_lossy(&bytes);
+                let line = text.lines().nth(place.line - 1).unwrap_or_default();
+                let name = path.display().to_string();
+                Failure::Shown(snippet::at(
+                    &name,
+                    line,
+                    place.line,
+                    place.column,
+                    &read.problem.to_string(),
+                ))
+            }
+            _ => Failure::Message(error.to_string()),
+        },
+        _ => Failure::Message(error.to_string()),
+    })
+}
+
+/// Writes a surface, and says what the format has no place for.
+pub fn save(surface: &Surface, path: &Path) -> Result<(), Failure> {
+    let left_out = files::save(surface, path).map_err(|error| Failure::Message(error.to_string()))?;
+    if !left_out.is_empty() {
+        remark(&format!(
+            "warning: {} has no place for: {}\n",
+            path.display(),
+            left_out.join(", ")
+        ));
+    }
+    Ok(())
+}
+
+/// The texture of a surface that has to have one.
+fn texture<'s>(surface: &'s Surface, path: &Path) -> Result<&'s TextureModel, Failure> {
+    let missing = || Failure::Message(format!("{} holds no texture", path.display()));
+    surface.texture.as_ref().ok_or_else(missing)
+}

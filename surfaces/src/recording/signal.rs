@@ -1,0 +1,251 @@
+//! One signal from any CSV file with a header: a column of numbers, and how fast they follow one another where the file says so.
+
+use super::ReadError;
+use super::csv::{
+    Scale, Table, csv_error, not_a_number, notes, number, parse_name, reader, unquoted, without_mark,
+};
+use crate::learning::processing;
+use csv::ByteRecord;
+
+/// A signal from a CSV file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Its name in the header; for combined axes, all three.
+    pub name: String,
+    /// Its numbers, in SI where the name says the unit as in [`read_csv`](super::read_csv).
+    pub values: Vec<f64>,
+    /// Samples a second, by a column `time_s` (or `time_ms`) or a line `# rate_hz: 10000` above the header.
+    pub rate_hz: Option<f64>,
+}
+
+/// The numbers of the column called `name` as they stand, whatever their unit.
+pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
+    let bytes = without_mark(bytes);
+    let names = header(bytes)?;
+    let index = find(&names, name)?;
+    let (mut columns, _) = columns(bytes, &names, &[(index, Scale::One)])?;
+    Ok(columns.remove(0))
+}
+
+/// The signal in the column called `name`. Without a name: the acceleration (three axes are high-passed and combined as in learning), or
+/// the only column that is not time.
+pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError> {
+    let bytes = without_mark(bytes);
+    let names = header(bytes)?;
+    let indices = match name {
+        Some(name) => vec![find(&names, name)?],
+        None => choose(&names)?,
+    };
+    let wanted: Vec<_> = indices
+        .iter()
+        .map(|&index| (index, scale(&names[index])))
+        .collect();
+    let (mut values, lines) = columns(bytes, &names, &wanted)?;
+    let rate_hz = rate_hz(bytes, &names, lines)?;
+    let values = match <[Vec<f64>; 3]>::try_from(std::mem::take(&mut values)) {
+        Ok([x, y, z]) => {
+            let axes: Vec<[f64; 3]> = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
+            let rate_hz = rate_hz.ok_or_else(|| ReadError::Csv {
+                line: 1,
+                message: "axes are combined above 20 Hz, which takes their rate: add a column time_s, or a line `# rate_hz: \
+                          10000` above the header"
+                    .to_owned(),
+            })?;
+            let combined = processing::combined(&axes, rate_hz, &Default::default());
+            combined.map_err(|error| ReadError::Csv {
+                line: 1,
+                message: error.to_string(),
+            })?
+        }
+        Err(values) => values.into_iter().next().unwrap_or_default(),
+    };
+    let name = indices
+        .iter()
+        .map(|&index| &*names[index])
+        .collect::<Vec<_>>()
+        .join(", ");
+    Ok(Column {
+        name,
+        values,
+        rate_hz,
+    })
+}
+
+fn header(bytes: &[u8]) -> Result<Vec<String>, ReadError> {
+    let mut reader = reader(bytes);
+    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
+    Ok(header
+        .iter()
+        .map(|name| unquoted(&String::from_utf8_lossy(name)).to_owned())
+        .collect())
+}
+
+/// The column of that name; in other letter case if none has it exactly.
+fn find(names: &[String], name: &str) -> Result<usize, ReadError> {
+    let exact = names.iter().position(|known| known == name.trim());
+    let found = exact.or_else(|| {
+        names
+            .iter()
+            .position(|known| known.eq_ignore_ascii_case(name.trim()))
+    });
+    found.ok_or_else(|| ReadError::Csv {
+        line: 1,
+        message: format!("there is no column {name:?}; there are {}", names.join(", ")),
+    })
+}
+
+/// The quantity of a column such as `accel_x`, where the name follows the convention.
+fn quantity(name: &str) -> Option<String> {
+    parse_name(&name.to_ascii_lowercase())?
+        .ok()
+        .map(|(quantity, _)| quantity)
+}
+
+fn scale(name: &str) -> Scale {
+    match parse_name(&name.to_ascii_lowercase()) {
+        Some(Ok((_, scale))) => scale,
+        _ => Scale::One,
+    }
+}
+
+/// The columns to take where none is named: one, or three axes.
+fn choose(names: &[String]) -> Result<Vec<usize>, ReadError> {
+    let position = |wanted: &str| {
+        names
+            .iter()
+            .position(|name| quantity(name).as_deref() == Some(wanted))
+    };
+    if let Some(index) = position("accel") {
+        return Ok(vec![index]);
+    }
+    let axes: Option<Vec<usize>> = ["accel_x", "accel_y", "accel_z"]
+        .into_iter()
+        .map(position)
+        .collect();
+    if let Some(axes) = axes {
+        return Ok(axes);
+    }
+    let signals = (0..names.len()).filter(|&index| quantity(&names[index]).as_deref() != Some("time"));
+    match signals.collect::<Vec<_>>()[..] {
+        [index] => Ok(vec![index]),
+        _ => Err(ReadError::Csv {
+            line: 1,
+            message: format!("which column is the signal? There are {}", names.join(", ")),
+        }),
+    }
+}
+
+/// Columns by their index, and the line of each row.
+fn columns(
+    bytes: &[u8],
+    names: &[String],
+    wanted: &[(usize, Scale)],
+) -> Result<(Vec<Vec<f64>>, Vec<u64>), ReadError> {
+    let mut reader = reader(bytes);
+    let mut columns = vec![vec![]; wanted.len()];
+    let mut lines = vec![];
+    let mut record = ByteRecord::new();
+    while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
+        let line = record.position().map_or(0, csv::Position::line);
+        lines.push(line);
+        for (&(index, scale), values) in wanted.iter().zip(&mut columns) {
+            let cell = record.get(index).unwrap_or_default();
+            values.push(number(cell, scale).ok_or_else(|| not_a_number(line, index, &names[index], cell))?);
+        }
+    }
+    Ok((columns, lines))
+}
+
+fn rate_hz(bytes: &[u8], names: &[String], lines: Vec<u64>) -> Result<Option<f64>, ReadError> {
+    let time = names
+        .iter()
+        .position(|name| quantity(name).as_deref() == Some("time"));
+    let notes = notes(bytes);
+    if time.is_none() && !notes.contains_key("rate_hz") {
+        return Ok(None);
+    }
+    let times = match time {
+        Some(index) => columns(bytes, names, &[(index, scale(&names[index]))])?
+            .0
+            .remove(0),
+        None => vec![],
+    };
+    Table::of_times(times, notes, lines).rate_hz().map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spaces_quotes_marks_and_line_ends_do_not_matter() {
+        let text =
+            b"\xef\xbb\xbf# rate_hz: 500\r\n\"t\" , \"signal\"\r\n 1 , \" 2.5\" \r\n\"3\",\t-4e-1\r\n\r\n";
+        assert_eq!(read_column(text, "signal").unwrap(), [2.5, -0.4]);
+        assert_eq!(read_column(text, "Signal").unwrap(), [2.5, -0.4]);
+        assert_eq!(read_column(b"a;b\n1;2\n", "b").unwrap(), [2.0]);
+        assert_eq!(
+            read_signal(text, Some("t")).unwrap(),
+            Column {
+                name: "t".into(),
+                values: vec![1.0, 3.0],
+                rate_hz: Some(500.0)
+            }
+        );
+    }
+
+    #[test]
+    fn errors_name_line_and_column() {
+        let error = |text: &[u8]| read_column(text, "b").unwrap_err().to_string();
+        assert_eq!(
+            error(b"a,b\n1,2\n3,x\n"),
+            "line 3, column 2: \"x\" in b is no finite number"
+        );
+        assert_eq!(error(b"a,b\n1,\n"), "line 2, column 2: the cell of b is empty");
+        assert_eq!(
+            error(b"a,b\n1,nan\n"),
+            "line 2, column 2: \"nan\" in b is no finite number"
+        );
+        assert_eq!(
+            error(b"a,b\n1,2\n3\n"),
+            "line 3: the row has 1 cells where the header has 2"
+        );
+        assert_eq!(
+            error(b"a,c\n1,2\n"),
+            "line 1: there is no column \"b\"; there are a, c"
+        );
+    }
+
+    #[test]
+    fn the_signal_is_chosen_where_there_is_no_doubt() {
+        let one = read_signal(b"time_ms,level\n0,1\n1,2\n2,3\n", None).unwrap();
+        assert_eq!(
+            one,
+            Column {
+                name: "level".into(),
+                values: vec![1.0, 2.0, 3.0],
+                rate_hz: Some(1000.0)
+            }
+        );
+        let accel = read_signal(b"force,accel_g,x\n1,1,1\n", None).unwrap();
+        assert_eq!((accel.values, accel.rate_hz), (vec![9.80665], None));
+        let error = read_signal(b"a,b\n1,2\n", None).unwrap_err().to_string();
+        assert_eq!(error, "line 1: which column is the signal? There are a, b");
+    }
+
+    #[test]
+    fn three_axes_are_combined_where_their_rate_is_known() {
+        let rows: String = (0..400)
+            .map(|i| format!("{0},{0},{0}\n", (f64::from(i) * 0.7).sin()))
+            .collect();
+        let axes = format!("accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n{rows}");
+        let error = read_signal(axes.as_bytes(), None).unwrap_err().to_string();
+        assert!(error.contains("rate"), "{error}");
+        let combined = read_signal(format!("# rate_hz: 10000\n{axes}").as_bytes(), None).unwrap();
+        let power = combined.values.iter().map(|a| a * a).sum::<f64>() / 400.0;
+        assert!(
+            (power - 1.5).abs() < 0.05,
+            "the power of all axes together: {power}"
+        );
+    }
+}
