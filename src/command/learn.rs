@@ -134,7 +134,11 @@ impl Settings {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let recordings = read_all(arguments)?;
+    let files = files(arguments);
+    let recordings = files
+        .iter()
+        .map(|(path, gesture)| read(path, *gesture))
+        .collect::<Result<Vec<_>, _>>()?;
     let settings = LearnSettings {
         processing: arguments.settings.processing(),
         texture: arguments.settings.texture(),
@@ -143,9 +147,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
     let name = arguments.name.as_deref().unwrap_or(&stem);
     let progress = Progress::of("learning");
-    let (learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
+    let (mut learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
         .map_err(|error| Failure::Message(error.to_string()))?;
     drop(progress);
+    for (index, (path, _)) in files.iter().enumerate() {
+        // Without its folder: the same recordings give the same surface wherever they lie.
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        learned.provenance = learned
+            .provenance
+            .with_setting(format!("recording {} file", index + 1), file);
+    }
     surface::save(&learned, &arguments.output)?;
     let mut text = describe(&learned, &report, &arguments.output);
     if let Some(folder) = &arguments.report {
@@ -155,14 +166,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     say(&text)
 }
 
-fn read_all(arguments: &Arguments) -> Result<Vec<AnyRecording>, Failure> {
-    let read = |path: &Path, gesture: Option<Gesture>| {
-        let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
-        Ok(match gesture {
-            Some(gesture) => recording.with_gesture(gesture),
-            None => recording,
-        })
-    };
+/// All recordings, with the gestures that the command line gives them.
+fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
+    fn of(paths: &[PathBuf], gesture: Option<Gesture>) -> impl Iterator<Item = (&Path, Option<Gesture>)> {
+        paths.iter().map(move |path| (path.as_path(), gesture))
+    }
     let Arguments {
         recordings,
         circle,
@@ -170,15 +178,19 @@ fn read_all(arguments: &Arguments) -> Result<Vec<AnyRecording>, Failure> {
         press,
         ..
     } = arguments;
-    let said = recordings.iter().map(|path| (path, None));
-    let circles = circle.iter().map(|path| (path, Some(Gesture::Circle)));
-    let taps = tap.iter().map(|path| (path, Some(Gesture::Tap)));
-    let presses = press.iter().map(|path| (path, Some(Gesture::Press)));
-    said.chain(circles)
-        .chain(taps)
-        .chain(presses)
-        .map(|(path, gesture)| read(path, gesture))
+    of(recordings, None)
+        .chain(of(circle, Some(Gesture::Circle)))
+        .chain(of(tap, Some(Gesture::Tap)))
+        .chain(of(press.as_slice(), Some(Gesture::Press)))
         .collect()
+}
+
+fn read(path: &Path, gesture: Option<Gesture>) -> Result<AnyRecording, Failure> {
+    let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
+    Ok(match gesture {
+        Some(gesture) => recording.with_gesture(gesture),
+        None => recording,
+    })
 }
 
 fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {

@@ -172,10 +172,13 @@ fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenan
         .into_iter()
         .find(|origin| origins.contains(origin))
         .unwrap_or(Origin::Imported);
-    let sources: Vec<&str> = recordings
-        .iter()
-        .map(|recording| &*recording.provenance().source)
-        .collect();
+    let mut sources: Vec<&str> = vec![];
+    for recording in recordings {
+        let source = &*recording.provenance().source;
+        if !sources.contains(&source) {
+            sources.push(source);
+        }
+    }
     let mut provenance = Provenance::new(origin, sources.join("; "));
     for (index, recording) in recordings.iter().enumerate() {
         let gesture = recording.gesture().word();

@@ -221,7 +221,7 @@ impl Table {
     pub(super) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
         let mut reader = reader(bytes);
         let header = reader.headers().map_err(|e| csv_error(&e))?.clone();
-        let header_line = header.position().map_or(1, csv::Position::line);
+        let header_line = line_of(bytes, header.position());
         let mut wanted = vec![];
         let mut columns: Vec<(String, Vec<f64>)> = vec![];
         for (index, name) in header.iter().enumerate() {
@@ -250,7 +250,7 @@ impl Table {
         };
         let mut record = ByteRecord::new();
         while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
-            let line = record.position().map_or(0, csv::Position::line);
+            let line = line_of(bytes, record.position());
             table.lines.push(line);
             for (&(index, scale), (name, values)) in wanted.iter().zip(&mut table.columns) {
                 let cell = record.get(index).unwrap_or_default();
@@ -414,6 +414,26 @@ pub(super) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
         Scale::StandardGravity => text.parse::<f64>().ok()? * 9.80665,
     };
     value.is_finite().then_some(value)
+}
+
+/// The line that a row stands on. The parser's own count is of where it began to look: before the line feed of a Windows line end, empty
+/// lines and comments.
+pub(super) fn line_of(bytes: &[u8], position: Option<&csv::Position>) -> u64 {
+    let Some(position) = position else { return 1 };
+    let start = usize::try_from(position.byte()).unwrap_or(usize::MAX);
+    let mut rest = bytes.get(start..).unwrap_or_default();
+    let mut line = position.line();
+    loop {
+        let end = rest.iter().position(|&byte| byte == b'\n');
+        let passed_over = |row: &[u8]| row.starts_with(b"#") || row.trim_ascii().is_empty();
+        match end.filter(|&end| passed_over(&rest[..end])) {
+            Some(end) => {
+                rest = &rest[end + 1..];
+                line += 1;
+            }
+            None => return line,
+        }
+    }
 }
 
 /// A name or number without the quotes around it.

@@ -2,7 +2,7 @@
 
 use super::ReadError;
 use super::csv::{
-    Scale, Table, csv_error, not_a_number, notes, number, parse_name, reader, unquoted, without_mark,
+    Scale, Table, csv_error, line_of, not_a_number, notes, number, parse_name, reader, unquoted, without_mark,
 };
 use crate::learning::processing;
 use csv::ByteRecord;
@@ -146,7 +146,7 @@ fn columns(
     let mut lines = vec![];
     let mut record = ByteRecord::new();
     while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = line_of(bytes, record.position());
         lines.push(line);
         for (&(index, scale), values) in wanted.iter().zip(&mut columns) {
             let cell = record.get(index).unwrap_or_default();
@@ -209,6 +209,10 @@ mod tests {
         assert_eq!(
             error(b"a,b\n1,2\n3\n"),
             "line 3: the row has 1 cells where the header has 2"
+        );
+        assert_eq!(
+            error(b"# note\r\na,b\r\n\r\n1,2\r\n# note\r\n3,x\r\n"),
+            "line 6, column 2: \"x\" in b is no finite number"
         );
         assert_eq!(
             error(b"a,c\n1,2\n"),
