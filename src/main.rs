@@ -4,7 +4,8 @@ mod command;
 
 use clap::{Parser, Subcommand};
 use command::{
-    bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, run, segment, simulate_recording, surface, sweep,
+    bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, run, segment,
+    simulate_recording, surface, sweep,
 };
 use std::process::ExitCode;
 
