@@ -140,6 +140,9 @@ pub enum SurfaceError {
         /// The value given.
         rate_hz: f64,
     },
+    /// A rate that taps cannot be resampled to.
+    #[error("the taps cannot be resampled: {0}")]
+    TapRatio(haptograph_signal::resample::ResampleError),
     /// Impact speeds must be positive and strictly ascending.
     #[error(
         "tap {tap} (from 0) has impact speed {speed_m_s} m/s; speeds must be above 0 and strictly ascending"

@@ -1,6 +1,8 @@
 //! Taps: the acceleration transients a tool feels when it strikes the material, by impact speed.
 
 use crate::SurfaceError;
+use haptograph_signal::resample::{Quality, Resampler};
+use haptograph_signal::time::Rate;
 
 /// Tap transients in ascending impact speed, all at one rate and of one length.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +19,9 @@ pub struct Tap {
     /// Acceleration of the tool after contact, m/s².
     pub acceleration_m_s2: Vec<f64>,
 }
+
+/// Samples of silence that are tried to make a resampler's delay a whole number of outputs.
+const MOST_LEAD: usize = 10_000;
 
 /// Which two recorded taps make the tap at a given speed, and how much of each.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +87,39 @@ impl Taps {
         self.taps[0].acceleration_m_s2.len()
     }
 
+    /// The same taps at another rate, limited to the band that both can carry. Nothing rings before the contact.
+    ///
+    /// # Errors
+    /// [`SurfaceError::TapRate`] for a rate that is none, [`SurfaceError::TapRatio`] for one too odd to resample to.
+    pub fn resampled(&self, rate_hz: f64) -> Result<Self, SurfaceError> {
+        if rate_hz == self.rate_hz {
+            return Ok(self.clone());
+        }
+        let rate =
+            |rate_hz: f64| Rate::parse(&rate_hz.to_string()).map_err(|_| SurfaceError::TapRate { rate_hz });
+        let (from, to) = (rate(self.rate_hz)?, rate(rate_hz)?);
+        let mut resampler = Resampler::new(from, to, Quality::STANDARD).map_err(SurfaceError::TapRatio)?;
+        // So much silence before the tap that its first sample is shown by a whole output.
+        let (latency, ratio) = (resampler.latency_frames(), rate_hz / self.rate_hz);
+        let place = |lead: usize| (latency + lead) as f64 * ratio;
+        let lead = (0..MOST_LEAD).find(|&lead| (place(lead) - place(lead).round()).abs() < 1e-9);
+        let lead = lead.unwrap_or(0);
+        let late = place(lead).round() as usize;
+        let length = (self.length() as f64 * ratio).ceil() as usize;
+        let mut output = vec![0.0; late + length];
+        let mut input = vec![0.0; lead + latency + self.length() + ratio.recip().ceil() as usize];
+        let taps = self.taps.iter().map(|tap| {
+            input[lead..lead + tap.acceleration_m_s2.len()].copy_from_slice(&tap.acceleration_m_s2);
+            resampler.reset();
+            resampler.process(&input, &mut output);
+            Tap {
+                speed_m_s: tap.speed_m_s,
+                acceleration_m_s2: output[late..].to_vec(),
+            }
+        });
+        Self::new(rate_hz, taps.collect())
+    }
+
     /// The mix for a tap at `speed_m_s`: linear in speed between the bounding taps; below the slowest, the slowest
     /// scaled by the ratio of speeds; above the fastest, the fastest as it is (thesis 4.3.2). A speed of zero or
     /// less (or not a number) is silent.
@@ -139,6 +177,46 @@ impl Taps {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A ringing at 90 Hz, the transient of a soft tap.
+    fn ringing(rate_hz: f64) -> Taps {
+        let at = |k: usize| {
+            let t = k as f64 / rate_hz;
+            // It starts as smoothly as a band-limited blow does.
+            (1.0 - (-t / 0.004).exp()).powi(3) * (-t / 0.02).exp() * (565.5 * t).sin()
+        };
+        let samples = (rate_hz * 0.1) as usize;
+        let tap = |speed_m_s| Tap {
+            speed_m_s,
+            acceleration_m_s2: (0..samples).map(at).collect(),
+        };
+        Taps::new(rate_hz, vec![tap(0.1), tap(0.2)]).unwrap()
+    }
+
+    #[test]
+    fn a_tap_at_another_rate_is_the_same_transient() {
+        let (slow, fast) = (ringing(1000.0), ringing(10_000.0));
+        for (found, wanted) in [(fast.resampled(1000.0), &slow), (slow.resampled(10_000.0), &fast)] {
+            let found = found.unwrap();
+            assert_eq!(
+                (found.rate_hz(), found.length()),
+                (wanted.rate_hz(), wanted.length())
+            );
+            // The last milliseconds ring on into the silence after the cut.
+            let kept = wanted.length() * 9 / 10;
+            for (found, wanted) in found.taps().iter().zip(wanted.taps()) {
+                assert_eq!(found.speed_m_s, wanted.speed_m_s);
+                let samples = found
+                    .acceleration_m_s2
+                    .iter()
+                    .zip(&wanted.acceleration_m_s2)
+                    .take(kept);
+                samples.for_each(|(a, b)| assert!((a - b).abs() < 2e-3, "{a} for {b}"));
+            }
+        }
+        assert_eq!(slow.resampled(1000.0).unwrap(), slow);
+        assert!(matches!(slow.resampled(-1.0), Err(SurfaceError::TapRate { .. })));
+    }
 
     fn two_taps() -> Taps {
         let tap = |speed_m_s: f64, peak: f64| Tap {

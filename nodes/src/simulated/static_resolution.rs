@@ -49,12 +49,25 @@ impl Default for StaticSettings {
 /// What the experiment finds. Simulated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticResolution {
+    /// What was found at each point.
+    pub points: Vec<PointResolution>,
     /// Deviations from each trial's mean along x and along y, m, all trials after another.
     pub deviations_m: [Vec<f64>; 2],
     /// The largest deviation, m.
     pub largest_m: f64,
     /// Whether the two directions differ.
     pub directions: KolmogorovSmirnov,
+}
+
+/// What the experiment finds at one point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointResolution {
+    /// Where the probe is held, m.
+    pub position_m: [f64; 2],
+    /// Standard deviation of the located point along x and along y, m.
+    pub deviation_m: [f64; 2],
+    /// The largest deviation, m.
+    pub largest_m: f64,
 }
 
 /// Why the experiment cannot be run.
@@ -97,7 +110,9 @@ pub fn static_resolution(settings: &StaticSettings, seed: u64) -> Result<StaticR
     ];
     let mut deviations_m = [Vec::new(), Vec::new()];
     let mut thinned_m = [Vec::new(), Vec::new()];
+    let mut found = Vec::new();
     for (place, [x, y]) in points.into_iter().enumerate() {
+        let before = deviations_m[0].len();
         for trial in 0..settings.trials {
             let seed = stream_seed(seed, &format!("{place}/{trial}"));
             let located = hold(&cube, [x, y, top_m], settings, seed)?;
@@ -108,16 +123,18 @@ pub fn static_resolution(settings: &StaticSettings, seed: u64) -> Result<StaticR
                 deviations_m[axis].extend(strays);
             }
         }
+        let here = deviations_m.each_ref().map(|all| &all[before..]);
+        found.push(PointResolution {
+            position_m: [x, y],
+            deviation_m: here.map(|d| (d.iter().map(|d| d * d).sum::<f64>() / d.len().max(1) as f64).sqrt()),
+            largest_m: here.into_iter().flatten().fold(0.0, |most, d| most.max(d.abs())),
+        });
     }
-    let largest_m = deviations_m
-        .iter()
-        .flatten()
-        .fold(0.0_f64, |most, d| most.max(d.abs()));
-    let directions = KolmogorovSmirnov::compare(&thinned_m[0], &thinned_m[1]);
     Ok(StaticResolution {
+        largest_m: found.iter().fold(0.0, |most, point| most.max(point.largest_m)),
+        directions: KolmogorovSmirnov::compare(&thinned_m[0], &thinned_m[1]),
+        points: found,
         deviations_m,
-        largest_m,
-        directions,
     })
 }
 

@@ -279,6 +279,8 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
     );
     say("friction.min_force_n", friction.min_force_n.to_string());
     say("taps.contact_n", taps.contact_n.to_string());
+    say("taps.air_ms", (taps.air_s * 1000.0).to_string());
+    say("taps.free_ms", (taps.free_s * 1000.0).to_string());
     say("taps.length_ms", (taps.length_s * 1000.0).to_string());
     say("taps.onset", taps.onset.to_string());
     say("taps.approach_ms", (taps.approach_s * 1000.0).to_string());

@@ -15,8 +15,11 @@ use haptograph_signal::{Complex64, fft};
 pub struct TapSettings {
     /// Force that counts as contact, N; half of it as the end of contact.
     pub contact_n: f64,
-    /// The tool must have been in the air for this long before, s.
+    /// After so long in the air the next contact is another one, s.
     pub air_s: f64,
+    /// The tool must have been in the air for this long before a tap, s. What comes sooner is a bounce, and its speed cannot be told
+    /// from its path.
+    pub free_s: f64,
     /// What is kept after contact, s.
     pub length_s: f64,
     /// A tap begins where its vibration first reaches this part of its peak.
@@ -34,6 +37,7 @@ impl Default for TapSettings {
         Self {
             contact_n: 0.2,
             air_s: 0.03,
+            free_s: 0.1,
             length_s: 0.1,
             onset: 0.1,
             approach_s: 0.03,
@@ -137,7 +141,7 @@ pub fn learn_taps(
     if used.is_empty() {
         return Err(TapError::NoTaps {
             contact_n: settings.contact_n,
-            air_ms: settings.air_s * 1000.0,
+            air_ms: settings.free_s * 1000.0,
             length_ms: settings.length_s * 1000.0,
         });
     }
@@ -198,7 +202,7 @@ fn cut(
         settings.contact_n,
     );
     let mut taps = vec![];
-    for (i, &rise) in rises.iter().enumerate() {
+    for (i, &(rise, air)) in rises.iter().enumerate() {
         let begin = onset(
             &signals.acceleration_m_s2,
             rise,
@@ -206,9 +210,9 @@ fn cut(
             samples(0.02),
             settings.onset,
         );
-        let next = rises.get(i + 1).copied().unwrap_or(usize::MAX);
-        // A tap whose tail was not recorded, or that bounced, is none.
-        if begin + length > processed.samples() || next < begin + length {
+        let next = rises.get(i + 1).map_or(usize::MAX, |(next, _)| *next);
+        // A bounce, a tap that bounced, or one whose tail was not recorded, is none.
+        if air < samples(settings.free_s) || begin + length > processed.samples() || next < begin + length {
             continue;
         }
         let speed_m_s = match path {
@@ -233,8 +237,8 @@ fn cut(
     taps
 }
 
-/// Samples at which `force` rises above `contact` after at least `air` samples below half of it.
-fn contacts(force: &[f64], air: usize, contact: f64) -> Vec<usize> {
+/// Samples at which `force` rises above `contact` after at least `air` samples below half of it, and how many it was below.
+fn contacts(force: &[f64], air: usize, contact: f64) -> Vec<(usize, usize)> {
     let mut rises = vec![];
     let (mut in_air, mut touching) = (0, true);
     for (i, &f) in force.iter().enumerate() {
@@ -242,8 +246,10 @@ fn contacts(force: &[f64], air: usize, contact: f64) -> Vec<usize> {
             in_air = if f < contact / 2.0 { in_air + 1 } else { 0 };
             touching = in_air < air.max(1);
         } else if f > contact {
-            rises.push(i);
+            rises.push((i, in_air));
             (in_air, touching) = (0, true);
+        } else {
+            in_air += 1;
         }
     }
     rises
@@ -405,6 +411,38 @@ mod tests {
     }
 
     #[test]
+    fn a_bounce_is_no_tap_and_neither_is_a_tap_that_bounced() {
+        // Every tap is followed 70 ms later by a second contact, after 40 ms in the air.
+        let bouncing = synthetic::raw(2.2, Gesture::Tap, 240.0, |t| {
+            let since = t - 0.6 * (t / 0.6).floor() - 0.3;
+            let touching = (0.0..0.03).contains(&since) || (t > 0.6 && (0.07..0.1).contains(&since));
+            let falling = if since < 0.0 { -0.2 * since } else { 0.0 };
+            let ring = if touching {
+                20.0 * (TAU * RINGING_HZ * since).sin()
+            } else {
+                0.0
+            };
+            Moment {
+                place_m: [0.0, 0.0, if touching { 0.0 } else { falling.max(0.001) }],
+                push_n: if touching { 2.0 } else { 0.0 },
+                friction_n: [0.0; 2],
+                vibration_m_s2: [0.0, 0.0, ring],
+            }
+        });
+        let (taps, report) = learned(AnyRecording::Raw(bouncing));
+        assert_eq!(
+            (taps.taps().len(), report.contacts.len()),
+            (1, 1),
+            "{:?}",
+            report.contacts
+        );
+        assert!(
+            (report.contacts[0].time_s - 0.3).abs() < 2e-3,
+            "only the first did not bounce"
+        );
+    }
+
+    #[test]
     fn bounces_and_cut_off_taps_are_left_out() {
         let force: Vec<f64> = (0..1000)
             .map(|i| {
@@ -415,15 +453,15 @@ mod tests {
                 }
             })
             .collect();
-        assert_eq!(contacts(&force, 40, 0.2), [100, 200, 400]);
+        assert_eq!(contacts(&force, 40, 0.2), [(100, 100), (200, 50), (400, 170)]);
         assert_eq!(
             contacts(&force, 60, 0.2),
-            [100, 400],
+            [(100, 100), (400, 170)],
             "50 samples in the air are too few before 200"
         );
         assert_eq!(
             contacts(&[1.0; 100], 10, 0.2),
-            [0_usize; 0],
+            [],
             "a recording that starts in contact starts with no tap"
         );
     }
