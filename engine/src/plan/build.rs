@@ -12,6 +12,7 @@ use crate::node::Stream;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A port before buffers have their places: the demand it lies in, and where.
 #[derive(Debug, Clone, Copy)]
@@ -86,7 +87,7 @@ impl<'a> Builder<'a> {
                 .map(|device| DevicePlan {
                     name: device.name.clone(),
                     key: NodeKey {
-                        path: device.name.clone(),
+                        path: device.name.as_str().into(),
                         kind: device.entry.spec.name,
                         fingerprint: device.fingerprint,
                     },
@@ -127,7 +128,7 @@ impl<'a> Builder<'a> {
             pacings: group.pacing.len() as u32,
         };
         self.plan.pacings.extend(&group.pacing);
-        self.step(work, clock, group.members[0], "island".into());
+        self.step(work, clock, group.members[0], "island");
         let delays = self.loop_delays(group);
         for edge in &delays {
             self.delay_read(*edge);
@@ -215,15 +216,15 @@ impl<'a> Builder<'a> {
         let graph = self.graph;
         let node = &graph.nodes[index];
         let Some(clock) = node.clock else { return };
+        let path: Arc<str> = node.path.as_str().into();
         let inputs = self.inputs(index, group);
         let widths: Vec<usize> = node.outputs.iter().map(|output| output.kind.width()).collect();
         let work = match &node.work {
             Work::Process(processor) => {
                 self.plan.processors.push(processor.clone_box());
-                let (path, kind) = (node.path.clone(), node.entry.spec.name);
                 self.plan.processor_keys.push(NodeKey {
-                    path,
-                    kind,
+                    path: Arc::clone(&path),
+                    kind: node.entry.spec.name,
                     fingerprint: node.fingerprint,
                 });
                 StepWork::Process((self.plan.processors.len() - 1) as u32)
@@ -244,7 +245,7 @@ impl<'a> Builder<'a> {
         let first_source =
             source_device(&node.work).is_none_or(|device| self.plan.devices[device].reads.is_empty());
         let step = match first_source {
-            true => self.step(work, clock, index, node.path.clone()),
+            true => self.step(work, clock, index, path),
             // All sources of a device are filled by the step of the first one.
             false => self.source_step(&node.work),
         };
@@ -315,8 +316,7 @@ impl<'a> Builder<'a> {
                 (Port { placing, ..absent }, Form::Absent)
             })
             .collect();
-        let edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
-        for edge in edges {
+        for edge in graph.nodes.edges_directed(index, petgraph::Incoming) {
             let held = node.inputs[edge.weight().input].held;
             inputs[edge.weight().input] =
                 self.connection(edge.id(), edge.source(), index, edge.weight(), held, group);
@@ -394,7 +394,7 @@ impl<'a> Builder<'a> {
         self.allot(step, clock, &[width])[0]
     }
 
-    fn step(&mut self, work: StepWork, clock: usize, node: NodeIndex, label: String) -> usize {
+    fn step(&mut self, work: StepWork, clock: usize, node: NodeIndex, label: impl Into<Arc<str>>) -> usize {
         let (inputs, outputs) = (self.plan.bindings.len() as u32, self.plan.placings.len() as u32);
         self.plan.steps.push(Step {
             work,
@@ -403,7 +403,7 @@ impl<'a> Builder<'a> {
             inputs: inputs..inputs,
             outputs: outputs..outputs,
             node,
-            label,
+            label: label.into(),
         });
         self.plan.steps.len() - 1
     }
@@ -427,30 +427,29 @@ impl<'a> Builder<'a> {
     /// Places the outputs of a step one after the other in a buffer of its own.
     fn allot(&mut self, step: usize, clock: usize, widths: &[usize]) -> Vec<Port> {
         let frames = self.most_frames(clock);
-        let lens: Vec<usize> = widths
-            .iter()
-            .map(|width| (width * frames).next_multiple_of(LINE))
-            .collect();
-        self.place(step, clock, widths, &lens)
+        self.place(step, clock, widths, |width| {
+            (width * frames).next_multiple_of(LINE)
+        })
     }
 
     fn allot_len(&mut self, step: usize, clock: usize, width: usize, len: usize) -> Port {
-        self.place(step, clock, &[width], &[len])[0]
+        self.place(step, clock, &[width], |_| len)[0]
     }
 
-    fn place(&mut self, step: usize, clock: usize, widths: &[usize], lens: &[usize]) -> Vec<Port> {
+    fn place(
+        &mut self,
+        step: usize,
+        clock: usize,
+        widths: &[usize],
+        len_of: impl Fn(usize) -> usize,
+    ) -> Vec<Port> {
         if widths.is_empty() {
             return Vec::new();
         }
         let demand = self.demands.len();
-        self.demands.push(Demand {
-            len: lens.iter().sum(),
-            from: step,
-            to: step,
-        });
         let mut start = 0;
         let mut ports = Vec::with_capacity(widths.len());
-        for (width, len) in widths.iter().zip(lens) {
+        for width in widths {
             let placing = Placing {
                 start: start as u32,
                 width: *width as u32,
@@ -460,8 +459,13 @@ impl<'a> Builder<'a> {
                 placing,
                 clock: clock as u32,
             });
-            start += len;
+            start += len_of(*width);
         }
+        self.demands.push(Demand {
+            len: start,
+            from: step,
+            to: step,
+        });
         if self.plan.steps[step].out == NO_SLOT {
             self.plan.steps[step].out = demand as u32;
             self.plan.steps[step].outputs.start = self.plan.placings.len() as u32;

@@ -17,6 +17,7 @@ use crate::node::{Limit, Processor, Stream};
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The longest block, in driver frames.
 pub const MAX_BLOCK: usize = 1024;
@@ -71,7 +72,7 @@ pub(crate) struct Step {
     /// The node it belongs to.
     pub node: NodeIndex,
     /// For people: `speed`, `hold stylus.force`.
-    pub label: String,
+    pub label: Arc<str>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -101,7 +102,7 @@ pub(crate) enum StepWork {
 /// What makes a node of one plan the same as a node of another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct NodeKey {
-    pub path: String,
+    pub path: Arc<str>,
     pub kind: &'static str,
     /// Of its settings, rate and connected widths.
     pub fingerprint: u64,

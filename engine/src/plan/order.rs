@@ -33,7 +33,7 @@ pub(crate) fn order(graph: &Graph) -> Vec<Group> {
     for edge in links.edge_references() {
         let (from, to) = (group_of[edge.source().index()], group_of[edge.target().index()]);
         if from != to {
-            between.update_edge(numbers[from], numbers[to], ());
+            between.add_edge(numbers[from], numbers[to], ());
         }
     }
     let first_path = |group: NodeIndex| graph.nodes[groups[group.index()][0]].path.as_str();

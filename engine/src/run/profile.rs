@@ -163,7 +163,7 @@ impl Profile {
             sorted.sort_by(f32::total_cmp);
             let at = |part: f64| sorted[((sorted.len() - 1) as f64 * part) as usize];
             (!sorted.is_empty()).then(|| StepCost {
-                label: step.label.clone(),
+                label: step.label.to_string(),
                 node: step.node,
                 clock: step.clock as usize,
                 median_ns: f64::from(at(0.5)),

@@ -40,10 +40,10 @@ impl Next {
     pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings) -> Self {
         let same = old.is_same_as(&plan);
         let places = old.processor_keys.iter().enumerate();
-        let places: HashMap<&str, usize> = places.map(|(at, key)| (key.path.as_str(), at)).collect();
+        let places: HashMap<&str, usize> = places.map(|(at, key)| (&*key.path, at)).collect();
         let mut processors = Vec::new();
         for (new_at, key) in plan.processor_keys.iter().enumerate() {
-            if let Some(&old_at) = places.get(key.path.as_str()) {
+            if let Some(&old_at) = places.get(&*key.path) {
                 let was = &old.processor_keys[old_at];
                 if was == key {
                     processors.push((old_at, new_at, Carry::Whole));
