@@ -2,13 +2,14 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn, remark, say, say_json};
+use super::{Failure, learn as learning, remark, say, say_json};
 use clap::ValueEnum;
 use haptograph::surfaces::evaluate::{
     DifferenceTable, Evaluation, MapSettings, RecordingName, StudySettings, TableSettings, Take, evaluate,
 };
+use haptograph::surfaces::learning::{LearnSettings, learn};
 use haptograph::surfaces::metrics::Pooling;
-use haptograph::surfaces::recording::load;
+use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,7 +38,7 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    settings: learn::Settings,
+    settings: learning::Settings,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -54,10 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::file("evaluate", &arguments.dir, &error))?;
     drop(progress);
     let page = match &arguments.report {
-        Some(folder) => Some(super::report_page(
-            folder,
-            &haptograph::report::evaluation::page(&found, &settings),
-        )?),
+        Some(folder) => Some(write_report(folder, arguments, &takes, &found)?),
         None => None,
     };
     if arguments.json {
@@ -65,6 +63,45 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     say(&describe(&found))?;
     page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+/// The page, with the surface of each material: from the expert's first drag, and all of the expert's circles, taps and presses.
+fn write_report(
+    folder: &Path,
+    arguments: &Arguments,
+    takes: &[Take],
+    found: &Evaluation,
+) -> Result<PathBuf, Failure> {
+    let settings = LearnSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        ..LearnSettings::default()
+    };
+    let progress = Progress::of("drawing");
+    let mut learned = vec![];
+    for (number, material) in found.materials.iter().enumerate() {
+        let mut drags = 0;
+        let chosen = takes
+            .iter()
+            .filter(|take| take.name.material == *material && take.name.person == found.expert);
+        let chosen = chosen.filter(|take| {
+            let drag = take.recording.gesture() == Gesture::Drag;
+            drags += usize::from(drag);
+            !drag || drags == 1
+        });
+        let recordings: Vec<AnyRecording> = chosen.map(|take| take.recording.clone()).collect();
+        let one = learn(material, &recordings, &settings, &|_| ());
+        learned.push(one.map_err(|error| Failure::Message(format!("{material}: {error}")))?);
+        progress.at((number + 1) as f64 / found.materials.len() as f64);
+    }
+    let title = arguments
+        .dir
+        .file_name()
+        .map_or_else(|| "Evaluation".into(), |name| name.to_string_lossy());
+    super::report_page(
+        folder,
+        &haptograph::report::evaluation::page(&title, found, &learned),
+    )
 }
 
 fn study_settings(arguments: &Arguments) -> StudySettings {

@@ -1,6 +1,210 @@
-//! The page that an evaluation leaves behind.
-use haptograph_surfaces::evaluate::{Evaluation, StudySettings};
-/// The page.
-pub fn page(found: &Evaluation, _settings: &StudySettings) -> String {
-    found.expert.clone()
+//! The page that an evaluation leaves behind: the tables and the map of thesis section 2.5, and what each surface was learned from.
+
+use super::page::{Sheet, figures_of};
+use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::responses::Responses;
+use super::svg::escape;
+use super::theme::Ink;
+use super::{learning, map_figures};
+use haptograph_surfaces::Surface;
+use haptograph_surfaces::evaluate::{DifferenceTable, Evaluation, PerceptualMap};
+use haptograph_surfaces::learning::LearningReport;
+use haptograph_surfaces::metrics::responsiveness::{VariationLoss, responsiveness_differences};
+use std::collections::BTreeMap;
+
+/// The page of an evaluation, with the surface of each material and how it was learned.
+pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
+    let mut sections = vec![("Textures and materials", materials(found))];
+    if let Some(people) = &found.people_table {
+        sections.push(("People", people_table(people)));
+    }
+    if let Some(map) = &found.map {
+        sections.push(("Map of all textures", map_section(map)));
+    }
+    sections.push(("Response to force and speed", conditions(learned)));
+    sections.push(("The surfaces", surfaces(learned)));
+    let about = format!(
+        "Textures learned from one recording of each material and person, tested on other recordings by {}.",
+        found.expert
+    );
+    Sheet {
+        title,
+        about: &about,
+        simulated: learned.iter().any(|(surface, _)| learning::is_simulated(surface)),
+        warnings: &[],
+        sections: &sections,
+    }
+    .to_html()
 }
+
+/// Table 2.1, its cells tinted by their values, the diagonal framed.
+fn materials(found: &Evaluation) -> String {
+    let table = &found.materials_table;
+    let values = || table.differences.iter().flatten().flatten().copied();
+    let (least, most) = values().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
+    let cell = |row: usize, column: usize| {
+        let Some(value) = table.differences[row][column] else {
+            return "<td>–</td>".to_owned();
+        };
+        let tint = 60.0 * (1.0 - (value - least) / (most - least).max(1e-12));
+        let best = table.is_least_of_row(row, column) && table.is_least_of_column(row, column);
+        let (frame, weight) = (
+            if row == column {
+                ";outline:2px solid #2166ac"
+            } else {
+                ""
+            },
+            if best { "b" } else { "span" },
+        );
+        format!(
+            "<td style=\"background:color-mix(in srgb,#5cc9ae {tint:.0}%,transparent){frame}\"><{weight}>{value:.2}</{weight}></td>"
+        )
+    };
+    let rows = table.rows.iter().enumerate().map(|(row, name)| {
+        let cells: String = (0..table.columns.len()).map(|column| cell(row, column)).collect();
+        format!("<tr><td>virtual {}</td>{cells}</tr>", escape(name))
+    });
+    let yes = if table.diagonal_is_least() {
+        "Every texture is nearest to its own material, and every material to its own texture."
+    } else {
+        "Not every texture is nearest to its own material."
+    };
+    format!(
+        "<p>Spectral difference of what the virtual textures (rows) play along the test recordings (columns), and these recordings, averaged \
+         over a column's recordings. Framed: a texture's own material. Bold: least of its row and its column.</p>\
+         <table class=\"grid\"><tr><th></th>{}</tr>{}</table><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
+        head(&table.columns),
+        rows.collect::<String>(),
+        table.baseline()
+    )
+}
+
+fn head(names: &[String]) -> String {
+    names
+        .iter()
+        .map(|name| format!("<th>{}</th>", escape(name)))
+        .collect()
+}
+
+/// Table 2.2.
+fn people_table(table: &DifferenceTable) -> String {
+    let statistics = table.row_statistics();
+    let rows = table.rows.iter().zip(&table.differences).zip(&statistics).map(
+        |((name, cells), (mean, deviation))| {
+            let cells: String = cells
+                .iter()
+                .map(|cell| {
+                    cell.map_or_else(|| "<td>–</td>".to_owned(), |value| format!("<td>{value:.2}</td>"))
+                })
+                .collect();
+            format!(
+                "<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation:.2}</td></tr>",
+                escape(name)
+            )
+        },
+    );
+    format!(
+        "<p>Spectral difference of each person's textures and the same recordings of their own material.</p>\
+         <table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table>",
+        head(&table.columns),
+        rows.collect::<String>()
+    )
+}
+
+fn map_section(map: &PerceptualMap) -> String {
+    let angle = map.angle_deg.map_or_else(String::new, |angle| {
+        format!(" The directions in which roughness and fineness grow are {angle:.0} degrees apart.")
+    });
+    format!(
+        "<p>All textures played along one random walk and placed by their spectral differences. Of the textures, {:.0} % lie in a k-means \
+         group (outlined) of mostly their own material, {:.0} % in such a group of the tree.{angle}</p>{}",
+        100.0 * map.k_means_purity,
+        100.0 * map.tree_purity,
+        figures_of(&[map_figures::places(map), scree(map), map_figures::tree(map)])
+    )
+}
+
+fn scree(map: &PerceptualMap) -> Plot {
+    let points: Vec<(f64, f64)> = map
+        .scaling
+        .stress
+        .iter()
+        .enumerate()
+        .map(|(i, s)| ((i + 1) as f64, *s))
+        .collect();
+    let most = points.iter().fold(0.0_f64, |most, point| most.max(point.1));
+    Plot {
+        title: "Stress by dimensions of the map".into(),
+        x: Axis::of("Dimensions")
+            .over(0.5, points.len() as f64 + 0.5)
+            .named((1..=points.len()).map(|d| (d as f64, d.to_string()))),
+        y: Axis::of("Kruskal's stress").over(0.0, 1.1 * most),
+        marks: vec![
+            Mark::Line(Style::of(Ink::Blue), points.clone()),
+            Mark::Dots(Style::of(Ink::Blue).weight(Weight::Bold), points),
+        ],
+        size: (0.0, 200.0),
+        ..Plot::default()
+    }
+}
+
+/// What the conditions lose, and SD_x of each surface (Eq. 4.5.4).
+fn conditions(learned: &[(Surface, LearningReport)]) -> String {
+    let mut by_condition: BTreeMap<&str, Vec<(String, VariationLoss)>> = BTreeMap::new();
+    for (surface, _) in learned {
+        let responses = surface
+            .texture
+            .as_ref()
+            .and_then(|texture| Responses::of(texture).ok());
+        for (condition, loss) in responses.iter().flat_map(Responses::losses) {
+            by_condition
+                .entry(condition.symbol())
+                .or_default()
+                .push((surface.name.clone(), loss));
+        }
+    }
+    let rows: String = by_condition
+        .iter()
+        .flat_map(|(symbol, losses)| {
+            let all: Vec<VariationLoss> = losses.iter().map(|(_, loss)| *loss).collect();
+            let differences = responsiveness_differences(&all);
+            losses.iter().zip(differences).map(move |((name, loss), difference)| {
+                format!(
+                    "<tr><td>{}</td><td>{symbol}</td><td>{:.3}</td><td>{:.1}</td><td>{difference:.2}</td></tr>",
+                    escape(name),
+                    loss.power,
+                    loss.centroid_hz
+                )
+            })
+        })
+        .collect();
+    if rows.is_empty() {
+        return rows;
+    }
+    format!(
+        "<p>What a texture loses when it responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
+         power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
+         <table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table>"
+    )
+}
+
+/// Each surface folded away under its name.
+fn surfaces(learned: &[(Surface, LearningReport)]) -> String {
+    let one = |(number, (surface, report)): (usize, &(Surface, LearningReport))| {
+        let sections: String = learning::sections(surface, report)
+            .iter()
+            .map(|(name, content)| format!("<h3>{name}</h3>{content}"))
+            .collect();
+        let open = if number == 0 { " open" } else { "" };
+        format!(
+            "<details{open}><summary>{}</summary>{sections}</details>",
+            escape(&surface.name)
+        )
+    };
+    learned.iter().enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests;

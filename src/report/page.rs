@@ -157,6 +157,9 @@ table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-num
 th,td{padding:3px 14px 3px 0;text-align:right;border-bottom:1px solid #8883}th:first-child,td:first-child{text-align:left}\
 th{font-weight:600;color:#59636e}\
 figure{margin:0 0 14px}figure svg{display:block}\
+.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(340px,1fr));gap:8px}\
+table{margin:8px 0 14px}.grid td,.grid th{padding:4px 10px}h3{font-size:15px;margin:22px 0 8px}\
+details{border-top:1px solid #8883;padding:8px 0}summary{cursor:pointer;font-weight:600}\
 .wide{overflow-x:auto;width:min(96vw,1500px);position:relative;left:50%;transform:translateX(-50%)}\
 .wide svg.figure{min-width:1000px;margin:0 auto}\
 @media (prefers-color-scheme:dark){body{background:#14181d;color:#e8edf2}.badge{background:#412c1e;color:#f0a066}\

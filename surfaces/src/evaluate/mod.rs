@@ -3,10 +3,12 @@
 //! - [`tables`]: virtual textures against recordings of all materials (Table 2.1) and of one material by several people (Table 2.2).
 //! - [`map`]: virtual textures against each other, as places on a map (Fig. 2.11).
 //! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
+//! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
 //! - [`scaling`], [`clusters`]: the statistics behind the map.
 
 pub mod clusters;
+pub mod conditions;
 pub mod map;
 pub mod scaling;
 pub mod study;
@@ -14,6 +16,7 @@ pub mod synthesis;
 pub mod tables;
 
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
+pub use conditions::{Condition, centre_for};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
 pub use scaling::{Scaling, angle_deg, classical_scaling, gradient};
 pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};

@@ -21,6 +21,11 @@ pub use deviation::{Deviation, deviation_db};
 use crate::model::{ArmaModel, ModelError};
 use crate::{ModelAt, Surface, TextureError, TextureModel};
 
+/// The poles of 1/A(z) by its coefficients a_1..a_p, stable or not. `None` in the rare case that they cannot be found to 9 digits.
+pub fn poles(ar: &[f64]) -> Option<Vec<haptograph_signal::Complex64>> {
+    roots::of_monic(ar)
+}
+
 /// How to resample. See the [module](self).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {

@@ -1,0 +1,85 @@
+use super::*;
+use haptograph_signal::noise::Gaussian;
+use haptograph_surfaces::Provenance;
+use haptograph_surfaces::learning::{LearnSettings, learn};
+use haptograph_surfaces::recording::{AnyRecording, Gesture, Signals};
+
+/// Nine stretches of other speeds and forces.
+pub(in crate::report) fn drag(person: u64, ring: f64) -> AnyRecording {
+    let mut noise = Gaussian::new(person);
+    let mut y = [0.0; 2];
+    let mut signals = Signals {
+        rate_hz: 10_000.0,
+        force_tangential_n: Some(vec![]),
+        ..Signals::default()
+    };
+    for i in 0..18_000 {
+        let stretch = i / 2000;
+        let (speed, force) = (
+            0.05 + 0.05 * ((stretch * 2) % 3) as f64,
+            0.5 + 0.5 * (stretch / 3) as f64,
+        );
+        let next = ring * y[0] - 0.8 * y[1] + 5.0 * speed * force * noise.next_sample();
+        y = [next, y[0]];
+        signals.acceleration_m_s2.push(next);
+        signals.speed_m_s.push(speed);
+        signals.force_normal_n.push(force);
+        signals
+            .force_tangential_n
+            .as_mut()
+            .unwrap()
+            .push(0.4 * force + 0.01 * noise.next_sample());
+    }
+    let provenance = Provenance::new(Origin::Simulated, "made up <for> a test");
+    AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Drag, provenance).unwrap())
+}
+
+pub(in crate::report) fn learned(name: &str, ring: f64) -> (Surface, LearningReport) {
+    learn(name, &[drag(1, ring)], &LearnSettings::default(), &|_| ()).unwrap()
+}
+
+#[test]
+fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
+    let (surface, report) = learned("felt & fur", 1.2);
+    let page = page(&surface, &report);
+    for shown in [
+        "felt &amp; fur",
+        "class=\"badge\">simulated",
+        "made up &lt;for&gt; a test",
+        "Models over speed and force",
+        "By line spectral frequencies",
+        "Mean spectra",
+        "mu = 0.4",
+        "Where the conditions are on the map",
+        "segmentation.min_span",
+    ] {
+        assert!(page.contains(shown), "{shown} is missing");
+    }
+    assert!(!page.contains("<h2>Taps</h2>") && !page.contains("<h2>Stiffness</h2>"));
+    assert!(!page.contains("NaN") && !page.contains("http"));
+}
+
+#[test]
+fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
+    use haptograph_surfaces::ArmaModel;
+    // The middle of two sharp resonances' coefficients is not stable.
+    let resonance = |angles: [f64; 2]| {
+        let lsf: Vec<f64> = angles
+            .iter()
+            .flat_map(|angle| [angle - 0.001, angle + 0.001])
+            .collect();
+        ArmaModel::from_lsf(&lsf, &[], 1.0, 1.0).unwrap()
+    };
+    let models = [
+        resonance([0.2, 1.0]),
+        resonance([2.0, 2.9]),
+        resonance([0.5, 2.5]),
+    ];
+    let models = [&models[0], &models[1], &models[2]];
+    let [coefficients, frequencies] = crate::report::loci::both_ways(&models)
+        .map(|path| path.iter().fold(0.0_f64, |most, (x, y)| most.max(x.hypot(*y))));
+    assert!(
+        coefficients > 1.0 && frequencies < 1.0,
+        "{coefficients} {frequencies}"
+    );
+}

@@ -1,0 +1,101 @@
+//! Where the poles of interpolated models go (Fig. 2.9): by coefficients they may leave the unit circle, by line spectral frequencies not.
+
+use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::theme::Ink;
+use haptograph_surfaces::lsf::lsf_to_ar;
+use haptograph_surfaces::resampling::poles;
+use haptograph_surfaces::{ArmaModel, TextureModel, VertexKind};
+use std::f64::consts::TAU;
+
+/// Steps along each side of the triangle.
+const STEPS: usize = 24;
+
+/// Both loci around the triangle in which interpolation by coefficients comes nearest to the circle, or farthest out.
+pub(super) fn section(texture: &TextureModel) -> String {
+    let models = |triangle: &[u32; 3]| triangle.map(|vertex| &texture.models()[vertex as usize]);
+    let measured = |triangle: &&[u32; 3]| models(triangle).iter().all(|at| at.kind == VertexKind::Measured);
+    let of = |triangle: &[u32; 3]| {
+        let models = models(triangle).map(|at| &at.model);
+        (models, both_ways(&models))
+    };
+    let loci = texture.triangles().iter().filter(measured).map(of);
+    let Some((models, paths)) = loci.max_by(|(_, a), (_, b)| radius(&a[0]).total_cmp(&radius(&b[0]))) else {
+        return "<p>No triangle has three measured models.</p>".to_owned();
+    };
+    let own: Vec<(f64, f64)> = models.iter().flat_map(|model| places(model.ar())).collect();
+    let [by_coefficients, by_frequencies] = paths;
+    let pair = [
+        plot("By coefficients", &by_coefficients, &own),
+        plot("By line spectral frequencies", &by_frequencies, &own),
+    ];
+    let figures: String = pair
+        .iter()
+        .map(|plot| format!("<figure>{}</figure>", plot.to_svg()))
+        .collect();
+    format!(
+        "<p>Poles along the sides of one triangle of the map, of which three measured models are the corners.</p>\
+         <div class=\"pair\">{figures}</div>"
+    )
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Way {
+    Coefficients,
+    Frequencies,
+}
+
+/// Poles around the triangle by coefficients and by line spectral frequencies.
+pub(super) fn both_ways(models: &[&ArmaModel; 3]) -> [Vec<(f64, f64)>; 2] {
+    [Way::Coefficients, Way::Frequencies].map(|way| around(models, way))
+}
+
+/// Poles of all mixes along the three sides.
+fn around(models: &[&ArmaModel; 3], way: Way) -> Vec<(f64, f64)> {
+    let mixes = (0..3).flat_map(|side| (0..STEPS).map(move |step| (side, step as f64 / STEPS as f64)));
+    mixes
+        .flat_map(|(side, part)| places(&mix(models[side], models[(side + 1) % 3], part, way)))
+        .collect()
+}
+
+fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, way: Way) -> Vec<f64> {
+    let between =
+        |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + part * (b - a)).collect() };
+    match way {
+        Way::Coefficients => between(a.ar(), b.ar()),
+        Way::Frequencies => {
+            let mut ar = vec![0.0; a.ar().len()];
+            lsf_to_ar(&between(a.ar_lsf(), b.ar_lsf()), &mut ar);
+            ar
+        }
+    }
+}
+
+fn places(ar: &[f64]) -> Vec<(f64, f64)> {
+    poles(ar)
+        .unwrap_or_default()
+        .iter()
+        .map(|pole| (pole.re, pole.im))
+        .collect()
+}
+
+fn radius(places: &[(f64, f64)]) -> f64 {
+    places.iter().fold(0.0, |most, (x, y)| x.hypot(*y).max(most))
+}
+
+fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
+    let circle = (0..=180)
+        .map(|i| (TAU * f64::from(i) / 180.0).sin_cos())
+        .collect();
+    Plot {
+        title: title.into(),
+        note: format!("largest radius {:.4}", radius(path)),
+        x: Axis::of("Real part").over(-1.1, 1.1),
+        y: Axis::of("Imaginary part").over(-1.1, 1.1),
+        marks: vec![
+            Mark::Line(Style::of(Ink::Grey), circle),
+            Mark::Dots(Style::of(Ink::Orange).weight(Weight::Hair), path.to_vec()),
+            Mark::Dots(Style::of(Ink::Blue), own.to_vec()),
+        ],
+        size: (384.0, 378.0),
+    }
+}

@@ -1,0 +1,189 @@
+//! What a surface answers: vibration to force and speed in the four conditions (Fig. 4.9), transients to taps (Fig. 4.3).
+
+use super::learning::{peak, signal};
+use super::page::figures_of;
+use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::theme::Ink;
+use super::{figures, thinning::Decimated};
+use haptograph_signal::spectrum::welch;
+use haptograph_signal::window::Window;
+use haptograph_surfaces::evaluate::{
+    Condition, RandomWalk, SynthesisError, Trajectory, centre_for, synthesise,
+};
+use haptograph_surfaces::metrics::WindowSettings;
+use haptograph_surfaces::metrics::responsiveness::{VariationLoss, variation_loss};
+use haptograph_surfaces::{Tap, Taps, TextureModel};
+
+/// The vibrations of the four conditions along one trajectory.
+pub(super) struct Responses {
+    hand: Trajectory,
+    centre: (f64, f64),
+    played: Vec<(Condition, Vec<f64>)>,
+}
+
+const SECONDS: f64 = 8.0;
+
+impl Responses {
+    pub fn of(texture: &TextureModel) -> Result<Self, SynthesisError> {
+        let (speed, force) = (texture.max_speed_m_s(), texture.max_force_n());
+        let walk = RandomWalk {
+            seconds: SECONDS,
+            rate_hz: texture.rate_hz(),
+            speed_m_s: (0.03 * speed, 0.95 * speed),
+            force_n: (0.05 * force, 0.95 * force),
+            ..RandomWalk::default()
+        };
+        let (hand, centre) = (walk.trajectory(), centre_for(texture));
+        let play = |condition: Condition| {
+            let played = synthesise(texture, &condition.trajectory(&hand, centre), &Default::default());
+            played.map(|played| (condition, played))
+        };
+        let played = Condition::ALL.into_iter().map(play).collect::<Result<_, _>>()?;
+        Ok(Self { hand, centre, played })
+    }
+
+    /// What the conditions other than the control lose (Eq. 4.5.1 and 4.5.3), over windows of 32 ms.
+    pub fn losses(&self) -> Vec<(Condition, VariationLoss)> {
+        let windows = WindowSettings {
+            samples: (0.032 * self.hand.rate_hz).round() as usize,
+            ..WindowSettings::RESPONSIVENESS
+        };
+        let control = &self.played[0].1;
+        let loss = |(condition, played): &(Condition, Vec<f64>)| {
+            let loss = variation_loss(control, played, self.hand.rate_hz, &windows).ok()?;
+            Some((*condition, loss))
+        };
+        self.played.iter().skip(1).filter_map(loss).collect()
+    }
+}
+
+pub(super) fn section(texture: &TextureModel) -> String {
+    let Ok(responses) = Responses::of(texture) else {
+        return String::new();
+    };
+    let rows: String = responses
+        .losses()
+        .iter()
+        .map(|(condition, loss)| {
+            format!(
+                "<tr><td>{}</td><td>{:.3}</td><td>{:.1}</td></tr>",
+                condition.symbol(),
+                loss.power,
+                loss.centroid_hz
+            )
+        })
+        .collect();
+    format!(
+        "<p>Played along one random walk: responding to force and speed (FS), to force at a constant speed (F), to speed at a constant \
+         force (S), and to neither (ϕ).</p>{}<table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
+         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table>",
+        figures_of(&plots(texture, &responses))
+    )
+}
+
+fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
+    let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
+    let mut path = Decimated::new(1200);
+    let hand = &responses.hand;
+    hand.speed_m_s
+        .iter()
+        .zip(&hand.force_n)
+        .for_each(|(v, f)| path.push((v * 1e3, *f)));
+    let (centre_speed, centre_force) = (responses.centre.0 * 1e3, responses.centre.1);
+    let mut marks = figures::triangulation(texture);
+    marks.extend([
+        Mark::Line(Style::named(Ink::Orange, "FS"), path.kept().to_vec()),
+        Mark::Line(
+            Style::named(Ink::Teal, "F"),
+            vec![(centre_speed, 0.0), (centre_speed, force)],
+        ),
+        Mark::Line(
+            Style::named(Ink::Plum, "S"),
+            vec![(0.0, centre_force), (speed, centre_force)],
+        ),
+        Mark::Dots(
+            Style::named(Ink::Rose, "ϕ").weight(Weight::Bold),
+            vec![(centre_speed, centre_force)],
+        ),
+    ]);
+    let mut plots = vec![Plot {
+        title: "Where the conditions are on the map".into(),
+        x: Axis::of("Speed (mm/s)").over(-0.015 * speed, 1.015 * speed),
+        y: Axis::of("Normal force (N)").over(-0.02 * force, 1.02 * force),
+        marks,
+        size: (0.0, 330.0),
+        ..Plot::default()
+    }];
+    let loudest = 1.05
+        * responses
+            .played
+            .iter()
+            .map(|(_, played)| peak(played))
+            .fold(0.0, f64::max);
+    let inks = [Ink::Orange, Ink::Teal, Ink::Plum, Ink::Rose];
+    for ((condition, played), ink) in responses.played.iter().zip(inks) {
+        plots.push(Plot {
+            title: condition.symbol().into(),
+            x: Axis::of("Time (s)").over(0.0, SECONDS),
+            y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
+            marks: vec![signal(Style::of(ink), hand.rate_hz, played, 1.0)],
+            size: (0.0, 130.0),
+            ..Plot::default()
+        });
+    }
+    plots
+}
+
+/// A few taps from the slowest to the fastest, with their inks.
+fn chosen(taps: &Taps) -> Vec<(&Tap, Ink)> {
+    const MOST: usize = 4;
+    let last = taps.taps().len() - 1;
+    let count = MOST.min(last + 1);
+    let number = |i: usize| if count > 1 { i * last / (count - 1) } else { 0 };
+    (0..count)
+        .map(|i| (&taps.taps()[number(i)], Ink::number(i)))
+        .collect()
+}
+
+fn name(tap: &Tap) -> String {
+    format!("{:.0} mm/s", tap.speed_m_s * 1e3)
+}
+
+pub(super) fn tap_waves(taps: &Taps) -> Plot {
+    let wave = |(tap, ink): (&Tap, Ink)| {
+        let points = tap
+            .acceleration_m_s2
+            .iter()
+            .enumerate()
+            .map(|(i, a)| (1e3 * i as f64 / taps.rate_hz(), *a));
+        Mark::Line(Style::named(ink, name(tap)), points.collect())
+    };
+    Plot {
+        title: "Transients by incoming speed".into(),
+        note: format!("{} taps", taps.taps().len()),
+        x: Axis::of("Time after contact (ms)"),
+        y: Axis::of("Acceleration (m/s²)"),
+        // The fastest is the loudest: it goes below the others.
+        marks: chosen(taps).into_iter().rev().map(wave).collect(),
+        size: (0.0, 240.0),
+    }
+}
+
+pub(super) fn tap_spectra(taps: &Taps) -> Plot {
+    let highest_hz = (0.5 * taps.rate_hz()).min(1000.0);
+    let spectrum = |(tap, ink): (&Tap, Ink)| {
+        let samples = &tap.acceleration_m_s2;
+        let psd = welch(samples, taps.rate_hz(), samples.len(), 0, Window::Rectangular).ok()?;
+        let points = psd.frequency_hz.iter().copied().zip(psd.density.iter().copied());
+        let shown = points.filter(|(f, d)| *f > 0.0 && *f <= highest_hz && *d > 0.0);
+        Some(Mark::Line(Style::named(ink, name(tap)), shown.collect()))
+    };
+    Plot {
+        title: "Their spectra".into(),
+        x: Axis::of("Frequency (Hz)").over(0.0, highest_hz),
+        y: Axis::of("Density ((m/s²)²/Hz)").log(),
+        marks: chosen(taps).into_iter().filter_map(spectrum).collect(),
+        size: (0.0, 240.0),
+        ..Plot::default()
+    }
+}
