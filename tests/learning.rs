@@ -283,10 +283,9 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
                 "weights"
             ]
         );
-        assert_eq!(
-            (&line["speed_mm_s"], &line["force_n"]),
-            (&model["speed_mm_s"], &model["force_n"])
-        );
+        // mm/s are converted in decimal and back, which may cost the last bit.
+        assert!((number(&line["speed_mm_s"]) - number(&model["speed_mm_s"])).abs() < 1e-12);
+        assert_eq!(line["force_n"], model["force_n"]);
         assert!(
             (number(&line["variance"]) - number(&model["variance"])).abs()
                 <= 1e-9 * number(&model["variance"])

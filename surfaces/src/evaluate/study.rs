@@ -9,6 +9,7 @@ use crate::TextureModel;
 use crate::learning::processing::{ProcessingError, ProcessingSettings, processed};
 use crate::learning::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -149,12 +150,12 @@ pub fn evaluate(
     let mut tests: Vec<&Take> = vec![];
     for take in &drags {
         let key = (&*take.name.material, &*take.name.person);
-        if firsts.contains_key(&key) {
-            if take.name.person == expert {
-                tests.push(take);
+        match firsts.entry(key) {
+            Entry::Vacant(first) => {
+                first.insert(take);
             }
-        } else {
-            firsts.insert(key, take);
+            Entry::Occupied(_) if take.name.person == expert => tests.push(take),
+            Entry::Occupied(_) => {}
         }
     }
     for material in &materials {
