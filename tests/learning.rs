@@ -1,5 +1,7 @@
 //! Recordings, surfaces and signals, as users of the program handle them.
 
+#![allow(clippy::unwrap_used)] // in helpers, clippy does not see that these are tests
+
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
