@@ -6,6 +6,7 @@
 //! ```
 //!
 //! The number is the seed.
+#![expect(clippy::print_stdout, reason = "an example shows its result")]
 
 use haptograph::nodes::simulated::static_resolution::{StaticSettings, static_resolution};
 use std::error::Error;

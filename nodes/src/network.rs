@@ -1,7 +1,7 @@
 //! Devices beyond a network: a program that owns a real arm, sensor or tablet sends what it senses and gets back what
 //! to drive, by haptograph's own protocol ([`protocol`]) or by Open Sound Control.
 //!
-//! A thread of its own talks to the network; ticks see its latest news through a cell without locks ([`link`]).
+//! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
 
 mod link;
 mod osc;

@@ -1,5 +1,6 @@
 //! What holds for every shipped graph: it loads, its ticks are fit for real time, and it can run for hours.
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
+#![expect(clippy::print_stdout, reason = "the figures of a long test are to be read")]
 #![expect(unsafe_code, reason = "an allocator that counts can only be written so")]
 
 mod realtime;

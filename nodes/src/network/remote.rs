@@ -134,7 +134,8 @@ pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, Bui
 
 /// One link an address: a graph that is loaded again while it runs finds the socket that the old one opened.
 pub(super) fn link_at(listen: SocketAddr) -> Arc<Link> {
-    static LINKS: LazyLock<Mutex<Vec<(SocketAddr, Weak<Link>)>>> = LazyLock::new(Mutex::default);
+    type Links = Vec<(SocketAddr, Weak<Link>)>;
+    static LINKS: LazyLock<Mutex<Links>> = LazyLock::new(Mutex::default);
     let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
     links.retain(|(_, link)| link.strong_count() > 0);
     let known = links.iter().find(|(at, _)| *at == listen);

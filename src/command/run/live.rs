@@ -276,7 +276,7 @@ fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)>
         (device.to_owned(), counts)
     };
     let devices: serde_json::Map<String, Value> = network.counts().map(counted).collect();
-    (!devices.is_empty()).then(|| ("packets", "Packets", Value::Object(devices)))
+    (!devices.is_empty()).then_some(("packets", "Packets", Value::Object(devices)))
 }
 
 fn quantiles(histogram: &Histogram) -> Value {
