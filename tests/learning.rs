@@ -1,5 +1,4 @@
 //! Recordings, surfaces and signals, as users of the program handle them.
-#![allow(clippy::unwrap_used)] // Helpers of tests are tests.
 
 #![allow(clippy::unwrap_used)] // in helpers, clippy does not see that these are tests
 
