@@ -27,8 +27,8 @@ pub struct Arguments {
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or all. The map of textures takes
-    /// all unless told otherwise
+    /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
+    /// materials are shown by both, the one chosen first (by pair if none is); the map of textures takes all unless told otherwise
     #[arg(long, value_enum)]
     pooling: Option<PoolingArgument>,
     /// Seed of the synthesised vibrations and of the map's trajectory
@@ -168,21 +168,28 @@ fn describe(found: &Evaluation) -> String {
          [own material]  * least of its row and column\n\n",
         found.expert, found.expert
     );
-    text += &materials_table(&found.materials_table);
-    let least = found.materials_table.diagonal_is_least();
-    text += "\n";
-    text += &facts(&[
-        (
-            "baseline (mean + 2 sd of the diagonal)",
-            significant(found.materials_table.baseline(), 3),
-        ),
-        (
-            "each texture nearest to its own material",
-            if least { "yes" } else { "no" }.to_owned(),
-        ),
-    ]);
+    let other = found.materials_table.pooled(other(found.materials_table.pooling));
+    for table in [&found.materials_table, &other] {
+        let over = match table.pooling {
+            Pooling::Pair => "the compared pair",
+            Pooling::All => "all compared pairs",
+        };
+        text += &format!(
+            "Deviations over the windows of {over}:\n\n{}\n",
+            materials_table(table)
+        );
+        let yes = if table.diagonal_is_least() { "yes" } else { "no" };
+        text += &facts(&[
+            (
+                "baseline (mean + 2 sd of the diagonal)",
+                significant(table.baseline(), 3),
+            ),
+            ("each texture nearest to its own material", yes.to_owned()),
+        ]);
+        text += "\n";
+    }
     if let Some(people) = &found.people_table {
-        text += "\nEverybody's textures against the same recordings of their own material.\n\n";
+        text += "Everybody's textures against the same recordings of their own material.\n\n";
         text += &people_table(people);
     }
     if let Some(map) = &found.map {
@@ -207,6 +214,13 @@ fn describe(found: &Evaluation) -> String {
         ]);
     }
     text
+}
+
+fn other(pooling: Pooling) -> Pooling {
+    match pooling {
+        Pooling::Pair => Pooling::All,
+        Pooling::All => Pooling::Pair,
+    }
 }
 
 fn materials_table(differences: &DifferenceTable) -> String {
@@ -259,16 +273,26 @@ fn people_table(differences: &DifferenceTable) -> String {
 }
 
 fn to_json(found: &Evaluation) -> serde_json::Value {
-    let rows = |table: &DifferenceTable| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences });
+    let materials = |table: &DifferenceTable| {
+        json!({
+            "rows": table.rows,
+            "columns": table.columns,
+            "sd": table.differences,
+            "diagonal": table.diagonal(),
+            "baseline": table.baseline(),
+            "diagonal_is_least": table.diagonal_is_least(),
+        })
+    };
     json!({
         "materials": found.materials,
         "people": found.people,
         "expert": found.expert,
-        "table": rows(&found.materials_table),
-        "diagonal": found.materials_table.diagonal(),
-        "baseline": found.materials_table.baseline(),
-        "diagonal_is_least": found.materials_table.diagonal_is_least(),
-        "people_table": found.people_table.as_ref().map(rows),
+        "table": materials(&found.materials_table),
+        "tables": {
+            "pooled_over_pair": materials(&found.materials_table.pooled(Pooling::Pair)),
+            "pooled_over_all": materials(&found.materials_table.pooled(Pooling::All)),
+        },
+        "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
         "map": found.map.as_ref().map(|map| json!({
             "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
             "places": map.scaling.places,

@@ -9,6 +9,7 @@ use super::{learning, map_figures};
 use haptograph_surfaces::Surface;
 use haptograph_surfaces::evaluate::{DifferenceTable, Evaluation, PerceptualMap};
 use haptograph_surfaces::learning::LearningReport;
+use haptograph_surfaces::metrics::Pooling;
 use haptograph_surfaces::metrics::responsiveness::{VariationLoss, responsiveness_differences};
 use std::collections::BTreeMap;
 
@@ -37,9 +38,29 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
     .to_html()
 }
 
-/// Table 2.1, its cells tinted by their values, the diagonal framed.
+/// Table 2.1 with deviations pooled in either way.
 fn materials(found: &Evaluation) -> String {
-    let table = &found.materials_table;
+    let chosen = &found.materials_table;
+    let tables: String = [Pooling::Pair, Pooling::All]
+        .map(|pooling| {
+            let over = match pooling {
+                Pooling::Pair => "the compared pair",
+                Pooling::All => "all compared pairs",
+            };
+            format!(
+                "<h3>Deviations over the windows of {over}</h3>{}",
+                materials_table(&chosen.pooled(pooling))
+            )
+        })
+        .concat();
+    format!(
+        "<p>Spectral difference of what the virtual textures (rows) play along the test recordings (columns), and these recordings, averaged \
+         over a column's recordings. Framed: a texture's own material. Bold: least of its row and its column.</p>{tables}"
+    )
+}
+
+/// The cells tinted by their values, the diagonal framed.
+fn materials_table(table: &DifferenceTable) -> String {
     let values = || table.differences.iter().flatten().flatten().copied();
     let (least, most) = values().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
         (low.min(x), high.max(x))
@@ -72,9 +93,7 @@ fn materials(found: &Evaluation) -> String {
         "Not every texture is nearest to its own material."
     };
     format!(
-        "<p>Spectral difference of what the virtual textures (rows) play along the test recordings (columns), and these recordings, averaged \
-         over a column's recordings. Framed: a texture's own material. Bold: least of its row and its column.</p>\
-         <table class=\"grid\"><tr><th></th>{}</tr>{}</table><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
+        "<table class=\"grid\"><tr><th></th>{}</tr>{}</table><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
         head(&table.columns),
         rows.collect::<String>(),
         table.baseline()

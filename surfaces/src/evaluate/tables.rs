@@ -39,6 +39,10 @@ pub struct DifferenceTable {
     pub columns: Vec<String>,
     /// Spectral differences by row, then column, averaged over the column's recordings; `None` where there is no texture.
     pub differences: Vec<Vec<Option<f64>>>,
+    /// What the deviations in the differences were pooled over.
+    pub pooling: Pooling,
+    /// The window errors behind each difference, by the column's recordings.
+    pub errors: Vec<Vec<Option<Vec<ErrorStatistics>>>>,
 }
 
 /// Why no table was made.
@@ -109,24 +113,17 @@ pub fn spectral_differences<'t>(
             .collect()
     });
     cells.sort_by_key(|(row, _)| *row);
-    let cells = cells
+    let errors = cells
         .into_iter()
         .map(|(_, cells)| cells)
         .collect::<Result<Vec<_>, _>>()?;
-    let pooled = pool(&cells);
-    let differences = cells
-        .into_iter()
-        .map(|row| {
-            row.into_iter()
-                .map(|cell| cell.map(|pairs| difference(&pairs, pooled, settings.pooling)))
-                .collect()
-        })
-        .collect();
-    Ok(DifferenceTable {
-        rows: rows.to_vec(),
-        columns: tests.iter().map(|t| t.name.clone()).collect(),
-        differences,
-    })
+    let columns = tests.iter().map(|t| t.name.clone()).collect();
+    Ok(DifferenceTable::of_errors(
+        rows.to_vec(),
+        columns,
+        errors,
+        settings.pooling,
+    ))
 }
 
 /// A recording as the metric sees it, and the trajectory to play textures along.
@@ -213,6 +210,35 @@ fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -
 }
 
 impl DifferenceTable {
+    fn of_errors(
+        rows: Vec<String>,
+        columns: Vec<String>,
+        errors: Vec<Vec<Option<Vec<ErrorStatistics>>>>,
+        pooling: Pooling,
+    ) -> Self {
+        let pooled = pool(&errors);
+        let cell = |cell: &Option<Vec<ErrorStatistics>>| {
+            cell.as_ref().map(|pairs| difference(pairs, pooled, pooling))
+        };
+        Self {
+            rows,
+            columns,
+            differences: errors.iter().map(|row| row.iter().map(cell).collect()).collect(),
+            pooling,
+            errors,
+        }
+    }
+
+    /// The table of the same errors with other deviations.
+    pub fn pooled(&self, pooling: Pooling) -> Self {
+        Self::of_errors(
+            self.rows.clone(),
+            self.columns.clone(),
+            self.errors.clone(),
+            pooling,
+        )
+    }
+
     /// The difference between each texture and its own material, where rows and columns are the same materials in the same order.
     pub fn diagonal(&self) -> Vec<f64> {
         (0..self.rows.len().min(self.columns.len()))
@@ -320,6 +346,10 @@ mod tests {
             let table = table(pooling);
             assert!(table.diagonal_is_least(), "{table:?}");
             assert!(table.baseline() > table.diagonal()[0]);
+            for other in [Pooling::Pair, Pooling::All] {
+                assert_eq!(table.pooled(other) == table, other == pooling);
+                assert_eq!(table.pooled(other).pooled(pooling), table);
+            }
         }
     }
 
@@ -347,6 +377,8 @@ mod tests {
             rows: names.clone(),
             columns: names,
             differences,
+            pooling: Pooling::Pair,
+            errors: vec![],
         };
         assert!((table.baseline() - 4.72).abs() < 0.005, "{}", table.baseline());
         assert!(table.diagonal_is_least());
