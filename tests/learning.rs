@@ -76,7 +76,13 @@ fn workshop() -> &'static Path {
                     "--person",
                     person,
                 ];
-                let arguments = [&arguments[..], &["--seconds", "4", "--seed", seed, "-o", file]].concat();
+                // Taps are more than a second apart.
+                let seconds = if motion == "tap" { "8" } else { "4" };
+                let arguments = [
+                    &arguments[..],
+                    &["--seconds", seconds, "--seed", seed, "-o", file],
+                ]
+                .concat();
                 succeed(folder.path(), &arguments);
             };
             fs::create_dir(folder.path().join("study")).unwrap();

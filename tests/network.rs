@@ -12,7 +12,7 @@ const GRAPH: &str = r#"Graph(
         "arm":    Tablet(clock: "servo", endpoint: "arm"),
         "felt":   Calibrate(input: "arm.force", from: "force", to: "current", factor: 0.25),
         "out":    ActuatorSink(current: "felt", endpoint: "arm", limit: (peak_a: 0.2, continuous_a: 0.2)),
-        "path":   CsvSink(input: "arm.position", file: "path.csv"),
+        "path":   CsvSink(inputs: ["arm.position"], file: "path.csv"),
     },
     endpoints: { "live": { "arm": UdpDevice(listen: "ADDRESS", timeout_ms: 2000) } },
 )"#;

@@ -98,11 +98,12 @@ static uint64_t exchange(int device, uint32_t sequence, const struct sensed *sen
     for (int part = 0; part < 4; part++)
         for (int i = 0; i < 3; i++)
             put_number(state + HEADER_BYTES + 24 * part + 8 * i, numbers[part][i]);
-    if (send(device, state, sizeof state, 0) != (ssize_t)sizeof state)
+    /* That nobody listened to an earlier packet is told by an error of a later call; the last answer may still wait. */
+    if (send(device, state, sizeof state, 0) != (ssize_t)sizeof state && errno != ECONNREFUSED)
         return 0;
     for (;;) {
         ssize_t length = recv(device, answer, sizeof answer, 0);
-        if (length < 0 && errno == EINTR)
+        if (length < 0 && (errno == EINTR || errno == ECONNREFUSED))
             continue;
         if (length < 0)
             return 0;
