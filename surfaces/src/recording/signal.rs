@@ -18,13 +18,15 @@ pub struct Column {
     pub rate_hz: Option<f64>,
 }
 
-/// The numbers of the column called `name` as they stand, whatever their unit.
+/// The numbers of the column called `name` as they stand, whatever their unit. In the table of a raw recording, where slower sensors leave
+/// cells empty, these are passed over; elsewhere an empty cell is an error.
 pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
     let bytes = without_mark(bytes);
     let names = header(bytes)?;
     let index = find(&names, name)?;
-    let (mut columns, _) = columns(bytes, &names, &[(index, Scale::One)])?;
-    Ok(columns.remove(0))
+    Ok(columns(bytes, &names, &[(index, Scale::One)], None)?
+        .values
+        .remove(0))
 }
 
 /// The signal in the column called `name`. Without a name: the acceleration (three axes are high-passed and combined as in learning), or
@@ -40,9 +42,12 @@ pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError
         .iter()
         .map(|&index| (index, scale(&names[index])))
         .collect();
-    let (mut values, lines) = columns(bytes, &names, &wanted)?;
-    let rate_hz = rate_hz(bytes, &names, lines)?;
-    let values = match <[Vec<f64>; 3]>::try_from(std::mem::take(&mut values)) {
+    let time = names
+        .iter()
+        .position(|name| quantity(name).as_deref() == Some("time"));
+    let rows = columns(bytes, &names, &wanted, time)?;
+    let rate_hz = rate_hz(bytes, time.map(|_| rows.times), rows.lines)?;
+    let values = match <[Vec<f64>; 3]>::try_from(rows.values) {
         Ok([x, y, z]) => {
             let axes: Vec<[f64; 3]> = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
             let rate_hz = rate_hz.ok_or_else(|| ReadError::Csv {
@@ -135,42 +140,58 @@ fn choose(names: &[String]) -> Result<Vec<usize>, ReadError> {
     }
 }
 
-/// Columns by their index, and the line of each row.
+/// Rows of chosen columns.
+struct Rows {
+    values: Vec<Vec<f64>>,
+    /// Empty unless asked for.
+    times: Vec<f64>,
+    lines: Vec<u64>,
+}
+
+/// Columns by their index, with that of time where it is asked for.
 fn columns(
     bytes: &[u8],
     names: &[String],
     wanted: &[(usize, Scale)],
-) -> Result<(Vec<Vec<f64>>, Vec<u64>), ReadError> {
+    time: Option<usize>,
+) -> Result<Rows, ReadError> {
+    let has = |wanted: &str| names.iter().any(|name| quantity(name).as_deref() == Some(wanted));
+    let is_raw = has("accel_x") && (has("force_x") || has("position_x"));
     let mut reader = reader(bytes);
-    let mut columns = vec![vec![]; wanted.len()];
-    let mut lines = vec![];
+    let mut rows = Rows {
+        values: vec![vec![]; wanted.len()],
+        times: vec![],
+        lines: vec![],
+    };
     let mut record = ByteRecord::new();
     while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
         let line = line_of(bytes, record.position());
-        lines.push(line);
-        for (&(index, scale), values) in wanted.iter().zip(&mut columns) {
-            let cell = record.get(index).unwrap_or_default();
-            values.push(number(cell, scale).ok_or_else(|| not_a_number(line, index, &names[index], cell))?);
+        let cell = |index: usize| record.get(index).unwrap_or_default();
+        if is_raw && wanted.iter().all(|&(index, _)| cell(index).is_empty()) {
+            continue;
+        }
+        rows.lines.push(line);
+        let read = |index: usize, scale: Scale| {
+            number(cell(index), scale).ok_or_else(|| not_a_number(line, index, &names[index], cell(index)))
+        };
+        for (&(index, scale), values) in wanted.iter().zip(&mut rows.values) {
+            values.push(read(index, scale)?);
+        }
+        if let Some(index) = time {
+            rows.times.push(read(index, scale(&names[index]))?);
         }
     }
-    Ok((columns, lines))
+    Ok(rows)
 }
 
-fn rate_hz(bytes: &[u8], names: &[String], lines: Vec<u64>) -> Result<Option<f64>, ReadError> {
-    let time = names
-        .iter()
-        .position(|name| quantity(name).as_deref() == Some("time"));
+fn rate_hz(bytes: &[u8], times: Option<Vec<f64>>, lines: Vec<u64>) -> Result<Option<f64>, ReadError> {
     let notes = notes(bytes);
-    if time.is_none() && !notes.contains_key("rate_hz") {
-        return Ok(None);
+    match times {
+        None if !notes.contains_key("rate_hz") => Ok(None),
+        times => Table::of_times(times.unwrap_or_default(), notes, lines)
+            .rate_hz()
+            .map(Some),
     }
-    let times = match time {
-        Some(index) => columns(bytes, names, &[(index, scale(&names[index]))])?
-            .0
-            .remove(0),
-        None => vec![],
-    };
-    Table::of_times(times, notes, lines).rate_hz().map(Some)
 }
 
 #[cfg(test)]
@@ -218,6 +239,15 @@ mod tests {
             error(b"a,c\n1,2\n"),
             "line 1: there is no column \"b\"; there are a, c"
         );
+    }
+
+    #[test]
+    fn empty_cells_of_slower_sensors_are_passed_over() {
+        let raw = b"time_s,accel_x_m_s2,position_x_mm\n0,1,2\n0.1,3,\n0.15,,4\n0.2,5,\n";
+        assert_eq!(read_column(raw, "accel_x_m_s2").unwrap(), [1.0, 3.0, 5.0]);
+        assert_eq!(read_column(raw, "position_x_mm").unwrap(), [2.0, 4.0]);
+        let accel = read_signal(raw, Some("accel_x_m_s2")).unwrap();
+        assert_eq!((accel.values, accel.rate_hz), (vec![1.0, 3.0, 5.0], Some(10.0)));
     }
 
     #[test]
