@@ -233,7 +233,7 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
         x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / rate_hz),
         y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
         marks: vec![signal(Style::of(ink), rate_hz, samples, 1.0)],
-        size: (0.0, 160.0),
+        size: (0.0, 180.0),
         ..Plot::default()
     };
     let plots = [

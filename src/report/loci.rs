@@ -25,15 +25,16 @@ pub(super) fn section(texture: &TextureModel) -> String {
     let own: Vec<(f64, f64)> = models.iter().flat_map(|model| places(model.ar())).collect();
     let [by_coefficients, by_frequencies] = paths;
     let pair = [
-        plot("By coefficients", &by_coefficients, &own),
-        plot("By line spectral frequencies", &by_frequencies, &own),
+        plot("Coefficients", &by_coefficients, &own),
+        plot("Frequencies", &by_frequencies, &own),
     ];
     let figures: String = pair
         .iter()
         .map(|plot| format!("<figure>{}</figure>", plot.to_svg()))
         .collect();
     format!(
-        "<p>Poles along the sides of one triangle of the map, of which three measured models are the corners.</p>\
+        "<p>Poles along the sides of one triangle of the map, of which three measured models are the corners: interpolated by \
+         their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.</p>\
          <div class=\"pair\">{figures}</div>"
     )
 }

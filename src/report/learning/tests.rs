@@ -47,7 +47,7 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
         "class=\"badge\">simulated",
         "made up &lt;for&gt; a test",
         "Models over speed and force",
-        "By line spectral frequencies",
+        "by their line spectral frequencies",
         "Mean spectra",
         "mu = 0.4",
         "Where the conditions are on the map",
