@@ -153,6 +153,12 @@ impl GraphArguments {
         Ok(graph)
     }
 
+    /// Refuses to write over a file that the graph is read from.
+    pub fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
+        let read = graph.nodes().node_weights().flat_map(|node| &node.files);
+        spare(read.chain([&self.graph]), output)
+    }
+
     /// The file's name without its extension.
     pub fn name(&self) -> String {
         self.graph
@@ -180,6 +186,22 @@ pub fn report_page(folder: &Path, html: &str) -> Result<PathBuf, Failure> {
     let page = folder.join("report.html");
     write_file(&page, html)?;
     Ok(page)
+}
+
+/// Refuses an output that is one of the inputs.
+pub fn spare<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &Path) -> Result<(), Failure> {
+    // What cannot be resolved does not exist yet.
+    let Ok(target) = output.canonicalize() else {
+        return Ok(());
+    };
+    let is_target = |input: &&PathBuf| input.canonicalize().is_ok_and(|input| input == target);
+    match inputs.into_iter().find(is_target) {
+        None => Ok(()),
+        Some(_) => Err(Failure::Message(format!(
+            "{} is read by this command and would be written over; give another file",
+            output.display()
+        ))),
+    }
 }
 
 /// Writes a file whole or not at all.

@@ -125,12 +125,12 @@ impl<const N: usize> Limiter<N> {
             return Err(LimitError::ContinuousAbovePeak { continuous, peak });
         }
         let step = slew_per_s / rate_hz;
-        let ticks = (peak - continuous) / step;
+        let weight = -(-1.0 / (limit.window_s * rate_hz)).exp_m1();
+        let continuous_square = continuous * continuous * (1.0 - MARGIN);
+        let ticks = (peak - continuous_square.sqrt()) / step;
         if ticks > MOST_RUNGS {
             return Err(LimitError::SlewTooSlow { slew_per_s, ticks });
         }
-        let weight = -(-1.0 / (limit.window_s * rate_hz)).exp_m1();
-        let continuous_square = continuous * continuous * (1.0 - MARGIN);
         let unlimited_slew = limit.slew_per_s.is_none();
         Ok(Self {
             peak,
@@ -170,6 +170,11 @@ impl<const N: usize> Limiter<N> {
     /// Begins with this fraction of the heat limit used up, 0 to 1: for one that takes the place of another.
     pub fn warm_up(&mut self, heat: f64) {
         self.budget = self.continuous_square * (1.0 - heat.clamp(0.0, 1.0));
+    }
+
+    /// Begins from zero, as the actuator was given nothing in the meantime; the heat stays.
+    pub fn begin_at_rest(&mut self) {
+        self.previous = [0.0; N];
     }
 
     /// The latest output.

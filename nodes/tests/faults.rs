@@ -8,7 +8,7 @@ use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::Run;
+use haptograph_engine::run::{LiveState, Run, live};
 use haptograph_signal::quantity::Quantity;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -225,4 +225,69 @@ fn no_sink_exceeds_what_it_states() {
 #[ignore = "ten million ticks: minutes"]
 fn no_sink_exceeds_what_it_states_in_ten_million_ticks() {
     plague(|sink| if sink == "BrakeSink" { 1_000_000 } else { 3_000_000 });
+}
+
+#[test]
+fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
+    let text = r#"Graph(format: 1,
+        clocks: { "c": Driver(rate_hz: 10000), "slow": Derived(of: "c", rate_hz: 1000) },
+        nodes: {
+            "push": Constant(clock: "slow", value: 1.5, quantity: "current"),
+            "out": ActuatorSink(current: "push", endpoint: "device", limit: (
+                peak_a: 2, continuous_a: 2, window_s: 1, slew_a_per_s: 50,
+            )),
+        },
+        endpoints: { "simulated": { "device": SimulatedHaptuator() } })"#;
+    let graph = Document::parse("slow.ron", text)
+        .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    let out = graph
+        .nodes()
+        .node_indices()
+        .find(|node| graph.nodes()[*node].path == "out");
+    for phase in 0..10 {
+        let taps = vec![(out.unwrap(), 0)];
+        let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 1, taps }));
+        let (mut live, mut control) = live(plan);
+        let mut delivered = Vec::new();
+        live.callback(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));
+        assert_eq!(delivered.last(), Some(&1.5));
+        control.stop().unwrap();
+        live.callback(10_000, |run, _| delivered.extend_from_slice(run.tap(0)));
+        assert_eq!(live.state(), LiveState::Stopped);
+        assert_eq!(delivered.last(), Some(&0.0), "phase {phase}");
+        let steps = delivered.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(steps.fold(0.0, f64::max) <= 0.05 + 1e-12, "phase {phase}");
+        // 1.5 A at 50 A/s take 30 ms, and the fade begins to ask for less at once.
+        assert!(delivered.len() < 100 + 45, "phase {phase}: {}", delivered.len());
+    }
+}
+
+#[test]
+fn the_end_takes_a_sink_slower_than_its_driver_to_zero_too() {
+    let text = r#"Graph(format: 1,
+        clocks: { "c": Driver(rate_hz: 10000), "servo": Derived(of: "c", rate_hz: 1000) },
+        nodes: {
+            "push": ConstantVector(clock: "servo", value: (0, 0, 1.5), quantity: "force"),
+            "out": ForceSink(force: "push", endpoint: "device", limit: (peak_n: 3.3, continuous_n: 3)),
+        },
+        endpoints: { "simulated": { "device": SimulatedOmni(
+            scene: [Sphere(diameter_mm: 100)], does: [Press(force_n: 1)],
+        ) } })"#;
+    let graph = Document::parse("end.ron", text)
+        .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    for phase in 0..10 {
+        let plan = Arc::new(Plan::new(&graph, &PlanOptions::default()));
+        let (mut live, _control) = live(plan);
+        live.end_after(1000 + phase);
+        let mut wakes = 0;
+        while !live.is_at_rest() {
+            live.callback(16, |_, _| {});
+            wakes += 1;
+            assert!(wakes < 200, "phase {phase}");
+        }
+        // It was at rest because the actuator was, not because time was over.
+        assert!(live.run().rests(), "phase {phase}");
+    }
 }

@@ -42,6 +42,9 @@ const TURNS: usize = 40;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let graph = arguments.graph.load_and_warn(None)?;
+    if let Some(path) = &arguments.svg {
+        arguments.graph.spare_inputs(&graph, path)?;
+    }
     let options = PlanOptions {
         block: arguments.block.into(),
         taps: Vec::new(),

@@ -16,6 +16,9 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let graph = arguments.graph.load_and_warn(None)?;
+    if let Some(path) = &arguments.output {
+        arguments.graph.spare_inputs(&graph, path)?;
+    }
     let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
     match &arguments.output {
         Some(path) => write_file(path, &picture),

@@ -103,6 +103,18 @@ impl<'a> Making<'a> {
             .out
             .clone()
             .unwrap_or_else(|| PathBuf::from("out").join(arguments.graph.name()));
+        for (number, probe) in arguments.probe.iter().enumerate() {
+            arguments.graph.spare_inputs(graph, &probe.file)?;
+            if arguments.probe[..number]
+                .iter()
+                .any(|other| other.file == probe.file)
+            {
+                return Err(Failure::Message(format!(
+                    "two probes go to {}; give each a file of its own",
+                    probe.file.display()
+                )));
+            }
+        }
         let folder = RunFolder::beside(&target)?;
         let mut outlets = Outlets::new(graph);
         outlets.open_files(folder.path()).map_err(message)?;

@@ -9,6 +9,9 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
 use crate::settings::{Fields, Setting, closest};
 
+/// A hundred seconds at 10 kHz: of the widest frames half a gigabyte.
+const MOST_DELAY_FRAMES: f64 = 1e6;
+
 /// Names that bridge or hand on a connection.
 const FORMS: [&str; 6] = ["Hold", "Linear", "Average", "Resample", "Delay", "Input"];
 /// Templates handing on connections to templates.
@@ -416,6 +419,14 @@ fn delayed(
                     let diagnostic = Diagnostic::error("E0412", value.span, "a delay has at least 1 frame")
                         .label("must be 1 or more")
                         .help("one frame is the shortest delay that can close a loop");
+                    reading.diagnostics.push(diagnostic);
+                    None
+                }
+                Shape::Number(number, _) if number > MOST_DELAY_FRAMES => {
+                    let message = format!("a delay has at most {MOST_DELAY_FRAMES} frames");
+                    let diagnostic = Diagnostic::error("E0412", value.span, message)
+                        .label("more than can be kept in memory")
+                        .help("give frames of the clock: a second is as many as its rate");
                     reading.diagnostics.push(diagnostic);
                     None
                 }

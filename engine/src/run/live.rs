@@ -231,6 +231,7 @@ impl Live {
     /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
     pub fn resume(&mut self) {
         if self.state == LiveState::Running && !self.stopping && self.next.is_none() {
+            self.run.begin_at_rest();
             self.run.fade_in(FADE_S);
         }
     }
@@ -438,9 +439,9 @@ impl Run {
         }
     }
 
-    /// Has a fade-out come to its end?
+    /// Has a fade-out come to its end, as fast as the limits let it?
     pub(crate) fn is_silent(&self) -> bool {
-        self.state.drive.is_zero_from(self.state.windows.block().1)
+        self.state.drive.is_zero_from(self.state.windows.block().1) && self.rests()
     }
 
     fn fade_span(&self, seconds: f64) -> (u64, u64) {

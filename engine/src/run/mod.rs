@@ -219,25 +219,49 @@ impl Run {
         for _ in 0..frames {
             state.windows.next_block(1);
             state.ramped += 1;
-            // Each frame takes the same part of what is left, and the last one all of it.
             let left = (ramp_frames - state.ramped as f64).max(0.0);
-            let factor = left / (left + 1.0);
             for (plan_device, device) in plan.devices.iter().zip(&mut state.devices) {
-                for (actuator, channel, clock) in &plan_device.driven_by {
-                    for _ in 0..state.windows.of(*clock).count {
+                let Some((_, _, clock)) = plan_device.driven_by.first() else {
+                    continue;
+                };
+                // Each tick takes the same part of what is left, and the last one before the end all of it.
+                let tick_frames =
+                    state.windows.period(*clock) as f64 / state.windows.period(plan.driver as u32) as f64;
+                let factor = if left < tick_frames {
+                    0.0
+                } else {
+                    left / (left + tick_frames)
+                };
+                for _ in 0..state.windows.of(*clock).count {
+                    for (actuator, channel, _) in &plan_device.driven_by {
                         let mut frame = [0.0; 6];
                         let width = state.actuators[*actuator].limiter.ramp(factor, &mut frame);
                         device.device.write(*channel, &frame[..width]);
-                        device.advance();
                     }
+                    device.advance();
                 }
             }
         }
     }
 
-    /// Has that ramp come to its end?
+    /// Has that ramp come to its end, as fast as the limits let it?
     pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
-        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz()
+        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.rests()
+    }
+
+    /// Was every actuator given zero last?
+    pub fn rests(&self) -> bool {
+        self.state
+            .actuators
+            .iter()
+            .all(|actuator| actuator.limiter.rests())
+    }
+
+    /// Lets every limiter begin from zero, as nothing is driven.
+    pub(crate) fn begin_at_rest(&mut self) {
+        for actuator in &mut self.state.actuators {
+            actuator.limiter.begin_at_rest();
+        }
     }
 
     /// The devices, in the order of the graph's.
@@ -424,8 +448,9 @@ impl State {
                     first: window.first,
                     period: self.windows.period(line.clock),
                 };
-                if actuator.limiter.apply(&asked, x, output(out, line, window)) {
-                    self.faults.ticks += 1;
+                let faults = actuator.limiter.apply(&asked, x, output(out, line, window));
+                if faults > 0 {
+                    self.faults.ticks += faults;
                     self.faults.watching = self.faults.origin.is_none();
                 }
             }
@@ -528,8 +553,8 @@ impl AnyLimiter {
         .unwrap_or(Self::Closed)
     }
 
-    /// Frames of a drive to frames that keep the limit. Was one of them not a number?
-    fn apply(&mut self, asked: &Asked, x: &[f64], y: &mut [f64]) -> bool {
+    /// Frames of a drive to frames that keep the limit. How many of them were no numbers?
+    fn apply(&mut self, asked: &Asked, x: &[f64], y: &mut [f64]) -> u64 {
         let faults = self.counts().fault;
         match self {
             Self::One(limiter) => limit_frames(limiter, asked, x, y),
@@ -537,7 +562,7 @@ impl AnyLimiter {
             Self::Six(limiter) => limit_frames(limiter, asked, x, y),
             Self::Closed => y.fill(0.0),
         }
-        self.counts().fault > faults
+        self.counts().fault - faults
     }
 
     /// Starts as warm as another limiter of the same actuator is.
@@ -552,6 +577,24 @@ impl AnyLimiter {
             Self::One(limiter) => limiter.warm_up(heat),
             Self::Three(limiter) => limiter.warm_up(heat),
             Self::Six(limiter) => limiter.warm_up(heat),
+            Self::Closed => {}
+        }
+    }
+
+    fn rests(&self) -> bool {
+        match self {
+            Self::One(limiter) => limiter.output() == [0.0],
+            Self::Three(limiter) => limiter.output() == [0.0; 3],
+            Self::Six(limiter) => limiter.output() == [0.0; 6],
+            Self::Closed => true,
+        }
+    }
+
+    fn begin_at_rest(&mut self) {
+        match self {
+            Self::One(limiter) => limiter.begin_at_rest(),
+            Self::Three(limiter) => limiter.begin_at_rest(),
+            Self::Six(limiter) => limiter.begin_at_rest(),
             Self::Closed => {}
         }
     }

@@ -75,6 +75,9 @@ impl DeviceKind for OscDevice {
     }
 }
 
+/// Bundles in a packet, one within the other or beside it.
+const MOST_BUNDLES: usize = 8;
+
 /// What is said where.
 #[derive(Debug)]
 pub(super) struct Addresses {
@@ -85,31 +88,36 @@ pub(super) struct Addresses {
 }
 
 impl Addresses {
-    /// Takes what a packet says. Messages to other addresses are no fault, and bundles are taken at once.
-    pub fn understand(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<(), Count> {
+    /// Takes what a packet says of the device, if anything. Messages to other addresses are no fault, and bundles are
+    /// taken at once.
+    pub fn understand(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
+        // The decoder follows bundles within bundles as deep as they go.
+        if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MOST_BUNDLES {
+            return Err(Count::Malformed);
+        }
         let (rest, packet) = rosc::decoder::decode_udp(bytes).map_err(|_| Count::Malformed)?;
         if !rest.is_empty() {
             return Err(Count::Malformed);
         }
         let mut news = *sensed;
-        self.take(&packet, &mut news)?;
+        let told = self.take(&packet, &mut news)?;
         *sensed = news;
-        Ok(())
+        Ok(told)
     }
 
-    fn take(&self, packet: &OscPacket, sensed: &mut [f64; SENSED]) -> Result<(), Count> {
+    fn take(&self, packet: &OscPacket, sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
         match packet {
             OscPacket::Bundle(bundle) => bundle
                 .content
                 .iter()
-                .try_for_each(|inner| self.take(inner, sensed)),
+                .try_fold(false, |told, inner| Ok(told | self.take(inner, sensed)?)),
             OscPacket::Message(message) if message.addr == self.position => {
                 match numbers(message)?[..] {
                     [x, y] => sensed[..3].copy_from_slice(&[1e-3 * x, 1e-3 * y, 0.0]),
                     [x, y, z] => sensed[..3].copy_from_slice(&[1e-3 * x, 1e-3 * y, 1e-3 * z]),
                     _ => return Err(Count::Malformed),
                 }
-                Ok(())
+                Ok(true)
             }
             OscPacket::Message(message) if message.addr == self.force => {
                 match numbers(message)?[..] {
@@ -117,9 +125,9 @@ impl Addresses {
                     [x, y, z] => sensed[6..9].copy_from_slice(&[x, y, z]),
                     _ => return Err(Count::Malformed),
                 }
-                Ok(())
+                Ok(true)
             }
-            OscPacket::Message(_) => Ok(()),
+            OscPacket::Message(_) => Ok(false),
         }
     }
 
@@ -207,13 +215,10 @@ mod tests {
     fn millimetres_and_newtons_are_understood_and_other_messages_left_alone() {
         let (addresses, mut sensed) = (addresses(), [0.0; SENSED]);
         let position = packet("/pen/xy", vec![OscType::Int(10), OscType::Double(-20.0)]);
-        addresses.understand(&position, &mut sensed).unwrap();
-        addresses
-            .understand(&packet("/pen/pressure", vec![OscType::Float(1.5)]), &mut sensed)
-            .unwrap();
-        addresses
-            .understand(&packet("/tempo", vec![OscType::Nil]), &mut sensed)
-            .unwrap();
+        let force = packet("/pen/pressure", vec![OscType::Float(1.5)]);
+        let tempo = packet("/tempo", vec![OscType::Nil]);
+        let told = [position, force, tempo].map(|bytes| addresses.understand(&bytes, &mut sensed).unwrap());
+        assert_eq!(told, [true, true, false]);
         assert_eq!((sensed[0], sensed[1], sensed[8]), (0.01, -0.02, 1.5));
     }
 
@@ -228,6 +233,14 @@ mod tests {
         let four = packet("/pen/xy", vec![OscType::Int(1); 4]);
         assert!(matches!(
             addresses.understand(&four, &mut sensed),
+            Err(Count::Malformed)
+        ));
+        let deep: Vec<u8> = (0..3000)
+            .rev()
+            .flat_map(|k: u32| [&b"#bundle\0\0\0\0\0\0\0\0\x01"[..], &(20 * k).to_be_bytes()].concat())
+            .collect();
+        assert!(matches!(
+            addresses.understand(&deep, &mut sensed),
             Err(Count::Malformed)
         ));
         for length in 0..four.len() {

@@ -174,6 +174,10 @@ impl<'a> Conversation<'a> {
             self.tell();
         }
         self.driven = [0.0; DRIVEN];
+        if let Some(teller) = &self.teller {
+            // One of them will arrive.
+            (0..3).for_each(|_| teller.tell(self.socket, &self.driven));
+        }
         if let (Codec::Protocol, Some(device)) = (&self.plug.codec, self.device) {
             // Whether it arrives or not, the device has its own watchdog.
             let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
@@ -197,7 +201,8 @@ impl<'a> Conversation<'a> {
                 Err(_) => self.plug.link.count(Count::Malformed, 1),
             },
             Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
-                Ok(()) => self.accept(from),
+                Ok(true) => self.accept(from),
+                Ok(false) => {}
                 Err(what) => self.plug.link.count(what, 1),
             },
         }

@@ -85,7 +85,7 @@ impl NodeKind for ArmaFilter {
         Ok(Box::new(Synthesis {
             filter: arma::ArmaFilter::new(form),
             form,
-            lanes: [0.0; Coefficients::WIDTH],
+            lanes: [f64::NAN; Coefficients::WIDTH],
         }))
     }
 }
@@ -94,7 +94,7 @@ impl NodeKind for ArmaFilter {
 struct Synthesis {
     filter: arma::ArmaFilter,
     form: arma::Form,
-    /// The coefficients at work: converting them again would cost more than comparing.
+    /// The coefficients at work, at first none: converting them again would cost more than comparing.
     lanes: [f64; Coefficients::WIDTH],
 }
 

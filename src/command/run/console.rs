@@ -39,7 +39,9 @@ impl Typed {
 pub fn listen() -> Receiver<Typed> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+        for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
+            // What is no text is told of like any other line that is not understood.
+            let line = String::from_utf8_lossy(&line);
             if Typed::parse(&line).is_some_and(|typed| sender.send(typed).is_err()) {
                 break;
             }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone)]
 pub struct ProbeArgument {
     output: String,
-    file: PathBuf,
+    pub file: PathBuf,
 }
 
 pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {

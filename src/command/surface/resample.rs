@@ -2,7 +2,7 @@
 
 use super::{Failure, load, save};
 use crate::command::table::significant;
-use crate::command::{say, say_json};
+use crate::command::{say, say_json, spare};
 use clap::ValueEnum;
 use haptograph::surfaces::resampling::{self, resample_surface};
 use serde::Serialize;
@@ -48,6 +48,7 @@ struct Json {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    spare([&arguments.input], &arguments.output)?;
     let method = match arguments.method {
         Method::Zoh => resampling::Method::Zoh,
         Method::Hatt => resampling::Method::Hatt,
