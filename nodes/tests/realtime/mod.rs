@@ -1,5 +1,6 @@
 //! Is a stretch of code fit for real time? Allocations are counted; built with `--cfg rtsan` and RealtimeSanitizer's
-//! library linked in, a lock that waits or a call into the system ends the test at the spot.
+//! library linked in, a lock that waits, or a call into the system that it knows, ends
+//! the test at the spot.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
