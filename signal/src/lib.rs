@@ -11,6 +11,7 @@ pub mod prediction;
 pub mod quantity;
 pub mod resample;
 pub mod spectrum;
+pub mod statistics;
 pub mod time;
 pub mod vector;
 pub mod window;

@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.set_position((1000.0 * arguments.seconds * (number + 1) as f64 / TURNS as f64) as u64);
     }
     progress.finish_and_clear();
-    let account = Account::new(&graph, &plan, &profile, &mut measured_s, &mut plain_s);
+    let account = Account::new(&graph, &plan, &profile, &measured_s, &plain_s);
     if let Some(path) = &arguments.svg {
         write_file(path, &account.to_svg(&arguments.graph.name()))?;
     }

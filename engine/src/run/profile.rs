@@ -2,6 +2,7 @@
 
 use super::Run;
 use crate::plan::Plan;
+use haptograph_signal::statistics::median;
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 use std::time::Instant;
@@ -99,7 +100,7 @@ impl Profile {
             this.advance(plan.block());
             took[trial % 2].push(before.elapsed().as_nanos() as f64);
         }
-        let [plain, timed] = took.map(|mut took| median(&mut took));
+        let [plain, timed] = took.map(|took| median(&took));
         let every = ((timed - plain).max(0.0) / (PRICE * plain.max(1.0))).ceil() as u64;
         Self::timing_every(plan, every.max(1))
     }
@@ -189,16 +190,11 @@ impl Samples {
 
 /// What lies between two looks at the clock, ns.
 fn look_ns() -> f64 {
-    let mut gaps: Vec<f64> = (0..1000)
+    let gaps: Vec<f64> = (0..1000)
         .map(|_| {
             let before = Instant::now();
             before.elapsed().as_nanos() as f64
         })
         .collect();
-    median(&mut gaps)
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    median(&gaps)
 }

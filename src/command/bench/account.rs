@@ -6,6 +6,7 @@ use haptograph::engine::plan::Plan;
 use haptograph::engine::run::Profile;
 use haptograph::report::plot::{Axis, Mark, Plot, Style};
 use haptograph::report::theme::Ink;
+use haptograph::signal::statistics::median;
 use petgraph::graph::NodeIndex;
 use petgraph::visit::EdgeRef;
 use serde_json::json;
@@ -59,10 +60,10 @@ impl Account {
         graph: &Graph,
         plan: &Plan,
         profile: &Profile,
-        measured_s: &mut [f64],
-        plain_s: &mut [f64],
+        measured_s: &[f64],
+        plain_s: &[f64],
     ) -> Self {
-        let mut ratios: Vec<f64> = measured_s.iter().zip(&*plain_s).map(|(m, p)| m / p).collect();
+        let ratios: Vec<f64> = measured_s.iter().zip(plain_s).map(|(m, p)| m / p).collect();
         let costs = profile.costs();
         let rate_hz = |clock: usize| graph.clocks()[clock].rate.hz();
         let load = |cost: &haptograph::engine::run::StepCost| cost.median_ns * 1e-9 * rate_hz(cost.clock);
@@ -106,7 +107,7 @@ impl Account {
                 .map_or_else(String::new, |clock| clock.name.clone()),
             driver_rate_hz: driver.hz(),
             load: median(plain_s) / block_s,
-            price: median(&mut ratios) - 1.0,
+            price: median(&ratios) - 1.0,
             timed_blocks: profile.timed_blocks(),
             every: profile.every(),
             rows,
@@ -304,11 +305,6 @@ fn critical_path(graph: &Graph, order: &[NodeIndex], load: &HashMap<NodeIndex, f
     }
     path.reverse();
     (path, sum)
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn bytes(count: u64) -> String {
