@@ -174,8 +174,6 @@ impl Processor for Braking {
 haptograph_engine::settings! {
     /// Settings of [`BrakeSink`].
     pub struct BrakeSinkSettings {
-        /// A plain factor on the current, before the limit.
-        gain: f64 = 1.0;
         /// What the solenoid may be given.
         limit: CurrentLimitSettings;
     }
@@ -207,7 +205,8 @@ impl ActuatorKind for BrakeSink {
     };
 
     fn limit(settings: &BrakeSinkSettings) -> Result<(f64, Limit), BuildError> {
-        Ok((settings.gain, current_limit(&settings.limit)?))
+        // A gain here would heat the coil unknown to the controller's thermal model.
+        Ok((1.0, current_limit(&settings.limit)?))
     }
 }
 
