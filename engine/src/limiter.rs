@@ -162,14 +162,16 @@ impl<const N: usize> Limiter<N> {
         self.counts
     }
 
-    /// The weighted mean square as a fraction of its limit, 0 (cold) to 1.
-    pub fn heat(&self) -> f64 {
-        1.0 - self.budget / self.continuous_square
+    /// The weighted mean square, in the drive's unit squared: 0 when cold, at most the continuous limit's square.
+    pub fn mean_square(&self) -> f64 {
+        self.continuous_square - self.budget
     }
 
-    /// Begins with this fraction of the heat limit used up, 0 to 1: for one that takes the place of another.
-    pub fn warm_up(&mut self, heat: f64) {
-        self.budget = self.continuous_square * (1.0 - heat.clamp(0.0, 1.0));
+    /// Goes on for another limiter of the same actuator: as warm, and its counts go on. Where that one allowed more
+    /// than this one does, all is spent.
+    pub fn go_on_for(&mut self, other: &Self) {
+        self.budget = (self.continuous_square - other.mean_square()).clamp(0.0, self.continuous_square);
+        self.counts = other.counts;
     }
 
     /// Begins from zero, as the actuator was given nothing in the meantime; the heat stays.

@@ -185,7 +185,36 @@ fn a_short_overload_passes_and_a_long_one_falls_to_continuous() {
         "the tap of 0.1 s is whole"
     );
     assert!((outputs[1999] - 3.3).abs() < 1e-6);
-    assert!(limiter.heat() > 0.999 && limiter.heat() <= 1.0);
+    let heat = limiter.mean_square() / (3.3 * 3.3);
+    assert!(heat > 0.999 && heat <= 1.0);
+}
+
+#[test]
+fn one_that_goes_on_for_another_heats_its_actuator_no_further() {
+    let limit = |continuous| Limit {
+        peak: 5.0,
+        continuous,
+        window_s: 0.2,
+        slew_per_s: None,
+    };
+    for continuous in [1.0, 3.0, 4.5] {
+        let mut before = Limiter::<1>::new(&limit(4.0), 1000.0).unwrap();
+        (0..2000).for_each(|_| {
+            before.apply([5.0]);
+        });
+        let mut after = Limiter::<1>::new(&limit(continuous), 1000.0).unwrap();
+        after.go_on_for(&before);
+        assert_eq!(after.counts(), before.counts());
+        // The actuator itself knows nothing of who drives it.
+        let (weight, mut mean_square) = (1.0 - f64::exp(-1.0 / 200.0), before.mean_square());
+        let most = f64::max(mean_square, continuous * continuous);
+        for _ in 0..2000 {
+            let given = after.apply([5.0])[0];
+            mean_square += weight * (given * given - mean_square);
+            assert!(mean_square <= most * (1.0 + 1e-9), "{mean_square} of {most}");
+        }
+        assert!((mean_square.sqrt() - continuous).abs() < 1e-3);
+    }
 }
 
 #[test]

@@ -565,19 +565,14 @@ impl AnyLimiter {
         self.counts().fault - faults
     }
 
-    /// Starts as warm as another limiter of the same actuator is.
-    fn take_heat_of(&mut self, other: &Self) {
-        let heat = match other {
-            Self::One(limiter) => limiter.heat(),
-            Self::Three(limiter) => limiter.heat(),
-            Self::Six(limiter) => limiter.heat(),
-            Self::Closed => 0.0,
-        };
-        match self {
-            Self::One(limiter) => limiter.warm_up(heat),
-            Self::Three(limiter) => limiter.warm_up(heat),
-            Self::Six(limiter) => limiter.warm_up(heat),
-            Self::Closed => {}
+    /// Goes on for another limiter of the same actuator.
+    fn go_on_for(&mut self, other: &Self) {
+        match (self, other) {
+            (Self::One(this), Self::One(other)) => this.go_on_for(other),
+            (Self::Three(this), Self::Three(other)) => this.go_on_for(other),
+            (Self::Six(this), Self::Six(other)) => this.go_on_for(other),
+            // A channel of a device has one kind.
+            _ => {}
         }
     }
 

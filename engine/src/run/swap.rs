@@ -61,7 +61,11 @@ impl Next {
             .iter()
             .enumerate()
             .filter_map(|(new_at, actuator)| {
-                let old_at = old.actuators.iter().position(|was| was.path == actuator.path)?;
+                // Heat is the device's, whatever the sink is called.
+                let driven = driven_by(&plan, new_at);
+                let same = |old_at: &usize| driven.is_some() && driven_by(old, *old_at) == driven;
+                let by_name = || old.actuators.iter().position(|was| was.path == actuator.path);
+                let old_at = (0..old.actuators.len()).find(same).or_else(by_name)?;
                 Some((old_at, new_at))
             });
         Self {
@@ -100,11 +104,20 @@ impl Next {
         for (from, to) in &self.actuators {
             new.actuators[*to]
                 .limiter
-                .take_heat_of(&old.actuators[*from].limiter);
+                .go_on_for(&old.actuators[*from].limiter);
         }
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);
         new.faults = old.faults;
         std::mem::swap(&mut self.run, running);
     }
+}
+
+/// The device that an actuator sink drives, and the channel.
+fn driven_by(plan: &Plan, actuator: usize) -> Option<(&str, usize)> {
+    plan.devices.iter().find_map(|device| {
+        let mut sinks = device.driven_by.iter();
+        let (_, channel, _) = sinks.find(|(sink, ..)| *sink == actuator)?;
+        Some((device.name.as_str(), *channel))
+    })
 }

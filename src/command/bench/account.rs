@@ -56,13 +56,7 @@ struct ClockLoad {
 }
 
 impl Account {
-    pub fn new(
-        graph: &Graph,
-        plan: &Plan,
-        profile: &Profile,
-        measured_s: &[f64],
-        plain_s: &[f64],
-    ) -> Self {
+    pub fn new(graph: &Graph, plan: &Plan, profile: &Profile, measured_s: &[f64], plain_s: &[f64]) -> Self {
         let ratios: Vec<f64> = measured_s.iter().zip(plain_s).map(|(m, p)| m / p).collect();
         let costs = profile.costs();
         let rate_hz = |clock: usize| graph.clocks()[clock].rate.hz();

@@ -95,6 +95,24 @@ fn live_change_frame(frame: u64) -> u64 {
 }
 
 #[test]
+fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
+    let seed = (0..)
+        .find(|seed| sink(&random_graph(*seed, 0)).is_some())
+        .unwrap();
+    let (old, mut new) = (random_graph(seed, 0), random_graph(seed, 0));
+    let at = sink(&new).unwrap();
+    new.nodes[at].path = String::from("renamed");
+    new.nodes[at].fingerprint += 1;
+    let (mut live, mut control) = live(plan(&old, 8));
+    live.callback(500, |_, _| {});
+    let warm = live.run().state.actuators[0].limiter.counts().ticks;
+    control.swap(plan(&new, 8)).unwrap();
+    live.callback(500, |_, _| {});
+    assert_eq!(live.run().plan.actuators[0].path, "renamed");
+    assert!(live.run().state.actuators[0].limiter.counts().ticks > warm);
+}
+
+#[test]
 fn a_thousand_swaps_come_home_and_leave_nothing() {
     let graphs = [random_graph(1, 1), random_graph(2, 2)];
     let (mut live, mut control) = live(plan(&graphs[0], 32));
