@@ -112,7 +112,7 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
     if order > MAX_ORDER {
         return Err(ArmaError::TooLong { order });
     }
-    if all(ar, f64::is_finite) & all(ma, f64::is_finite) & gain.is_finite() {
+    if are_finite(ar) && are_finite(ma) && gain.is_finite() {
         Ok(())
     } else {
         Err(PredictionError::NotFinite.into())
@@ -121,14 +121,30 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
 
 /// Whether a filter with this state may be put to rest: all of it silent, or some of it no longer a number.
 fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
-    let silent = |v: f64| v.abs() < SILENCE;
-    all(inputs, silent) & all(outputs, silent)
-        || !(all(inputs, f64::is_finite) & all(outputs, f64::is_finite))
+    largest(inputs).max(largest(outputs)) < SILENCE || !(are_finite(inputs) && are_finite(outputs))
 }
 
-/// Looks at every value instead of stopping early, so that it compiles to vector code.
-fn all(values: &[f64], is: impl Fn(f64) -> bool) -> bool {
-    values.iter().fold(true, |all, v| all & is(*v))
+/// Whether every value is a number and finite.
+fn are_finite(values: &[f64]) -> bool {
+    // Nothing times those is nothing; times the others it is not a number.
+    gather(values, |sum, v| sum + v * 0.0) == 0.0
+}
+
+/// The largest magnitude among those that are numbers.
+fn largest(values: &[f64]) -> f64 {
+    gather(values, |most, v| if v.abs() > most { v.abs() } else { most })
+}
+
+/// Folds in lanes and from 0, for folds whose order does not matter.
+fn gather(values: &[f64], fold: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut lanes = [0.0; 4];
+    let (rows, rest) = values.as_chunks::<4>();
+    for row in rows {
+        for (lane, v) in lanes.iter_mut().zip(row) {
+            *lane = fold(*lane, *v);
+        }
+    }
+    lanes.iter().chain(rest).fold(0.0, |all, v| fold(all, *v))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ const REACH: usize = MAX_ORDER / LANES + 1;
 /// Samples filtered at a time.
 const RUN: usize = 64;
 /// Samples kept before the past has to be moved back to the front.
-const ROOM: usize = 4 * RUN;
+const ROOM: usize = 4 * RUN + LANES;
 
 type Sums = [[f64; LANES]; REACH];
 
@@ -86,11 +86,16 @@ impl DirectForm {
         check(ar, ma, gain)?;
         let (nearest, farther) = ar.split_first().unwrap_or((&0.0, &[]));
         self.nearest = *nearest;
-        self.ar[LANES + 2..LANES + 2 + farther.len()].copy_from_slice(farther);
-        if ar.len() < self.p {
-            self.ar[LANES + 1 + ar.len().max(1)..=LANES + self.p].fill(0.0);
+        // Loops, as a call to copy a handful of numbers costs more than copying them.
+        for (kept, a) in self.ar[LANES + 2..].iter_mut().zip(farther) {
+            *kept = *a;
         }
-        self.ma[..ma.len()].copy_from_slice(ma);
+        for gone in self.ar[LANES + 2..].iter_mut().take(self.p).skip(farther.len()) {
+            *gone = 0.0;
+        }
+        for (kept, b) in self.ma.iter_mut().zip(ma) {
+            *kept = *b;
+        }
         (self.p, self.q, self.gain) = (ar.len(), ma.len(), gain);
         self.stale = true;
         Ok(())
@@ -127,20 +132,16 @@ impl DirectForm {
         (self.now, self.since_settled, self.owed) = (MAX_ORDER, 0, 0);
     }
 
-    /// What the inputs bring to the outputs: `w = gain (e + sum b_k e[n-k])`.
+    /// What the moving average brings to the outputs: `w = gain (e + sum b_k e[n-k])`.
     #[inline(always)]
     fn moving_average(&self, excitation: &[f64]) -> [[f64; LANES]; RUN / LANES] {
         let mut w = [[0.0; LANES]; RUN / LANES];
-        if self.q > 0 {
-            for (w, start) in w
-                .iter_mut()
-                .zip((self.now..self.now + excitation.len()).step_by(LANES))
-            {
-                let delayed = self.e[start - self.q..start + LANES - 1].windows(LANES);
-                for (e, b) in delayed.zip(self.ma[..self.q].iter().rev()) {
-                    for l in 0..LANES {
-                        w[l] += b * e[l];
-                    }
+        let starts = (self.now..self.now + excitation.len()).step_by(LANES);
+        for (w, start) in w.iter_mut().zip(starts) {
+            let delayed = self.e[start - self.q..start + LANES - 1].windows(LANES);
+            for (e, b) in delayed.zip(self.ma[..self.q].iter().rev()) {
+                for l in 0..LANES {
+                    w[l] += b * e[l];
                 }
             }
         }
@@ -182,24 +183,49 @@ impl DirectForm {
         }
     }
 
-    /// Turns `w` into outputs; `REACHED` is how many vectors of sums behind the present one the coefficients reach.
+    /// Turns inputs into outputs; `REACHED` is how many vectors of sums behind the present one the coefficients reach.
     #[inline(always)]
-    fn recurse<const REACHED: usize>(&mut self, w: &[[f64; LANES]; RUN / LANES], out: &mut [f64]) {
+    fn recurse<const REACHED: usize>(&mut self, excitation: &[f64], out: &mut [f64]) {
         let mut sums = match (self.stale, self.owed) {
             (true, _) => self.sum_again::<REACHED>(),
             (false, 0) => self.sums,
             (false, owed) => self.moved_past::<REACHED>(owed),
         };
         self.stale = false;
-        let near: [f64; LANES] = std::array::from_fn(|k| self.ar[LANES + k]);
+        let now = self.now..self.now + out.len();
+        let averages = if self.q > 0 {
+            self.e[now.clone()].copy_from_slice(excitation);
+            Some(self.moving_average(excitation))
+        } else {
+            None
+        };
+        let gain = self.gain;
+        let w = |at: usize, e: &[f64; LANES]| match &averages {
+            Some(averages) => averages[at % averages.len()],
+            None => e.map(|e| gain * e),
+        };
+        let near: [f64; LANES] = std::array::from_fn(|k| match k {
+            1 => self.nearest,
+            _ => self.ar[LANES + k],
+        });
         let mut newest = self.y[self.now - 1];
-        let (whole, rest) = out.as_chunks_mut::<LANES>();
-        let last = &w[whole.len() % w.len()];
-        for (out, w) in whole.iter_mut().zip(w) {
-            let y = self.outputs(LANES, &near, newest, &sums[0], w);
-            for (older, y) in y.iter().enumerate() {
+        let mut first = [sums[0][0], sums[0][1]];
+        let (inputs, last_inputs) = excitation.as_chunks::<LANES>();
+        let (outputs, last_outputs) = out.as_chunks_mut::<LANES>();
+        let (e_kept, last_e) = self.e[now.clone()].as_chunks_mut::<LANES>();
+        let (y_kept, last_y) = self.y[now.clone()].as_chunks_mut::<LANES>();
+        let whole = inputs.len();
+        let kept = e_kept.iter_mut().zip(y_kept);
+        for (at, ((e, out), (e_kept, y_kept))) in inputs.iter().zip(outputs).zip(kept).enumerate() {
+            let y = next(LANES, &near, newest, first, &sums[0], &w(at, e));
+            for (older, newer) in y.iter().enumerate() {
+                // The two outputs that follow wait for the two newest ones: those go to them past the vectors.
+                if older >= LANES - 2 {
+                    let l = older - (LANES - 2);
+                    first[l] = sums[1][l] - near[2] * newer;
+                }
                 for reach in 1..=REACHED {
-                    sums[reach] = self.passed_on(older, *y, reach, sums[reach]);
+                    sums[reach] = passed_on(&self.ar, older, *newer, reach, sums[reach]);
                 }
             }
             for reach in 0..REACHED {
@@ -207,14 +233,18 @@ impl DirectForm {
             }
             sums[REACHED] = [0.0; LANES];
             newest = y[LANES - 1];
-            *out = y;
+            (*out, *y_kept, *e_kept) = (y, y, *e);
         }
         self.sums = sums;
-        self.owed = rest.len();
-        if !rest.is_empty() {
-            let y = self.outputs(rest.len(), &near, newest, &sums[0], last);
-            rest.copy_from_slice(&y[..rest.len()]);
+        self.owed = last_outputs.len();
+        if !last_outputs.is_empty() {
+            let e = std::array::from_fn(|l| last_inputs.get(l).copied().unwrap_or(0.0));
+            let y = next(self.owed, &near, newest, first, &sums[0], &w(whole, &e));
+            for (l, out) in last_outputs.iter_mut().enumerate().take(LANES) {
+                (*out, last_y[l], last_e[l]) = (y[l], y[l], e[l]);
+            }
         }
+        self.now = now.end;
     }
 
     /// The sums moved on past the newest outputs, fewer than [`LANES`].
@@ -223,7 +253,7 @@ impl DirectForm {
         let mut sums = self.sums;
         for (older, y) in self.y[self.now - outputs..self.now].iter().enumerate() {
             for reach in 0..=REACHED {
-                sums[reach] = self.passed_on(older, *y, reach, sums[reach]);
+                sums[reach] = passed_on(&self.ar, older, *y, reach, sums[reach]);
             }
         }
         let mut flat = [0.0; LANES * (REACH + 1)];
@@ -234,39 +264,45 @@ impl DirectForm {
             .copy_from_slice(&flat[outputs..outputs + LANES * REACH]);
         moved
     }
+}
 
-    /// The next `count` outputs, from their sums and what the inputs bring.
-    #[inline(always)]
-    fn outputs(
-        &self,
-        count: usize,
-        near: &[f64; LANES],
-        mut newest: f64,
-        sums: &[f64; LANES],
-        w: &[f64; LANES],
-    ) -> [f64; LANES] {
-        let mut y = [0.0; LANES];
-        for l in 0..LANES.min(count) {
-            let mut sum = sums[l];
-            for older in 0..l.max(1) - 1 {
-                sum -= near[l - older] * y[older];
-            }
-            newest = (sum + w[l]) - self.nearest * newest;
-            y[l] = newest;
+/// The next `count` outputs, from their sums (the first two apart) and what the inputs bring; `a_k` is `near[k]`.
+#[inline(always)]
+fn next(
+    count: usize,
+    near: &[f64; LANES],
+    mut newest: f64,
+    first: [f64; 2],
+    sums: &[f64; LANES],
+    w: &[f64; LANES],
+) -> [f64; LANES] {
+    let mut y = [0.0; LANES];
+    for l in 0..LANES.min(count) {
+        let mut sum = if l < 2 { first[l] } else { sums[l] };
+        for older in 0..l.max(1) - 1 {
+            sum -= near[l - older] * y[older];
         }
-        y
+        newest = (sum + w[l]) - near[1] * newest;
+        y[l] = newest;
     }
+    y
+}
 
-    /// The sums `reach` vectors on, with what output `older` of the present vector brings to them.
-    #[inline(always)]
-    fn passed_on(&self, older: usize, y: f64, reach: usize, mut sums: [f64; LANES]) -> [f64; LANES] {
-        let first = LANES * (reach + 1) - older;
-        let a = &self.ar[first..first + LANES];
-        for l in 0..LANES {
-            sums[l] -= a[l] * y;
-        }
-        sums
+/// The sums `reach` vectors on, with what output `older` of the present vector brings to them.
+#[inline(always)]
+fn passed_on(
+    ar: &[f64; 2 * LANES * REACH],
+    older: usize,
+    y: f64,
+    reach: usize,
+    mut sums: [f64; LANES],
+) -> [f64; LANES] {
+    let first = LANES * (reach + 1) - older;
+    let a = &ar[first..first + LANES];
+    for l in 0..LANES {
+        sums[l] -= a[l] * y;
     }
+    sums
 }
 
 /// Filters up to [`RUN`] samples.
@@ -286,19 +322,14 @@ impl WithSimd for Run<'_> {
             excitation,
             out,
         } = self;
-        if filter.now + RUN > MAX_ORDER + ROOM {
+        if filter.now + excitation.len() + LANES > MAX_ORDER + ROOM {
             filter.e.copy_within(filter.now - MAX_ORDER..filter.now, 0);
             filter.y.copy_within(filter.now - MAX_ORDER..filter.now, 0);
             filter.now = MAX_ORDER;
         }
-        let next = filter.now + excitation.len();
-        filter.e[filter.now..next].copy_from_slice(excitation);
-        let w = filter.moving_average(excitation);
         match filter.p {
-            0..=24 => filter.recurse::<3>(&w, out),
-            _ => filter.recurse::<4>(&w, out),
+            0..=24 => filter.recurse::<3>(excitation, out),
+            _ => filter.recurse::<4>(excitation, out),
         }
-        filter.y[filter.now..next].copy_from_slice(out);
-        filter.now = next;
     }
 }

@@ -111,19 +111,23 @@ impl DirectGroup {
         for k in (FRAMES.max(2)..=p).rev() {
             let (a, past) = (&self.ar[k], &self.y[now - k..now - k + FRAMES]);
             for n in 0..FRAMES {
-                for l in 0..LANES {
-                    sums[n][l] -= a[l] * past[n][l];
-                }
+                sums[n] = less(sums[n], a, &past[n]);
             }
         }
-        for n in 0..FRAMES {
-            for k in (2..FRAMES).rev() {
-                for l in 0..LANES {
-                    sums[n][l] -= self.ar[k][l] * self.y[now + n - k][l];
-                }
+        let near: [Lanes; FRAMES] = std::array::from_fn(|k| self.ar[k]);
+        for k in (2..FRAMES).rev() {
+            for n in 0..k {
+                sums[n] = less(sums[n], &near[k], &self.y[now + n - k]);
             }
+        }
+        let mut newest = self.y[now - 1];
+        for n in 0..FRAMES {
             for l in 0..LANES {
-                self.y[now + n][l] = (sums[n][l] + w[n][l]) - self.ar[1][l] * self.y[now + n - 1][l];
+                newest[l] = (sums[n][l] + w[n][l]) - self.ar[1][l] * newest[l];
+            }
+            self.y[now + n] = newest;
+            for later in n + 2..FRAMES {
+                sums[later] = less(sums[later], &near[later - n], &newest);
             }
         }
     }
@@ -147,4 +151,13 @@ impl DirectGroup {
         }
         w
     }
+}
+
+/// `sums` less `a` times `y`, lane by lane.
+#[inline(always)]
+fn less(mut sums: Lanes, a: &Lanes, y: &Lanes) -> Lanes {
+    for l in 0..LANES {
+        sums[l] -= a[l] * y[l];
+    }
+    sums
 }
