@@ -121,18 +121,17 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
 
 /// Whether a filter with this state may be put to rest: all of it silent, or some of it no longer a number.
 fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
-    largest(inputs).max(largest(outputs)) < SILENCE || !(are_finite(inputs) && are_finite(outputs))
+    let silent =
+        |values: &[f64]| gather(values, |most, v| if v.abs() > most { v.abs() } else { most }) < SILENCE;
+    // Mostly the last output alone shows that it is not silent.
+    let sounds = outputs.last().is_some_and(|y| y.abs() >= SILENCE);
+    !sounds && silent(outputs) && silent(inputs) || !(are_finite(inputs) && are_finite(outputs))
 }
 
 /// Whether every value is a number and finite.
 fn are_finite(values: &[f64]) -> bool {
     // Nothing times those is nothing; times the others it is not a number.
     gather(values, |sum, v| sum + v * 0.0) == 0.0
-}
-
-/// The largest magnitude among those that are numbers.
-fn largest(values: &[f64]) -> f64 {
-    gather(values, |most, v| if v.abs() > most { v.abs() } else { most })
 }
 
 /// Folds in lanes and from 0, for folds whose order does not matter.
