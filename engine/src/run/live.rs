@@ -51,6 +51,8 @@ pub enum LiveState {
     Finished,
     /// A node panicked; the actuators were taken to zero and stay there.
     Panicked,
+    /// A device panicked as well when it was taken to zero; nothing is driven any more.
+    Lost,
 }
 
 enum Command {
@@ -136,8 +138,23 @@ pub fn live(plan: Arc<Plan>) -> (Live, Control) {
 impl Live {
     /// Runs `frames` driver frames, in blocks of at most the plan's; `each` sees every block when it is done.
     ///
-    /// A panic in a node ends here: the actuators are taken to zero by the engine itself, outside the plan.
+    /// A panic in a node ends here, in whatever it was asked to do: the actuators are taken to zero by the engine
+    /// itself, outside the plan. A device that panics even then is driven no more.
     pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
+        let done = self.frames;
+        // The plan's state may be half-way through a tick afterwards; it is never run again.
+        if catch_unwind(AssertUnwindSafe(|| self.run_plan(frames, &mut each))).is_err() {
+            self.state = LiveState::Panicked;
+        }
+        if matches!(self.state, LiveState::Panicked | LiveState::Finished) {
+            let left = frames - (self.frames - done) as usize;
+            if catch_unwind(AssertUnwindSafe(|| self.run.ramp_down(left, FADE_S))).is_err() {
+                self.state = LiveState::Lost;
+            }
+        }
+    }
+
+    fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
         self.take_commands();
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
@@ -146,19 +163,11 @@ impl Live {
             if self.state != LiveState::Running || block == 0 {
                 break;
             }
-            let run = &mut self.run;
-            // The plan's state may be half-way through a tick afterwards; it is never run again.
-            if catch_unwind(AssertUnwindSafe(|| run.advance(block))).is_err() {
-                self.state = LiveState::Panicked;
-                break;
-            }
+            self.run.advance(block);
             self.frames += block as u64;
             self.rings.send(&self.run);
             each(&mut self.run, block);
             left -= block;
-        }
-        if matches!(self.state, LiveState::Panicked | LiveState::Finished) {
-            self.run.ramp_down(left, FADE_S);
         }
     }
 
@@ -198,7 +207,7 @@ impl Live {
     pub fn is_at_rest(&self) -> bool {
         match self.state {
             LiveState::Running => false,
-            LiveState::Stopped => true,
+            LiveState::Stopped | LiveState::Lost => true,
             LiveState::Finished | LiveState::Panicked => self.run.is_ramped_down(FADE_S),
         }
     }
@@ -368,24 +377,34 @@ impl Control {
         if plan.driver_rate() != self.plan.driver_rate() {
             return Err(ControlError::OtherRate);
         }
-        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings));
-        let transfer = next.transfer;
-        self.send(Command::Swap(next))?;
-        let old = std::mem::replace(&mut self.plan, plan);
-        let set = std::mem::replace(&mut self.settings, self.plan.live.clone());
+        let mut settings = plan.live.clone();
         let mut changes = Vec::new();
-        for (place, live) in self.settings.iter_mut().enumerate() {
-            let Some(was) = set.iter().find(|was| was.is_same_as(live)) else {
+        for (place, live) in settings.iter_mut().enumerate() {
+            let Some(was) = self.settings.iter().find(|was| was.is_same_as(live)) else {
                 continue;
             };
-            let written = old.live.iter().find(|written| written.is_same_as(live));
+            let written = self.plan.live.iter().find(|written| written.is_same_as(live));
             let by_file = written.is_some_and(|written| written.value.to_bits() != live.value.to_bits());
-            let wanted = if by_file { live.value } else { was.value };
+            let possible = live
+                .range
+                .is_none_or(|(low, high)| (low..=high).contains(&was.value));
+            let wanted = if by_file || !possible {
+                live.value
+            } else {
+                was.value
+            };
             let in_new_plan = std::mem::replace(&mut live.value, was.value);
             if wanted.to_bits() != was.value.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
                 changes.push((place, wanted));
             }
         }
+        if self.commands.slots() <= changes.len() {
+            return Err(ControlError::Full);
+        }
+        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings));
+        let transfer = next.transfer;
+        self.send(Command::Swap(next))?;
+        (self.plan, self.settings) = (plan, settings);
         for (place, wanted) in &changes {
             self.set_at(*place, *wanted)?;
         }

@@ -3,6 +3,7 @@
 use super::outlets::{Outlets, WriteError};
 use super::{ActuatorReport, Faults, Run};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
+use petgraph::graph::NodeIndex;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -94,7 +95,7 @@ impl<'a> Offline<'a> {
             stop,
         };
         let stages = cut(&plan, self.threads);
-        let (driver_frames, faults, actuators) = match stages.len() {
+        let (driver_frames, mut faults, actuators) = match stages.len() {
             0 | 1 => {
                 let mut run = Run::new(Arc::clone(&plan));
                 while let Some(frames) = blocks.after(run.driver_frames()) {
@@ -105,6 +106,9 @@ impl<'a> Offline<'a> {
             }
             _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
         };
+        if faults.ticks > 0 {
+            faults.origin = origin(&plan, driver_frames);
+        }
         for written in writers {
             let path = written.what;
             written
@@ -191,7 +195,7 @@ fn pipeline(
                 done += frames as u64;
             }
         });
-        let mut run = staged(plan);
+        let mut run = Run::new(Arc::clone(plan));
         let mut result = Ok(());
         for parcel in incoming.iter() {
             stage_block(&mut run, last, &parcel);
@@ -211,11 +215,15 @@ fn pipeline(
     })
 }
 
-fn staged(plan: &Arc<Plan>) -> Run {
+/// The first node whose output is not a number, until an actuator is first given one that is not. Found by a run of
+/// its own, frame by frame: the same whatever the block and the number of threads.
+fn origin(plan: &Arc<Plan>, driver_frames: u64) -> Option<NodeIndex> {
     let mut run = Run::new(Arc::clone(plan));
-    // The stage with the fault is not the one with the origin, so all are watched from the start.
     run.state.faults.watching = true;
-    run
+    while run.faults().ticks == 0 && run.driver_frames() < driver_frames {
+        run.advance(1);
+    }
+    run.faults().origin
 }
 
 fn work(
@@ -224,7 +232,7 @@ fn work(
     incoming: &Receiver<Parcel>,
     outgoing: &SyncSender<Parcel>,
 ) -> Run {
-    let mut run = staged(plan);
+    let mut run = Run::new(Arc::clone(plan));
     for parcel in incoming {
         stage_block(&mut run, stage, &parcel);
         let buffers = crossing(plan, stage.end).map(|life| run.buffer(life.slot).to_vec());
@@ -263,15 +271,11 @@ fn merge(plan: &Plan, stages: &[Range<usize>], runs: &[Run]) -> (u64, Faults, Ve
     let mut actuators: Vec<ActuatorReport> = Vec::new();
     for (stage, run) in stages.iter().zip(runs) {
         faults.ticks += run.faults().ticks;
-        faults.origin = faults.origin.or(run.faults().origin);
         for step in &plan.steps[stage.clone()] {
             if let StepWork::Actuator(index) = step.work {
                 actuators.extend(run.actuators().nth(index as usize));
             }
         }
-    }
-    if faults.ticks == 0 {
-        faults.origin = None;
     }
     (runs.last().map_or(0, Run::driver_frames), faults, actuators)
 }

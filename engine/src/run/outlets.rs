@@ -71,6 +71,17 @@ impl<'a> Outlets<'a> {
         Ok(())
     }
 
+    /// Removes the files that were opened: nothing will be written.
+    pub(super) fn take_back(self) {
+        for written in self.written {
+            drop(written.writer);
+            if written.sink.is_some() {
+                // What cannot be removed was perhaps never there.
+                let _ = std::fs::remove_file(&written.what);
+            }
+        }
+    }
+
     /// Opens the file of a node, if it is a file sink.
     pub(super) fn open_file(&mut self, index: NodeIndex, folder: &Path) -> Result<(), WriteError> {
         let Work::File(sink) = &self.graph.nodes[index].work else {

@@ -141,7 +141,12 @@ impl Session {
                 .iter()
                 .position(|entry| entry.sink.as_deref() == Some(file))
             {
-                None => outlets.open_file(index, folder)?,
+                None => {
+                    if let Err(error) = outlets.open_file(index, folder) {
+                        outlets.take_back();
+                        return Err(error.into());
+                    }
+                }
                 Some(known) if ended.contains(&known) || !self.entries[known].running => {
                     left_out.push(self.entries[known].what.clone());
                 }
@@ -161,7 +166,13 @@ impl Session {
         let goes_on = |place: usize| kept.iter().any(|(_, new)| *new == place);
         let (mut rings, outs) = TapRings::new(&plan, |place| !goes_on(place));
         rings.kept.clone_from(&kept);
-        let change = self.control.swap_with(plan, rings)?;
+        let change = match self.control.swap_with(plan, rings) {
+            Ok(change) => change,
+            Err(error) => {
+                outlets.take_back();
+                return Err(error.into());
+            }
+        };
         for number in &ended {
             self.entries[*number].running = false;
         }
@@ -209,7 +220,7 @@ impl Session {
             faults: live.faults(),
             actuators: live.run().actuators().collect(),
         };
-        let panicked = live.state() == LiveState::Panicked;
+        let panicked = matches!(live.state(), LiveState::Panicked | LiveState::Lost);
         let lost_numbers = live.lost_numbers();
         // The rings end when both sides are gone: an old plan may still be on its way between them.
         drop(live);

@@ -181,15 +181,23 @@ impl Card {
             format,
             rate_hz,
             full_scale: 1.0,
-            samples: vec![0.0; MAX_BLOCK].into_boxed_slice(),
+            // A block that ended in a panic, and the ramp that the engine put out in its place.
+            samples: vec![0.0; 2 * MAX_BLOCK].into_boxed_slice(),
             waiting: 0,
         })
     }
 
-    /// What was written since the last time, in full scale, and the channels it goes to.
+    /// The oldest samples that were written and not taken, at most so many, in full scale, and their channels.
     #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
-    pub fn take(&mut self) -> (&[f64], &[u32]) {
-        (&self.samples[..std::mem::take(&mut self.waiting)], &self.channels)
+    pub fn waiting(&self, most: usize) -> (&[f64], &[u32]) {
+        (&self.samples[..self.waiting.min(most)], &self.channels)
+    }
+
+    /// Forgets as many of the oldest.
+    #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+    pub fn taken(&mut self, count: usize) {
+        self.samples.copy_within(count..self.waiting, 0);
+        self.waiting -= count;
     }
 }
 

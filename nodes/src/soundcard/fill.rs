@@ -51,6 +51,8 @@ impl Filler {
         let began = Instant::now();
         data.fill(silence);
         let Some(live) = &mut self.live else { return };
+        // What a card has too many of when a panic cut a block short it plays in the next buffer.
+        let at_rest = live.is_at_rest();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
             live.callback(part.len() / channels, |_, _| {});
@@ -61,7 +63,7 @@ impl Filler {
             }
         }
         self.shared.clipped.fetch_add(clipped, Relaxed);
-        self.shared.at_rest.store(live.is_at_rest(), Relaxed);
+        self.shared.at_rest.store(at_rest, Relaxed);
         let frames = data.len() / channels;
         self.report(began, frames);
     }
@@ -108,8 +110,9 @@ impl Drop for Filler {
 /// nothing before. Returns the samples beyond full scale.
 fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &impl Fn(f64) -> T) -> u64 {
     let frames = part.len() / channels;
-    let (samples, mapped) = card.take();
-    let skipped = frames.saturating_sub(samples.len());
+    let (samples, mapped) = card.waiting(frames);
+    let count = samples.len();
+    let skipped = frames - count;
     let mut clipped = 0;
     for (frame, sample) in part.chunks_exact_mut(channels).skip(skipped).zip(samples) {
         clipped += u64::from(sample.abs() > 1.0);
@@ -120,6 +123,7 @@ fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &im
             }
         }
     }
+    card.taken(count);
     clipped
 }
 
@@ -127,8 +131,14 @@ fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &im
 mod tests {
     use super::*;
     use haptograph_engine::document::Document;
+    use haptograph_engine::frame::Kind;
     use haptograph_engine::graph::{CheckOptions, Graph, check};
+    use haptograph_engine::node::{
+        BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
+    };
     use haptograph_engine::run::{LiveOptions, Outlets, Session};
+    use haptograph_engine::settings::NoSettings;
+    use haptograph_signal::quantity::Quantity;
 
     /// Two endpoints on one card: 0.25 of full scale on channel 2, twice full scale on 1 and 3.
     fn graph() -> Graph {
@@ -148,13 +158,12 @@ mod tests {
             .unwrap_or_else(|wrong| panic!("{wrong}"))
     }
 
-    fn filler(seconds: f64) -> (Filler, Arc<Shared>, Session) {
-        let graph = graph();
+    fn filler(graph: &Graph, seconds: f64) -> (Filler, Arc<Shared>, Session) {
         let options = LiveOptions {
             block: 64,
             seconds: Some(seconds),
         };
-        let (live, session) = Session::open(Outlets::new(&graph), &options).unwrap();
+        let (live, session) = Session::open(Outlets::new(graph), &options).unwrap();
         let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
         let shared = Arc::default();
         (
@@ -166,7 +175,7 @@ mod tests {
 
     #[test]
     fn every_endpoint_plays_on_its_channels_in_buffers_of_any_length() {
-        let (mut filler, shared, _session) = filler(1.0);
+        let (mut filler, shared, _session) = filler(&graph(), 1.0);
         for frames in [1, 64, 170, 5000, 7] {
             let mut data = vec![9.0; frames * 4];
             filler.fill(&mut data, 4, 0.0, |x| x);
@@ -182,7 +191,7 @@ mod tests {
 
     #[test]
     fn at_the_end_everything_falls_to_zero_and_stays_there() {
-        let (mut filler, shared, _session) = filler(0.01);
+        let (mut filler, shared, _session) = filler(&graph(), 0.01);
         let mut data = vec![9.0; 1500 * 4];
         filler.fill(&mut data, 4, 0.0, |x| x);
         let channel: Vec<f64> = data.chunks(4).map(|frame| frame[1]).collect();
@@ -190,6 +199,74 @@ mod tests {
         let ramp = &channel[480..960];
         assert!(ramp.windows(2).all(|pair| pair[1] < pair[0]), "{ramp:?}");
         assert!(channel[960..].iter().all(|x| *x == 0.0));
+        // Known a buffer later: a card may have samples left to play.
+        filler.fill(&mut data, 4, 0.0, |x| x);
+        assert!(data.iter().all(|x| *x == 0.0) && shared.at_rest.load(Relaxed));
+    }
+
+    /// Panics in the second block.
+    #[derive(Clone)]
+    struct Doomed;
+
+    impl Processor for Doomed {
+        fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+            assert!(tick.first < 64, "as asked");
+            io.out(0).fill(0.5);
+        }
+    }
+
+    impl NodeKind for Doomed {
+        type Settings = NoSettings;
+        const SPEC: NodeSpec = NodeSpec {
+            name: "Doomed",
+            group: "plain",
+            doc: "",
+            source: "",
+            inputs: &[],
+            outputs: &[output("out", Kind::Scalar, Quantity::CURRENT, "")],
+            example: "",
+        };
+
+        fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+            Ok(Box::new(Self))
+        }
+    }
+
+    #[test]
+    fn no_sample_of_the_way_down_is_lost_when_a_block_ends_in_a_panic() {
+        let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+            nodes: {
+                "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
+                "doomed": Doomed(clock: "audio"),
+                "a": ActuatorSink(current: "half", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "doomed", endpoint: "b", limit: (peak_a: 1, continuous_a: 1)),
+            },
+            endpoints: { "simulated": {
+                "a": Soundcard(amperes_full_scale: 1.0, channels: [1]),
+                "b": Soundcard(amperes_full_scale: 1.0, channels: [2]),
+            } })"#;
+        let mut registry = crate::registry();
+        registry.add(NodeEntry::processor::<Doomed>());
+        let document = Document::parse("g.ron", text).unwrap();
+        let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
+        let (mut filler, shared, _session) = filler(&graph, 1.0);
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| {}));
+        let mut played = [Vec::new(), Vec::new()];
+        for _ in 0..12 {
+            let mut data = vec![9.0; 64 * 2];
+            filler.fill(&mut data, 2, 0.0, |x| x);
+            for (channel, played) in played.iter_mut().enumerate() {
+                played.extend(data.chunks(2).map(|frame| frame[channel]));
+            }
+        }
+        std::panic::set_hook(hook);
+        for played in played {
+            let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let most = most.fold(0.0, f64::max);
+            assert!(most < 0.5 / 480.0 * 1.01, "{most}");
+            assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
+        }
         assert!(shared.at_rest.load(Relaxed));
     }
 

@@ -4,9 +4,10 @@ use super::world::{Body, LIMIT, random_graph, with_processor};
 use crate::graph::{Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{ControlError, LiveState, Run, live};
+use crate::run::{Change, ControlError, LiveState, Offline, Outlets, Run, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
     let taps = graph.nodes.node_indices().map(|node| (node, 0)).collect();
@@ -149,6 +150,56 @@ fn a_stop_fades_out_and_then_nothing_runs() {
     );
 }
 
+#[test]
+fn a_swap_that_is_refused_changes_nothing() {
+    let (graph, _, _) = with_processor(Box::new(Clinging));
+    let (mut live, mut control) = live(plan(&graph, 8));
+    while control.set_by_name("n37.gain", 0.2).is_ok() {}
+    let running = Arc::clone(control.plan());
+    assert_eq!(control.swap(plan(&graph, 8)), Err(ControlError::Full));
+    assert!(Arc::ptr_eq(&running, control.plan()));
+    live.callback(8, |_, _| {});
+    control.poll();
+    assert_eq!(control.freed(), 0);
+    assert_eq!(control.swap(plan(&graph, 8)), Ok(Change::Settings(1)));
+}
+
+#[test]
+fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
+    let (old, _, _) = with_processor(Box::new(Clinging));
+    let (mut new, node, _) = with_processor(Box::new(Clinging));
+    new.nodes[node].fingerprint += 1;
+    let (mut live, mut control) = live(plan(&old, 8));
+    live.callback(80, |_, _| {});
+    control.swap(plan(&new, 8)).unwrap();
+    quietly(|| live.callback(80, |_, _| {}));
+    assert_eq!(live.state(), LiveState::Panicked);
+    live.callback(80, |_, _| {});
+    assert!(live.is_at_rest());
+}
+
+/// Panics when it has to hand its state on.
+#[derive(Clone)]
+struct Clinging;
+
+impl Processor for Clinging {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        io.out(0).fill(100.0);
+    }
+
+    fn copy_state_into(&self, _: &mut dyn Processor) {
+        panic!("as asked");
+    }
+}
+
+/// Without the message of a panic that is meant to happen.
+fn quietly(run: impl FnOnce()) {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    run();
+    std::panic::set_hook(hook);
+}
+
 /// Puts out what it is told to from a tick on.
 #[derive(Clone)]
 struct Trouble {
@@ -199,10 +250,7 @@ fn a_panic_takes_the_actuators_to_zero_outside_the_plan() {
     };
     let (graph, _, _) = with_processor(Box::new(trouble));
     let (mut live, _control) = live(plan(&graph, 1));
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
-    live.callback(51, |_, _| {});
-    std::panic::set_hook(hook);
+    quietly(|| live.callback(51, |_, _| {}));
     assert_eq!(live.state(), LiveState::Panicked);
     let drive = |run: &Run| run.state.devices[0].device.clone_box();
     let mut drives = Vec::new();
@@ -216,6 +264,30 @@ fn a_panic_takes_the_actuators_to_zero_outside_the_plan() {
         "{drives:?}"
     );
     assert_eq!(drives[11], 0.0);
+}
+
+#[test]
+fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block_and_the_threads() {
+    /// Once only not a number: gone when the sink has seen it.
+    #[derive(Clone)]
+    struct Once;
+    impl Processor for Once {
+        fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+            for (j, out) in io.out(0).iter_mut().enumerate() {
+                *out = if tick.first + j as u64 == 50 {
+                    f64::NAN
+                } else {
+                    1.0
+                };
+            }
+        }
+    }
+    let (graph, node, _) = with_processor(Box::new(Once));
+    for (block, threads) in [(1, 1), (7, 1), (64, 1), (64, 2), (1000, 3)] {
+        let offline = Offline::new(Outlets::new(&graph), block).threads(threads);
+        let outcome = offline.run(0.2, &AtomicBool::new(false), &mut |_| {}).unwrap();
+        assert_eq!((outcome.faults.ticks, outcome.faults.origin), (1, Some(node)));
+    }
 }
 
 /// What drives the body, seen through its motion: p' = 0.9 p + drive + 1.

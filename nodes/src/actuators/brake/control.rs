@@ -146,7 +146,8 @@ impl Brake {
         for (kept, now) in self.dragged_n.iter_mut().zip(now_n) {
             *kept += weight * (now - *kept);
         }
-        Some(self.dragged_n[0] / self.dragged_n[1])
+        // Nothing pressed yet, and least values of zero: there is no friction to speak of.
+        (self.dragged_n[1] > 0.0).then(|| self.dragged_n[0] / self.dragged_n[1])
     }
 
     fn correct(&mut self, error: f64) {
