@@ -237,9 +237,9 @@ mod tests {
         let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
             nodes: {
                 "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
-                "doomed": Doomed(clock: "audio"),
+                "z": Doomed(clock: "audio"),
                 "a": ActuatorSink(current: "half", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
-                "b": ActuatorSink(current: "doomed", endpoint: "b", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "z", endpoint: "b", limit: (peak_a: 1, continuous_a: 1)),
             },
             endpoints: { "simulated": {
                 "a": Soundcard(amperes_full_scale: 1.0, channels: [1]),
