@@ -19,9 +19,9 @@ pub enum RateError {
     /// The text is not a decimal number.
     #[error("`{0}` is not a decimal number of hertz")]
     NotANumber(String),
-    /// The rates have no common time unit that fits 64 bits.
+    /// The rates have no common time unit of which 64 bits hold a year.
     #[error(
-        "these rates have no common time unit that fits 64 bits; use rates that are small ratios of one another"
+        "these rates have no common time unit of which 64 bits hold a year; use rates that are small ratios of one another"
     )]
     Incommensurable,
 }
@@ -126,7 +126,8 @@ impl TimeBase {
     /// The coarsest unit in which the periods of all `rates` are whole; periods come in the same order.
     ///
     /// # Errors
-    /// [`RateError::Incommensurable`] when that unit needs more than 48 bits for a period.
+    /// [`RateError::Incommensurable`] when that unit needs more than 48 bits for a period, or 64 bits hold less than a
+    /// year of it.
     pub fn new(rates: &[Rate]) -> Result<Self, RateError> {
         // The periods d_i/n_i are whole multiples of g = gcd(d_i) / lcm(n_i).
         let mut numerator = 1_u64;
@@ -151,6 +152,9 @@ impl TimeBase {
             numerator,
             denominator,
         };
+        if units_per_second.hz() > (1_u64 << 39) as f64 {
+            return Err(RateError::Incommensurable);
+        }
         Ok(Self {
             units_per_second,
             periods,
@@ -203,6 +207,13 @@ mod tests {
         for bad in ["", "-3", "x", "1.2.3", "e", "0", "1e99", "99999999999999999999"] {
             assert!(Rate::parse(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_unit_too_fine_to_last_a_year_is_refused() {
+        let rates = ["99991", "99989", "99971"].map(hz);
+        assert_eq!(TimeBase::new(&rates), Err(RateError::Incommensurable));
+        assert!(TimeBase::new(&rates[..2]).is_ok());
     }
 
     #[test]

@@ -250,7 +250,7 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
         clocks[culprit].name
     );
     let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message).label(format!(
-        "{} has no common time unit with the others that fits 64 bits",
+        "{} has no common time unit with the others of which 64 bits hold a year",
         clocks[culprit].rate
     ));
     if culprit > 0 {

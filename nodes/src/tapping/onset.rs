@@ -37,23 +37,30 @@ pub struct Onset {
     least_m_s: f64,
     period_s: f64,
     window: usize,
+    /// Of so many ticks one is remembered, so that the window is as long at any rate.
+    stride: u64,
     rearm_ticks: u32,
     free_ticks: u32,
+    ticks: u64,
     /// The latest positions, the newest at `next - 1`.
     positions_m: [Vec3; MOST_SAMPLES],
     next: usize,
 }
 
 impl Onset {
-    /// A watch for ticks at `rate_hz`; it starts armed. The window has at least 2 ticks and at most 64.
+    /// A watch for ticks at `rate_hz`; it starts armed. The speed is measured between at least 2 ticks.
     pub fn new(settings: &OnsetSettings, rate_hz: f64) -> Self {
         let rearm_ticks = (settings.rearm_s * rate_hz).ceil().max(1.0) as u32;
+        let window_ticks = settings.window_s * rate_hz;
+        let stride = (window_ticks / (MOST_SAMPLES - 1) as f64).ceil().max(1.0);
         Self {
             least_m_s: settings.least_m_s,
-            period_s: 1.0 / rate_hz,
-            window: ((settings.window_s * rate_hz).round() as usize + 1).clamp(2, MOST_SAMPLES),
+            period_s: stride / rate_hz,
+            window: ((window_ticks / stride).round() as usize + 1).clamp(2, MOST_SAMPLES),
+            stride: stride as u64,
             rearm_ticks,
             free_ticks: rearm_ticks,
+            ticks: 0,
             positions_m: [ZERO; MOST_SAMPLES],
             next: 0,
         }
@@ -61,7 +68,8 @@ impl Onset {
 
     /// Goes on from what another watch has seen.
     pub fn copy_state_from(&mut self, other: &Self) {
-        (self.free_ticks, self.positions_m, self.next) = (other.free_ticks, other.positions_m, other.next);
+        (self.free_ticks, self.ticks) = (other.free_ticks, other.ticks);
+        (self.positions_m, self.next) = (other.positions_m, other.next);
     }
 
     /// One tick: the speed into the surface, m/s, if this contact is a tap.
@@ -69,8 +77,11 @@ impl Onset {
         if !contact.hip_m.iter().all(|x| x.is_finite()) {
             return None;
         }
-        self.positions_m[self.next % MOST_SAMPLES] = contact.hip_m;
-        self.next += 1;
+        if self.ticks.is_multiple_of(self.stride) {
+            self.positions_m[self.next % MOST_SAMPLES] = contact.hip_m;
+            self.next += 1;
+        }
+        self.ticks += 1;
         if !contact.touching {
             self.free_ticks = self.free_ticks.saturating_add(1);
             return None;
@@ -109,8 +120,12 @@ mod tests {
 
     /// Taps seen along heights at 1 kHz: (tick, speed).
     fn taps(heights: impl Iterator<Item = f64>) -> Vec<(usize, f64)> {
+        taps_at(1000.0, heights)
+    }
+
+    fn taps_at(rate_hz: f64, heights: impl Iterator<Item = f64>) -> Vec<(usize, f64)> {
         let mut touch = Touch::new(&TABLE, 0.0).unwrap();
-        let mut onset = Onset::new(&OnsetSettings::default(), 1000.0);
+        let mut onset = Onset::new(&OnsetSettings::default(), rate_hz);
         let seen = heights.enumerate().filter_map(|(tick, z)| {
             onset
                 .update(&touch.update([0.0, 0.001 * tick as f64, z]))
@@ -132,6 +147,17 @@ mod tests {
         let step_m = 0.055e-3;
         let seen = taps((0..200).map(|k| ((0.01 - 0.00012 * f64::from(k)) / step_m).round() * step_m));
         assert!((seen[0].1 - 0.12).abs() < 0.006, "{seen:?}");
+    }
+
+    #[test]
+    fn the_speed_is_as_well_known_at_any_rate() {
+        let step_m = 0.055e-3;
+        for rate_hz in [500.0, 2000.0, 5000.0, 10_000.0, 48_000.0] {
+            let height = |k: u32| 0.01 - 0.12 * f64::from(k) / rate_hz;
+            let heights = (0..rate_hz as u32 / 4).map(|k| (height(k) / step_m).round() * step_m);
+            let seen = taps_at(rate_hz, heights);
+            assert!((seen[0].1 - 0.12).abs() < 0.006, "{rate_hz} Hz: {seen:?}");
+        }
     }
 
     #[test]
