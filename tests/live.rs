@@ -150,6 +150,64 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
     );
 }
 
+/// An OSC message with one number.
+fn osc(address: &str, number: f32) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for text in [address, ",f"] {
+        bytes.extend(text.bytes());
+        bytes.resize(bytes.len() / 4 * 4 + 4, 0);
+    }
+    bytes.extend(number.to_be_bytes());
+    bytes
+}
+
+#[test]
+fn settings_are_told_by_open_sound_control() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let arguments = [
+        "run",
+        "tone.ron",
+        "--live",
+        "--osc",
+        "127.0.0.1:0",
+        "--out",
+        "out",
+    ];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let said = run.said();
+    let (_, rest) = said.split_once("Open Sound Control at ").unwrap();
+    let address = rest.lines().next().unwrap().to_owned();
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let tell = |bytes: &[u8]| assert_eq!(socket.send_to(bytes, &address).unwrap(), bytes.len());
+    tell(&osc("/loud/gain", 0.5));
+    tell(b"nonsense");
+    for _ in 0..3 {
+        tell(&osc("/loud/gian", 1.0));
+    }
+    run.wait_for("did you mean `loud.gain`");
+    tell(&osc("/loudness", 0.75));
+    tell(&osc("/nobody", 0.75));
+    run.wait_for("no parameter `nobody`");
+    let told = run.stop();
+    assert_eq!(told.matches("did you mean").count(), 1, "{told}");
+    let out = folder.path().join("out");
+    let facts = facts(&out);
+    let set: Vec<&str> = facts["set"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|set| set.as_str())
+        .collect();
+    assert!(
+        set[0].ends_with("loud.gain=0.5 (OSC)") && set[1].ends_with("loudness=0.75 (OSC)"),
+        "{set:?}"
+    );
+    assert_eq!((set.len(), &facts["osc_malformed"]), (2, &serde_json::json!(1)));
+    assert_eq!(samples(&out.join("loud.wav")).last(), Some(&0.75));
+}
+
 #[test]
 fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,12 +3,14 @@
 //!
 //! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
 
+mod control;
 mod link;
 mod osc;
 pub mod protocol;
 mod remote;
 mod socket;
 
+pub use control::{OscControl, Told};
 pub use link::Counts;
 pub use osc::{OscDevice, OscDeviceSettings};
 pub use remote::{UdpDevice, UdpDeviceSettings};

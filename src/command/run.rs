@@ -16,6 +16,7 @@ use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 pub use shown::Shown;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,6 +37,9 @@ pub struct Arguments {
     /// Take over what changes in the graph's files while it runs
     #[arg(long, requires = "live")]
     pub watch: bool,
+    /// Also take settings by Open Sound Control at this address: `/NODE/SETTING value`, `/PARAMETER value`
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
+    pub osc: Option<SocketAddr>,
     /// The seed of all random streams, in place of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,

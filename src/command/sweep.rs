@@ -197,6 +197,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         duration_s: Some(arguments.duration_s),
         live: false,
         watch: false,
+        osc: None,
         seed: arguments.seed,
         out: None,
         block: 64,

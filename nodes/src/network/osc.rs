@@ -78,6 +78,18 @@ impl DeviceKind for OscDevice {
 /// Bundles in a packet, one within the other or beside it.
 const MOST_BUNDLES: usize = 8;
 
+/// The packet that `bytes` are, all of them.
+pub(super) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
+    // The decoder follows bundles within bundles as deep as they go.
+    if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MOST_BUNDLES {
+        return Err(Count::Malformed);
+    }
+    match rosc::decoder::decode_udp(bytes) {
+        Ok(([], packet)) => Ok(packet),
+        _ => Err(Count::Malformed),
+    }
+}
+
 /// What is said where.
 #[derive(Debug)]
 pub(super) struct Addresses {
@@ -91,14 +103,7 @@ impl Addresses {
     /// Takes what a packet says of the device, if anything. Messages to other addresses are no fault, and bundles are
     /// taken at once.
     pub fn understand(&self, bytes: &[u8], sensed: &mut [f64; SENSED]) -> Result<bool, Count> {
-        // The decoder follows bundles within bundles as deep as they go.
-        if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MOST_BUNDLES {
-            return Err(Count::Malformed);
-        }
-        let (rest, packet) = rosc::decoder::decode_udp(bytes).map_err(|_| Count::Malformed)?;
-        if !rest.is_empty() {
-            return Err(Count::Malformed);
-        }
+        let packet = decode(bytes)?;
         let mut news = *sensed;
         let told = self.take(&packet, &mut news)?;
         *sensed = news;

@@ -32,7 +32,7 @@ pub(super) enum Codec {
 }
 
 /// The longest that the thread waits before it looks whether it should end, or has something to tell.
-const WAIT: Duration = Duration::from_millis(5);
+pub(super) const WAIT: Duration = Duration::from_millis(5);
 /// Largest datagram.
 const MAX_BYTES: usize = 65_536;
 

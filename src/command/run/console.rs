@@ -1,7 +1,8 @@
-//! What is typed while a graph runs.
+//! What is typed while a graph runs, or told by Open Sound Control.
 
+use haptograph::nodes::network::Told;
 use std::io::BufRead;
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::Sender;
 
 /// A line that was typed.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,19 +36,24 @@ impl Typed {
     }
 }
 
+/// What is asked for, and by whom.
+#[derive(Debug)]
+pub enum Asked {
+    Typed(Typed),
+    Told(Told),
+}
+
 /// Listens on standard input, on a thread of its own. The end of the input ends nothing.
-pub fn listen() -> Receiver<Typed> {
-    let (sender, receiver) = channel();
+pub fn listen(asked: Sender<Asked>) {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
             // What is no text is told of like any other line that is not understood.
             let line = String::from_utf8_lossy(&line);
-            if Typed::parse(&line).is_some_and(|typed| sender.send(typed).is_err()) {
+            if Typed::parse(&line).is_some_and(|typed| asked.send(Asked::Typed(typed)).is_err()) {
                 break;
             }
         }
     });
-    receiver
 }
 
 #[cfg(test)]

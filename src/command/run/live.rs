@@ -2,7 +2,7 @@
 //! offline run leaves.
 
 use super::super::{Failure, GraphArguments, remark, warnings};
-use super::console::{self, HELP, Typed};
+use super::console::{self, Asked, HELP, Typed};
 use super::driver::{Driver, wanted};
 use super::summary::Summary;
 use super::watch::Watch;
@@ -11,11 +11,12 @@ use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, Session};
 use haptograph::engine::settings::closest;
-use haptograph::nodes::network::{Connections, Counts};
+use haptograph::nodes::network::{Connections, Counts, OscControl, Told};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// How often the run is looked after, and how often its status is shown.
@@ -28,9 +29,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..arguments.clone()
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
-    let asked = wanted(&graph)?;
+    let wanted = wanted(&graph)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
+    let (asking, asked) = channel();
+    let osc = listen_for_settings(&arguments, &asking)?;
     let made = Making::begin(&arguments, &graph)?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
@@ -39,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stop = stop_on_interrupt()?;
     let (live, session) = Session::open(made.outlets, &options).map_err(message)?;
     let start = Instant::now();
-    let mut driver = Driver::start(asked, live)?;
+    let mut driver = Driver::start(wanted, live)?;
     let mut notes = driver.notes();
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
     let ends = match arguments.duration_s {
@@ -55,6 +58,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     for (device, address) in network.addresses() {
         remark(&format!("listening for `{device}` at {address}\n"));
     }
+    if let Some(osc) = &osc {
+        remark(&format!("settings by Open Sound Control at {}\n", osc.address()));
+    }
+    console::listen(asking.clone());
     let mut attended = Attended {
         arguments: arguments.graph.clone(),
         seed: arguments.seed,
@@ -63,13 +70,25 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         session,
         network,
         changes: 0,
+        history: History::default(),
+        refused: Vec::new(),
     };
-    notes.extend(attended.attend(&mut driver, &stop));
+    notes.extend(attended.attend(&mut driver, &asked, &stop));
+    // Until here somebody asks, if only this one, so that waiting for it is waiting.
+    drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
     let live = driver.join()?;
     let changes = attended.changes;
     facts.extend(packets(&attended.network));
+    facts.push(("set", "Set while running", attended.history.into_json()));
+    facts.extend(osc.map(|osc| {
+        (
+            "osc_malformed",
+            "OSC packets that were no settings",
+            json!(osc.malformed()),
+        )
+    }));
     drop(attended.network);
     let ended = attended.session.finish(live);
     let took_s = start.elapsed().as_secs_f64();
@@ -79,6 +98,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
     made.kept.complete(&arguments, &graph, &summary)
+}
+
+/// How much is said of a change. A fader is moved a hundred times a second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Says {
+    Nothing,
+    /// Why it is refused.
+    Refusals,
+    Everything,
+}
+
+impl Says {
+    fn refusal(self, text: &str) {
+        if self >= Self::Refusals {
+            remark(text);
+        }
+    }
+
+    fn success(self, text: &str) {
+        if self >= Self::Everything {
+            remark(text);
+        }
+    }
 }
 
 /// A run and what may happen to it.
@@ -91,16 +133,58 @@ struct Attended {
     network: Connections,
     /// Other graphs that were put in place.
     changes: u32,
+    history: History,
+    /// Names that were told by Open Sound Control and refused; said once each.
+    refused: Vec<String>,
+}
+
+/// What was set while it ran.
+#[derive(Debug, Default)]
+struct History {
+    list: Vec<String>,
+    more: u64,
+}
+
+impl History {
+    /// A fader can be moved for hours.
+    const MOST: usize = 200;
+
+    fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
+        if self.list.len() < Self::MOST {
+            self.list.push(format!("{at_s:.2} s {name}={value} ({by})"));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn into_json(mut self) -> Value {
+        if self.more > 0 {
+            self.list.push(format!("and {} more", self.more));
+        }
+        json!(self.list)
+    }
+}
+
+fn listen_for_settings(arguments: &Arguments, asking: &Sender<Asked>) -> Result<Option<OscControl>, Failure> {
+    let Some(address) = arguments.osc else {
+        return Ok(None);
+    };
+    let asking = asking.clone();
+    OscControl::listen(address, move |told| {
+        // A run that is over needs no settings.
+        let _ = asking.send(Asked::Told(told));
+    })
+    .map(Some)
+    .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
 }
 
 impl Attended {
     /// Looks after the run until it is over. Returns what the driver had to say.
-    fn attend(&mut self, driver: &mut Driver, stop: &AtomicBool) -> Vec<String> {
-        let typed = console::listen();
+    fn attend(&mut self, driver: &mut Driver, asked: &Receiver<Asked>, stop: &AtomicBool) -> Vec<String> {
         let start = Instant::now();
         let (mut shown, mut stopping, mut said) = (start, false, Vec::new());
         while !driver.is_finished(stopping) {
-            std::thread::sleep(PAUSE);
+            let first = asked.recv_timeout(PAUSE).ok();
             for note in driver.tend() {
                 remark(&format!("note: {note}\n"));
                 said.push(note);
@@ -111,16 +195,39 @@ impl Attended {
                 let seconds = start.elapsed().as_secs_f64();
                 remark(&format!("{seconds:.0} s: {meters}{}\n", driver.status()));
             }
-            for typed in typed.try_iter() {
-                match typed {
-                    Typed::Set { name, value } => self.set(driver, &name, &value),
-                    Typed::List => self.list(),
-                    Typed::Stop => stop.store(true, Ordering::Relaxed),
-                    Typed::Unknown(line) => remark(&format!("`{line}` is not known; type {HELP}\n")),
+            let mut told = Vec::new();
+            for asked in first.into_iter().chain(asked.try_iter()) {
+                match asked {
+                    Asked::Typed(Typed::Set { name, value }) => {
+                        if self.set(driver, &name, &value, Says::Everything) {
+                            self.history
+                                .note(start.elapsed().as_secs_f64(), &name, &value, "typed");
+                        }
+                    }
+                    Asked::Typed(Typed::List) => self.list(),
+                    Asked::Typed(Typed::Stop) => stop.store(true, Ordering::Relaxed),
+                    Asked::Typed(Typed::Unknown(line)) => {
+                        remark(&format!("`{line}` is not known; type {HELP}\n"));
+                    }
+                    Asked::Told(Told { name, value }) => {
+                        // A fader that moves fast is where it is now.
+                        told.retain(|(known, _)| *known != name);
+                        told.push((name, value));
+                    }
+                }
+            }
+            for (name, value) in told {
+                let known = self.refused.contains(&name) || self.refused.len() >= History::MOST;
+                let says = if known { Says::Nothing } else { Says::Refusals };
+                if self.set(driver, &name, &value, says) {
+                    self.history
+                        .note(start.elapsed().as_secs_f64(), &name, &value, "OSC");
+                } else if !known {
+                    self.refused.push(name);
                 }
             }
             if self.watch.as_mut().is_some_and(Watch::has_changed) {
-                self.reload(driver);
+                self.reload(driver, Says::Everything);
             }
             if stop.load(Ordering::Relaxed) && !stopping {
                 // Asked again where the real-time side has not read its commands for a while.
@@ -130,35 +237,40 @@ impl Attended {
         said
     }
 
-    /// A parameter of the graph, or a live setting of a node.
-    fn set(&mut self, driver: &Driver, name: &str, value: &str) {
+    /// A parameter of the graph, or a live setting of a node. Was it set?
+    fn set(&mut self, driver: &Driver, name: &str, value: &str, says: Says) -> bool {
         if name.contains('.') {
-            self.set_directly(name, value);
-            return;
+            return self.set_directly(name, value, says);
         }
         let before = self.arguments.set.clone();
         self.arguments.set.retain(|(known, _)| known != name);
         self.arguments.set.push((name.to_owned(), value.to_owned()));
-        if !self.reload(driver) {
+        let set = self.reload(driver, says);
+        if !set {
             self.arguments.set = before;
         }
+        set
     }
 
-    fn set_directly(&mut self, name: &str, value: &str) {
+    fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
         let control = self.session.control();
         let Ok(number) = value.parse::<f64>() else {
-            remark(&format!("`{value}` is not a number\n"));
-            return;
+            says.refusal(&format!("`{value}` is not a number\n"));
+            return false;
         };
         match control.set_by_name(name, number) {
-            Ok(()) => remark(&format!("{name} is {number}\n")),
+            Ok(()) => {
+                says.success(&format!("{name} is {number}\n"));
+                true
+            }
             Err(error) => {
                 let names: Vec<String> = control.settings().iter().map(|live| live.name()).collect();
                 let near = closest(name, names.iter().map(String::as_str));
                 let help = near
                     .filter(|near| *near != name)
                     .map(|near| format!("; did you mean `{near}`?"));
-                remark(&format!("`{name}` stays: {error}{}\n", help.unwrap_or_default()));
+                says.refusal(&format!("`{name}` stays: {error}{}\n", help.unwrap_or_default()));
+                false
             }
         }
     }
@@ -170,36 +282,38 @@ impl Attended {
     }
 
     /// Loads the graph again and puts it in place of the one that runs; a wrong one is shown and changes nothing.
-    fn reload(&mut self, driver: &Driver) -> bool {
+    fn reload(&mut self, driver: &Driver, says: Says) -> bool {
         let began = Instant::now();
         let graph = match self.arguments.load(self.seed) {
             Ok(graph) => graph,
             Err(wrong) => {
-                show(&wrong);
-                remark("the graph stays as it was\n");
+                show(&wrong, says);
+                says.refusal("the graph stays as it was\n");
                 return false;
             }
         };
-        show(&warnings(&graph));
+        if says == Says::Everything {
+            show(&warnings(&graph), says);
+        }
         if !wanted(&graph).is_ok_and(|wanted| driver.suits(wanted.as_ref())) {
-            remark(
+            says.refusal(
                 "the graph stays as it was: it asks for another soundcard now, and that needs a new run\n",
             );
             return false;
         }
         if let Err(error) = self.network.connect(&graph) {
-            remark(&format!("the graph stays as it was: {error}\n"));
+            says.refusal(&format!("the graph stays as it was: {error}\n"));
             return false;
         }
         match self.session.change(&graph, &self.folder) {
             Ok(changed) => {
                 self.changes += 1;
-                remark(&told(&changed, began.elapsed()));
+                says.success(&told(&changed, began.elapsed()));
                 self.look_at(&graph);
                 true
             }
             Err(error) => {
-                remark(&format!("the graph stays as it was: {error}\n"));
+                says.refusal(&format!("the graph stays as it was: {error}\n"));
                 false
             }
         }
@@ -213,9 +327,9 @@ impl Attended {
     }
 }
 
-fn show(findings: &Diagnostics) {
+fn show(findings: &Diagnostics, says: Says) {
     if !findings.list.is_empty() {
-        remark(&render(findings, std::io::stderr().is_terminal()));
+        says.refusal(&render(findings, std::io::stderr().is_terminal()));
     }
 }
 

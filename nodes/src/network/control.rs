@@ -1,0 +1,204 @@
+//! Settings of a running graph, told by Open Sound Control: `/out/gain 0.5` is the setting `gain` of the node `out`,
+//! `/gain 0.5` the graph's parameter `gain`.
+
+use super::osc::decode;
+use super::socket::WAIT;
+use rosc::{OscMessage, OscPacket, OscType};
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::thread::JoinHandle;
+
+/// A setting that was told, both as one types them: `out.gain`, `0.5`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Told {
+    /// A parameter, or a node's path and its setting.
+    pub name: String,
+    /// A number, a truth or a text.
+    pub value: String,
+}
+
+/// Listens at one address, on a thread of its own, until it is dropped. Anyone who reaches that address is heard.
+#[derive(Debug)]
+pub struct OscControl {
+    address: SocketAddr,
+    malformed: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl OscControl {
+    /// Hands every setting that is told at `address` to `heard`.
+    ///
+    /// # Errors
+    /// What the system says where the address is not to be had.
+    pub fn listen(
+        address: SocketAddr,
+        mut heard: impl FnMut(Told) + Send + 'static,
+    ) -> std::io::Result<Self> {
+        let socket = UdpSocket::bind(address)?;
+        socket.set_read_timeout(Some(WAIT))?;
+        let address = socket.local_addr()?;
+        let (malformed, stop) = (Arc::<AtomicU64>::default(), Arc::<AtomicBool>::default());
+        let (bad, ends) = (Arc::clone(&malformed), Arc::clone(&stop));
+        let thread = std::thread::Builder::new()
+            .name("settings by OSC".to_owned())
+            .spawn(move || {
+                let mut bytes = [0; 65_536];
+                while !ends.load(Relaxed) {
+                    // What else can go wrong here is that nothing came.
+                    let Ok(count) = socket.recv(&mut bytes) else {
+                        continue;
+                    };
+                    match understand(&bytes[..count]) {
+                        Some(told) => told.into_iter().for_each(&mut heard),
+                        None => {
+                            bad.fetch_add(1, Relaxed);
+                        }
+                    }
+                }
+            })?;
+        Ok(Self {
+            address,
+            malformed,
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// Where it listens: the port that the system chose, if it was asked to.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Packets that were no settings.
+    pub fn malformed(&self) -> u64 {
+        self.malformed.load(Relaxed)
+    }
+}
+
+impl Drop for OscControl {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // It can have panicked only in what hears; there is nobody left to tell.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The settings in a packet, bundles taken at once; none if any of it is something else.
+fn understand(bytes: &[u8]) -> Option<Vec<Told>> {
+    let mut told = Vec::new();
+    let mut packets = vec![decode(bytes).ok()?];
+    while let Some(packet) = packets.pop() {
+        match packet {
+            OscPacket::Message(message) => told.push(setting(&message)?),
+            OscPacket::Bundle(bundle) => packets.extend(bundle.content.into_iter().rev()),
+        }
+    }
+    Some(told)
+}
+
+fn setting(message: &OscMessage) -> Option<Told> {
+    let address = message.addr.strip_prefix('/')?;
+    if address.split('/').any(str::is_empty) {
+        return None;
+    }
+    let name = match address.rsplit_once('/') {
+        Some((path, field)) => format!("{path}.{field}"),
+        None => address.to_owned(),
+    };
+    let value = match &message.args[..] {
+        [OscType::Float(x)] => x.to_string(),
+        [OscType::Double(x)] => x.to_string(),
+        [OscType::Int(x)] => x.to_string(),
+        [OscType::Long(x)] => x.to_string(),
+        [OscType::Bool(x)] => x.to_string(),
+        [OscType::String(x)] => x.clone(),
+        _ => return None,
+    };
+    Some(Told { name, value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rosc::{OscBundle, OscTime};
+
+    fn message(addr: &str, args: Vec<OscType>) -> OscPacket {
+        let addr = addr.to_owned();
+        OscPacket::Message(OscMessage { addr, args })
+    }
+
+    fn heard(packet: &OscPacket) -> Option<Vec<(String, String)>> {
+        let told = understand(&rosc::encoder::encode(packet).unwrap())?;
+        Some(told.into_iter().map(|told| (told.name, told.value)).collect())
+    }
+
+    #[test]
+    fn addresses_are_names_and_arguments_values_as_they_were_meant() {
+        for (addr, argument, name, value) in [
+            ("/gain", OscType::Float(0.1), "gain", "0.1"),
+            ("/out/gain", OscType::Double(0.25), "out.gain", "0.25"),
+            (
+                "/texture/filter/gain",
+                OscType::Int(-3),
+                "texture/filter.gain",
+                "-3",
+            ),
+            (
+                "/surface",
+                OscType::String("a b.ron".into()),
+                "surface",
+                "a b.ron",
+            ),
+            ("/on", OscType::Bool(true), "on", "true"),
+        ] {
+            let told = heard(&message(addr, vec![argument]));
+            assert_eq!(told, Some(vec![(name.to_owned(), value.to_owned())]));
+        }
+    }
+
+    #[test]
+    fn bundles_keep_their_order() {
+        let inner = OscPacket::Bundle(OscBundle {
+            timetag: OscTime {
+                seconds: 0,
+                fractional: 1,
+            },
+            content: vec![
+                message("/b", vec![OscType::Int(2)]),
+                message("/c", vec![OscType::Int(3)]),
+            ],
+        });
+        let outer = OscPacket::Bundle(OscBundle {
+            timetag: OscTime {
+                seconds: 0,
+                fractional: 1,
+            },
+            content: vec![
+                message("/a", vec![OscType::Int(1)]),
+                inner,
+                message("/d", vec![OscType::Int(4)]),
+            ],
+        });
+        let names: Vec<String> = heard(&outer).unwrap().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["a", "b", "c", "d"]);
+    }
+
+    #[test]
+    fn anything_else_is_no_setting() {
+        for packet in [
+            message("/out//gain", vec![OscType::Int(1)]),
+            message("/", vec![OscType::Int(1)]),
+            message("/gain", vec![]),
+            message("/gain", vec![OscType::Int(1), OscType::Int(2)]),
+            message("/gain", vec![OscType::Nil]),
+        ] {
+            assert_eq!(heard(&packet), None, "{packet:?}");
+        }
+        let bytes = rosc::encoder::encode(&message("/out/gain", vec![OscType::Float(1.0)])).unwrap();
+        assert!((0..bytes.len()).all(|length| understand(&bytes[..length]).is_none()));
+    }
+}
