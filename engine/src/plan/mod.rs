@@ -15,7 +15,7 @@ use crate::graph::{Graph, LiveSetting};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
 use haptograph_signal::time::{Rate, TimeBase};
-use petgraph::graph::NodeIndex;
+use petgraph::graph::{EdgeIndex, NodeIndex};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -166,6 +166,21 @@ pub(crate) struct DelayPlan {
     pub frames: u64,
     pub initial: f64,
     pub width: usize,
+}
+
+/// An end of a connection between two drivers.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RingPlan {
+    /// The connection: both ends have it in common.
+    pub edge: EdgeIndex,
+    /// For people: `force.output to drive`.
+    pub name: String,
+    pub width: usize,
+    pub from: Rate,
+    pub to: Rate,
+    pub latency_s: f64,
+    /// Most frames of the reader's clock in a block of its plan.
+    pub max_to: usize,
 }
 
 /// Where the frames of a tapped output lie.

@@ -3,6 +3,7 @@
 mod bridge;
 mod drive;
 mod glide;
+mod link;
 mod live;
 mod meter;
 mod offline;
@@ -17,6 +18,7 @@ mod window;
 
 pub use bridge::resampler;
 pub use glide::GLIDE_S;
+pub use link::{DRY_FADE_S, RingCounts, RingMeter, least_ring_latency_s};
 pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
 pub use meter::{Histogram, Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome};

@@ -71,6 +71,12 @@ impl SteeredResampler {
         self.step = ((step.trunc() as u128) << 64) + (step.fract() * ONE as f64) as u128;
     }
 
+    /// Where the next output lies after the newest input taken, in inputs. It shows the input as it was half the filter's
+    /// length earlier.
+    pub fn ahead(&self) -> f64 {
+        self.ahead as f64 / ONE as f64
+    }
+
     /// Inputs needed before `outputs` more outputs can be written, at the present correction.
     pub fn inputs_needed(&self, outputs: usize) -> usize {
         if outputs == 0 {
