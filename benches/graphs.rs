@@ -67,6 +67,7 @@ fn load(path: &Path) -> Graph {
     .expect("shipped graphs are sound")
 }
 
+/// Of a graph with several drivers what hangs from the first.
 fn plan(graph: &Graph) -> Plan {
     let taps = Vec::new();
     Plan::new(graph, &PlanOptions { block: FRAMES, taps })

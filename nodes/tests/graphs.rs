@@ -8,9 +8,10 @@ mod realtime;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::Run;
+use haptograph_engine::run::{Fleet, Run};
 use petgraph::graph::NodeIndex;
 use realtime::allocations;
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,13 +33,24 @@ fn graph(path: &Path) -> Graph {
         .unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
-/// With every output tapped.
-fn run(graph: &Graph, block: usize) -> (Run, usize) {
+/// All outputs.
+fn outputs(graph: &Graph) -> Vec<(NodeIndex, usize)> {
     let outputs = |node: NodeIndex| (0..graph.nodes()[node].outputs.len()).map(move |output| (node, output));
-    let taps: Vec<_> = graph.nodes().node_indices().flat_map(outputs).collect();
-    let count = taps.len();
-    let plan = Arc::new(Plan::new(graph, &PlanOptions { block, taps }));
-    (Run::new(plan), count)
+    graph.nodes().node_indices().flat_map(outputs).collect()
+}
+
+/// Of every driver, with every output tapped.
+fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
+    let taps = outputs(graph);
+    let plans = Plan::all(graph, &PlanOptions { block, taps });
+    plans.into_iter().map(Arc::new).collect()
+}
+
+fn round(fleet: &mut Fleet, mut each: impl FnMut(usize, &Run)) {
+    let Ok(()) = fleet.round(|driver, run| {
+        each(driver, run);
+        Ok::<(), Infallible>(())
+    });
 }
 
 #[test]
@@ -46,10 +58,20 @@ fn no_tick_of_a_shipped_graph_allocates() {
     for path in shipped() {
         let graph = graph(&path);
         for block in [1, 64, 1024] {
-            let (mut run, _) = run(&graph, block);
-            for _ in 0..(20_000 / block).max(20) {
-                assert_eq!(allocations(|| run.advance(block)), 0, "{}", path.display());
+            let plans = plans(&graph, block);
+            // Each driver by itself, in whole blocks, and all of them joined by their rings.
+            for plan in &plans {
+                let mut run = Run::new(Arc::clone(plan));
+                for _ in 0..(20_000 / block).max(20) {
+                    assert_eq!(allocations(|| run.advance(block)), 0, "{}", path.display());
+                }
             }
+            let mut fleet = Fleet::new(&plans);
+            for _ in 0..400 {
+                let allocated = allocations(|| round(&mut fleet, |_, _| {}));
+                assert_eq!(allocated, 0, "{}", path.display());
+            }
+            assert!(fleet.rings().iter().all(|ring| ring.counts().fill_s.is_some()));
         }
     }
 }
@@ -60,29 +82,38 @@ fn no_tick_of_a_shipped_graph_allocates() {
 fn every_graph_runs_for_an_hour_without_a_fault() {
     for path in shipped() {
         let graph = graph(&path);
-        let (mut run, taps) = run(&graph, 1024);
-        let rate_hz = Plan::new(&graph, &PlanOptions::default()).driver_rate().hz();
-        let frames = (3600.0 * rate_hz) as u64;
-        let mut largest = vec![0.0_f64; taps];
+        let plans = plans(&graph, 1024);
+        let mut fleet = Fleet::new(&plans).ending_after(3600.0);
+        let mut largest: Vec<Vec<f64>> = plans
+            .iter()
+            .map(|plan| vec![0.0; plan.tap_streams().count()])
+            .collect();
         let mut first_minute = Vec::new();
-        while run.driver_frames() < frames {
-            run.advance(1024);
-            for (tap, largest) in largest.iter_mut().enumerate() {
-                for x in run.tap(tap) {
-                    assert!(x.is_finite(), "{}: tap {tap}", path.display());
-                    *largest = largest.max(x.abs());
+        while !fleet.is_over() {
+            round(&mut fleet, |driver, run| {
+                for (tap, largest) in largest[driver].iter_mut().enumerate() {
+                    for x in run.tap(tap) {
+                        assert!(x.is_finite(), "{}: tap {tap}", path.display());
+                        *largest = largest.max(x.abs());
+                    }
                 }
-            }
-            if first_minute.is_empty() && run.driver_frames() as f64 > 60.0 * rate_hz {
+            });
+            let first = &fleet.runs()[0];
+            if first_minute.is_empty() && first.driver_frames() as f64 > 60.0 * first.rate_hz() {
                 first_minute.clone_from(&largest);
             }
         }
-        assert_eq!(run.faults().ticks, 0, "{}", path.display());
+        for run in fleet.runs() {
+            assert_eq!(run.faults().ticks, 0, "{}", path.display());
+        }
+        for ring in fleet.rings() {
+            assert_eq!(ring.counts().underruns, 0, "{}: {ring:?}", path.display());
+        }
         println!(
             "{}: largest values after a minute and after an hour:",
             path.display()
         );
-        for (minute, hour) in first_minute.iter().zip(&largest) {
+        for (minute, hour) in first_minute.iter().flatten().zip(largest.iter().flatten()) {
             println!("  {minute:12.6} {hour:12.6}");
         }
     }

@@ -45,6 +45,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.svg {
         arguments.graph.spare_inputs(&graph, path)?;
     }
+    let drivers = graph.drivers();
+    if let [_, _, ..] = drivers[..] {
+        let names = drivers.iter().map(|driver| graph.clocks()[*driver].name.as_str());
+        return Err(Failure::Message(format!(
+            "bench measures graphs with one driver, and this one has {}",
+            names.collect::<Vec<_>>().join(" and ")
+        )));
+    }
     let options = PlanOptions {
         block: arguments.block.into(),
         taps: Vec::new(),

@@ -52,7 +52,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ))?;
     }
     if arguments.plan {
-        say(&Plan::new(&graph, &PlanOptions::default()).to_string())?;
+        for plan in Plan::all(&graph, &PlanOptions::default()) {
+            say(&plan.to_string())?;
+        }
     }
     Ok(())
 }

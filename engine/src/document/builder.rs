@@ -214,6 +214,14 @@ pub fn resample(output: &str) -> Wire {
     Wire(format!("Resample({})", quoted(output)))
 }
 
+/// A signal of a clock of another driver, `latency_ms` late.
+pub fn ring(output: &str, latency_ms: f64) -> Wire {
+    Wire(format!(
+        "Ring(from: {}, latency_ms: {latency_ms:?})",
+        quoted(output)
+    ))
+}
+
 /// A signal of the same clock, `frames` frames later, 0 before that: what feedback needs.
 pub fn delay(output: &str, frames: u64) -> Wire {
     Wire(format!("Delay(from: {}, frames: {frames})", quoted(output)))

@@ -9,7 +9,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics, Source, SourceId, Sources, Span
 use std::path::{Path, PathBuf};
 use value::{Name, Value};
 
-pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample};
+pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample, ring};
 
 /// A graph file and the files it includes, as written.
 ///

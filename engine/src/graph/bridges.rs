@@ -2,11 +2,15 @@
 
 use super::Bridge;
 use super::clocks::Clocks;
-use super::draft::{Context, Draft, Wire};
+use super::draft::{Context, Draft, DraftNode, Wire};
 use super::wires::name_of;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::node::Flow;
+use crate::run::least_ring_latency_s;
 use std::cmp::Ordering;
+
+/// Of a wrench half a hundred megabytes.
+const MOST_RING_FRAMES: f64 = 1e6;
 
 /// Checks every bridge; one that has nothing to do is taken away.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
@@ -121,6 +125,17 @@ fn crossing(
         }
         return Finding::Sound;
     }
+    let slow_to_fast = rate_order(clocks, a, b);
+    let two_drivers = source.driver != target.driver;
+    if two_drivers && port.flow == Flow::Held {
+        let message = format!("`{}` reads a held signal, and no ring carries one", port.name);
+        let label = format!("`{}` and `{}` have different drivers", source.name, target.name);
+        let help = format!(
+            "send what it is computed from through the ring, and compute it on `{}`",
+            target.name
+        );
+        return error("E0406", form, message, label, help);
+    }
     if port.flow == Flow::Held && bridge != Bridge::Hold {
         let message = format!(
             "`{}` cannot feed `{}`, which reads a held signal",
@@ -130,8 +145,6 @@ fn crossing(
         let help = "a held input takes every frame as it comes, by Hold(...)";
         return error("E0406", form, message, "not a held signal", help);
     }
-    let slow_to_fast = rate_order(clocks, a, b);
-    let two_drivers = source.driver != target.driver;
     let choices = || choices(draft, clocks, a, b, port.flow, wire);
     let ends = format!(
         "from {} on `{}` to {} on `{}`",
@@ -145,13 +158,54 @@ fn crossing(
             format!("this connection goes {ends}"),
             format!("{}; delay on one side of it", choices()),
         ),
-        Bridge::Linear | Bridge::Average if two_drivers => error(
+        Bridge::Hold | Bridge::Linear | Bridge::Average | Bridge::Resample if two_drivers => error(
             "E0406",
             form,
             format!("`{}` works within one driver", name_of(bridge)),
             format!("`{}` and `{}` have different drivers", source.name, target.name),
             choices(),
         ),
+        Bridge::Ring { .. } if !two_drivers => error(
+            "E0406",
+            form,
+            "`Ring` goes from one driver to another".into(),
+            format!("both ends hang from `{}`", clocks.list[source.driver].name),
+            choices(),
+        ),
+        Bridge::Ring { latency_s } => match least_ring_latency_s(source.rate, target.rate) {
+            Err(problem) => error(
+                "E0406",
+                form,
+                "these rates cannot be joined".into(),
+                ends,
+                problem.to_string(),
+            ),
+            Ok(least_s) if latency_s < least_s => error(
+                "E0413",
+                form,
+                format!(
+                    "a ring from {} to {} has a latency of {:.3} ms at least",
+                    source.rate,
+                    target.rate,
+                    least_s * 1e3
+                ),
+                format!("{} ms are too few", latency_s * 1e3),
+                "most of it is the resampler's; live, add the longest callbacks of both drivers",
+            ),
+            Ok(_) if latency_s * source.rate.hz() > MOST_RING_FRAMES => error(
+                "E0413",
+                form,
+                format!("a ring holds at most {MOST_RING_FRAMES} frames"),
+                format!("{} ms are too many at {}", latency_s * 1e3, source.rate),
+                "choose a shorter latency",
+            ),
+            Ok(_) => unmixable(
+                from,
+                wire,
+                bridge,
+                "send what it is computed from, or the lanes that you need",
+            ),
+        },
         Bridge::Linear if slow_to_fast != Ordering::Less => error(
             "E0406",
             form,
@@ -166,17 +220,27 @@ fn crossing(
             format!("this connection goes {ends}"),
             choices(),
         ),
-        Bridge::Linear | Bridge::Average | Bridge::Resample => match from.outputs[wire.output].kind {
-            Some(kind) if !kind.is_linear() => error(
-                "E0406",
-                form,
-                format!("`{}` cannot mix frames of {kind}", name_of(bridge)),
-                format!("`{}` carries {kind}", from.output_name(wire.output)),
-                "use Hold(...), which passes frames as they are",
-            ),
-            _ => Finding::Sound,
-        },
+        Bridge::Linear | Bridge::Average | Bridge::Resample => unmixable(
+            from,
+            wire,
+            bridge,
+            "use Hold(...), which passes frames as they are",
+        ),
         Bridge::Hold | Bridge::Direct => Finding::Sound,
+    }
+}
+
+/// A bridge that interpolates takes numbers only.
+fn unmixable(from: &DraftNode, wire: &Wire, bridge: Bridge, help: &str) -> Finding {
+    match (from.outputs[wire.output].kind, wire.bridge) {
+        (Some(kind), Some((_, form))) if !kind.is_linear() => error(
+            "E0406",
+            form,
+            format!("`{}` cannot mix frames of {kind}", name_of(bridge)),
+            format!("`{}` carries {kind}", from.output_name(wire.output)),
+            help,
+        ),
+        _ => Finding::Sound,
     }
 }
 
@@ -191,16 +255,26 @@ fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire:
     let linear = draft.nodes[wire.from].outputs[wire.output]
         .kind
         .is_none_or(|kind| kind.is_linear());
+    if clocks.list[a].driver != clocks.list[b].driver {
+        let output = draft.nodes[wire.from].output_name(wire.output);
+        return match (linear, flow) {
+            (true, Flow::Sampled) => format!(
+                "their drivers differ; bridge it: Ring(from: \"{output}\", latency_ms: ...), a ring and a resampler that \
+                 follows both clocks"
+            ),
+            _ => "their drivers differ, and a ring carries sampled numbers, 3-vectors and wrenches only: send what it is \
+                  computed from"
+                .to_owned(),
+        };
+    }
     let mut bridges = vec!["Hold(...), the latest frame"];
     if linear && flow == Flow::Sampled {
-        if clocks.list[a].driver == clocks.list[b].driver {
-            match rate_order(clocks, a, b) {
-                Ordering::Less => {
-                    bridges.push("Linear(...), a straight line between frames, one slow frame late")
-                }
-                Ordering::Greater => bridges.push("Average(...), the mean of the frames since the last tick"),
-                Ordering::Equal => {}
+        match rate_order(clocks, a, b) {
+            Ordering::Less => {
+                bridges.push("Linear(...), a straight line between frames, one slow frame late")
             }
+            Ordering::Greater => bridges.push("Average(...), the mean of the frames since the last tick"),
+            Ordering::Equal => {}
         }
         bridges.push("Resample(...), band-limited");
     }

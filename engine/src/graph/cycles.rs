@@ -45,7 +45,7 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
 }
 
 fn immediate(wire: &Wire) -> bool {
-    !matches!(wire.bridge, Some((Bridge::Delay { .. }, _)))
+    !matches!(wire.bridge, Some((Bridge::Delay { .. } | Bridge::Ring { .. }, _)))
 }
 
 /// The connections of a shortest loop through `first`: (node, slot) of each reader, in the order of flow.

@@ -26,7 +26,7 @@ impl Graph {
         let mut found = Vec::new();
         for source in self.nodes.externals(petgraph::Incoming) {
             let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
-            self.follow(source, self.buffers_of(source), &mut reached, 0);
+            self.follow(source, self.buffers_of(source), &mut reached, &mut Vec::new());
             for (sink, latency) in reached {
                 let ends = self.nodes.edges(sink).next().is_none();
                 let drives = matches!(self.nodes[sink].work, Work::Actuator { .. });
@@ -50,7 +50,7 @@ impl Graph {
         node: NodeIndex,
         before: Latency,
         reached: &mut BTreeMap<NodeIndex, Latency>,
-        depth: usize,
+        way: &mut Vec<NodeIndex>,
     ) {
         let own = match &self.nodes[node].work {
             Work::Process(processor) => processor.latency(),
@@ -58,7 +58,8 @@ impl Graph {
         };
         let here = sum(before, own);
         let total = |latency: &Latency| latency.transport_s + latency.group_delay_s;
-        if depth > self.nodes.node_count()
+        // A loop through rings is followed once.
+        if way.contains(&node)
             || reached
                 .get(&node)
                 .is_some_and(|known| total(known) >= total(&here))
@@ -66,12 +67,14 @@ impl Graph {
             return;
         }
         reached.insert(node, here);
+        way.push(node);
         for edge in self.nodes.edges(node) {
             if !matches!(edge.weight().bridge, Bridge::Delay { .. }) {
                 let crossing = self.crossing(node, edge.target(), edge.weight());
-                self.follow(edge.target(), sum(here, crossing), reached, depth + 1);
+                self.follow(edge.target(), sum(here, crossing), reached, way);
             }
         }
+        way.pop();
     }
 
     /// What the buffers of a node's device hold back.
@@ -95,6 +98,7 @@ impl Graph {
             Bridge::Direct | Bridge::Delay { .. } => (0.0, 0.0),
             Bridge::Hold | Bridge::Average => (0.0, slow_s / 2.0),
             Bridge::Linear => (slow_s, 0.0),
+            Bridge::Ring { latency_s } => (latency_s, 0.0),
             Bridge::Resample => (
                 resampler(from, to).map_or(0.0, |resampler| resampler.latency_s()),
                 0.0,

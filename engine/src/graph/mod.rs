@@ -166,6 +166,11 @@ pub enum Bridge {
     Average,
     /// Band-limited resampling.
     Resample,
+    /// To another driver, by a ring and a steered resampler.
+    Ring {
+        /// From the writer's frame to the reader's tick, the resampler's delay included.
+        latency_s: f64,
+    },
     /// The same clock, this many frames later; `initial` before that.
     Delay {
         /// At least 1.
@@ -238,6 +243,30 @@ impl Graph {
     /// Its clocks.
     pub fn clocks(&self) -> &[Clock] {
         &self.clocks
+    }
+    /// The drivers that at least one node hangs from, as indices of the clocks; the first driver where there are no nodes.
+    pub fn drivers(&self) -> Vec<usize> {
+        let used = |driver: &usize| {
+            self.nodes
+                .node_indices()
+                .any(|node| self.driver_of(node) == Some(*driver))
+        };
+        let mut drivers: Vec<usize> = (0..self.clocks.len())
+            .filter(|clock| self.clocks[*clock].driver == *clock && used(clock))
+            .collect();
+        if drivers.is_empty() {
+            drivers.push(0);
+        }
+        drivers
+    }
+    /// The driver that a node hangs from, as an index of the clocks; none for a file sink.
+    pub fn driver_of(&self, node: NodeIndex) -> Option<usize> {
+        let clock = self.nodes.node_weight(node)?.clock?;
+        self.clocks.get(clock).map(|clock| clock.driver)
+    }
+    /// Does a way lead along the connections from one node to another?
+    pub fn reaches(&self, from: NodeIndex, to: NodeIndex) -> bool {
+        petgraph::algo::has_path_connecting(&self.nodes, from, to, None)
     }
     /// Its nodes and connections.
     pub fn nodes(&self) -> &DiGraph<Node, Edge> {

@@ -13,7 +13,9 @@ use crate::settings::{Fields, Setting, closest};
 const MOST_DELAY_FRAMES: f64 = 1e6;
 
 /// Names that bridge or hand on a connection.
-const FORMS: [&str; 6] = ["Hold", "Linear", "Average", "Resample", "Delay", "Input"];
+const FORMS: [&str; 7] = ["Hold", "Linear", "Average", "Resample", "Ring", "Delay", "Input"];
+/// A second: more is a recording.
+const MOST_RING_LATENCY_MS: f64 = 1000.0;
 /// Templates handing on connections to templates.
 const MAX_HANDED_ON: usize = 200;
 
@@ -145,6 +147,7 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
                 bridged(cx, draft, wire, bridge, form.span, value.span, scope)
             }
             ("Delay", Body::Fields(fields)) => delayed(cx, draft, scope, value, form, fields, depth),
+            ("Ring", Body::Fields(fields)) => ringed(cx, draft, scope, value, form, fields, depth),
             ("Input", Body::Tuple(inner)) => match inner.as_slice() {
                 [
                     Value {
@@ -170,12 +173,13 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
     if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
         diagnostic = match name.text.as_str() {
             "Delay" => diagnostic.help("write `Delay(from: \"node.output\", frames: 1)`"),
+            "Ring" => diagnostic.help("write `Ring(from: \"node.output\", latency_ms: 10)`"),
             "Input" => diagnostic.help("write `Input(\"name\")`"),
             known if FORMS.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
             unknown => match closest(unknown, FORMS) {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
                 None => diagnostic.help(
-                    "a connection is a name in quotes, or one in Hold, Linear, Average, Resample or Delay",
+                    "a connection is a name in quotes, or one in Hold, Linear, Average, Resample, Ring or Delay",
                 ),
             },
         };
@@ -382,6 +386,7 @@ pub(super) fn name_of(bridge: Bridge) -> &'static str {
         Bridge::Linear => "Linear",
         Bridge::Average => "Average",
         Bridge::Resample => "Resample",
+        Bridge::Ring { .. } => "Ring",
         Bridge::Delay { .. } => "Delay",
     }
 }
@@ -440,6 +445,36 @@ fn delayed(
     let bridge = Bridge::Delay {
         frames: u64::from(frames?),
         initial: initial?,
+    };
+    bridged(cx, draft, wire, bridge, form.span, value.span, scope)
+}
+
+fn ringed(
+    cx: &mut Context<'_>,
+    draft: &Draft,
+    scope: usize,
+    value: &Value,
+    form: &Name,
+    fields: &[(Name, Value)],
+    depth: usize,
+) -> Option<Wire> {
+    let (from, latency_ms) = cx.reading(|reading| {
+        let mut fields = Fields::new("`Ring`".into(), form.span, fields.to_vec(), reading);
+        let from = fields.take("from");
+        if from.is_none() {
+            let diagnostic = Diagnostic::error("E0205", form.span, "`Ring` needs `from`")
+                .label("`from` is missing")
+                .help("write `Ring(from: \"node.output\", latency_ms: 10)`");
+            reading.diagnostics.push(diagnostic);
+        }
+        let range = Some((0.0, MOST_RING_LATENCY_MS));
+        let latency_ms = fields.setting::<f64>("latency_ms", None, range, reading);
+        fields.finish(reading);
+        (from, latency_ms)
+    });
+    let wire = resolve(cx, draft, scope, &from?, depth + 1)?;
+    let bridge = Bridge::Ring {
+        latency_s: latency_ms? * 1e-3,
     };
     bridged(cx, draft, wire, bridge, form.span, value.span, scope)
 }

@@ -3,8 +3,8 @@
 use super::order::{Group, delay_frames, order, sink_device, source_device};
 use super::slots::{Demand, assign};
 use super::{
-    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, NodeKey, Plan, PlanOptions, Step,
-    StepWork, Tap,
+    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, NodeKey, Plan, PlanOptions,
+    RingPlan, Step, StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, Work};
 use crate::io::{Binding, Form, LINE, Placing};
@@ -35,23 +35,36 @@ struct Builder<'a> {
     crossings: HashMap<Crossing, Port>,
     /// Delays of loops: by edge, the delay and what its reader reads.
     loops: HashMap<EdgeIndex, (u32, Port)>,
+    /// What comes from other drivers, by edge.
+    rings: HashMap<EdgeIndex, Port>,
     sinks_left: Vec<usize>,
 }
 
 const NO_SLOT: u32 = u32::MAX;
+/// What an input without a connection reads.
+const ABSENT: Port = Port {
+    demand: usize::MAX,
+    placing: Placing { start: 0, width: 0 },
+    clock: 0,
+};
 /// The island of nodes that are in none; a crossing is shared only within one island.
 const OUTSIDE: usize = usize::MAX;
 
-pub(super) fn build(graph: &Graph, options: &PlanOptions) -> Plan {
-    let mut builder = Builder::new(graph, options);
+pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
+    let mut builder = Builder::new(graph, driver, options);
     for (number, group) in order(graph).iter().enumerate() {
-        builder.group(group, number);
+        // Neither a delay nor a device joins two drivers, so a group has one.
+        if graph.driver_of(group.members[0]) == Some(driver) {
+            builder.ring_reads(group);
+            builder.group(group, number);
+            builder.ring_writes(group);
+        }
     }
     builder.finish(&options.taps)
 }
 
 impl<'a> Builder<'a> {
-    fn new(graph: &'a Graph, options: &PlanOptions) -> Self {
+    fn new(graph: &'a Graph, driver: usize, options: &PlanOptions) -> Self {
         let block = if options.block == 0 {
             64
         } else {
@@ -65,12 +78,7 @@ impl<'a> Builder<'a> {
         }
         let plan = Plan {
             block,
-            driver: graph
-                .clocks
-                .iter()
-                .enumerate()
-                .position(|(i, clock)| clock.driver == i)
-                .unwrap_or(0),
+            driver,
             base: graph.base.clone(),
             rates: graph.clocks.iter().map(|clock| clock.rate).collect(),
             clock_names: graph.clocks.iter().map(|clock| clock.name.clone()).collect(),
@@ -101,8 +109,15 @@ impl<'a> Builder<'a> {
             bridges: Vec::new(),
             delays: Vec::new(),
             taps: Vec::new(),
+            tap_places: Vec::new(),
+            ring_writes: Vec::new(),
+            ring_reads: Vec::new(),
             lives: Vec::new(),
-            live: graph.live_settings(),
+            live: graph
+                .live_settings()
+                .into_iter()
+                .filter(|live| graph.driver_of(live.node) == Some(driver))
+                .collect(),
         };
         Self {
             graph,
@@ -111,6 +126,7 @@ impl<'a> Builder<'a> {
             ports: vec![Vec::new(); graph.nodes.node_count()],
             crossings: HashMap::new(),
             loops: HashMap::new(),
+            rings: HashMap::new(),
             sinks_left,
         }
     }
@@ -157,6 +173,68 @@ impl<'a> Builder<'a> {
                 demand.to = end;
             }
         }
+    }
+
+    /// What the members of a group get from other drivers: read ahead of the group, so that an island sees a block of it.
+    fn ring_reads(&mut self, group: &Group) {
+        for member in &group.members {
+            for (edge, plan) in self.rings_of(*member, petgraph::Incoming) {
+                let clock = self.graph.nodes[*member].clock.unwrap_or(0);
+                let (label, width) = (format!("ring {}", plan.name), plan.width);
+                self.plan.ring_reads.push(plan);
+                let work = StepWork::RingRead(self.plan.ring_reads.len() as u32 - 1);
+                let step = self.step(work, clock, *member, label);
+                let ports = self.allot(step, clock, &[width]);
+                self.rings.insert(edge, ports[0]);
+            }
+        }
+    }
+
+    /// What the members of a group send to other drivers.
+    fn ring_writes(&mut self, group: &Group) {
+        for member in &group.members {
+            for (edge, plan) in self.rings_of(*member, petgraph::Outgoing) {
+                let port = self.ports[member.index()][self.graph.nodes[edge].output];
+                let label = format!("send {}", plan.name);
+                self.plan.ring_writes.push(plan);
+                let work = StepWork::RingWrite(self.plan.ring_writes.len() as u32 - 1);
+                let step = self.step(work, port.clock as usize, *member, label);
+                self.bind(step, port, Form::Sampled);
+            }
+        }
+    }
+
+    /// The rings at one side of a node, in an order that does not depend on the file's.
+    fn rings_of(&self, node: NodeIndex, side: petgraph::Direction) -> Vec<(EdgeIndex, RingPlan)> {
+        let graph = self.graph;
+        let rate = |node: NodeIndex| {
+            let clock = graph.nodes[node].clock.unwrap_or(0);
+            (clock, graph.clocks[clock].rate)
+        };
+        let mut rings = Vec::new();
+        for edge in graph.nodes.edges_directed(node, side) {
+            let Bridge::Ring { latency_s } = edge.weight().bridge else {
+                continue;
+            };
+            let (from, to) = (edge.source(), edge.target());
+            let output = &graph.nodes[from].outputs[edge.weight().output];
+            let ((_, from_rate), (to_clock, to_rate)) = (rate(from), rate(to));
+            let plan = RingPlan {
+                edge: edge.id(),
+                name: format!(
+                    "{}.{} to {}",
+                    graph.nodes[from].path, output.name, graph.nodes[to].path
+                ),
+                width: output.kind.width(),
+                from: from_rate,
+                to: to_rate,
+                latency_s,
+                max_to: self.most_frames(to_clock),
+            };
+            rings.push((edge.weight().input, edge.id(), plan));
+        }
+        rings.sort_by(|a, b| (&a.2.name, a.0).cmp(&(&b.2.name, b.0)));
+        rings.into_iter().map(|(_, edge, plan)| (edge, plan)).collect()
     }
 
     fn loop_delays(&self, group: &Group) -> Vec<EdgeIndex> {
@@ -300,11 +378,6 @@ impl<'a> Builder<'a> {
     fn inputs(&mut self, index: NodeIndex, group: usize) -> Vec<(Port, Form)> {
         let graph = self.graph;
         let node = &graph.nodes[index];
-        let absent = Port {
-            demand: usize::MAX,
-            placing: Placing { start: 0, width: 0 },
-            clock: 0,
-        };
         let mut inputs: Vec<(Port, Form)> = node
             .inputs
             .iter()
@@ -313,7 +386,7 @@ impl<'a> Builder<'a> {
                     start: 0,
                     width: input.kind.width() as u32,
                 };
-                (Port { placing, ..absent }, Form::Absent)
+                (Port { placing, ..ABSENT }, Form::Absent)
             })
             .collect();
         for edge in graph.nodes.edges_directed(index, petgraph::Incoming) {
@@ -339,6 +412,11 @@ impl<'a> Builder<'a> {
             Bridge::Delay { .. } => match self.loops.get(&id) {
                 Some((_, port)) => return (*port, Form::Sampled),
                 None => (BridgeKind::Delay(self.delay_plan(from, edge)), "delay"),
+            },
+            Bridge::Ring { .. } => match self.rings.get(&id) {
+                Some(port) => return (*port, Form::Sampled),
+                // Never so: a ring is read ahead of its reader's group.
+                None => return (ABSENT, Form::Absent),
             },
             Bridge::Hold if held => (BridgeKind::HoldRuns, "hold"),
             Bridge::Hold => (BridgeKind::Hold, "hold"),
@@ -492,13 +570,14 @@ impl<'a> Builder<'a> {
 
     fn finish(mut self, taps: &[(NodeIndex, usize)]) -> Plan {
         let last = self.plan.steps.len();
-        let tapped: Vec<(Port, Stream)> = taps
-            .iter()
-            .filter_map(|(node, output)| {
-                let port = *self.ports.get(node.index())?.get(*output)?;
-                Some((port, self.stream(*node, *output, port)))
-            })
-            .collect();
+        let mut tapped: Vec<(Port, Stream)> = Vec::new();
+        for (place, (node, output)) in taps.iter().enumerate() {
+            // Ports of nodes of other drivers were never made.
+            if let Some(port) = self.ports.get(node.index()).and_then(|ports| ports.get(*output)) {
+                tapped.push((*port, self.stream(*node, *output, *port)));
+                self.plan.tap_places.push(place);
+            }
+        }
         for (port, _) in &tapped {
             self.demands[port.demand].to = last;
         }

@@ -31,7 +31,7 @@ pub struct PlanOptions {
     pub taps: Vec<(NodeIndex, usize)>,
 }
 
-/// A graph laid out to run.
+/// A graph laid out to run, or of a graph with several drivers what hangs from one of them.
 pub struct Plan {
     pub(crate) block: usize,
     /// The clock whose frames a block counts.
@@ -53,6 +53,11 @@ pub struct Plan {
     pub(crate) bridges: Vec<BridgePlan>,
     pub(crate) delays: Vec<DelayPlan>,
     pub(crate) taps: Vec<Tap>,
+    /// Which of the outputs asked for each tap is; the others belong to other drivers.
+    pub(crate) tap_places: Vec<usize>,
+    /// What leaves for other drivers, and what comes from them.
+    pub(crate) ring_writes: Vec<RingPlan>,
+    pub(crate) ring_reads: Vec<RingPlan>,
     /// First and last step that need each slot's present content, by step: what lives across a cut of the list.
     pub(crate) lives: Vec<Life>,
     /// The settings that may change while it runs.
@@ -91,6 +96,10 @@ pub(crate) enum StepWork {
     DelayRead(u32),
     /// Takes what a loop's delay will hold back.
     DelayWrite(u32),
+    /// Gives what another driver sent.
+    RingRead(u32),
+    /// Sends to another driver.
+    RingWrite(u32),
     /// The next `steps` steps run in windows that end at multiples of the pacings.
     Island {
         steps: u32,
@@ -201,9 +210,22 @@ pub(crate) struct Life {
 }
 
 impl Plan {
-    /// Lays out a graph.
+    /// Lays out a graph; of one with several drivers only what hangs from the first: see [`Plan::all`].
     pub fn new(graph: &Graph, options: &PlanOptions) -> Self {
-        build::build(graph, options)
+        build::build(graph, graph.drivers()[0], options)
+    }
+
+    /// Lays out a graph, every driver by itself, in the order of [`Graph::drivers`].
+    pub fn all(graph: &Graph, options: &PlanOptions) -> Vec<Self> {
+        let drivers = graph.drivers().into_iter();
+        drivers
+            .map(|driver| build::build(graph, driver, options))
+            .collect()
+    }
+
+    /// Name of the driver whose frames a block counts.
+    pub fn driver_name(&self) -> &str {
+        &self.clock_names[self.driver]
     }
 
     /// Driver frames of a block.
@@ -233,6 +255,8 @@ impl Plan {
             && self.pacings == other.pacings
             && self.bridges == other.bridges
             && self.delays == other.delays
+            && self.ring_writes == other.ring_writes
+            && self.ring_reads == other.ring_reads
             && self.processor_keys == other.processor_keys
             && self.actuators.len() == other.actuators.len()
             && self

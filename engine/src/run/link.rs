@@ -107,10 +107,17 @@ impl RingMeter {
     fn saw(&self, fill_s: f64, correction_ppm: f64) {
         let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
         self.fill.store(fill_s.to_bits(), Relaxed);
-        self.least.store(float(&self.least).min(fill_s).to_bits(), Relaxed);
+        self.least
+            .store(float(&self.least).min(fill_s).to_bits(), Relaxed);
         self.most.store(float(&self.most).max(fill_s).to_bits(), Relaxed);
         self.correction.store(correction_ppm.to_bits(), Relaxed);
     }
+}
+
+/// What a ring's latency leaves beyond the resampler's, s.
+pub(super) fn reserve_s(plan: &RingPlan) -> f64 {
+    let kernel_s = steered(plan.from, plan.to).map_or(0.0, |one| one.latency_s());
+    (plan.latency_s - kernel_s).max(plan.from.period_s())
 }
 
 /// Both ends of a ring. Allocates here and never again.
@@ -123,7 +130,6 @@ pub(super) fn link(plan: &RingPlan) -> (LinkWriter, LinkReader) {
         ring: into,
         width: plan.width,
         room: 0,
-        accepted: 0,
         meter: Arc::clone(&meter),
     };
     (writer, LinkReader::new(plan, out, meter))
@@ -135,8 +141,6 @@ pub(super) struct LinkWriter {
     width: usize,
     /// Frames that may be pushed before the next look.
     room: u64,
-    /// Frames pushed since the last look.
-    accepted: u64,
     meter: Arc<RingMeter>,
 }
 
@@ -144,18 +148,6 @@ impl LinkWriter {
     /// Finds out how many frames there is room for, to stay with that until the next look.
     pub fn look(&mut self) {
         self.room = (self.ring.slots() / self.width) as u64;
-        self.accepted = 0;
-    }
-
-    /// In a replay: as many as there was room for then.
-    pub fn replay(&mut self, room: u64) {
-        self.room = room;
-        self.accepted = 0;
-    }
-
-    /// Frames pushed since the last look.
-    pub fn accepted(&self) -> u64 {
-        self.accepted
     }
 
     /// Sends frames; those without room are lost and counted.
@@ -168,7 +160,6 @@ impl LinkWriter {
             Err(_) => 0,
         };
         self.room -= sent;
-        self.accepted += sent;
         if sent < frames {
             self.meter.lost.fetch_add(frames - sent, Relaxed);
         }
@@ -239,7 +230,6 @@ impl LinkReader {
         let kernel_s = resamplers.first().map_or(0.0, SteeredResampler::latency_s);
         let ratio = plan.from.hz() / plan.to.hz();
         let at_once = (plan.max_to as f64 * ratio * (1.0 + MAX_CORRECTION)).ceil() as usize + 2;
-        let reserve_s = (plan.latency_s - kernel_s).max(plan.from.period_s());
         Self {
             ring,
             width: plan.width,
@@ -258,7 +248,7 @@ impl LinkReader {
                 period_s: plan.to.period_s(),
                 target: plan.latency_s * plan.from.hz(),
                 half_width: kernel_s * plan.from.hz(),
-                natural: NATURAL_FREQUENCY / reserve_s,
+                natural: NATURAL_FREQUENCY / reserve_s(plan),
                 error_s: 0.0,
                 drift: 0.0,
             },

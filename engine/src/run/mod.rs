@@ -2,6 +2,7 @@
 
 mod bridge;
 mod drive;
+mod fleet;
 mod glide;
 mod link;
 mod live;
@@ -17,11 +18,12 @@ mod timer;
 mod window;
 
 pub use bridge::resampler;
+pub use fleet::Fleet;
 pub use glide::GLIDE_S;
 pub use link::{DRY_FADE_S, RingCounts, RingMeter, least_ring_latency_s};
 pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
 pub use meter::{Histogram, Meters, Wake};
-pub use offline::{Offline, OfflineError, Outcome};
+pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
@@ -34,6 +36,7 @@ use crate::node::{Processor, Tick};
 use crate::plan::{ActuatorPlan, BridgeKind, Plan, StepWork};
 use bridge::{BridgeState, DelayState, Ends};
 use drive::Drive;
+use link::{LinkReader, LinkWriter};
 use petgraph::graph::NodeIndex;
 use profile::{Unwatched, Watch};
 use program::{Line, Program, SingleStep};
@@ -64,10 +67,18 @@ struct State {
     actuators: Vec<ActuatorState>,
     bridges: Vec<BridgeState>,
     delays: Vec<DelayState>,
+    links: Links,
     faults: Faults,
     drive: Drive,
     /// Driver frames since a panic, for the ramp to zero.
     ramped: u64,
+}
+
+/// This run's ends of the rings that join it to others; none before they are joined.
+#[derive(Default)]
+struct Links {
+    writers: Vec<Option<LinkWriter>>,
+    readers: Vec<Option<LinkReader>>,
 }
 
 struct DeviceState {
@@ -149,6 +160,10 @@ impl Run {
                 .collect(),
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
+            links: Links {
+                writers: plan.ring_writes.iter().map(|_| None).collect(),
+                readers: plan.ring_reads.iter().map(|_| None).collect(),
+            },
             faults: Faults::default(),
             drive: Drive::Full,
             ramped: 0,
@@ -160,6 +175,18 @@ impl Run {
     pub fn advance(&mut self, frames: usize) {
         self.state.windows.next_block(frames.min(self.plan.block));
         self.steps(0..self.plan.steps.len());
+    }
+
+    /// Looks at its rings, ahead of `frames` driver frames: what has arrived by now is what these go by, however they are
+    /// cut into blocks.
+    pub fn look(&mut self, frames: usize) {
+        let coming_s = frames as f64 * self.plan.driver_rate().period_s();
+        for writer in self.state.links.writers.iter_mut().flatten() {
+            writer.look();
+        }
+        for reader in self.state.links.readers.iter_mut().flatten() {
+            reader.look(reader.arrivals(), coming_s);
+        }
     }
 
     /// The same, every step by itself, each told to `watch`.
@@ -269,6 +296,11 @@ impl Run {
     /// The devices, in the order of the graph's.
     pub fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
         self.state.devices.iter_mut().map(|state| state.device.as_mut())
+    }
+
+    /// Watches every step from now on for one that is no number.
+    fn watch(&mut self) {
+        self.state.faults.watching = true;
     }
 
     /// What was seen of signals that are not numbers.
@@ -463,6 +495,19 @@ impl State {
                 let x = input(around, &line.inputs[0], window);
                 self.delays[index as usize].write(window, x);
             }
+            StepWork::RingRead(index) => {
+                let y = output(out, line, window);
+                match &mut self.links.readers[index as usize] {
+                    Some(reader) => reader.read(y),
+                    None => y.fill(0.0),
+                }
+            }
+            StepWork::RingWrite(index) => {
+                let x = input(around, &line.inputs[0], window);
+                if let Some(writer) = &mut self.links.writers[index as usize] {
+                    writer.write(x);
+                }
+            }
             StepWork::DeviceRead(index) => self.device_read(plan, program, index as usize, window),
             StepWork::DeviceWrite(index) => self.device_write(plan, program, index as usize, window),
             StepWork::Process(_) | StepWork::Island { .. } => {}
@@ -498,6 +543,15 @@ impl State {
 }
 
 impl Faults {
+    /// Of several drivers.
+    fn of(all: impl Iterator<Item = Self>) -> Self {
+        all.fold(Self::default(), |sum, one| Self {
+            ticks: sum.ticks + one.ticks,
+            origin: sum.origin.or(one.origin),
+            watching: false,
+        })
+    }
+
     /// After an actuator was given something that is not a number: is this step where it comes from?
     fn watch(&mut self, line: &Line, out: &[f64], window: Window) {
         let bad = |placing: &Placing| {

@@ -1,7 +1,8 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
-use super::outlets::{Outlets, WriteError};
-use super::{ActuatorReport, Faults, Run};
+use super::fleet::Fleet;
+use super::outlets::{Outlets, WriteError, Written};
+use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
@@ -19,7 +20,7 @@ pub struct Offline<'a> {
 /// What a run did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Driver frames run.
+    /// Driver frames run, by the first driver.
     pub driver_frames: u64,
     /// The same in seconds.
     pub seconds: f64,
@@ -29,6 +30,30 @@ pub struct Outcome {
     pub faults: Faults,
     /// What each actuator sink held back.
     pub actuators: Vec<ActuatorReport>,
+    /// What happened to the rings between its drivers.
+    pub rings: Vec<RingReport>,
+}
+
+/// A ring between two drivers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RingReport {
+    /// Output and reader.
+    pub name: String,
+    /// The declared latency, s.
+    pub latency_s: f64,
+    /// What was counted.
+    pub counts: RingCounts,
+}
+
+impl RingReport {
+    /// What is known of it now.
+    pub fn of(meter: &RingMeter) -> Self {
+        Self {
+            name: meter.name.clone(),
+            latency_s: meter.latency_s,
+            counts: meter.counts(),
+        }
+    }
 }
 
 /// Why a run failed.
@@ -52,7 +77,8 @@ impl<'a> Offline<'a> {
         }
     }
 
-    /// Spreads the plan over this many threads, a stretch of its steps each; the samples stay the same.
+    /// Spreads the plan over this many threads, a stretch of its steps each; the samples stay the same. A graph with
+    /// several drivers runs on one.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads.max(1);
@@ -74,57 +100,139 @@ impl<'a> Offline<'a> {
             block: self.block,
             taps: self.outlets.taps,
         };
-        let plan = Arc::new(Plan::new(self.outlets.graph, &options));
-        let rate_hz = plan.driver_rate().hz();
-        let total = (seconds * rate_hz).round().max(0.0) as u64;
-        let mut writers = self.outlets.written;
-        let mut after_block = |run: &Run| -> Result<(), OfflineError> {
-            for written in &mut writers {
-                for (stream, tap) in written.taps.iter().enumerate() {
-                    let result = written.writer.write(stream, run.tap(*tap));
-                    let path = || written.what.clone();
-                    result.map_err(|error| WriteError { path: path(), error })?;
-                }
-            }
-            progress(run.driver_frames() as f64 / rate_hz);
-            Ok(())
-        };
-        let blocks = Blocks {
-            total,
-            block: plan.block as u64,
-            stop,
-        };
-        let stages = cut(&plan, self.threads);
-        let (driver_frames, mut faults, actuators) = match stages.len() {
-            0 | 1 => {
-                let mut run = Run::new(Arc::clone(&plan));
-                while let Some(frames) = blocks.after(run.driver_frames()) {
-                    run.advance(frames);
-                    after_block(&run)?;
-                }
-                (run.driver_frames(), run.faults(), run.actuators().collect())
-            }
-            _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
-        };
-        if faults.ticks > 0 {
-            faults.origin = origin(&plan, driver_frames);
+        let mut plans = Plan::all(self.outlets.graph, &options);
+        let mut files = Files::new(self.outlets.written, &plans);
+        let outcome = match plans.len() {
+            1 => alone(plans.remove(0), self.threads, seconds, stop, &mut files, progress),
+            _ => together(plans, seconds, stop, &mut files, progress),
+        }?;
+        files.finish()?;
+        Ok(outcome)
+    }
+}
+
+/// The writers of a run, and where each of their streams is tapped.
+pub(super) struct Files {
+    written: Vec<Written>,
+    /// By driver and by tap: its place in that driver's plan.
+    places: Vec<Vec<Option<usize>>>,
+}
+
+impl Files {
+    pub(super) fn new(written: Vec<Written>, plans: &[Plan]) -> Self {
+        let taps = written.iter().flat_map(|written| &written.taps).max();
+        let count = taps.map_or(0, |last| last + 1);
+        let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
+        let places = plans
+            .iter()
+            .map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
+        Self {
+            places: places.collect(),
+            written,
         }
-        for written in writers {
+    }
+
+    /// Writes the block that a driver ran last.
+    pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
+        for written in &mut self.written {
+            for (stream, tap) in written.taps.iter().enumerate() {
+                let Some(place) = self.places[driver][*tap] else {
+                    continue;
+                };
+                let result = written.writer.write(stream, run.tap(place));
+                let path = || written.what.clone();
+                result.map_err(|error| WriteError { path: path(), error })?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn finish(self) -> Result<(), WriteError> {
+        for written in self.written {
             let path = written.what;
             written
                 .writer
                 .finish()
                 .map_err(|error| WriteError { path, error })?;
         }
-        let seconds = driver_frames as f64 / rate_hz;
-        Ok(Outcome {
-            driver_frames,
-            seconds,
-            stopped: driver_frames < total,
-            faults,
-            actuators,
-        })
+        Ok(())
     }
+}
+
+/// Runs a graph with one driver.
+fn alone(
+    plan: Plan,
+    threads: usize,
+    seconds: f64,
+    stop: &AtomicBool,
+    files: &mut Files,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Outcome, OfflineError> {
+    let plan = Arc::new(plan);
+    let rate_hz = plan.driver_rate().hz();
+    let total = (seconds * rate_hz).round().max(0.0) as u64;
+    let mut after_block = |run: &Run| -> Result<(), OfflineError> {
+        files.write(0, run)?;
+        progress(run.driver_frames() as f64 / rate_hz);
+        Ok(())
+    };
+    let blocks = Blocks {
+        total,
+        block: plan.block as u64,
+        stop,
+    };
+    let stages = cut(&plan, threads);
+    let (driver_frames, mut faults, actuators) = match stages.len() {
+        0 | 1 => {
+            let mut run = Run::new(Arc::clone(&plan));
+            while let Some(frames) = blocks.after(run.driver_frames()) {
+                run.advance(frames);
+                after_block(&run)?;
+            }
+            (run.driver_frames(), run.faults(), run.actuators().collect())
+        }
+        _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
+    };
+    if faults.ticks > 0 {
+        faults.origin = origin(&plan, driver_frames);
+    }
+    Ok(Outcome {
+        driver_frames,
+        seconds: driver_frames as f64 / rate_hz,
+        stopped: driver_frames < total,
+        faults,
+        actuators,
+        rings: Vec::new(),
+    })
+}
+
+/// Runs a graph with several drivers.
+fn together(
+    plans: Vec<Plan>,
+    seconds: f64,
+    stop: &AtomicBool,
+    files: &mut Files,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Outcome, OfflineError> {
+    let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
+    let mut fleet = Fleet::new(&plans).ending_after(seconds);
+    while !fleet.is_over() && !stop.load(Ordering::Relaxed) {
+        fleet.round(|driver, run| files.write(driver, run))?;
+        progress(fleet.runs()[0].driver_frames() as f64 / fleet.runs()[0].rate_hz());
+    }
+    let first = &fleet.runs()[0];
+    let mut faults = Faults::of(fleet.runs().iter().map(Run::faults));
+    if faults.ticks > 0 {
+        faults.origin = Fleet::new(&plans).ending_after(seconds).origin();
+    }
+    Ok(Outcome {
+        driver_frames: first.driver_frames(),
+        seconds: first.driver_frames() as f64 / first.rate_hz(),
+        stopped: !fleet.is_over(),
+        faults,
+        actuators: fleet.runs().iter().flat_map(Run::actuators).collect(),
+        rings: fleet.rings().iter().map(|meter| RingReport::of(meter)).collect(),
+    })
 }
 
 struct Blocks<'a> {
@@ -219,7 +327,7 @@ fn pipeline(
 /// its own, frame by frame: the same whatever the block and the number of threads.
 fn origin(plan: &Arc<Plan>, driver_frames: u64) -> Option<NodeIndex> {
     let mut run = Run::new(Arc::clone(plan));
-    run.state.faults.watching = true;
+    run.watch();
     while run.faults().ticks == 0 && run.driver_frames() < driver_frames {
         run.advance(1);
     }

@@ -219,6 +219,7 @@ impl Session {
             stopped: live.state() != LiveState::Finished,
             faults: live.faults(),
             actuators: live.run().actuators().collect(),
+            rings: Vec::new(),
         };
         let panicked = matches!(live.state(), LiveState::Panicked | LiveState::Lost);
         let lost_numbers = live.lost_numbers();

@@ -29,6 +29,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..arguments.clone()
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    if let [_, _, ..] = graph.drivers()[..] {
+        let text = "this graph has several drivers, and those run offline only: leave out `--live`";
+        return Err(Failure::Message(text.to_owned()));
+    }
     let wanted = wanted(&graph)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;

@@ -2,7 +2,7 @@
 
 use super::{Arguments, Shown};
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::Outcome;
+use haptograph::engine::run::{Outcome, RingReport};
 use haptograph::report::asked::Drawn;
 use haptograph::report::drawing;
 use haptograph::report::page::Page;
@@ -43,8 +43,9 @@ impl Summary {
             .iter()
             .map(|(name, value)| format!("{name}={value}"))
             .collect::<Vec<_>>();
+        let rings: serde_json::Map<String, Value> = outcome.rings.iter().map(ring).collect();
         let simulated = graph.devices().iter().any(|device| device.entry.spec.simulated);
-        let facts = vec![
+        let mut facts = vec![
             ("graph", "Graph", json!(arguments.graph.graph)),
             ("set", "Set", json!(set)),
             ("endpoints", "Endpoints", json!(arguments.graph.endpoints())),
@@ -66,6 +67,9 @@ impl Summary {
             ),
             ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
         ];
+        if !rings.is_empty() {
+            facts.push(("rings", "Rings", Value::Object(rings)));
+        }
         Self {
             name: arguments.graph.name(),
             facts,
@@ -166,8 +170,38 @@ pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
     found
 }
 
+/// What is to be known of a ring between two drivers, by its name.
+fn ring(report: &RingReport) -> (String, Value) {
+    let ms = |seconds: f64| (seconds * 1e6).round() / 1e3;
+    let counts = &report.counts;
+    let facts = json!({
+        "latency_ms": ms(report.latency_s),
+        "fill_ms": counts.fill_s.map(ms),
+        "least_ms": counts.range_s.map(|(least, _)| ms(least)),
+        "most_ms": counts.range_s.map(|(_, most)| ms(most)),
+        "correction_ppm": (counts.correction_ppm * 10.0).round() / 10.0,
+        "underruns": counts.underruns,
+        "overruns": counts.overruns,
+        "lost_frames": counts.lost_frames,
+    });
+    (report.name.clone(), facts)
+}
+
 fn warnings(graph: &Graph, outcome: &Outcome) -> Vec<String> {
     let mut list = Vec::new();
+    for ring in &outcome.rings {
+        let counts = &ring.counts;
+        if counts.underruns + counts.overruns + counts.lost_frames > 0 {
+            list.push(format!(
+                "the ring {} ran dry {} times and was too full {} times, {} frames lost; a latency above {} ms may help",
+                ring.name,
+                counts.underruns,
+                counts.overruns,
+                counts.lost_frames,
+                ring.latency_s * 1e3
+            ));
+        }
+    }
     for actuator in &outcome.actuators {
         let clipped = actuator.clipped;
         let ticks = clipped.ticks;

@@ -115,7 +115,11 @@ impl Sketch {
                 } else {
                     Stroke::Thick
                 },
-                closes_loop: matches!(edge.weight().bridge, Bridge::Delay { .. }),
+                closes_loop: match edge.weight().bridge {
+                    Bridge::Delay { .. } => true,
+                    Bridge::Ring { .. } => graph.reaches(edge.target(), edge.source()),
+                    _ => false,
+                },
             });
         }
         for (number, device) in graph.devices().iter().enumerate() {
@@ -230,6 +234,7 @@ fn bridge_text(bridge: Bridge) -> String {
         Bridge::Linear => "linear".to_owned(),
         Bridge::Average => "average".to_owned(),
         Bridge::Resample => "resample".to_owned(),
+        Bridge::Ring { latency_s } => format!("ring {} ms", latency_s * 1e3),
         Bridge::Delay { frames, .. } => format!("delay {frames}"),
     }
 }

@@ -177,7 +177,10 @@ fn hear_sine(mut world: World, frequency_hz: f64, settle_s: f64) -> Heard {
     let ideal = |t: f64| (TAU * frequency_hz * t + phase).sin();
     Heard {
         off_s: -phase / (TAU * frequency_hz),
-        error: heard.iter().map(|(t, y)| (y - ideal(*t)).abs()).fold(0.0, f64::max),
+        error: heard
+            .iter()
+            .map(|(t, y)| (y - ideal(*t)).abs())
+            .fold(0.0, f64::max),
         jump_ppm,
     }
 }

@@ -5,6 +5,7 @@ use crate::diagnostic::{Sources, Span};
 use crate::frame::Kind;
 use crate::graph::{Bridge, Clock, Edge, Graph, GraphDevice, Input, Node, Output, Work};
 use crate::node::{BuildContext, BuildError, Io, Limit, NodeEntry, NodeKind, NodeSpec, Processor, Tick};
+use crate::run::least_ring_latency_s;
 use crate::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -130,6 +131,8 @@ pub const LIMIT: Limit = Limit {
 struct World {
     random: Xoshiro256PlusPlus,
     rates: Vec<Rate>,
+    /// Of each clock.
+    drivers: Vec<usize>,
     base: TimeBase,
     /// Told apart in swaps by this.
     fingerprint: u64,
@@ -139,6 +142,15 @@ struct World {
 
 /// A graph from `seed`, its nodes added in an order from `shuffle`.
 pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
+    random_world(seed, shuffle, 1)
+}
+
+/// A graph whose clocks hang from up to three drivers, in an order from the seed.
+pub fn random_graph_with_drivers(seed: u64) -> Graph {
+    random_world(seed, seed, 3)
+}
+
+fn random_world(seed: u64, shuffle: u64, most_drivers: usize) -> Graph {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut rates: Vec<Rate> = vec![Rate::from_hz(1000).unwrap()];
     let choices = [
@@ -156,8 +168,20 @@ pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
         rates.push(Rate::new(n, d).unwrap());
     }
     let base = TimeBase::new(&rates).unwrap();
+    let mut drivers: Vec<usize> = Vec::new();
+    for clock in 0..rates.len() {
+        // A driver, while there may be more of them, or a clock of any of those before.
+        let known = (0..clock).filter(|known| drivers[*known] == *known).count();
+        drivers.push(match clock {
+            0 => 0,
+            _ if most_drivers == 1 => 0,
+            _ if known < most_drivers && random.random_bool(0.6) => clock,
+            _ => drivers[random.random_range(0..clock)],
+        });
+    }
     let mut world = World {
         fingerprint: seed,
+        drivers,
         random,
         rates,
         base,
@@ -246,6 +270,9 @@ impl World {
 
     fn any_bridge(&mut self, from: usize, clock: usize) -> Bridge {
         let from_clock = self.nodes[from].clock.unwrap();
+        if self.drivers[from_clock] != self.drivers[clock] {
+            return self.ring(from_clock, clock);
+        }
         let (slow, fast) = (self.base.period(from_clock), self.base.period(clock));
         if from_clock == clock {
             let frames = self.random.random_range(1..200);
@@ -262,6 +289,12 @@ impl World {
         *[Bridge::Hold, other].choose(&mut self.random).unwrap()
     }
 
+    fn ring(&mut self, from: usize, to: usize) -> Bridge {
+        let least_s = least_ring_latency_s(self.rates[from], self.rates[to]).unwrap();
+        let latency_s = least_s + self.random.random_range(0.002..0.02);
+        Bridge::Ring { latency_s }
+    }
+
     /// Feedback by delay between nodes of one clock, and sometimes a body driven by what it causes.
     fn loops(&mut self) -> Option<usize> {
         let count = self.nodes.len();
@@ -270,7 +303,11 @@ impl World {
                 self.random.random_range(0..count),
                 self.random.random_range(0..count),
             );
-            if self.nodes[from].clock == self.nodes[to].clock {
+            let (a, b) = (self.nodes[from].clock.unwrap(), self.nodes[to].clock.unwrap());
+            if self.drivers[a] != self.drivers[b] {
+                let bridge = self.ring(a, b);
+                self.connect(from, to, bridge, false);
+            } else if a == b {
                 let frames = self.random.random_range(1..40);
                 self.connect(
                     from,
@@ -309,10 +346,10 @@ impl World {
                 limit: LIMIT,
             },
         );
-        let bridge = if self.nodes[high].clock == Some(clock) {
-            Bridge::Direct
-        } else {
-            Bridge::Hold
+        let bridge = match self.nodes[high].clock.unwrap() {
+            same if same == clock => Bridge::Direct,
+            other if self.drivers[other] != self.drivers[clock] => self.ring(other, clock),
+            _ => Bridge::Hold,
         };
         self.connect(high, sink, bridge, false);
         Some(clock)
@@ -344,7 +381,7 @@ impl World {
         let clock = |(i, rate): (usize, &Rate)| Clock {
             name: format!("c{i}"),
             rate: *rate,
-            driver: 0,
+            driver: self.drivers[i],
         };
         Graph {
             about: String::new(),
@@ -367,6 +404,7 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
     let mut world = World {
         random,
         rates,
+        drivers: vec![0],
         base,
         fingerprint: 0,
         nodes: Vec::new(),

@@ -1,0 +1,160 @@
+//! Several drivers in one virtual time, joined by the rings that join them live.
+//!
+//! Time goes in rounds of at most a millisecond, as the wake-ups of timers do. In each, every driver first looks at its
+//! rings and then runs what is due; so neither their order nor the blocks they run in change a bit.
+
+use super::link::{RingMeter, link, reserve_s};
+use super::{Faults, Run};
+use crate::plan::{MAX_BLOCK, Plan};
+use petgraph::graph::NodeIndex;
+use std::sync::Arc;
+
+const ROUND_S: f64 = 1e-3;
+/// A round takes at most this part of a ring's reserve.
+const PART_OF_RESERVE: f64 = 0.25;
+const BILLION: u128 = 1_000_000_000;
+
+/// The runs of all drivers of a graph.
+pub struct Fleet {
+    runs: Vec<Run>,
+    meters: Vec<Arc<RingMeter>>,
+    /// Units of the common time base that a round takes, and rounds run.
+    round: u128,
+    rounds: u128,
+    /// How much faster than nominal each driver is, as a part of 10^9.
+    drifts: Vec<i64>,
+    /// Driver frames after which each ends.
+    ends: Vec<u64>,
+    /// Driver frames of a block at most.
+    longest: usize,
+    /// Frames of each driver in the present round.
+    due: Vec<usize>,
+}
+
+impl Fleet {
+    /// Runs of the plans of [`Plan::all`], joined.
+    pub fn new(plans: &[Arc<Plan>]) -> Self {
+        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(reserve_s);
+        let round_s = reserves.fold(ROUND_S, |round_s, reserve_s| {
+            round_s.min(PART_OF_RESERVE * reserve_s)
+        });
+        let units = plans.first().map_or(1.0, |plan| plan.base.units_per_second());
+        let count = plans.len();
+        let mut runs: Vec<Run> = plans.iter().map(|plan| Run::new(Arc::clone(plan))).collect();
+        Self {
+            meters: join(&mut runs),
+            runs,
+            round: ((round_s * units) as u128).max(1),
+            rounds: 0,
+            drifts: vec![0; count],
+            ends: vec![u64::MAX; count],
+            longest: MAX_BLOCK,
+            due: vec![0; count],
+        }
+    }
+
+    /// Lets each driver run faster than nominal, by so many parts per million: what a test of drift needs.
+    #[must_use]
+    pub fn drifting(mut self, ppm: &[f64]) -> Self {
+        for (drift, ppm) in self.drifts.iter_mut().zip(ppm) {
+            *drift = (ppm * 1e3).round() as i64;
+        }
+        self
+    }
+
+    /// Lets each driver end after so many seconds of its own time.
+    #[must_use]
+    pub fn ending_after(mut self, seconds: f64) -> Self {
+        for (end, run) in self.ends.iter_mut().zip(&self.runs) {
+            *end = (seconds * run.rate_hz()).round().max(0.0) as u64;
+        }
+        self
+    }
+
+    /// Runs a round; like [`Run::advance`] it does not allocate. `each` sees every block of every driver when it is done.
+    ///
+    /// # Errors
+    /// The first of `each`.
+    pub fn round<E>(&mut self, mut each: impl FnMut(usize, &Run) -> Result<(), E>) -> Result<(), E> {
+        self.rounds += 1;
+        for driver in 0..self.runs.len() {
+            self.due[driver] = self.due(driver);
+            self.runs[driver].look(self.due[driver]);
+        }
+        for (driver, (run, frames)) in self.runs.iter_mut().zip(&self.due).enumerate() {
+            let mut left = *frames;
+            while left > 0 {
+                let block = left.min(run.plan.block).min(self.longest);
+                run.advance(block);
+                each(driver, run)?;
+                left -= block;
+            }
+        }
+        Ok(())
+    }
+
+    /// Frames of a driver whose time comes before the end of this round.
+    fn due(&self, driver: usize) -> usize {
+        let run = &self.runs[driver];
+        let period = u128::from(run.plan.base.period(run.plan.driver));
+        let speed = BILLION.saturating_add_signed(self.drifts[driver].into());
+        let frames = (self.rounds * self.round * speed).div_ceil(period * BILLION);
+        let frames = u64::try_from(frames).unwrap_or(u64::MAX).min(self.ends[driver]);
+        frames.saturating_sub(run.driver_frames()) as usize
+    }
+
+    /// Have all drivers come to their ends?
+    pub fn is_over(&self) -> bool {
+        let mut both = self.runs.iter().zip(&self.ends);
+        both.all(|(run, end)| run.driver_frames() >= *end)
+    }
+
+    /// The first node whose output is not a number, until an actuator is first given one that is not. Found frame by
+    /// frame: the same whatever the block.
+    pub(super) fn origin(mut self) -> Option<NodeIndex> {
+        self.longest = 1;
+        self.runs.iter_mut().for_each(Run::watch);
+        while !self.is_over() && self.runs.iter().all(|run| run.faults().ticks == 0) {
+            let Ok(()) = self.round(|_, _| Ok::<(), std::convert::Infallible>(()));
+        }
+        Faults::of(self.runs.iter().map(Run::faults)).origin
+    }
+
+    /// The runs, in the order of the graph's drivers.
+    pub fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// What is known of the rings between them.
+    pub fn rings(&self) -> &[Arc<RingMeter>] {
+        &self.meters
+    }
+}
+
+/// Puts rings between the runs of one graph's drivers.
+pub(super) fn join(runs: &mut [Run]) -> Vec<Arc<RingMeter>> {
+    let mut meters = Vec::new();
+    for reader in 0..runs.len() {
+        for read in 0..runs[reader].plan.ring_reads.len() {
+            let plan = runs[reader].plan.ring_reads[read].clone();
+            let far = |run: &Run| {
+                run.plan
+                    .ring_writes
+                    .iter()
+                    .position(|write| write.edge == plan.edge)
+            };
+            let Some((writer, write)) = runs
+                .iter()
+                .enumerate()
+                .find_map(|(at, run)| Some((at, far(run)?)))
+            else {
+                continue;
+            };
+            let (into, out) = link(&plan);
+            meters.push(Arc::clone(into.meter()));
+            runs[writer].state.links.writers[write] = Some(into);
+            runs[reader].state.links.readers[read] = Some(out);
+        }
+    }
+    meters
+}

@@ -1,0 +1,147 @@
+//! Graphs with several drivers, in one virtual time.
+
+use super::Heard;
+use super::world::random_graph_with_drivers;
+use crate::graph::{Bridge, Graph};
+use crate::plan::{Plan, PlanOptions};
+use crate::run::{Fleet, Offline, Outcome, Outlets, Probe};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// A graph that has rings in it, of one to three drivers.
+fn graphs() -> impl Iterator<Item = (u64, Graph)> {
+    let ringed = |graph: &Graph| {
+        graph
+            .nodes
+            .edge_weights()
+            .any(|edge| matches!(edge.bridge, Bridge::Ring { .. }))
+    };
+    (0..60_u64)
+        .map(|seed| (seed, random_graph_with_drivers(seed)))
+        .filter(move |(_, graph)| ringed(graph))
+}
+
+fn bits(heard: &[f64]) -> Vec<u64> {
+    heard.iter().map(|x| x.to_bits()).collect()
+}
+
+/// All outputs over a second and a half.
+fn play(graph: &Graph, block: usize, threads: usize) -> (Vec<Vec<u64>>, Outcome) {
+    let mut outlets = Outlets::new(graph);
+    let mut heard = Vec::new();
+    for node in graph.nodes.node_indices() {
+        heard.push(Heard::default());
+        let writer = Box::new(heard[node.index()].clone());
+        let output = 0;
+        outlets.probe(Probe { node, output, writer });
+    }
+    let outcome = Offline::new(outlets, block)
+        .threads(threads)
+        .run(1.5, &AtomicBool::new(false), &mut |_| {})
+        .unwrap();
+    let heard = heard.iter().map(|heard| bits(&heard.0.lock().unwrap()));
+    (heard.collect(), outcome)
+}
+
+#[test]
+fn any_block_and_any_number_of_threads_give_the_same_bits() {
+    let mut rings = 0;
+    for (seed, graph) in graphs() {
+        let (definition, outcome) = play(&graph, 1, 1);
+        assert!(!outcome.stopped);
+        rings += outcome.rings.len();
+        for ring in &outcome.rings {
+            let counts = ring.counts;
+            assert_eq!(
+                (counts.underruns, counts.overruns),
+                (0, 0),
+                "seed {seed}: {ring:?}"
+            );
+        }
+        for (node, heard) in graph.nodes.node_weights().zip(&definition) {
+            let rate_hz = graph.clocks[node.clock.unwrap()].rate.hz();
+            let frames = (1.5 * rate_hz) as usize;
+            assert!(
+                heard.len().abs_diff(frames) <= 1 + (rate_hz / 500.0) as usize,
+                "seed {seed}: {}",
+                node.path
+            );
+        }
+        for (block, threads) in [(7, 1), (64, 3), (1024, 2)] {
+            assert!(
+                play(&graph, block, threads).0 == definition,
+                "seed {seed}, block {block}"
+            );
+        }
+    }
+    assert!(rings > 40, "{rings} rings were tried");
+}
+
+#[test]
+fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clocks() {
+    for (seed, graph) in graphs().take(12) {
+        let play = |block: usize, ppm: &[f64]| {
+            let taps = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+            let plans: Vec<Arc<Plan>> = Plan::all(&graph, &PlanOptions { block, taps })
+                .into_iter()
+                .map(Arc::new)
+                .collect();
+            let mut heard = vec![Vec::new(); graph.nodes.node_count()];
+            let mut fleet = Fleet::new(&plans).drifting(ppm);
+            for _ in 0..1500 {
+                let Ok(()) = fleet.round(|driver, run| {
+                    for (local, place) in plans[driver].tap_places.iter().enumerate() {
+                        heard[*place].extend(bits(run.tap(local)));
+                    }
+                    Ok::<(), Infallible>(())
+                });
+            }
+            assert!(
+                fleet.rings().iter().all(|ring| ring.counts().underruns == 0),
+                "seed {seed}"
+            );
+            heard
+        };
+        let drifting = [300.0, -200.0, 0.0];
+        let one = play(1, &drifting);
+        assert!(play(64, &drifting) == one, "seed {seed}");
+        assert!(play(64, &[0.0; 3]) != one, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_plan_of_each_driver_has_its_own_nodes_and_the_ends_of_the_rings() {
+    for (seed, graph) in graphs() {
+        let plans = Plan::all(&graph, &PlanOptions::default());
+        assert_eq!(plans.len(), graph.drivers().len(), "seed {seed}");
+        let processors: usize = plans
+            .iter()
+            .map(|plan| plan.processors.len() + plan.actuators.len())
+            .sum();
+        let sources = graph
+            .nodes
+            .node_weights()
+            .filter(|node| matches!(node.work, crate::graph::Work::Source { .. }));
+        assert_eq!(
+            processors + sources.count(),
+            graph.nodes.node_count(),
+            "seed {seed}"
+        );
+        let ends = |of: fn(&Plan) -> usize| plans.iter().map(of).sum::<usize>();
+        let rings = graph
+            .nodes
+            .edge_weights()
+            .filter(|edge| matches!(edge.bridge, Bridge::Ring { .. }))
+            .count();
+        assert_eq!(ends(|plan| plan.ring_reads.len()), rings, "seed {seed}");
+        assert_eq!(ends(|plan| plan.ring_writes.len()), rings, "seed {seed}");
+        for plan in &plans {
+            assert!(
+                plan.steps
+                    .iter()
+                    .all(|step| { graph.clocks[step.clock as usize].driver == plan.driver })
+            );
+        }
+    }
+}
