@@ -1,5 +1,9 @@
 //! Each kernel beside the plain version of it, in one run: outputs compared, then timed in turns, medians of each.
 
+#[path = "../../benches/contest/mod.rs"]
+mod contest;
+
+use contest::Work;
 use criterion::{Criterion, Throughput};
 use haptograph_signal::arma::{ArmaFilter, Form, VoiceBank};
 use haptograph_signal::noise::Gaussian;
@@ -10,7 +14,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 use std::hint::black_box;
-use std::time::Instant;
 
 /// Samples a call works on.
 const BLOCK: usize = 4100;
@@ -29,29 +32,13 @@ fn main() {
     criterion.final_summary();
 }
 
-/// Prints nanoseconds a sample and how many times faster each contender is than the first.
-#[expect(clippy::print_stdout, reason = "a bench reports")]
-fn compare(title: &str, samples: usize, contenders: &mut [(&str, &mut dyn FnMut())]) -> Vec<f64> {
-    let mut times = vec![Vec::with_capacity(TURNS); contenders.len()];
-    for _ in 0..TURNS {
-        for ((_, run), times) in contenders.iter_mut().zip(&mut times) {
-            let start = Instant::now();
-            run();
-            times.push(start.elapsed().as_secs_f64() * 1e9 / samples as f64);
-        }
+fn samples(title: &str, units: usize) -> Work<'_> {
+    Work {
+        title,
+        unit: "sample",
+        units,
+        turns: TURNS,
     }
-    let medians: Vec<f64> = times
-        .iter_mut()
-        .map(|times| {
-            times.sort_by(f64::total_cmp);
-            times[TURNS / 2]
-        })
-        .collect();
-    println!("{title}");
-    for ((name, _), ns) in contenders.iter().zip(&medians) {
-        println!("  {name:40} {ns:8.3} ns a sample   {:6.2} x", medians[0] / ns);
-    }
-    medians
 }
 
 fn ratios() {
@@ -82,7 +69,7 @@ fn noise() {
         ("rand_distr ziggurat", &mut ziggurat),
         ("Gaussian::fill", &mut ours),
     ];
-    compare("unit normal noise", BLOCK, contenders);
+    contest::compare(samples("unit normal noise", BLOCK), contenders);
 }
 
 /// The filter as one first writes it: histories shifted by one at every sample.
@@ -187,7 +174,7 @@ fn one_voice(ma: &[f64], title: &str) {
         ("DirectForm", &mut direct),
         ("Lattice", &mut lattice),
     ];
-    compare(title, BLOCK, contenders);
+    contest::compare(samples(title, BLOCK), contenders);
 }
 
 fn frozen() {
@@ -216,7 +203,10 @@ fn frozen() {
         ("DirectForm", &mut run_direct),
         ("Lattice", &mut run_lattice),
     ];
-    compare("AR(20), one voice, one set of coefficients", BLOCK, contenders);
+    contest::compare(
+        samples("AR(20), one voice, one set of coefficients", BLOCK),
+        contenders,
+    );
 }
 
 fn voices(form: Form) {
@@ -252,9 +242,9 @@ fn voices(form: Form) {
     let title = format!("AR(20), {VOICES} voices, {form:?}, new coefficients every 41 samples, a voice");
     // The two work on different numbers of samples: count the single voice as so many.
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [("one voice", &mut alone)];
-    let one = compare(&title, FRAME * VOICES, contenders)[0];
+    let one = contest::compare(samples(&title, FRAME * VOICES), contenders)[0];
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [("VoiceBank", &mut run_together)];
-    let many = compare("", BLOCK * VOICES, contenders)[0];
+    let many = contest::compare(samples("", BLOCK * VOICES), contenders)[0];
     println_ratio(one / many);
 }
 
@@ -278,9 +268,8 @@ fn resampling() {
         let mut run = || {
             resampler.process(&x, black_box(&mut y));
         };
-        compare(
-            &format!("resampling 10 to 48 kHz, {quality:?}"),
-            24_000,
+        contest::compare(
+            samples(&format!("resampling 10 to 48 kHz, {quality:?}"), 24_000),
             &mut [("Resampler", &mut run)],
         );
     }

@@ -3,6 +3,10 @@
 //!
 //! `cargo bench -p haptograph-surfaces --bench models`; with `-- --ratios` the comparisons alone.
 
+#[path = "../../benches/contest/mod.rs"]
+mod contest;
+
+use contest::Work;
 use criterion::{Criterion, Throughput};
 use haptograph_signal::Complex64;
 use haptograph_surfaces::hull::Hull;
@@ -13,7 +17,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
-use std::time::Instant;
 
 const ORDER: usize = 20;
 /// Points of a stroke, a call works on all.
@@ -31,26 +34,12 @@ fn main() {
     criterion.final_summary();
 }
 
-/// Prints nanoseconds a call and how many times faster each contender is than the first.
-#[expect(clippy::print_stdout, reason = "a bench reports")]
-fn compare(title: &str, calls: usize, contenders: &mut [(&str, &mut dyn FnMut())]) {
-    let mut times = vec![Vec::with_capacity(TURNS); contenders.len()];
-    for _ in 0..TURNS {
-        for ((_, run), times) in contenders.iter_mut().zip(&mut times) {
-            let start = Instant::now();
-            run();
-            times.push(start.elapsed().as_secs_f64() * 1e9 / calls as f64);
-        }
-    }
-    let mut median = |index: usize| {
-        times[index].sort_by(f64::total_cmp);
-        times[index][TURNS / 2]
-    };
-    let first = median(0);
-    println!("{title}");
-    for (index, (name, _)) in contenders.iter().enumerate() {
-        let ns = median(index);
-        println!("  {name:44} {ns:10.1} ns a call   {:7.2} x", first / ns);
+fn calls(title: &str, units: usize) -> Work<'_> {
+    Work {
+        title,
+        unit: "call",
+        units,
+        turns: TURNS,
     }
 }
 
@@ -200,9 +189,8 @@ fn locate(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
             black_box(ours.locate(black_box(s), f));
         })
     };
-    compare(
-        &format!("locate {name}"),
-        POINTS,
+    contest::compare(
+        calls(&format!("locate {name}"), POINTS),
         &mut [
             ("spade, with hint", &mut spade),
             ("walk from the last triangle", &mut walk),
@@ -242,9 +230,11 @@ fn update(name: &str, texture: &TextureModel, path: &[(f64, f64)]) {
             black_box(&into);
         }
     };
-    compare(
-        &format!("a whole update of AR({ORDER}) coefficients, {name}"),
-        POINTS,
+    contest::compare(
+        calls(
+            &format!("a whole update of AR({ORDER}) coefficients, {name}"),
+            POINTS,
+        ),
         &mut [
             ("spade, means, complex products", &mut naive),
             ("Interpolator", &mut kernel),
@@ -309,9 +299,8 @@ fn to_ar() {
             black_box(&ar);
         }
     };
-    compare(
-        &format!("LSF to AR({ORDER})"),
-        spectra.len(),
+    contest::compare(
+        calls(&format!("LSF to AR({ORDER})"), spectra.len()),
         &mut [
             ("complex products", &mut naive),
             ("quadratic factors, libm cosines", &mut plain),
@@ -378,9 +367,8 @@ fn to_lsf() {
             black_box(&lsf);
         }
     };
-    compare(
-        &format!("AR({ORDER}) to LSF"),
-        models.len(),
+    contest::compare(
+        calls(&format!("AR({ORDER}) to LSF"), models.len()),
         &mut [
             ("grid of 256 and bisection", &mut bisection),
             ("eigenvalues of the companion matrices", &mut eigenvalues),
