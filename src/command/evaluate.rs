@@ -91,7 +91,9 @@ fn write_report(
         });
         let recordings: Vec<AnyRecording> = chosen.map(|take| take.recording.clone()).collect();
         let one = learn(material, &recordings, &settings, &|_| ());
-        learned.push(one.map_err(|error| Failure::Message(format!("{material}: {error}")))?);
+        let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
+        learning::warn_of_missing(&one.1);
+        learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
     let title = arguments

@@ -2,7 +2,7 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant};
-use super::{Failure, say, segment, surface};
+use super::{Failure, remark, say, segment, surface};
 use clap::ValueEnum;
 use haptograph::surfaces::Surface;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
@@ -158,12 +158,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .with_setting(format!("recording {} file", index + 1), file);
     }
     surface::save(&learned, &arguments.output)?;
+    warn_of_missing(&report);
     let mut text = describe(&learned, &report, &arguments.output);
     if let Some(folder) = &arguments.report {
         let page = super::report_page(folder, &haptograph::report::learning::page(&learned, &report))?;
         text += &format!("look at {}\n", page.display());
     }
     say(&text)
+}
+
+/// Says which parts the surface lacks although there was a recording for them.
+pub fn warn_of_missing(report: &LearningReport) {
+    for missing in &report.missing {
+        remark(&format!("warning: {missing}\n"));
+    }
 }
 
 /// All recordings, with the gestures that the command line gives them.
@@ -231,7 +239,7 @@ fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String
     }
     if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
         let used = report.contacts.iter().filter(|contact| contact.used).count();
-        let response = report.response.map_or_else(String::new, |line| {
+        let response = taps.response().map_or_else(String::new, |line| {
             format!(
                 ", response {} N per m/s{}",
                 significant(line.slope, 3),
@@ -257,5 +265,11 @@ fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String
             ),
         ));
     }
+    found.extend(
+        report
+            .missing
+            .iter()
+            .map(|missing| (missing.part, "none".to_owned())),
+    );
     format!("wrote {}\n{}", output.display(), facts(&found))
 }

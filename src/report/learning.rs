@@ -15,7 +15,7 @@ use haptograph_surfaces::learning::stiffness::StiffnessReport;
 use haptograph_surfaces::learning::taps::TapReport;
 use haptograph_surfaces::learning::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_surfaces::recording::ProcessedRecording;
-use haptograph_surfaces::{Line, Origin, Surface, TextureModel};
+use haptograph_surfaces::{Line, Origin, Surface, Taps, TextureModel};
 
 /// The page.
 pub fn page(surface: &Surface, report: &LearningReport) -> String {
@@ -26,6 +26,7 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
         .iter()
         .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
         .collect();
+    let warnings: Vec<String> = report.missing.iter().map(ToString::to_string).collect();
     let mut sections = sections(surface, report);
     sections.push(("How it was made", format!("<dl>{facts}</dl>")));
     let about = format!(
@@ -36,7 +37,7 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
         title: &surface.name,
         about: &about,
         simulated,
-        warnings: &[],
+        warnings: &warnings,
         sections: &sections,
     }
     .to_html()
@@ -71,7 +72,7 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
             figures_of(&[
                 responses::tap_waves(taps),
                 responses::tap_spectra(taps),
-                contacts(found),
+                contacts(taps, found),
             ]),
         ));
     }
@@ -332,7 +333,7 @@ fn friction(found: &FrictionReport) -> Plot {
 }
 
 /// Peak force over incoming speed: the tap response factor is the slope (4.4.2).
-fn contacts(found: &TapReport) -> Plot {
+fn contacts(taps: &Taps, found: &TapReport) -> Plot {
     let of = |used: bool| {
         let contacts = found.contacts.iter().filter(move |contact| contact.used == used);
         contacts
@@ -347,9 +348,9 @@ fn contacts(found: &TapReport) -> Plot {
     if found.contacts.iter().any(|contact| !contact.used) {
         marks.push(Mark::Dots(Style::named(Ink::Rose, "not used"), of(false)));
     }
-    if let Some(line) = &found.response {
+    if let Some(line) = taps.response() {
         let name = format!("{:.1} N per m/s, R² = {:.3}", line.slope, line.r_squared);
-        marks.push(fitted(line, (0.0, fastest), 1e3, name));
+        marks.push(fitted(&line, (0.0, fastest), 1e3, name));
     }
     Plot {
         title: "Peak force over incoming speed".into(),

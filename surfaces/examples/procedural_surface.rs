@@ -120,6 +120,7 @@ fn taps() -> Result<Taps, Box<dyn Error>> {
         Tap {
             speed_m_s: speed_mm_s / 1000.0,
             acceleration_m_s2: (0..100).map(sample).collect(),
+            peak_force_n: None,
         }
     };
     Ok(Taps::new(

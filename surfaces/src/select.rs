@@ -1,12 +1,9 @@
 //! A few surfaces that stand for many (thesis section 4.4): friction, tap response and vibration power as z-scores, clustered, one surface of each
 //! cluster.
 
+use crate::Surface;
 use crate::evaluate::{RandomWalk, SynthesisError, SynthesisSettings, cut_tree, hierarchical, synthesise};
-use crate::statistics::{Line, mean, z_scores};
-use crate::{Surface, Taps};
-
-/// Mass of the hand-held tool by which the thesis turns a tap's acceleration into a force, kg.
-const TOOL_KG: f64 = 0.05;
+use crate::statistics::{mean, z_scores};
 
 /// What surfaces are told apart by.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,7 +12,7 @@ pub struct Features {
     pub name: String,
     /// Friction coefficient: slipperiness.
     pub friction: Option<f64>,
-    /// Tap response factor, N per m/s: hardness. See [`tap_response`].
+    /// Tap response factor, N per m/s: hardness. The slope of [`Taps::response`](crate::Taps::response).
     pub tap_response: Option<f64>,
     /// Power of the vibration along the representative trajectory, (m/s²)²: roughness.
     pub power: Option<f64>,
@@ -47,21 +44,12 @@ pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Featu
     Ok(Features {
         name: surface.name.clone(),
         friction: surface.friction.map(|friction| friction.mu()),
-        tap_response: surface.taps.as_ref().and_then(tap_response),
+        tap_response: surface
+            .taps
+            .as_ref()
+            .and_then(|taps| Some(taps.response()?.slope)),
         power,
     })
-}
-
-/// The tap response factor, N per m/s: the slope of peak force over incoming speed (4.4.2). Stored taps have no force of their own, so it
-/// is that of a tool of 50 g at their peak acceleration, as they are rendered. `None` for a single tap.
-pub fn tap_response(taps: &Taps) -> Option<f64> {
-    let peak = |samples: &Vec<f64>| samples.iter().fold(0.0_f64, |peak, a| peak.max(a.abs()));
-    let points: Vec<_> = taps
-        .taps()
-        .iter()
-        .map(|tap| (tap.speed_m_s, TOOL_KG * peak(&tap.acceleration_m_s2)))
-        .collect();
-    Line::fit(&points).map(|line| line.slope)
 }
 
 /// Surfaces divided into clusters, and one chosen of each.
@@ -197,7 +185,6 @@ fn centres(places: &[Vec<f64>], labels: &[usize], clusters: usize) -> Vec<Vec<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Tap;
 
     /// Six surfaces in three kinds: slippery and hard, sticky and soft, rough.
     fn surfaces() -> Vec<Features> {
@@ -249,21 +236,5 @@ mod tests {
                 surfaces: 6
             })
         ));
-    }
-
-    #[test]
-    fn harder_surfaces_respond_more() {
-        let taps = |per_speed: f64| {
-            let tap = |speed_m_s: f64| Tap {
-                speed_m_s,
-                acceleration_m_s2: vec![0.0, -per_speed * speed_m_s, 1.0],
-            };
-            Taps::new(1000.0, [0.1, 0.2, 0.4].map(tap).to_vec()).unwrap()
-        };
-        assert!(
-            (tap_response(&taps(400.0)).unwrap() - 20.0).abs() < 1e-9,
-            "0.05 kg times 400 1/s"
-        );
-        assert!(tap_response(&taps(400.0)) > tap_response(&taps(100.0)));
     }
 }

@@ -171,6 +171,16 @@ pub enum SurfaceError {
         /// The sample's number, from 0.
         sample: usize,
     },
+    /// A tap that pulls the tool, or whose force is not finite.
+    #[error(
+        "tap {tap} (from 0) has a peak force of {peak_force_n} N; it must be a finite number above 0 (leave it out if unknown)"
+    )]
+    TapForce {
+        /// The tap's number, from 0.
+        tap: usize,
+        /// The force given.
+        peak_force_n: f64,
+    },
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Taps: the acceleration transients a tool feels when it strikes the material, by impact speed.
 
 use crate::SurfaceError;
+use crate::statistics::Line;
 use haptograph_signal::resample::{Quality, Resampler};
 use haptograph_signal::time::Rate;
 
@@ -18,6 +19,19 @@ pub struct Tap {
     pub speed_m_s: f64,
     /// Acceleration of the tool after contact, m/s².
     pub acceleration_m_s2: Vec<f64>,
+    /// Largest normal force that was recorded with it, N, where force was recorded and the file keeps it.
+    pub peak_force_n: Option<f64>,
+}
+
+/// Effective mass of the recording tool and the hand on it, kg: a tap is felt as its acceleration times this (thesis 4.3.2).
+pub const EFFECTIVE_MASS_KG: f64 = 0.05;
+
+impl Tap {
+    /// Largest force the tap is rendered with: of a tool of [`EFFECTIVE_MASS_KG`] that accelerates so, N.
+    pub fn rendered_peak_n(&self) -> f64 {
+        let samples = self.acceleration_m_s2.iter();
+        EFFECTIVE_MASS_KG * samples.fold(0.0_f64, |peak, a| peak.max(a.abs()))
+    }
 }
 
 /// Samples of silence that are tried to make a resampler's delay a whole number of outputs.
@@ -37,7 +51,7 @@ pub struct TapMix {
 }
 
 impl Taps {
-    /// Taps at `rate_hz`, checked: speeds positive and strictly ascending, equal lengths, finite samples.
+    /// Taps at `rate_hz`, checked: speeds positive and strictly ascending, equal lengths, finite samples, positive forces.
     pub fn new(rate_hz: f64, taps: Vec<Tap>) -> Result<Self, SurfaceError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(SurfaceError::TapRate { rate_hz });
@@ -65,6 +79,15 @@ impl Taps {
                     expected,
                 });
             }
+            if let Some(peak_force_n) = tap
+                .peak_force_n
+                .filter(|force| !(force.is_finite() && *force > 0.0))
+            {
+                return Err(SurfaceError::TapForce {
+                    tap: index,
+                    peak_force_n,
+                });
+            }
             if let Some(sample) = tap.acceleration_m_s2.iter().position(|a| !a.is_finite()) {
                 return Err(SurfaceError::TapSample { tap: index, sample });
             }
@@ -85,6 +108,30 @@ impl Taps {
     /// Number of samples of each tap.
     pub fn length(&self) -> usize {
         self.taps[0].acceleration_m_s2.len()
+    }
+
+    /// Whether the recorded peak force of every tap is known.
+    pub fn has_forces(&self) -> bool {
+        self.taps.iter().all(|tap| tap.peak_force_n.is_some())
+    }
+
+    /// The tap response: peak normal force in N over incoming speed in m/s. Its slope is the tap response factor (thesis 4.4.2), the
+    /// harder the surface the larger. `None` for a single tap.
+    ///
+    /// Taps without their recorded forces (the toolkit's files keep none) are measured by the forces they are rendered with, which are
+    /// not the same: compare like with like ([`has_forces`](Self::has_forces)).
+    pub fn response(&self) -> Option<Line> {
+        let recorded = self.has_forces();
+        let force_n = |tap: &Tap| match tap.peak_force_n {
+            Some(force_n) if recorded => force_n,
+            _ => tap.rendered_peak_n(),
+        };
+        let points: Vec<_> = self
+            .taps
+            .iter()
+            .map(|tap| (tap.speed_m_s, force_n(tap)))
+            .collect();
+        Line::fit(&points)
     }
 
     /// The same taps at another rate, limited to the band that both can carry. Nothing rings before the contact.
@@ -115,6 +162,7 @@ impl Taps {
             Tap {
                 speed_m_s: tap.speed_m_s,
                 acceleration_m_s2: output[late..].to_vec(),
+                peak_force_n: tap.peak_force_n,
             }
         });
         Self::new(rate_hz, taps.collect())
@@ -189,6 +237,7 @@ mod tests {
         let tap = |speed_m_s| Tap {
             speed_m_s,
             acceleration_m_s2: (0..samples).map(at).collect(),
+            peak_force_n: None,
         };
         Taps::new(rate_hz, vec![tap(0.1), tap(0.2)]).unwrap()
     }
@@ -222,6 +271,7 @@ mod tests {
         let tap = |speed_m_s: f64, peak: f64| Tap {
             speed_m_s,
             acceleration_m_s2: vec![peak, -peak / 2.0],
+            peak_force_n: None,
         };
         Taps::new(1000.0, vec![tap(0.1, 10.0), tap(0.3, 50.0)]).unwrap()
     }
@@ -248,10 +298,37 @@ mod tests {
     }
 
     #[test]
+    fn harder_surfaces_respond_more() {
+        let taps = |per_s: f64, n_s_per_m: Option<f64>| {
+            let tap = |speed_m_s: f64| Tap {
+                speed_m_s,
+                acceleration_m_s2: vec![0.0, -per_s * speed_m_s, 1.0],
+                peak_force_n: n_s_per_m.map(|slope| slope * speed_m_s),
+            };
+            Taps::new(1000.0, [0.1, 0.2, 0.4].map(tap).to_vec()).unwrap()
+        };
+        let response = |taps: &Taps| taps.response().unwrap().slope;
+        let rendered = taps(400.0, None);
+        assert!((response(&rendered) - 20.0).abs() < 1e-9, "0.05 kg times 400 1/s");
+        assert!(response(&rendered) > response(&taps(100.0, None)));
+        assert!(
+            (response(&taps(400.0, Some(33.0))) - 33.0).abs() < 1e-9,
+            "as recorded"
+        );
+        let mut mixed = taps(400.0, Some(33.0)).taps().to_vec();
+        mixed[1].peak_force_n = None;
+        let mixed = Taps::new(1000.0, mixed).unwrap();
+        assert_eq!(mixed.response(), rendered.response(), "all by the same measure");
+        let single = Taps::new(1000.0, two_taps().taps()[..1].to_vec()).unwrap();
+        assert_eq!(single.response(), None, "one tap has no slope");
+    }
+
+    #[test]
     fn unsound_taps_are_refused() {
         let tap = |speed_m_s: f64, samples: usize| Tap {
             speed_m_s,
             acceleration_m_s2: vec![0.5; samples],
+            peak_force_n: None,
         };
         assert_eq!(Taps::new(1000.0, vec![]), Err(SurfaceError::NoTaps));
         assert!(Taps::new(0.0, vec![tap(0.1, 2)]).is_err());
@@ -259,5 +336,11 @@ mod tests {
         assert!(Taps::new(1000.0, vec![tap(0.1, 2), tap(0.2, 3)]).is_err());
         assert!(Taps::new(1000.0, vec![tap(0.1, 0)]).is_err());
         assert!(Taps::new(1000.0, vec![tap(f64::NAN, 2)]).is_err());
+        let mut pulled = tap(0.1, 2);
+        pulled.peak_force_n = Some(-1.0);
+        assert!(matches!(
+            Taps::new(1000.0, vec![pulled]),
+            Err(SurfaceError::TapForce { tap: 0, .. })
+        ));
     }
 }

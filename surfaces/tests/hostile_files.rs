@@ -73,6 +73,7 @@ fn seeds() -> Vec<Vec<u8>> {
     let tap = |speed_m_s: f64| Tap {
         speed_m_s,
         acceleration_m_s2: (0..100).map(|k| f64::from(k % 7)).collect(),
+        peak_force_n: None,
     };
     surface.taps = Some(Taps::new(1000.0, vec![tap(0.1)]).unwrap());
     let taps = hatt::write_taps(&surface).unwrap();
@@ -85,6 +86,7 @@ fn seeds() -> Vec<Vec<u8>> {
             vec![Tap {
                 speed_m_s: 0.1,
                 acceleration_m_s2: vec![1.0, 2.0],
+                peak_force_n: Some(2.0),
             }],
         )
         .unwrap(),

@@ -2,10 +2,8 @@
 //! normal (momentum cancellation makes a surface hard; a vibration alone would not).
 
 use haptograph_surfaces::Taps;
+pub use haptograph_surfaces::taps::EFFECTIVE_MASS_KG;
 use std::sync::Arc;
-
-/// Effective mass of handle and hand (4.3.2), kg.
-pub const EFFECTIVE_MASS_KG: f64 = 0.05;
 
 /// Plays taps of a surface, one at a time; a new tap replaces the one that still rings. Allocates nothing after it is made.
 #[derive(Debug, Clone)]
@@ -57,6 +55,7 @@ mod tests {
         let tap = |speed_m_s: f64, size: f64| Tap {
             speed_m_s,
             acceleration_m_s2: (0..100).map(|k| size * (-f64::from(k) / 20.0).exp()).collect(),
+            peak_force_n: None,
         };
         let taps = Taps::new(1000.0, vec![tap(0.05, 10.0), tap(0.1, 30.0), tap(0.2, 50.0)]).unwrap();
         Transient::new(Arc::new(taps), EFFECTIVE_MASS_KG)

@@ -37,6 +37,7 @@ const USUAL_COUNT: usize = 15;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surfaces = collect(&arguments.dir)?;
+    warn_of_mixed_forces(&surfaces);
     let found = measure(&surfaces, arguments.seed)?;
     let count = arguments
         .count
@@ -47,6 +48,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         say_json(&to_json(&found, &selection))
     } else {
         say(&describe(&found, &selection))
+    }
+}
+
+/// Tap responses by recorded and by rendered forces are not alike.
+fn warn_of_mixed_forces(surfaces: &[Surface]) {
+    let with = |recorded: bool| {
+        let has = |s: &&Surface| s.taps.as_ref().is_some_and(|taps| taps.has_forces() == recorded);
+        surfaces.iter().find(has)
+    };
+    if let (Some(recorded), Some(rendered)) = (with(true), with(false)) {
+        remark(&format!(
+            "warning: tap responses are not all measured alike: {} keeps the forces recorded with its taps, {} does not, and is \
+             measured by those it is rendered with\n",
+            recorded.name, rendered.name
+        ));
     }
 }
 

@@ -5,7 +5,6 @@ use crate::command::table::{facts, significant, table};
 use crate::command::{say, say_json};
 use haptograph::signal::prediction::power_gain;
 use haptograph::surfaces::files::decimal::format_thousandfold;
-use haptograph::surfaces::select::tap_response;
 use haptograph::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -60,7 +59,7 @@ fn to_json(surface: &Surface) -> Value {
 
 fn taps_json(taps: &Taps) -> Value {
     let speeds: Vec<f64> = taps.taps().iter().map(|tap| mm_s(tap.speed_m_s)).collect();
-    json!({ "rate_hz": taps.rate_hz(), "samples": taps.length(), "speeds_mm_s": speeds, "response_n_s_per_m": tap_response(taps) })
+    json!({ "rate_hz": taps.rate_hz(), "samples": taps.length(), "speeds_mm_s": speeds, "response_n_s_per_m": taps.response().map(|line| line.slope) })
 }
 
 fn texture_json(texture: &TextureModel) -> Value {
@@ -138,8 +137,8 @@ fn describe(surface: &Surface) -> String {
 
 fn describe_taps(taps: &Taps) -> String {
     let (first, last) = (&taps.taps()[0], &taps.taps()[taps.taps().len() - 1]);
-    let response = tap_response(taps).map_or_else(String::new, |n_s_per_m| {
-        format!(", {} N per m/s", significant(n_s_per_m, 3))
+    let response = taps.response().map_or_else(String::new, |line| {
+        format!(", {} N per m/s", significant(line.slope, 3))
     });
     format!(
         "{} of {} ms at {} Hz, {} to {} mm/s{response}",

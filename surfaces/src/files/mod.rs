@@ -8,7 +8,7 @@ pub mod hatt;
 pub mod native;
 mod write;
 
-use crate::{ModelError, Origin, Surface, SurfaceError, TextureError};
+use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
@@ -101,7 +101,11 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
             (
                 text,
                 present(
-                    [("name", true), ("friction", surface.friction.is_some())],
+                    [
+                        ("name", true),
+                        ("friction", surface.friction.is_some()),
+                        ("peak forces of taps", has_tap_forces(surface)),
+                    ],
                     surface,
                 ),
             )
@@ -119,8 +123,12 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
     Ok(left_out)
 }
 
+fn has_tap_forces(surface: &Surface) -> bool {
+    surface.taps.as_ref().is_some_and(Taps::has_forces)
+}
+
 /// Which parts a surface has of these and of those that no toolkit file holds.
-fn present(parts: [(&'static str, bool); 2], surface: &Surface) -> Vec<&'static str> {
+fn present<const N: usize>(parts: [(&'static str, bool); N], surface: &Surface) -> Vec<&'static str> {
     let parts = parts
         .into_iter()
         .chain([("stiffness", surface.stiffness.is_some())]);

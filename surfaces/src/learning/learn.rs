@@ -7,8 +7,9 @@ use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
 use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings, learn_texture};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
-use crate::{Origin, Provenance, Surface};
+use crate::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// How a surface is learned.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -38,6 +39,29 @@ pub struct LearningReport {
     pub taps: Option<TapReport>,
     /// The press.
     pub stiffness: Option<StiffnessReport>,
+    /// Parts that a recording was there for, but that could not be learned from it.
+    pub missing: Vec<MissingPart>,
+}
+
+/// A part that a surface lacks although something was recorded for it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MissingPart {
+    /// Which: friction, taps or stiffness.
+    pub part: &'static str,
+    /// Why.
+    pub reason: LearnError,
+    /// What to record to have it.
+    pub remedy: &'static str,
+}
+
+impl fmt::Display for MissingPart {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(
+            f,
+            "the surface has no {}: {}; {}",
+            self.part, self.reason, self.remedy
+        )
+    }
 }
 
 /// Why no surface could be learned.
@@ -60,13 +84,16 @@ pub enum LearnError {
     #[error("no stiffness can be learned: {0}")]
     Stiffness(#[from] StiffnessError),
     #[error(
-        "stiffness is learned from one raw recording of a press, which keeps the tip's path; recording {recording} (from 0) {what}"
+        "no stiffness can be learned: recording {recording} (from 0) is processed, and so does not keep the tip's path"
     )]
-    Press { recording: usize, what: &'static str },
+    ProcessedPress { recording: usize },
+    #[error("stiffness is learned from one press; recording {recording} (from 0) is another one")]
+    SecondPress { recording: usize },
 }
 
 /// Learns a surface called `name` from recordings, each of which teaches what its gesture can: drags the texture (and friction where there
-/// is no circle), circles friction, taps taps, a press stiffness. Parts without a recording stay out.
+/// is no circle), circles friction, taps taps, a press stiffness. Parts without a recording stay out. So do friction, taps and stiffness that
+/// cannot be learned, and the report says why; a texture that cannot is an error, as it is if nothing is left.
 ///
 /// `progress` is called with the part done, 0 to 1.
 pub fn learn(
@@ -100,52 +127,92 @@ pub fn learn(
         (surface.texture, report.texture) = (Some(texture), Some(found));
     }
     progress(0.8);
-    let circles: Vec<_> = of(Gesture::Circle).map(|(_, recording)| recording).collect();
-    let drags: Vec<_> = of(Gesture::Drag).map(|(_, recording)| recording).collect();
-    let friction = if circles.is_empty() {
-        if drags.iter().all(|drag| has_tangential_force(drag)) && !drags.is_empty() {
-            Some(learn_friction(
-                &drags,
-                &settings.processing,
-                &settings.friction,
-                FrictionFit::Robust,
-            )?)
-        } else {
-            None
-        }
-    } else {
-        Some(learn_friction(
-            &circles,
-            &settings.processing,
-            &settings.friction,
-            FrictionFit::ThroughOrigin,
-        )?)
-    };
-    (surface.friction, report.friction) = friction.unzip();
+    let missing = &mut report.missing;
+    let friction = learned_friction(recordings, settings).transpose();
+    (surface.friction, report.friction) = or_missing(friction, "friction", missing).unzip();
     progress(0.9);
     let taps: Vec<_> = of(Gesture::Tap).map(|(_, recording)| recording).collect();
     if !taps.is_empty() {
-        let (taps, found) = learn_taps(&taps, &settings.processing, &settings.taps)?;
-        (surface.taps, report.taps) = (Some(taps), Some(found));
+        let taps = learn_taps(&taps, &settings.processing, &settings.taps);
+        (surface.taps, report.taps) =
+            or_missing(Some(taps.map_err(LearnError::from)), "taps", missing).unzip();
     }
-    for (index, (recording, press)) in of(Gesture::Press).enumerate() {
-        let AnyRecording::Raw(press) = press else {
-            return Err(LearnError::Press {
-                recording,
-                what: "is processed",
-            });
-        };
-        if index > 0 {
-            return Err(LearnError::Press {
-                recording,
-                what: "is another one",
-            });
-        }
-        let (stiffness, found) = learn_stiffness(press, &settings.processing, &settings.stiffness)?;
-        (surface.stiffness, report.stiffness) = (Some(stiffness), Some(found));
+    let stiffness = learned_stiffness(of(Gesture::Press), settings)?;
+    (surface.stiffness, report.stiffness) = or_missing(stiffness, "stiffness", missing).unzip();
+    for missing in &report.missing {
+        let what = format!("not learned: {}", missing.part);
+        surface
+            .provenance
+            .settings
+            .insert(what, missing.reason.to_string());
     }
     progress(1.0);
-    Ok((surface, report))
+    let empty = surface.texture.is_none()
+        && surface.friction.is_none()
+        && surface.taps.is_none()
+        && surface.stiffness.is_none();
+    match report.missing.first() {
+        Some(missing) if empty => Err(missing.reason.clone()),
+        _ => Ok((surface, report)),
+    }
+}
+
+/// What was learned; else says why not.
+fn or_missing<T>(
+    learned: Option<Result<T, LearnError>>,
+    part: &'static str,
+    missing: &mut Vec<MissingPart>,
+) -> Option<T> {
+    let reason = match learned? {
+        Ok(learned) => return Some(learned),
+        Err(reason) => reason,
+    };
+    let remedy = match part {
+        "friction" => "record 10 s of smooth circles, pressing more and less (--circle)",
+        "taps" => "record single taps of different speeds, each after a moment in the air (--tap)",
+        _ => "record one slow press to more than 3 N with all sensors (--press)",
+    };
+    missing.push(MissingPart { part, reason, remedy });
+    None
+}
+
+/// Friction from circles; where there are none, from drags that have tangential forces.
+fn learned_friction(
+    recordings: &[AnyRecording],
+    settings: &LearnSettings,
+) -> Result<Option<(Friction, FrictionReport)>, LearnError> {
+    let of = |gesture: Gesture| -> Vec<&AnyRecording> {
+        recordings.iter().filter(|r| r.gesture() == gesture).collect()
+    };
+    let (circles, drags) = (of(Gesture::Circle), of(Gesture::Drag));
+    let (from, fit) = if !circles.is_empty() {
+        (circles, FrictionFit::ThroughOrigin)
+    } else if !drags.is_empty() && drags.iter().all(|drag| has_tangential_force(drag)) {
+        (drags, FrictionFit::Robust)
+    } else {
+        return Ok(None);
+    };
+    Ok(Some(learn_friction(
+        &from,
+        &settings.processing,
+        &settings.friction,
+        fit,
+    )?))
+}
+
+/// Stiffness from the press, if there is one. Two are an error: which counts?
+fn learned_stiffness<'a>(
+    mut presses: impl Iterator<Item = (usize, &'a AnyRecording)>,
+    settings: &LearnSettings,
+) -> Result<Option<Result<(Stiffness, StiffnessReport), LearnError>>, LearnError> {
+    let (first, second) = (presses.next(), presses.next());
+    if let Some((recording, _)) = second {
+        return Err(LearnError::SecondPress { recording });
+    }
+    Ok(first.map(|(recording, press)| match press {
+        AnyRecording::Raw(press) => Ok(learn_stiffness(press, &settings.processing, &settings.stiffness)?),
+        AnyRecording::Processed(_) => Err(LearnError::ProcessedPress { recording }),
+    }))
 }
 
 fn has_tangential_force(recording: &AnyRecording) -> bool {
@@ -385,8 +452,39 @@ mod tests {
         ));
         let press = recordings()[0].clone().with_gesture(Gesture::Press);
         assert!(matches!(
-            learn("Test", &[press], &settings, &|_| ()),
-            Err(LearnError::Press { recording: 0, .. })
+            learn("Test", std::slice::from_ref(&press), &settings, &|_| ()),
+            Err(LearnError::ProcessedPress { recording: 0 })
         ));
+        assert!(matches!(
+            learn("Test", &[press.clone(), press], &settings, &|_| ()),
+            Err(LearnError::SecondPress { recording: 1 })
+        ));
+    }
+
+    #[test]
+    fn a_texture_is_kept_where_other_parts_cannot_be_learned() {
+        let drag = recordings()[0].clone();
+        // A tool pulled along by its circle, taps that never leave the surface, a press without a path.
+        let pulled = AnyRecording::Raw(circle(2.0, 0.03, 1.0, 1.0, -0.35));
+        let still = AnyRecording::Raw(circle(1.0, 0.03, 1.0, 1.0, 0.3)).with_gesture(Gesture::Tap);
+        let press = drag.clone().with_gesture(Gesture::Press);
+        let all = [drag.clone(), pulled, still, press];
+        let (surface, report) = learn("Test", &all, &LearnSettings::default(), &|_| ()).unwrap();
+        let (whole, _) = learn("Test", &[drag], &LearnSettings::default(), &|_| ()).unwrap();
+        assert_eq!(surface.texture, whole.texture);
+        assert!(surface.friction.is_none() && surface.taps.is_none() && surface.stiffness.is_none());
+        let parts: Vec<_> = report.missing.iter().map(|missing| missing.part).collect();
+        assert_eq!(parts, ["friction", "taps", "stiffness"]);
+        assert!(matches!(
+            report.missing[0].reason,
+            LearnError::Friction(FrictionError::Negative { .. })
+        ));
+        let said = report.missing[0].to_string();
+        assert!(
+            said.contains("no friction") && said.contains("record 10 s of smooth circles"),
+            "{said}"
+        );
+        let kept = &surface.provenance.settings["not learned: taps"];
+        assert!(kept.contains("no tap was found"), "the file says it too: {kept}");
     }
 }

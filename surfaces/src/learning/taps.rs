@@ -67,8 +67,6 @@ pub struct Contact {
 pub struct TapReport {
     /// All contacts.
     pub contacts: Vec<Contact>,
-    /// Peak normal force in N over incoming speed in m/s; its slope is the tap response factor (thesis 4.4.2). `None` for one tap.
-    pub response: Option<Line>,
     /// The taps' spectral centroid, Hz: [`tap_spectral_centroid_hz`].
     pub spectral_centroid_hz: f64,
 }
@@ -133,10 +131,7 @@ pub fn learn_taps(
     let used: Vec<Tap> = found
         .iter()
         .filter(|(contact, _)| contact.used)
-        .map(|(contact, cut)| Tap {
-            speed_m_s: contact.speed_m_s,
-            acceleration_m_s2: cut.clone(),
-        })
+        .map(|(_, tap)| tap.clone())
         .collect();
     if used.is_empty() {
         return Err(TapError::NoTaps {
@@ -147,14 +142,8 @@ pub fn learn_taps(
     }
     let taps = Taps::new(rate_hz, used)?;
     let contacts: Vec<Contact> = found.into_iter().map(|(contact, _)| contact).collect();
-    let points: Vec<_> = contacts
-        .iter()
-        .filter(|c| c.used)
-        .map(|c| (c.speed_m_s, c.peak_force_n))
-        .collect();
     let report = TapReport {
         contacts,
-        response: Line::fit(&points),
         spectral_centroid_hz: tap_spectral_centroid_hz(&taps),
     };
     Ok((taps, report))
@@ -186,13 +175,13 @@ fn processed_taps(
     }
 }
 
-/// The contacts of a recording and what is cut out for each.
+/// The contacts of a recording and the tap that is cut out for each.
 fn cut(
     recording: usize,
     processed: &ProcessedRecording,
     path: Option<&Recording>,
     settings: &TapSettings,
-) -> Vec<(Contact, Vec<f64>)> {
+) -> Vec<(Contact, Tap)> {
     let signals = processed.signals();
     let samples = |seconds: f64| (seconds * signals.rate_hz).round() as usize;
     let length = samples(settings.length_s).max(1);
@@ -224,6 +213,12 @@ fn cut(
         };
         let force = &signals.force_normal_n[begin..begin + length];
         let peak_force_n = force.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let tap = Tap {
+            speed_m_s,
+            acceleration_m_s2: signals.acceleration_m_s2[begin..begin + length].to_vec(),
+            // A tap that is over before its force shows has none.
+            peak_force_n: Some(peak_force_n).filter(|force| *force > 0.0),
+        };
         let time_s = begin as f64 / signals.rate_hz;
         let contact = Contact {
             recording,
@@ -232,7 +227,7 @@ fn cut(
             peak_force_n,
             used: false,
         };
-        taps.push((contact, signals.acceleration_m_s2[begin..begin + length].to_vec()));
+        taps.push((contact, tap));
     }
     taps
 }
@@ -381,10 +376,12 @@ mod tests {
 
     #[test]
     fn the_response_factor_is_peak_force_over_speed() {
-        let (_, report) = learned(AnyRecording::Raw(tapping()));
-        let line = report.response.unwrap();
+        let (taps, report) = learned(AnyRecording::Raw(tapping()));
+        let line = taps.response().unwrap();
         assert!((line.slope / 40.0 - 1.0).abs() < 0.03, "{line:?}");
         assert!(line.r_squared > 0.99 && line.intercept.abs() < 0.2);
+        let recorded = taps.taps().iter().filter_map(|tap| tap.peak_force_n);
+        assert!(report.contacts.iter().map(|c| c.peak_force_n).eq(recorded));
     }
 
     #[test]

@@ -72,5 +72,6 @@ fn read_tap(cursor: &mut Cursor) -> Result<Tap, HattProblem> {
     Ok(Tap {
         speed_m_s: need(speed, "tapSpeed", TAP)?,
         acceleration_m_s2: need(acceleration, "tapAccel", TAP)?,
+        peak_force_n: None,
     })
 }

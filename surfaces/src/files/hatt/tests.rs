@@ -37,6 +37,7 @@ fn surface(seed: u64, ma_pairs: usize) -> Surface {
     let mut tap = |speed_m_s: f64| Tap {
         speed_m_s,
         acceleration_m_s2: (0..100).map(|_| random.random_range(-90.0..90.0)).collect(),
+        peak_force_n: None,
     };
     surface.taps = Some(Taps::new(1000.0, vec![tap(0.0123456789012345), tap(0.25)]).unwrap());
     surface

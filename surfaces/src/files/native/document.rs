@@ -76,6 +76,7 @@ pub(super) struct TapsDocument {
 pub(super) struct TapDocument {
     pub speed_mm_s: SpeedMmS,
     pub acceleration_m_s2: Bounded<f64, MAX_TAP_SAMPLES>,
+    pub peak_force_n: Option<f64>,
 }
 
 #[derive(Deserialize)]

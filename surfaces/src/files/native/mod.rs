@@ -13,7 +13,7 @@
 //!     friction: (mu: 0.35, r_squared: 0.86),
 //!     stiffness: (n_per_mm: 10.81),
 //!     taps: (rate_hz: 1000, taps: [
-//!         (speed_mm_s: 100, acceleration_m_s2: [80, -40, 10]),
+//!         (speed_mm_s: 100, peak_force_n: 2.5, acceleration_m_s2: [80, -40, 10]),
 //!     ]),
 //!     texture: (
 //!         rate_hz: 10000,
@@ -31,7 +31,7 @@
 //! )
 //! ```
 //!
-//! Friction, stiffness, taps and texture may each be left out. A filter may also have `ma` (and `ma_lsf`) and `gain`.
+//! Friction, stiffness, taps and texture may each be left out. So may the largest normal force of a tap. A filter may also have `ma` (and `ma_lsf`) and `gain`.
 //! LSFs are in radians. Where a filter has coefficients and LSFs, both are kept and the LSFs lead
 //! ([`crate::ArmaModel`]). Fields that are not known and keys given twice are errors. Numbers are written by the
 //! shortest decimal that reads back to the same bits, speeds included.

@@ -79,6 +79,7 @@ fn taps(document: TapsDocument) -> Result<Taps, Problem> {
         .map(|tap| Tap {
             speed_m_s: tap.speed_mm_s.m_s,
             acceleration_m_s2: tap.acceleration_m_s2.0,
+            peak_force_n: tap.peak_force_n,
         })
         .collect();
     Ok(Taps::new(document.rate_hz, taps)?)

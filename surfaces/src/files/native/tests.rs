@@ -30,6 +30,7 @@ fn random_surface(seed: u64) -> Surface {
     let tap = |speed_m_s: f64, random: &mut Xoshiro256PlusPlus| Tap {
         speed_m_s,
         acceleration_m_s2: (0..30).map(|_| random.random_range(-100.0..100.0)).collect(),
+        peak_force_n: (speed_m_s > 0.1).then(|| random.random_range(0.1..5.0)),
     };
     let provenance = Provenance::new(Origin::Simulated, "a \"test\" \\ with\nodd {text} µ \u{7}")
         .with_setting("seed", seed)

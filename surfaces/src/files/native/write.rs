@@ -73,6 +73,9 @@ fn write_taps(out: &mut String, taps: &Taps) -> std::fmt::Result {
             "            (\n                speed_mm_s: {},",
             format_thousandfold(tap.speed_m_s)
         )?;
+        if let Some(peak_force_n) = tap.peak_force_n {
+            writeln!(out, "                peak_force_n: {peak_force_n:?},")?;
+        }
         write_numbers(out, "                acceleration_m_s2: ", &tap.acceleration_m_s2)?;
         writeln!(out, "            ),")?;
     }
