@@ -12,6 +12,7 @@ pub mod learn;
 pub mod new;
 pub mod nodes;
 mod progress;
+mod recording;
 pub mod run;
 pub mod segment;
 pub mod simulate_recording;
@@ -34,6 +35,9 @@ pub enum Failure {
     /// What is wrong with a graph.
     #[error("{0}")]
     Graph(Diagnostics),
+    /// The command line asks for what does not go together.
+    #[error("{0}")]
+    Usage(clap::Error),
     /// The failure was reported already, as JSON.
     #[error("")]
     Reported,
@@ -56,9 +60,15 @@ impl Failure {
 
     /// Says it on standard error, and gives the code to exit with.
     pub fn report(self) -> ExitCode {
+        if let Self::Usage(error) = self {
+            // As `Parser::parse` does it, with its colours and code.
+            let _ = error.print();
+            return ExitCode::from(2);
+        }
         let text = match &self {
             Self::Graph(diagnostics) => render(diagnostics, std::io::stderr().is_terminal()),
             Self::Message(text) => format!("error: {text}\n"),
+            Self::Usage(error) => error.to_string(),
             Self::Shown(text) => text.clone(),
             Self::Reported | Self::BrokenPipe => String::new(),
         };
@@ -180,24 +190,35 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).map_err(|error| Failure::file("read", path, &error))
 }
 
+/// Makes the folder for a page, if need be: before the work, so that none is lost for a name.
+pub fn report_folder(folder: &Path) -> Result<(), Failure> {
+    if folder.is_file() {
+        return Err(Failure::Message(format!(
+            "{} is a file; give a folder for the page",
+            folder.display()
+        )));
+    }
+    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))
+}
+
 /// Writes a page called `report.html` into a folder, which is made if need be.
 pub fn report_page(folder: &Path, html: &str) -> Result<PathBuf, Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+    report_folder(folder)?;
     let page = folder.join("report.html");
     write_file(&page, html)?;
     Ok(page)
 }
 
 /// Refuses an output that is one of the inputs.
-pub fn spare<'a>(inputs: impl IntoIterator<Item = &'a PathBuf>, output: &Path) -> Result<(), Failure> {
+pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
     // What cannot be resolved does not exist yet.
     let Ok(target) = output.canonicalize() else {
         return Ok(());
     };
-    let is_target = |input: &&PathBuf| input.canonicalize().is_ok_and(|input| input == target);
-    match inputs.into_iter().find(is_target) {
-        None => Ok(()),
-        Some(_) => Err(Failure::Message(format!(
+    let is_target = |input: &Path| input.canonicalize().is_ok_and(|input| input == target);
+    match inputs.into_iter().any(|input| is_target(input.as_ref())) {
+        false => Ok(()),
+        true => Err(Failure::Message(format!(
             "{} is read by this command and would be written over; give another file",
             output.display()
         ))),

@@ -2,7 +2,7 @@
 
 mod command;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
     bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, run, segment,
     simulate_recording, surface, sweep,
@@ -39,7 +39,9 @@ enum Command {
 
 fn main() -> ExitCode {
     // Usage errors, `--help` and `--version` are clap's: it writes them and exits with 2 or 0.
-    let result = match Arguments::parse().command {
+    let matches = with_negative_numbers(Arguments::command()).get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
@@ -61,4 +63,11 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),
     }
+}
+
+/// `--seconds -5` is a number that is out of range, not a flag called `-5`.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .allow_negative_numbers(true)
+        .mut_subcommands(with_negative_numbers)
 }

@@ -4,6 +4,7 @@ mod signal;
 
 use super::table::{facts, significant};
 use super::{Failure, say, say_json};
+use haptograph::surfaces::metrics::spectral::Comparison;
 use haptograph::surfaces::metrics::{WindowSettings, compare};
 use serde::Serialize;
 use signal::Signal;
@@ -49,6 +50,9 @@ struct Json {
     sd: f64,
     rate_hz: f64,
     windows: usize,
+    /// Why the spectral difference is no number, if it is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -57,6 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Signal::read(&arguments.a, column)?,
         Signal::read(&arguments.b, column)?,
     );
+    signal::warn_of_units([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
     let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
     let windows = WindowSettings {
@@ -78,12 +83,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             sd: found.sd,
             rate_hz,
             windows: found.windows,
+            reason: unvarying(&found),
         });
     }
     say(&facts(&[
         ("normalized spectral error (NSE)", significant(found.nse, 4)),
         ("power error (PE)", significant(found.pe, 4)),
-        ("spectral difference (SD)", significant(found.sd, 4)),
+        (
+            "spectral difference (SD)",
+            unvarying(&found).unwrap_or_else(|| significant(found.sd, 4)),
+        ),
         (
             "windows",
             format!(
@@ -92,4 +101,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             ),
         ),
     ]))
+}
+
+/// Why the spectral difference is infinite, if it is.
+fn unvarying(found: &Comparison) -> Option<String> {
+    let error = match found.unvarying {
+        (false, false) => return None,
+        (true, false) => "spectral error is",
+        (false, true) => "power error is",
+        (true, true) => "spectral and the power error are",
+    };
+    Some(format!(
+        "infinite: the {error} the same in all {} windows, so it has no deviation to be measured by",
+        found.windows
+    ))
 }

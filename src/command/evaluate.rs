@@ -2,14 +2,14 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn as learning, remark, say, say_json};
+use super::{Failure, learn as learning, recording, remark, report_folder, say, say_json};
 use clap::ValueEnum;
 use haptograph::surfaces::evaluate::{
     DifferenceTable, Evaluation, MapSettings, RecordingName, StudySettings, TableSettings, Take, evaluate,
 };
 use haptograph::surfaces::learning::{LearnSettings, learn};
 use haptograph::surfaces::metrics::Pooling;
-use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
+use haptograph::surfaces::recording::{AnyRecording, Gesture};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -48,6 +48,7 @@ enum PoolingArgument {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.report.as_deref().map_or(Ok(()), report_folder)?;
     let takes = read_takes(&arguments.dir)?;
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
@@ -158,7 +159,7 @@ fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
         }
     }
     let read = |(name, path): (RecordingName, PathBuf)| {
-        let recording = load(&path).map_err(|error| Failure::Message(error.to_string()))?;
+        let recording = recording::load(&path)?.recording;
         Ok(Take { name, recording })
     };
     files.into_iter().map(read).collect()

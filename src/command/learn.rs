@@ -2,14 +2,14 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant};
-use super::{Failure, remark, say, segment, surface};
+use super::{Failure, recording, remark, report_folder, say, segment, spare, surface};
 use clap::ValueEnum;
 use haptograph::surfaces::Surface;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
 use haptograph::surfaces::learning::segmentation::SegmentationSettings;
 use haptograph::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
 use haptograph::surfaces::learning::{LearnSettings, LearningReport, learn};
-use haptograph::surfaces::recording::{AnyRecording, Gesture, load};
+use haptograph::surfaces::recording::{AnyRecording, Gesture};
 use std::path::{Path, PathBuf};
 
 /// Learn a surface from recordings
@@ -38,7 +38,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// The surface's name; that of the output where it is not given
-    #[arg(long)]
+    #[arg(long, value_parser = name)]
     name: Option<String>,
     #[command(flatten)]
     settings: Settings,
@@ -133,12 +133,23 @@ impl Settings {
     }
 }
 
+fn name(text: &str) -> Result<String, String> {
+    match text.trim() {
+        "" => Err("a surface needs a name; without --name it is that of the output".to_owned()),
+        name => Ok(name.to_owned()),
+    }
+}
+
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let files = files(arguments);
+    surface::check_output(&arguments.output)?;
+    spare(files.iter().map(|(path, _)| *path), &arguments.output)?;
+    arguments.report.as_deref().map_or(Ok(()), report_folder)?;
     let recordings = files
         .iter()
         .map(|(path, gesture)| read(path, *gesture))
         .collect::<Result<Vec<_>, _>>()?;
+    refuse_twins(&files, &recordings)?;
     let settings = LearnSettings {
         processing: arguments.settings.processing(),
         texture: arguments.settings.texture(),
@@ -194,11 +205,37 @@ fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
 }
 
 fn read(path: &Path, gesture: Option<Gesture>) -> Result<AnyRecording, Failure> {
-    let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
-    Ok(match gesture {
-        Some(gesture) => recording.with_gesture(gesture),
-        None => recording,
-    })
+    let loaded = recording::load(path)?;
+    let own = loaded.recording.gesture();
+    let Some(gesture) = gesture else {
+        return Ok(loaded.recording);
+    };
+    if loaded.says_gesture && own != gesture {
+        remark(&format!(
+            "warning: {} says of itself that it is a {}; it is taken as a {}, as asked\n",
+            path.display(),
+            own.word(),
+            gesture.word()
+        ));
+    }
+    Ok(loaded.recording.with_gesture(gesture))
+}
+
+/// A recording that is there twice would count twice.
+fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording]) -> Result<(), Failure> {
+    for (index, recording) in recordings.iter().enumerate() {
+        if let Some(first) = recordings[..index]
+            .iter()
+            .position(|earlier| earlier == recording)
+        {
+            return Err(Failure::Message(format!(
+                "{} and {} are the same recording, which would count twice; name it once",
+                files[first].0.display(),
+                files[index].0.display()
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {

@@ -2,8 +2,9 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, read_file, remark, say};
+use super::{Failure, read_file, recording, remark, say};
 use clap::ValueEnum;
+use clap::error::ErrorKind;
 use haptograph::surfaces::learning::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
 };
@@ -32,9 +33,9 @@ pub struct Arguments {
     /// How a segment's innovation variance is estimated
     #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
     variance: Variance,
-    /// Seed of the genetic algorithm
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of the genetic algorithm, 1 where it is not given
+    #[arg(long)]
+    seed: Option<u64>,
     /// Stop the genetic algorithm after this long; what it finds then depends on the machine
     #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]
     time_limit: Option<f64>,
@@ -79,9 +80,10 @@ struct Json<'a> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    refuse_idle_flags(arguments)?;
     let bytes = read_file(&arguments.file)?;
     let signal = read_column(&bytes, &arguments.column)
-        .map_err(|error| Failure::file("read", &arguments.file, &error))?;
+        .map_err(|error| recording::unreadable(&arguments.file, &bytes, &error))?;
     warn_of_offset(&signal);
     let settings = SegmentationSettings {
         min_span: arguments.min_span,
@@ -90,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         method: match arguments.method {
             Method::Exact => SegmentationMethod::Exact { grid: None },
             Method::Genetic => SegmentationMethod::Genetic(GeneticSettings {
-                seed: arguments.seed,
+                seed: arguments.seed.unwrap_or(1),
                 time_limit: arguments.time_limit.map(Duration::from_secs_f64),
                 ..GeneticSettings::default()
             }),
@@ -109,6 +111,22 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         });
     }
     say(&describe(&found, signal.len()))
+}
+
+/// What means nothing to the exact search is a misunderstanding.
+fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
+    let flag = match (arguments.seed, arguments.time_limit) {
+        _ if arguments.method == Method::Genetic => return Ok(()),
+        (Some(_), _) => "--seed",
+        (_, Some(_)) => "--time-limit",
+        _ => return Ok(()),
+    };
+    let message =
+        format!("{flag} is for --method genetic; the exact search is not random and needs no limit\n");
+    Err(Failure::Usage(clap::Error::raw(
+        ErrorKind::ArgumentConflict,
+        message,
+    )))
 }
 
 fn describe(found: &Segmentation, samples: usize) -> String {
@@ -130,13 +148,18 @@ fn describe(found: &Segmentation, samples: usize) -> String {
 
 /// An autoregressive process has no mean: an offset would be modelled as a resonance at 0 Hz.
 fn warn_of_offset(signal: &[f64]) {
-    let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-    let variance = signal.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / signal.len() as f64;
-    if mean * mean > variance {
+    // In parts of the largest, as squares of very large numbers are none.
+    let largest = signal.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+    let average = |value: &dyn Fn(f64) -> f64| {
+        signal.iter().map(|x| value(x / largest)).sum::<f64>() / signal.len() as f64
+    };
+    let mean = average(&|x| x);
+    let deviation = average(&|x| (x - mean) * (x - mean)).sqrt();
+    if mean.abs() > deviation {
         remark(&format!(
             "warning: the signal's mean of {} is larger than its deviation of {}; take the mean out (or filter) first\n",
-            significant(mean, 3),
-            significant(variance.sqrt(), 3)
+            significant(mean * largest, 3),
+            significant(deviation * largest, 3)
         ));
     }
 }

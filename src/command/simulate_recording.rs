@@ -26,8 +26,8 @@ pub struct Arguments {
     /// The piece of the material and the attempt
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The file to write: a table where it ends in .csv, else haptograph's own archive (an .npz)
-    #[arg(short, long = "output", value_name = "FILE")]
+    /// The file to write: haptograph's own archive (.npz) or a table (.csv)
+    #[arg(short, long = "output", value_name = "FILE", value_parser = recording_file)]
     output: PathBuf,
 }
 
@@ -45,6 +45,16 @@ fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.1..=3600.0).contains(&value) => Ok(value),
         _ => Err("give a number of seconds from 0.1 to 3600".to_owned()),
+    }
+}
+
+fn recording_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "npz" || extension == "csv" {
+        Ok(path)
+    } else {
+        Err("a recording is written as .npz (haptograph's own archive) or .csv".to_owned())
     }
 }
 

@@ -22,7 +22,7 @@ pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -
         .nth(column - 1 - first)
         .map_or(shown.len(), |(index, _)| index);
     let word = shown[start..]
-        .find(char::is_whitespace)
+        .find(|c: char| c.is_whitespace() || c == ',' || c == ';')
         .unwrap_or(shown.len() - start);
     let annotation = AnnotationKind::Primary.span(start..start + word.max(usize::from(start < shown.len())));
     let snippet = Snippet::source(shown.as_str())

@@ -59,6 +59,19 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
     })
 }
 
+/// Refuses an output that could not be written, before the work.
+pub fn check_output(path: &Path) -> Result<(), Failure> {
+    files::check_extension(path).map_err(|error| Failure::Message(error.to_string()))?;
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(Failure::Message(format!(
+            "there is no folder {} to write {} into",
+            folder.display(),
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Writes a surface, and says what the format has no place for.
 pub fn save(surface: &Surface, path: &Path) -> Result<(), Failure> {
     let left_out = files::save(surface, path).map_err(|error| Failure::Message(error.to_string()))?;

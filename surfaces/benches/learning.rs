@@ -376,6 +376,7 @@ fn plainly_compared(a: &[f64], b: &[f64]) -> Comparison {
         nse: mean(&nse),
         pe: mean(&pe),
         sd: mean(&nse) / deviation(&nse) + mean(&pe) / deviation(&pe),
+        unvarying: (false, false),
         windows: nse.len(),
     }
 }

@@ -1,10 +1,10 @@
 //! One vibration from whatever file it is in.
 
-use crate::command::{Failure, read_file};
+use crate::command::{Failure, read_file, recording as recordings, remark};
 use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
 use haptograph::surfaces::learning::processing::{combined, processed};
-use haptograph::surfaces::recording::{load, read_signal};
+use haptograph::surfaces::recording::read_signal;
 use hound::{SampleFormat, WavReader};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -15,33 +15,40 @@ pub struct Signal {
     path: PathBuf,
     samples: Vec<f64>,
     rate_hz: Option<f64>,
+    /// Of the samples, where the file says it.
+    unit: Option<String>,
 }
+
+/// Samples, their rate, their unit.
+type Read = (Vec<f64>, Option<f64>, Option<String>);
 
 /// What a run writes beside a WAV file.
 #[derive(Debug, Deserialize)]
 #[serde(rename = "Recording")]
 struct Note {
     full_scale: f64,
+    unit: String,
 }
 
 impl Signal {
     /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
         let bytes = read_file(path)?;
-        let (samples, rate_hz) = match &bytes {
+        let (samples, rate_hz, unit) = match &bytes {
             bytes if bytes.starts_with(b"RIFF") => wav(path, bytes, column)?,
             bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path)?,
             bytes if column.is_none() && is_recording(bytes) => recording(path)?,
             bytes => {
-                let column =
-                    read_signal(bytes, column).map_err(|error| Failure::file("read", path, &error))?;
-                (column.values, column.rate_hz)
+                let column = read_signal(bytes, column)
+                    .map_err(|error| recordings::unreadable(path, bytes, &error))?;
+                (column.values, column.rate_hz, column.unit.map(str::to_owned))
             }
         };
         Ok(Self {
             path: path.to_owned(),
             samples,
             rate_hz,
+            unit,
         })
     }
 
@@ -60,6 +67,26 @@ impl Signal {
         resample_whole(&self.samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE)
             .map_err(|error| failed(&error))
     }
+}
+
+/// Says where two vibrations are not known to be alike.
+pub fn warn_of_units([a, b]: [&Signal; 2]) {
+    let said = match (&a.unit, &b.unit) {
+        (Some(one), Some(other)) if one != other => format!(
+            "{} is in {one}, {} in {other}; PE and SD mean nothing",
+            a.path.display(),
+            b.path.display()
+        ),
+        (Some(unit), None) | (None, Some(unit)) => {
+            let unknown = if a.unit.is_none() { a } else { b };
+            format!(
+                "{} does not say its unit; PE and SD hold if it is {unit}, as the other's",
+                unknown.path.display()
+            )
+        }
+        _ => return,
+    };
+    remark(&format!("warning: {said}\n"));
 }
 
 /// The rate that two vibrations are compared at.
@@ -106,21 +133,32 @@ fn is_recording(bytes: &[u8]) -> bool {
         && (header.contains("speed") || header.contains("position"))
 }
 
-fn recording(path: &Path) -> Result<(Vec<f64>, Option<f64>), Failure> {
-    let recording = load(path).map_err(|error| Failure::Message(error.to_string()))?;
+fn recording(path: &Path) -> Result<Read, Failure> {
+    let recording = recordings::load(path)?.recording;
     let processed =
         processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
     let signals = processed.signals();
-    Ok((signals.acceleration_m_s2.clone(), Some(signals.rate_hz)))
+    Ok((
+        signals.acceleration_m_s2.clone(),
+        Some(signals.rate_hz),
+        Some("m/s2".to_owned()),
+    ))
 }
 
 /// The only channel, that of the given number, or three axes combined.
-fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<(Vec<f64>, Option<f64>), Failure> {
+fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
-    let mut reader = WavReader::new(bytes).map_err(|error| failed(&error))?;
+    let mut reader = WavReader::new(bytes).map_err(|error| {
+        failed(&match error {
+            hound::Error::IoError(_) => "the file ends within its header: it was cut off".to_owned(),
+            error => error.to_string(),
+        })
+    })?;
     let spec = reader.spec();
     let (channels, rate_hz) = (usize::from(spec.channels), f64::from(spec.sample_rate));
-    let full_scale = full_scale(path)?;
+    let note = note(path)?;
+    let full_scale = note.as_ref().map_or(1.0, |note| note.full_scale);
+    let announced = reader.len();
     let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
         SampleFormat::Float => reader
             .samples::<f32>()
@@ -134,7 +172,15 @@ fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<(Vec<f64>, Op
                 .collect()
         }
     };
-    let samples = samples.map_err(|error| failed(&error))?;
+    let samples = samples.map_err(|error| {
+        failed(&match error {
+            hound::Error::IoError(_) => {
+                let there = bytes.len();
+                format!("its header announces {announced} samples, but the file ends after {there} bytes: it was cut off")
+            }
+            error => error.to_string(),
+        })
+    })?;
     let one = |channel: usize| samples.iter().copied().skip(channel).step_by(channels).collect();
     let chosen: Vec<f64> = match (channel, channels) {
         (Some(number), _) => match number.parse::<usize>() {
@@ -156,17 +202,17 @@ fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<(Vec<f64>, Op
             )));
         }
     };
-    Ok((chosen, Some(rate_hz)))
+    Ok((chosen, Some(rate_hz), note.map(|note| note.unit)))
 }
 
-/// What a sample of 1.0 stands for, if a note beside the file says it.
-fn full_scale(path: &Path) -> Result<f64, Failure> {
+/// What the samples stand for, if a note beside the file says it.
+fn note(path: &Path) -> Result<Option<Note>, Failure> {
     let mut note = path.as_os_str().to_owned();
     note.push(".ron");
     let note = PathBuf::from(note);
     let Ok(text) = std::fs::read_to_string(&note) else {
-        return Ok(1.0);
+        return Ok(None);
     };
-    let parsed: Note = ron::from_str(&text).map_err(|error| Failure::file("read", &note, &error))?;
-    Ok(parsed.full_scale)
+    let parsed = ron::from_str(&text).map_err(|error| Failure::file("read", &note, &error))?;
+    Ok(Some(parsed))
 }

@@ -36,23 +36,50 @@ struct Json<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.file)?;
-    let mut interpolator = Interpolator::new(texture(&surface, &arguments.file)?);
+    let texture = texture(&surface, &arguments.file)?;
+    let most = Asked {
+        speed_mm_s: mm_s(texture.max_speed_m_s()),
+        speed_m_s: texture.max_speed_m_s(),
+        force_n: texture.max_force_n(),
+    };
+    let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
     for (index, line) in std::io::stdin().lock().split(b'\n').enumerate() {
         let line = line.map_err(|error| Failure::Message(format!("cannot read standard input: {error}")))?;
         let line = String::from_utf8_lossy(&line);
-        let Some((speed_m_s, force_n)) = parse(&line).map_err(|wrong| wrong.at(&line, index + 1))? else {
+        let Some(asked) = parse(&line).map_err(|wrong| wrong.at(&line, index + 1))? else {
             continue;
         };
-        let spot = interpolator.interpolate(speed_m_s, force_n, &mut coefficients);
+        let spot = interpolator.interpolate(asked.speed_m_s, asked.force_n, &mut coefficients);
+        let at = asked.saturated(&most);
         let text = if arguments.json {
-            json(&spot, &coefficients)?
+            json(&at, &spot, &coefficients)?
         } else {
-            describe(&spot, &coefficients)
+            describe(&at, &spot, &coefficients)
         };
         say(&(text + "\n"))?;
     }
     Ok(())
+}
+
+/// A speed and a force as they were given. What a speed is in m/s may be shared by several numbers of mm/s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Asked {
+    speed_mm_s: f64,
+    speed_m_s: f64,
+    force_n: f64,
+}
+
+impl Asked {
+    /// Within what is modelled, and the given numbers themselves where they lie there.
+    fn saturated(&self, most: &Self) -> Self {
+        let within = |value: f64, most: f64| if value > 0.0 { value.min(most) } else { 0.0 };
+        Self {
+            speed_mm_s: within(self.speed_mm_s, most.speed_mm_s),
+            speed_m_s: within(self.speed_m_s, most.speed_m_s),
+            force_n: within(self.force_n, most.force_n),
+        }
+    }
 }
 
 /// What is wrong with a line, and from which byte on.
@@ -76,8 +103,8 @@ impl Wrong {
     }
 }
 
-/// Speed in m/s and force in N; `None` for a line that says nothing.
-fn parse(line: &str) -> Result<Option<(f64, f64)>, Wrong> {
+/// Speed and force; `None` for a line that says nothing.
+fn parse(line: &str) -> Result<Option<Asked>, Wrong> {
     if line.trim().is_empty() || line.trim_start().starts_with('#') {
         return Ok(None);
     }
@@ -85,7 +112,7 @@ fn parse(line: &str) -> Result<Option<(f64, f64)>, Wrong> {
     let mut words = line
         .split(|c: char| c.is_whitespace() || c == ',')
         .filter(|word| !word.is_empty());
-    let mut number = |what: &str, parse: fn(&str) -> Option<f64>| {
+    let mut number = |what: &str| {
         let missing = || Wrong {
             byte: line.trim_end().len(),
             message: format!("the {what} is missing; write `speed_mm_s force_n`"),
@@ -95,12 +122,18 @@ fn parse(line: &str) -> Result<Option<(f64, f64)>, Wrong> {
             byte: start(word),
             message: format!("the {what} {word:?} is no finite number"),
         };
-        parse(word).filter(|value| value.is_finite()).ok_or_else(wrong)
+        let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+        let thousandth = parse_thousandth(word).filter(|value| value.is_finite());
+        value.zip(thousandth).ok_or_else(wrong)
     };
-    let speed_m_s = number("speed", parse_thousandth)?;
-    let force_n = number("force", |word| word.parse().ok())?;
+    let (speed_mm_s, speed_m_s) = number("speed")?;
+    let (force_n, _) = number("force")?;
     match words.next() {
-        None => Ok(Some((speed_m_s, force_n))),
+        None => Ok(Some(Asked {
+            speed_mm_s,
+            speed_m_s,
+            force_n,
+        })),
         Some(word) => {
             let message = format!("{word:?} is one word too many; write `speed_mm_s force_n`");
             Err(Wrong {
@@ -112,16 +145,16 @@ fn parse(line: &str) -> Result<Option<(f64, f64)>, Wrong> {
 }
 
 /// In mm/s, as the file would have it.
-fn speed_mm_s(spot: &Spot) -> f64 {
-    format_thousandfold(spot.speed_m_s)
+fn mm_s(speed_m_s: f64) -> f64 {
+    format_thousandfold(speed_m_s)
         .parse()
-        .unwrap_or(spot.speed_m_s * 1000.0)
+        .unwrap_or(speed_m_s * 1000.0)
 }
 
-fn json(spot: &Spot, coefficients: &Coefficients) -> Result<String, Failure> {
+fn json(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> Result<String, Failure> {
     let line = Json {
-        speed_mm_s: speed_mm_s(spot),
-        force_n: spot.force_n,
+        speed_mm_s: at.speed_mm_s,
+        force_n: at.force_n,
         triangle: spot.vertices,
         weights: spot.weights,
         ar: coefficients.ar(),
@@ -132,7 +165,7 @@ fn json(spot: &Spot, coefficients: &Coefficients) -> Result<String, Failure> {
     serde_json::to_string(&line).map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))
 }
 
-fn describe(spot: &Spot, coefficients: &Coefficients) -> String {
+fn describe(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> String {
     let list = |values: &[f64]| {
         values
             .iter()
@@ -143,8 +176,8 @@ fn describe(spot: &Spot, coefficients: &Coefficients) -> String {
     let [a, b, c] = spot.vertices;
     let mut text = format!(
         "{} mm/s, {} N: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
-        speed_mm_s(spot),
-        spot.force_n,
+        at.speed_mm_s,
+        at.force_n,
         list(&spot.weights),
         coefficients.variance,
         coefficients.gain,
@@ -162,12 +195,36 @@ mod tests {
 
     #[test]
     fn lines_are_read_with_exact_thousandths() {
-        assert_eq!(parse("221.974244 6.382478"), Ok(Some((0.221974244, 6.382478))));
-        assert_eq!(parse("  100,\t2\r"), Ok(Some((0.1, 2.0))));
-        assert_eq!(parse("-5 -1e-3"), Ok(Some((-0.005, -0.001))));
+        let asked = |speed_mm_s, speed_m_s, force_n| {
+            Ok(Some(Asked {
+                speed_mm_s,
+                speed_m_s,
+                force_n,
+            }))
+        };
+        assert_eq!(
+            parse("221.974244 6.382478"),
+            asked(221.974244, 0.221974244, 6.382478)
+        );
+        assert_eq!(parse("  100,\t2\r"), asked(100.0, 0.1, 2.0));
+        assert_eq!(parse("-5 -1e-3"), asked(-5.0, -0.005, -0.001));
         for nothing in ["", "   \r", "# speed force"] {
             assert_eq!(parse(nothing), Ok(None));
         }
+    }
+
+    #[test]
+    fn what_lies_inside_is_echoed_as_it_was_given() {
+        let asked = |speed_mm_s: f64, force_n: f64| Asked {
+            speed_mm_s,
+            speed_m_s: speed_mm_s / 1000.0,
+            force_n,
+        };
+        let most = asked(200.0, 3.0);
+        let just_below = asked(200.0_f64.next_down(), 3.0_f64.next_down());
+        assert_eq!(just_below.saturated(&most), just_below);
+        assert_eq!(asked(200.0_f64.next_up(), 4.0).saturated(&most), most);
+        assert_eq!(asked(-1.0, -0.0).saturated(&most), asked(0.0, 0.0));
     }
 
     #[test]

@@ -71,7 +71,8 @@ fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     let mut paths = vec![];
     walk(dir, &mut paths).map_err(|error| Failure::file("read", dir, &error))?;
     paths.sort();
-    let mut by_name: BTreeMap<String, Surface> = BTreeMap::new();
+    let mut by_name: BTreeMap<String, (PathBuf, Surface)> = BTreeMap::new();
+    let mut clashes = vec![];
     for path in paths {
         let surface = match files::load(&path) {
             Ok(surface) => surface,
@@ -81,8 +82,23 @@ fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
             }
         };
         let name = surface.name.clone();
-        let known = by_name.remove(&name);
-        by_name.insert(name, joined(known, surface));
+        let entry = match by_name.remove(&name) {
+            None => (path, surface),
+            Some((first, known)) => {
+                if share_a_part(&known, &surface) {
+                    clashes.push(format!("{name:?} in {} and {}", first.display(), path.display()));
+                }
+                (first, joined(known, surface))
+            }
+        };
+        by_name.insert(name, entry);
+    }
+    if let Some(example) = clashes.first() {
+        remark(&format!(
+            "warning: {} surfaces stand in several files under one name and count as one ({example}); of each part the first \
+             file's counts, of textures that of the highest rate\n",
+            clashes.len()
+        ));
     }
     if by_name.is_empty() {
         return Err(Failure::Message(format!(
@@ -90,7 +106,7 @@ fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
             dir.display()
         )));
     }
-    Ok(by_name.into_values().collect())
+    Ok(by_name.into_values().map(|(_, surface)| surface).collect())
 }
 
 fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
@@ -109,9 +125,15 @@ fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
     Ok(())
 }
 
+fn share_a_part(a: &Surface, b: &Surface) -> bool {
+    a.texture.is_some() && b.texture.is_some()
+        || a.taps.is_some() && b.taps.is_some()
+        || a.friction.is_some() && b.friction.is_some()
+        || a.stiffness.is_some() && b.stiffness.is_some()
+}
+
 /// Two files of one name as one surface. Where both have a part, the texture of the higher rate counts, else the first.
-fn joined(known: Option<Surface>, mut next: Surface) -> Surface {
-    let Some(mut known) = known else { return next };
+fn joined(mut known: Surface, mut next: Surface) -> Surface {
     let rate_hz = |texture: &Option<TextureModel>| texture.as_ref().map_or(0.0, TextureModel::rate_hz);
     if rate_hz(&next.texture) > rate_hz(&known.texture) {
         known.texture = None;

@@ -68,6 +68,22 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
     Ok(surface)
 }
 
+/// Whether [`save`] knows the format that a path's extension stands for.
+pub fn check_extension(path: &Path) -> Result<(), SaveError> {
+    match &*extension(path) {
+        "ron" | "xml" => Ok(()),
+        _ => Err(SaveError::Extension {
+            path: path.to_owned(),
+        }),
+    }
+}
+
+/// In lower case.
+fn extension(path: &Path) -> String {
+    let extension = path.extension().unwrap_or_default();
+    extension.to_string_lossy().to_ascii_lowercase()
+}
+
 /// Writes a surface to `path`: as a toolkit file if it ends in `.xml` (models, or taps if there is no texture), as
 /// haptograph's own if in `.ron`. Returns the parts of the surface that the format has no place for.
 pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveError> {
@@ -75,12 +91,7 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
         path: path.to_owned(),
         error,
     };
-    let extension = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_ascii_lowercase();
-    let (text, left_out) = match extension.as_str() {
+    let (text, left_out) = match &*extension(path) {
         "ron" => (native::write(surface), Vec::new()),
         "xml" if surface.texture.is_some() => {
             let text = hatt::write_models(surface).map_err(hatt)?;

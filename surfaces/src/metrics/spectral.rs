@@ -61,6 +61,10 @@ pub enum MetricError {
     TooShort { samples: usize, window: usize },
     #[error("sample {sample} (from 0) is not a finite number")]
     NotFinite { sample: usize },
+    #[error(
+        "the largest sample has a magnitude of {magnitude:e}: powers of numbers beyond 1e-100 and 1e100 cannot be compared, check the units"
+    )]
+    Magnitude { magnitude: f64 },
     #[error("the signals were cut differently: rates {rates_hz:?} Hz, windows {windows:?}")]
     Different {
         rates_hz: (f64, f64),
@@ -110,6 +114,10 @@ impl WindowedSpectra {
         }
         if let Some(sample) = signal.iter().position(|x| !x.is_finite()) {
             return Err(MetricError::NotFinite { sample });
+        }
+        let magnitude = signal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if magnitude != 0.0 && !(1e-100..=1e100).contains(&magnitude) {
+            return Err(MetricError::Magnitude { magnitude });
         }
         let taper = window.samples(samples, Symmetry::Symmetric);
         let taper_energy: f64 = taper.iter().map(|w| w * w).sum();
@@ -310,10 +318,30 @@ impl ErrorStatistics {
     /// The spectral difference in units of these deviations. Eq. 2.5.3.
     ///
     /// Errors that are zero throughout count zero whatever the deviation; errors that do not vary but are not zero are infinitely many
-    /// deviations.
+    /// deviations ([`are_infinite`](Self::are_infinite) tells which). Differences at the level of rounding are none.
     pub fn spectral_difference(&self, deviations: &Deviations) -> f64 {
-        let term = |mean: f64, deviation: f64| if mean == 0.0 { 0.0 } else { mean / deviation };
-        term(self.nse, deviations.nse) + term(self.pe, deviations.pe)
+        in_deviations(self.nse, deviations.nse) + in_deviations(self.pe, deviations.pe)
+    }
+
+    /// Whether the spectral and the power error are infinitely many of these deviations, because they are the same in every window.
+    pub fn are_infinite(&self, deviations: &Deviations) -> (bool, bool) {
+        (
+            in_deviations(self.nse, deviations.nse).is_infinite(),
+            in_deviations(self.pe, deviations.pe).is_infinite(),
+        )
+    }
+}
+
+/// Relative to the errors of windows, which are of order one, less than this is rounding.
+const ROUNDING: f64 = 1e-13;
+
+fn in_deviations(mean: f64, deviation: f64) -> f64 {
+    if mean <= ROUNDING {
+        0.0
+    } else if deviation <= ROUNDING * mean {
+        f64::INFINITY
+    } else {
+        mean / deviation
     }
 }
 
@@ -335,6 +363,8 @@ pub struct Comparison {
     pub pe: f64,
     /// Spectral difference, deviations pooled over this pair.
     pub sd: f64,
+    /// Whether the spectral and the power error are the same in every window, and so make the difference infinite.
+    pub unvarying: (bool, bool),
     /// Windows compared.
     pub windows: usize,
 }
@@ -356,11 +386,12 @@ pub fn compare(
             windows: statistics.windows,
         });
     }
-    let sd = statistics.spectral_difference(&statistics.deviations());
+    let deviations = statistics.deviations();
     Ok(Comparison {
         nse: statistics.nse,
         pe: statistics.pe,
-        sd,
+        sd: statistics.spectral_difference(&deviations),
+        unvarying: statistics.are_infinite(&deviations),
         windows: statistics.windows,
     })
 }
@@ -410,6 +441,12 @@ mod tests {
             (comparison.pe - 2.0 * 8.0 / 10.0).abs() < 1e-12,
             "|9-1| over their mean of 5"
         );
+        assert_eq!(
+            comparison.sd,
+            f64::INFINITY,
+            "an error that never varies, for all that is rounding"
+        );
+        assert_eq!(comparison.unvarying, (false, true));
     }
 
     #[test]
@@ -530,6 +567,14 @@ mod tests {
             PairErrors::new(&slow, &spectra(&noise(1000, 1))),
             Err(MetricError::Different { .. })
         ));
+        for beyond in [1e300, 1e-300] {
+            let signal: Vec<f64> = noise(1000, 1).iter().map(|x| beyond * x).collect();
+            let error = WindowedSpectra::new(&signal, 1000.0, &settings);
+            assert!(
+                matches!(error, Err(MetricError::Magnitude { .. })),
+                "no power of {beyond}"
+            );
+        }
         assert!(matches!(
             compare(&noise(300, 1), &noise(300, 2), 1000.0, &settings),
             Err(MetricError::TooFewWindows { windows: 1 })

@@ -8,7 +8,7 @@
 //! | `force_x_n` .. `force_z_n`, `torque_x_n_m` .. (or `_n_mm`; optional), `position_x_mm` .. (or `_m`), `orientation_w`, `_x`, `_y`, `_z` | raw |
 //!
 //! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor had no sample.
-//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are ignored.
+//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are ignored; [`csv_head`] tells which.
 
 use super::file::ReadError;
 use super::{
@@ -21,6 +21,54 @@ use csv::{ByteRecord, ReaderBuilder, Trim};
 use std::collections::BTreeMap;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The columns that are understood, by the unit that they are written with.
+pub const COLUMNS: [&str; 21] = [
+    "time_s",
+    "accel_m_s2",
+    "force_normal_n",
+    "force_tangential_n",
+    "speed_mm_s",
+    "accel_x_m_s2",
+    "accel_y_m_s2",
+    "accel_z_m_s2",
+    "force_x_n",
+    "force_y_n",
+    "force_z_n",
+    "torque_x_n_mm",
+    "torque_y_n_mm",
+    "torque_z_n_mm",
+    "position_x_mm",
+    "position_y_mm",
+    "position_z_mm",
+    "orientation_w",
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+];
+
+/// What a CSV file says before its rows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CsvHead {
+    /// Names of the columns that are none of ours, and passed over.
+    pub ignored: Vec<String>,
+    /// Whether a line `# gesture: ...` says what the hand did.
+    pub says_gesture: bool,
+}
+
+/// The head of a file from its first bytes; `None` where these are no CSV's.
+pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
+    let bytes = without_mark(bytes);
+    if bytes.starts_with(b"PK") || bytes.trim_ascii_start().starts_with(b"<") {
+        return None;
+    }
+    let (names, _) = header(bytes).ok()?;
+    let unknown = |name: &&String| !name.is_empty() && parse_name(&name.to_ascii_lowercase()).is_none();
+    Some(CsvHead {
+        ignored: names.iter().filter(unknown).cloned().collect(),
+        says_gesture: notes(bytes).contains_key("gesture"),
+    })
+}
 
 /// A recording from the bytes of a CSV file; `source` is where they came from, unless they say so themselves.
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
@@ -144,25 +192,49 @@ pub(super) enum Scale {
     StandardGravity,
 }
 
-/// Quantities and the units their columns may have. An axis or component stands between the two.
-const UNITS: [(&str, &[(&str, Scale)]); 7] = [
-    ("time", &[("s", Scale::One), ("ms", Scale::Thousandth)]),
-    ("accel", &[("m_s2", Scale::One), ("g", Scale::StandardGravity)]),
-    ("force", &[("n", Scale::One), ("mn", Scale::Thousandth)]),
-    ("torque", &[("n_m", Scale::One), ("n_mm", Scale::Thousandth)]),
-    ("position", &[("m", Scale::One), ("mm", Scale::Thousandth)]),
-    ("speed", &[("m_s", Scale::One), ("mm_s", Scale::Thousandth)]),
-    ("orientation", &[("", Scale::One)]),
+/// Quantities, their unit in SI, and the units their columns may have. An axis or component stands between name and unit.
+const UNITS: [(&str, &str, &[(&str, Scale)]); 7] = [
+    ("time", "s", &[("s", Scale::One), ("ms", Scale::Thousandth)]),
+    (
+        "accel",
+        "m/s2",
+        &[("m_s2", Scale::One), ("g", Scale::StandardGravity)],
+    ),
+    ("force", "N", &[("n", Scale::One), ("mn", Scale::Thousandth)]),
+    (
+        "torque",
+        "N m",
+        &[("n_m", Scale::One), ("n_mm", Scale::Thousandth)],
+    ),
+    ("position", "m", &[("m", Scale::One), ("mm", Scale::Thousandth)]),
+    (
+        "speed",
+        "m/s",
+        &[("m_s", Scale::One), ("mm_s", Scale::Thousandth)],
+    ),
+    ("orientation", "1", &[("", Scale::One)]),
 ];
 /// What may stand between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
-/// The name without its unit, and the unit; `None` for columns that are none of ours.
-pub(super) fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
-    let (quantity, units) = UNITS.iter().find(|(quantity, _)| {
+fn quantity_of(
+    name: &str,
+) -> Option<&'static (&'static str, &'static str, &'static [(&'static str, Scale)])> {
+    UNITS.iter().find(|(quantity, ..)| {
         name.strip_prefix(quantity)
             .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-    })?;
+    })
+}
+
+/// The unit that the numbers of a column of ours are read in.
+pub(super) fn si_unit(name: &str) -> Option<&'static str> {
+    parse_name(name)?.ok()?;
+    quantity_of(name).map(|(_, unit, _)| *unit)
+}
+
+/// The name without its unit, and the unit; `None` for columns that are none of ours.
+pub(super) fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
+    let (quantity, _, units) = quantity_of(name)?;
     let rest = name[quantity.len()..].trim_start_matches('_');
     let part = PARTS.iter().find(|part| {
         rest.strip_prefix(**part)
@@ -192,19 +264,71 @@ pub(super) struct Table {
 }
 
 pub(super) fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+    ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(Trim::All)
+        .delimiter(delimiter(bytes))
+        .from_reader(bytes)
+}
+
+/// What stands between the cells: whichever the header has most of.
+fn delimiter(bytes: &[u8]) -> u8 {
     let header = bytes
         .split(|&b| b == b'\n')
         .find(|line| !line.starts_with(b"#") && !line.trim_ascii().is_empty());
     let count = |delimiter: u8| header.map_or(0, |line| line.iter().filter(|&&b| b == delimiter).count());
-    let delimiter = [b',', b';', b'\t']
+    [b',', b';', b'\t']
         .into_iter()
         .max_by_key(|&d| (count(d), d == b','))
-        .unwrap_or(b',');
-    ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .delimiter(delimiter)
-        .from_reader(bytes)
+        .unwrap_or(b',')
+}
+
+/// The names of the columns and the line they stand on. Bytes that are no UTF-8, as in Latin-1 files, may stand in names that nobody asks
+/// for. No name may be there twice.
+pub(super) fn header(bytes: &[u8]) -> Result<(Vec<String>, u64), ReadError> {
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        return Err(ReadError::Csv {
+            line: 1,
+            message: "this is UTF-16 text; save it as UTF-8".to_owned(),
+        });
+    }
+    let mut reader = reader(bytes);
+    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
+    let line = line_of(bytes, header.position());
+    let names: Vec<String> = header
+        .iter()
+        .map(|name| unquoted(&String::from_utf8_lossy(name)).to_owned())
+        .collect();
+    for (index, name) in names.iter().enumerate() {
+        let first = names[..index].iter().position(|earlier| earlier == name);
+        if let Some(first) = first.filter(|_| !name.is_empty()) {
+            return Err(ReadError::CsvCell {
+                line,
+                column: index + 1,
+                message: format!(
+                    "{name} is there twice, in columns {} and {}; rename or remove one",
+                    first + 1,
+                    index + 1
+                ),
+            });
+        }
+    }
+    Ok((names, line))
+}
+
+/// Where the cell `column` (from 1) of a line begins, in characters from 1.
+pub(super) fn cell_start(bytes: &[u8], line: &[u8], column: usize) -> usize {
+    let delimiter = char::from(delimiter(without_mark(bytes)));
+    let (mut cell, mut quoted) = (1, false);
+    let line = String::from_utf8_lossy(line);
+    for (index, character) in line.chars().enumerate() {
+        if cell == column && !character.is_whitespace() {
+            return index + 1;
+        }
+        quoted ^= character == '"';
+        cell += usize::from(character == delimiter && !quoted);
+    }
+    line.chars().count().max(1)
 }
 
 impl Table {
@@ -219,25 +343,22 @@ impl Table {
     }
 
     pub(super) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+        let (header, header_line) = header(bytes)?;
         let mut reader = reader(bytes);
-        let header = reader.headers().map_err(|e| csv_error(&e))?.clone();
-        let header_line = line_of(bytes, header.position());
         let mut wanted = vec![];
         let mut columns: Vec<(String, Vec<f64>)> = vec![];
         for (index, name) in header.iter().enumerate() {
-            let Some(parsed) = parse_name(&unquoted(name).to_ascii_lowercase()) else {
+            let Some(parsed) = parse_name(&name.to_ascii_lowercase()) else {
                 continue;
             };
-            let (plain, scale) = parsed.map_err(|message| ReadError::Csv {
+            let wrong = |message| ReadError::CsvCell {
                 line: header_line,
+                column: index + 1,
                 message,
-            })?;
+            };
+            let (plain, scale) = parsed.map_err(wrong)?;
             if columns.iter().any(|(known, _)| *known == plain) {
-                let message = format!("there are two columns of {plain}");
-                return Err(ReadError::Csv {
-                    line: header_line,
-                    message,
-                });
+                return Err(wrong(format!("this is a second column of {plain}")));
             }
             wanted.push((index, scale));
             columns.push((plain, vec![]));
@@ -398,7 +519,7 @@ pub(super) fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
         .take_while(|line| line.starts_with(b"#"));
     lines
         .filter_map(|line| {
-            let text = std::str::from_utf8(&line[1..]).ok()?;
+            let text = String::from_utf8_lossy(&line[1..]);
             let (key, value) = text.split_once(':')?;
             Some((key.trim().to_owned(), value.trim().to_owned()))
         })

@@ -1,7 +1,8 @@
 //! Recordings on disk: what kind a file is, told by its content, and where reading failed.
 
+use super::csv::cell_start;
 use super::{AnyRecording, RecordingError, read_archive, read_csv, read_hatt, write_archive, write_csv};
-use crate::files::write_atomically;
+use crate::files::{Place, write_atomically};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -140,6 +141,21 @@ pub enum ReadError {
 }
 
 impl ReadError {
+    /// Where in the bytes of a CSV file the error is.
+    pub fn place(&self, bytes: &[u8]) -> Option<Place> {
+        let (line, cell) = match self {
+            ReadError::Csv { line, .. } => (*line, 1),
+            ReadError::CsvCell { line, column, .. } => (*line, *column),
+            _ => return None,
+        };
+        let line = usize::try_from(line).ok()?.max(1);
+        let text = bytes.split(|&byte| byte == b'\n').nth(line - 1)?;
+        Some(Place {
+            line,
+            column: cell_start(bytes, text, cell),
+        })
+    }
+
     pub(super) fn member(name: &str, message: impl ToString) -> Self {
         ReadError::Member {
             name: name.to_owned(),

@@ -13,7 +13,7 @@ mod series;
 mod signal;
 
 pub use archive::{read_archive, write_archive};
-pub use csv::{read_csv, write_csv};
+pub use csv::{COLUMNS, CsvHead, csv_head, read_csv, write_csv};
 pub use file::{LoadError, MAX_FILE_BYTES, ReadError, load, save};
 pub use hatt::read_hatt;
 pub use series::Series;

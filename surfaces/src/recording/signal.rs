@@ -2,7 +2,8 @@
 
 use super::ReadError;
 use super::csv::{
-    Scale, Table, csv_error, line_of, not_a_number, notes, number, parse_name, reader, unquoted, without_mark,
+    Scale, Table, csv_error, header, line_of, not_a_number, notes, number, parse_name, reader, si_unit,
+    without_mark,
 };
 use crate::learning::processing;
 use csv::ByteRecord;
@@ -14,6 +15,8 @@ pub struct Column {
     pub name: String,
     /// Its numbers, in SI where the name says the unit as in [`read_csv`](super::read_csv).
     pub values: Vec<f64>,
+    /// Their unit, such as `m/s2`, where the name says it.
+    pub unit: Option<&'static str>,
     /// Samples a second, by a column `time_s` (or `time_ms`) or a line `# rate_hz: 10000` above the header.
     pub rate_hz: Option<f64>,
 }
@@ -22,7 +25,7 @@ pub struct Column {
 /// cells empty, these are passed over; elsewhere an empty cell is an error.
 pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
     let bytes = without_mark(bytes);
-    let names = header(bytes)?;
+    let (names, _) = header(bytes)?;
     let index = find(&names, name)?;
     Ok(columns(bytes, &names, &[(index, Scale::One)], None)?
         .values
@@ -33,7 +36,7 @@ pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
 /// the only column that is not time.
 pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError> {
     let bytes = without_mark(bytes);
-    let names = header(bytes)?;
+    let (names, _) = header(bytes)?;
     let indices = match name {
         Some(name) => vec![find(&names, name)?],
         None => choose(&names)?,
@@ -69,20 +72,15 @@ pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError
         .map(|&index| &*names[index])
         .collect::<Vec<_>>()
         .join(", ");
+    let unit = indices
+        .first()
+        .and_then(|&index| si_unit(&names[index].to_ascii_lowercase()));
     Ok(Column {
         name,
         values,
+        unit,
         rate_hz,
     })
-}
-
-fn header(bytes: &[u8]) -> Result<Vec<String>, ReadError> {
-    let mut reader = reader(bytes);
-    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
-    Ok(header
-        .iter()
-        .map(|name| unquoted(&String::from_utf8_lossy(name)).to_owned())
-        .collect())
 }
 
 /// The column of that name; in other letter case if none has it exactly.
@@ -210,6 +208,7 @@ mod tests {
             Column {
                 name: "t".into(),
                 values: vec![1.0, 3.0],
+                unit: None,
                 rate_hz: Some(500.0)
             }
         );
@@ -242,6 +241,32 @@ mod tests {
     }
 
     #[test]
+    fn a_name_that_is_there_twice_is_wrong_at_its_place() {
+        let text = b"# a note\na, b,\"a\",c\n1,2,3,4\n";
+        let error = read_column(text, "c").unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "line 2, column 3: a is there twice, in columns 1 and 3; rename or remove one"
+        );
+        let place = error.place(text).unwrap();
+        assert_eq!((place.line, place.column), (2, 6));
+        assert!(read_signal(text, Some("b")).is_err());
+        assert_eq!(
+            read_column(b"a,,\n1,,\n", "a").unwrap(),
+            [1.0],
+            "nameless columns are no pair"
+        );
+    }
+
+    #[test]
+    fn letters_of_another_encoding_do_no_harm_where_nobody_asks_for_them() {
+        let latin = b"# source: B\xfccher\nx,gr\xf6\xdfe\n1,2\n";
+        assert_eq!(read_column(latin, "x").unwrap(), [1.0]);
+        let error = read_column(b"\xff\xfex\0\n\0", "x").unwrap_err().to_string();
+        assert!(error.contains("save it as UTF-8"), "{error}");
+    }
+
+    #[test]
     fn empty_cells_of_slower_sensors_are_passed_over() {
         let raw = b"time_s,accel_x_m_s2,position_x_mm\n0,1,2\n0.1,3,\n0.15,,4\n0.2,5,\n";
         assert_eq!(read_column(raw, "accel_x_m_s2").unwrap(), [1.0, 3.0, 5.0]);
@@ -258,11 +283,15 @@ mod tests {
             Column {
                 name: "level".into(),
                 values: vec![1.0, 2.0, 3.0],
+                unit: None,
                 rate_hz: Some(1000.0)
             }
         );
         let accel = read_signal(b"force,accel_g,x\n1,1,1\n", None).unwrap();
-        assert_eq!((accel.values, accel.rate_hz), (vec![9.80665], None));
+        assert_eq!(
+            (accel.values, accel.rate_hz, accel.unit),
+            (vec![9.80665], None, Some("m/s2"))
+        );
         let error = read_signal(b"a,b\n1,2\n", None).unwrap_err().to_string();
         assert_eq!(error, "line 1: which column is the signal? There are a, b");
     }

@@ -12,6 +12,11 @@ pub struct Deviation {
     pub frequency_hz: f64,
 }
 
+/// Where the compared band begins.
+pub(super) const LOWEST_HZ: f64 = 20.0;
+/// Where it ends, of the new rate.
+pub(super) const HIGHEST_OF_RATE: f64 = 0.4;
+
 /// Points of comparison.
 const POINTS: usize = 1024;
 
@@ -24,7 +29,7 @@ pub fn deviation_db(
 ) -> Deviation {
     let density =
         |model: &ArmaModel, rate: f64, f: f64| model.variance() / rate * model.power_gain_at(TAU * f / rate);
-    let (low, high) = (20.0_f64, 0.4 * rate_hz);
+    let (low, high) = (LOWEST_HZ, HIGHEST_OF_RATE * rate_hz);
     let mut worst = Deviation {
         db: 0.0,
         frequency_hz: low,

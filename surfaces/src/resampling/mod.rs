@@ -73,6 +73,9 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
     if !(rate_hz.is_finite() && rate_hz > 0.0 && rate_hz < old_rate_hz) {
         return Err(ResampleError::NotLower { rate_hz, old_rate_hz });
     }
+    if deviation::LOWEST_HZ >= deviation::HIGHEST_OF_RATE * rate_hz {
+        return Err(ResampleError::EmptyBand { rate_hz });
+    }
     // The border repeats the filters of the inside.
     let mut filters: Vec<&ArmaModel> = Vec::new();
     let filter_of: Vec<usize> = texture
@@ -229,6 +232,14 @@ pub enum ResampleError {
         rate_hz: f64,
         /// The models' rate.
         old_rate_hz: f64,
+    },
+    /// Nothing of the band that counts is left.
+    #[error(
+        "at {rate_hz} Hz nothing is left of the band from 20 Hz to 0.4 of the rate, in which textures are compared; give more than 50 Hz"
+    )]
+    EmptyBand {
+        /// The rate asked for.
+        rate_hz: f64,
     },
     /// The ratio of rates is not a whole number.
     #[error(

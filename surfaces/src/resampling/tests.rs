@@ -145,6 +145,10 @@ fn sharp_resonances_keep_their_power_when_refit() {
 #[test]
 fn what_cannot_be_resampled_is_refused_with_a_way_out() {
     let texture = tame();
+    for method in Method::ALL {
+        let error = resample(&texture, 50.0, method).unwrap_err();
+        assert_eq!(error, ResampleError::EmptyBand { rate_hz: 50.0 });
+    }
     let error = resample(&texture, 3000.0, Method::Zoh).unwrap_err();
     assert_eq!(
         error.to_string(),

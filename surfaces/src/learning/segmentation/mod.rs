@@ -116,8 +116,6 @@ pub enum SegmentationError {
         "sample {index} is {value}: repair or cut the recording there, segmentation needs finite numbers"
     )]
     NotFinite { index: usize, value: f64 },
-    #[error("a sample has magnitude {magnitude:e}: too large for second moments, check the units")]
-    TooLarge { magnitude: f64 },
     #[error(
         "{samples} samples are fewer than the minimum span of {min_span}: record longer or lower the minimum span"
     )]
@@ -140,11 +138,25 @@ pub enum SegmentationError {
 /// The result depends on the signal and the settings only, to the bit (a genetic search bounded by time excepted).
 pub fn segment(signal: &[f64], settings: &SegmentationSettings) -> Result<Segmentation, SegmentationError> {
     check(signal, settings)?;
-    Ok(match settings.variance {
+    Ok(at_unit_scale(signal, |signal| match settings.variance {
         VarianceEstimate::ConditionalLeastSquares => search::<ConditionalLeastSquares>(signal, settings),
         VarianceEstimate::YuleWalker => search::<YuleWalker>(signal, settings),
         VarianceEstimate::Burg => search::<Burg>(signal, settings),
-    })
+    }))
+}
+
+/// What is found in the signal divided by the power of two that brings its largest magnitude to between 1 and 2, so that no second
+/// moment overflows or vanishes whatever the unit. The division is exact, and adds n times its logarithm to the objective.
+fn at_unit_scale(signal: &[f64], find: impl FnOnce(&[f64]) -> Segmentation) -> Segmentation {
+    let magnitude = signal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let exponent = magnitude.log2().floor() as i32;
+    // In two steps, as the whole factor need not be a number.
+    let half = -exponent / 2;
+    let (first, second) = (2.0_f64.powi(half), 2.0_f64.powi(-exponent - half));
+    let scaled: Vec<f64> = signal.iter().map(|x| x * first * second).collect();
+    let mut found = find(&scaled);
+    found.mdl += signal.len() as f64 * f64::from(exponent) * std::f64::consts::LN_2;
+    found
 }
 
 /// The objective of Eq. 2.3.3 for given `breaks`, each segment at its best order. Breaks must ascend within the signal and leave
@@ -164,13 +176,13 @@ pub fn description_length(
         start = end;
     }
     let breaks = breaks.to_vec();
-    Ok(Some(match settings.variance {
+    Ok(Some(at_unit_scale(signal, |signal| match settings.variance {
         VarianceEstimate::ConditionalLeastSquares => {
             rate::<ConditionalLeastSquares>(signal, breaks, settings)
         }
         VarianceEstimate::YuleWalker => rate::<YuleWalker>(signal, breaks, settings),
         VarianceEstimate::Burg => rate::<Burg>(signal, breaks, settings),
-    }))
+    })))
 }
 
 fn search<E: Estimator>(signal: &[f64], settings: &SegmentationSettings) -> Segmentation {
@@ -239,11 +251,6 @@ fn check(signal: &[f64], settings: &SegmentationSettings) -> Result<(), Segmenta
             samples: signal.len(),
             min_span: settings.min_span,
         });
-    }
-    let magnitude = signal.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    // A thousand squares of it must stay finite, and of the smallest variance must stay above zero.
-    if magnitude > 1e120 {
-        return Err(SegmentationError::TooLarge { magnitude });
     }
     if signal.iter().all(|&x| x == signal[0]) {
         return Err(SegmentationError::Constant { value: signal[0] });

@@ -1,0 +1,83 @@
+//! Recordings and columns as commands read them: what is wrong is shown at its place, what is passed over is said.
+
+use super::{Failure, remark, snippet};
+use haptograph::engine::settings::closest;
+use haptograph::surfaces::recording::{self, AnyRecording, COLUMNS, CsvHead, LoadError, ReadError, csv_head};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// The longest header that columns are looked for in, bytes.
+const HEAD_BYTES: u64 = 1 << 16;
+
+/// A recording from a file.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The recording.
+    pub recording: AnyRecording,
+    /// Whether the file itself says what the hand did.
+    pub says_gesture: bool,
+}
+
+/// Reads a recording, and warns of columns that nothing is learned from.
+pub fn load(path: &Path) -> Result<Loaded, Failure> {
+    let head = head(path);
+    for name in head.iter().flat_map(|head| &head.ignored) {
+        let meant = match closest(name, COLUMNS) {
+            Some(meant) => format!("did you mean {meant}?"),
+            None => format!("known are {}", COLUMNS.join(", ")),
+        };
+        remark(&format!(
+            "warning: {}: column {name:?} is not understood and passed over; {meant}\n",
+            path.display()
+        ));
+    }
+    let loaded = recording::load(path).map_err(|error| match &error {
+        LoadError::Read { path, source } => match std::fs::read(path) {
+            Ok(bytes) => wrong(path, &bytes, source, &error.to_string()),
+            Err(_) => Failure::Message(error.to_string()),
+        },
+        _ => Failure::Message(error.to_string()),
+    });
+    Ok(Loaded {
+        recording: loaded?,
+        says_gesture: head.is_none_or(|head| head.says_gesture),
+    })
+}
+
+/// What a CSV file says before its rows; `None` for other kinds of files.
+fn head(path: &Path) -> Option<CsvHead> {
+    let mut bytes = vec![];
+    File::open(path)
+        .ok()?
+        .take(HEAD_BYTES)
+        .read_to_end(&mut bytes)
+        .ok()?;
+    csv_head(&bytes)
+}
+
+/// The failure to read a signal from a CSV file.
+pub fn unreadable(path: &Path, bytes: &[u8], error: &ReadError) -> Failure {
+    wrong(
+        path,
+        bytes,
+        error,
+        &format!("cannot read {}: {error}", path.display()),
+    )
+}
+
+fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure {
+    let shown = error.place(bytes).and_then(|place| {
+        let line = bytes.split(|&byte| byte == b'\n').nth(place.line - 1)?;
+        let line = String::from_utf8_lossy(line);
+        let name = path.display().to_string();
+        Some(snippet::at(
+            &name,
+            line.trim_end(),
+            place.line,
+            place.column,
+            message,
+        ))
+    });
+    shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Shown)
+}
