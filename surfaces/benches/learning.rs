@@ -370,12 +370,11 @@ fn plainly_compared(a: &[f64], b: &[f64]) -> Comparison {
         (values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (values.len() - 1) as f64).sqrt()
     };
     let (a, b) = (plain_windows(a), plain_windows(b));
-    let spectral = |((a, _), (b, _)): (&(Vec<f64>, f64), &(Vec<f64>, f64))| {
-        a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / a.len() as f64
-    };
-    let power = |((_, a), (_, b)): (&(Vec<f64>, f64), &(Vec<f64>, f64))| (a - b).abs() / ((a + b) / 2.0);
-    let nse: Vec<f64> = a.iter().zip(&b).map(spectral).collect();
-    let pe: Vec<f64> = a.iter().zip(&b).map(power).collect();
+    let (mut nse, mut pe) = (vec![], vec![]);
+    for ((a, a_power), (b, b_power)) in a.iter().zip(&b) {
+        nse.push(a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>() / a.len() as f64);
+        pe.push((a_power - b_power).abs() / ((a_power + b_power) / 2.0));
+    }
     Comparison {
         nse: mean(&nse),
         pe: mean(&pe),

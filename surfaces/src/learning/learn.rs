@@ -137,7 +137,13 @@ pub fn learn(
         (surface.taps, report.taps) =
             or_missing(Some(taps.map_err(LearnError::from)), "taps", missing).unzip();
     }
-    let stiffness = learned_stiffness(of(Gesture::Press), settings)?;
+    let presses: Vec<_> = of(Gesture::Press).collect();
+    if let Some(&(recording, _)) = presses.get(1) {
+        // Which of them counts?
+        return Err(LearnError::SecondPress { recording });
+    }
+    let press = presses.first();
+    let stiffness = press.map(|&(recording, press)| learned_stiffness(recording, press, settings));
     (surface.stiffness, report.stiffness) = or_missing(stiffness, "stiffness", missing).unzip();
     for missing in &report.missing {
         let what = format!("not learned: {}", missing.part);
@@ -200,19 +206,15 @@ fn learned_friction(
     )?))
 }
 
-/// Stiffness from the press, if there is one. Two are an error: which counts?
-fn learned_stiffness<'a>(
-    mut presses: impl Iterator<Item = (usize, &'a AnyRecording)>,
+fn learned_stiffness(
+    recording: usize,
+    press: &AnyRecording,
     settings: &LearnSettings,
-) -> Result<Option<Result<(Stiffness, StiffnessReport), LearnError>>, LearnError> {
-    let (first, second) = (presses.next(), presses.next());
-    if let Some((recording, _)) = second {
-        return Err(LearnError::SecondPress { recording });
-    }
-    Ok(first.map(|(recording, press)| match press {
+) -> Result<(Stiffness, StiffnessReport), LearnError> {
+    match press {
         AnyRecording::Raw(press) => Ok(learn_stiffness(press, &settings.processing, &settings.stiffness)?),
         AnyRecording::Processed(_) => Err(LearnError::ProcessedPress { recording }),
-    }))
+    }
 }
 
 fn has_tangential_force(recording: &AnyRecording) -> bool {

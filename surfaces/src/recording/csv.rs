@@ -192,36 +192,49 @@ pub(super) enum Scale {
     StandardGravity,
 }
 
-/// Quantities, their unit in SI, and the units their columns may have. An axis or component stands between name and unit.
-const UNITS: [(&str, &str, &[(&str, Scale)]); 7] = [
-    ("time", "s", &[("s", Scale::One), ("ms", Scale::Thousandth)]),
-    (
+/// What a column may hold.
+struct Quantity {
+    name: &'static str,
+    si_unit: &'static str,
+    /// The units its columns may have. An axis or component stands between name and unit.
+    units: &'static [(&'static str, Scale)],
+}
+
+const fn quantity(
+    name: &'static str,
+    si_unit: &'static str,
+    units: &'static [(&'static str, Scale)],
+) -> Quantity {
+    Quantity { name, si_unit, units }
+}
+
+static QUANTITIES: [Quantity; 7] = [
+    quantity("time", "s", &[("s", Scale::One), ("ms", Scale::Thousandth)]),
+    quantity(
         "accel",
         "m/s2",
         &[("m_s2", Scale::One), ("g", Scale::StandardGravity)],
     ),
-    ("force", "N", &[("n", Scale::One), ("mn", Scale::Thousandth)]),
-    (
+    quantity("force", "N", &[("n", Scale::One), ("mn", Scale::Thousandth)]),
+    quantity(
         "torque",
         "N m",
         &[("n_m", Scale::One), ("n_mm", Scale::Thousandth)],
     ),
-    ("position", "m", &[("m", Scale::One), ("mm", Scale::Thousandth)]),
-    (
+    quantity("position", "m", &[("m", Scale::One), ("mm", Scale::Thousandth)]),
+    quantity(
         "speed",
         "m/s",
         &[("m_s", Scale::One), ("mm_s", Scale::Thousandth)],
     ),
-    ("orientation", "1", &[("", Scale::One)]),
+    quantity("orientation", "1", &[("", Scale::One)]),
 ];
 /// What may stand between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
-fn quantity_of(
-    name: &str,
-) -> Option<&'static (&'static str, &'static str, &'static [(&'static str, Scale)])> {
-    UNITS.iter().find(|(quantity, ..)| {
-        name.strip_prefix(quantity)
+fn quantity_of(name: &str) -> Option<&'static Quantity> {
+    QUANTITIES.iter().find(|quantity| {
+        name.strip_prefix(quantity.name)
             .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
     })
 }
@@ -229,12 +242,16 @@ fn quantity_of(
 /// The unit that the numbers of a column of ours are read in.
 pub(super) fn si_unit(name: &str) -> Option<&'static str> {
     parse_name(name)?.ok()?;
-    quantity_of(name).map(|(_, unit, _)| *unit)
+    quantity_of(name).map(|quantity| quantity.si_unit)
 }
 
 /// The name without its unit, and the unit; `None` for columns that are none of ours.
 pub(super) fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
-    let (quantity, _, units) = quantity_of(name)?;
+    let Quantity {
+        name: quantity,
+        units,
+        ..
+    } = quantity_of(name)?;
     let rest = name[quantity.len()..].trim_start_matches('_');
     let part = PARTS.iter().find(|part| {
         rest.strip_prefix(**part)
