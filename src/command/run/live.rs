@@ -186,12 +186,17 @@ impl Attended {
     /// Looks after the run until it is over. Returns what the driver had to say.
     fn attend(&mut self, driver: &mut Driver, asked: &Receiver<Asked>, stop: &AtomicBool) -> Vec<String> {
         let start = Instant::now();
-        let (mut shown, mut stopping, mut said) = (start, false, Vec::new());
+        let (mut shown, mut stopping, mut said) = (start, false, Vec::<(String, u64)>::new());
         while !driver.is_finished(stopping) {
             let first = asked.recv_timeout(PAUSE).ok();
             for note in driver.tend() {
-                remark(&format!("note: {note}\n"));
-                said.push(note);
+                // A card in trouble says the same a thousand times.
+                if let Some((_, times)) = said.iter_mut().find(|(known, _)| *known == note) {
+                    *times += 1;
+                } else {
+                    remark(&format!("note: {note}\n"));
+                    said.push((note, 1));
+                }
             }
             let meters = self.session.control().poll();
             if shown.elapsed() >= STATUS {
@@ -238,7 +243,11 @@ impl Attended {
                 stopping = self.session.control().stop().is_ok();
             }
         }
-        said
+        let counted = said.into_iter().map(|(note, times)| match times {
+            1 => note,
+            _ => format!("{note} ({times} times)"),
+        });
+        counted.collect()
     }
 
     /// A parameter of the graph, or a live setting of a node. Was it set?
