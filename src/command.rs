@@ -25,6 +25,7 @@ use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::{CheckOptions, Graph, check};
+use std::collections::HashSet;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -127,7 +128,23 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     Ok((name.to_owned(), value.to_owned()))
 }
 
+/// Refuses to be told a thing twice: one of the two would be meant.
+pub fn refuse_repeated<'a>(flag: &str, names: impl IntoIterator<Item = &'a str>) -> Result<(), Failure> {
+    let mut seen = HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        None => Ok(()),
+        Some(name) => Err(Failure::Message(format!(
+            "{flag} gives `{name}` twice; give it once"
+        ))),
+    }
+}
+
 impl GraphArguments {
+    /// Refuses a parameter that is set twice.
+    pub fn refuse_repeated(&self) -> Result<(), Failure> {
+        refuse_repeated("--set", self.set.iter().map(|(name, _)| name.as_str()))
+    }
+
     /// The graph, proved sound.
     pub fn load(&self, seed: Option<u64>) -> Result<Graph, Diagnostics> {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
@@ -225,12 +242,24 @@ pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Res
     }
 }
 
-/// Writes a file whole or not at all.
-pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+/// The folder of a file that is to be written: before the work, so that none is lost for a name.
+pub fn folder_of(path: &Path) -> Result<&Path, Failure> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
+    if folder.is_dir() {
+        return Ok(folder);
+    }
+    let (file, folder) = (path.display(), folder.display());
+    Err(Failure::Message(format!(
+        "cannot write {file}: there is no folder {folder}; make it first"
+    )))
+}
+
+/// Writes a file whole or not at all.
+pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    let folder = folder_of(path)?;
     let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
         file.write_all(text.as_bytes())?;
         make_readable(file.path())?;

@@ -180,6 +180,45 @@ fn every_node_kind_is_told_about() {
 }
 
 #[test]
+fn what_cannot_be_meant_is_refused_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = texturepad_graph();
+    for (arguments, told) in [
+        (
+            &["run", &graph, "--for", "1e-9"][..],
+            "less than a frame of `audio`",
+        ),
+        (&["run", &graph, "--set", "surface="], "the path is empty"),
+        (
+            &["run", &graph, "--set", "gain=1", "--set", "gain=2"],
+            "--set gives `gain` twice",
+        ),
+        (&["sweep", &graph, "--over", "gain=1,2,1"], "gives `1` twice"),
+        (
+            &["sweep", &graph, "--over", "gain=1,2", "--over", "gain=3"],
+            "--over gives `gain` twice",
+        ),
+        (&["draw", &graph, "-o", "no/such.svg"], "there is no folder no"),
+        (
+            &["bench", &graph, "--svg", "no/such.svg"],
+            "there is no folder no",
+        ),
+    ] {
+        let said = fail(folder.path(), arguments, 1);
+        assert!(said.contains(told), "{arguments:?}: {said}");
+    }
+    let many: Vec<String> = (0..15).map(|value| value.to_string()).collect();
+    let over = |name: &str| format!("{name}={}", many.join(","));
+    let said = fail(
+        folder.path(),
+        &["sweep", &graph, "--over", &over("gain"), "--over", &over("seed")],
+        1,
+    );
+    assert!(said.contains("more than 200 combinations"), "{said}");
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+}
+
+#[test]
 fn a_wrong_command_line_ends_with_2() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [

@@ -363,6 +363,11 @@ impl Setting for PathBuf {
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::String(text) = &value.shape {
+            if text.is_empty() {
+                let empty = Diagnostic::error("E0301", value.span, "the path is empty");
+                reading.diagnostics.push(empty.label("expected a path"));
+                return None;
+            }
             let path = reading.resolve(value.span, text);
             reading.files.push(path.clone());
             return Some(path);

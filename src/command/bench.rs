@@ -3,7 +3,7 @@
 mod account;
 
 use super::run::progress_bar;
-use super::{Failure, GraphArguments, say, write_file};
+use super::{Failure, GraphArguments, folder_of, say, write_file};
 use account::Account;
 use haptograph::engine::plan::{Plan, PlanOptions};
 use haptograph::engine::run::{Profile, Run};
@@ -41,8 +41,10 @@ fn seconds(text: &str) -> Result<f64, String> {
 const TURNS: usize = 40;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(None)?;
     if let Some(path) = &arguments.svg {
+        folder_of(path)?;
         arguments.graph.spare_inputs(&graph, path)?;
     }
     let drivers = graph.drivers();

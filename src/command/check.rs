@@ -14,11 +14,12 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// Also show the plan, one step a line
-    #[arg(long)]
+    #[arg(long, conflicts_with = "json")]
     plan: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
     let (findings, sound) = match arguments.graph.load(None) {
         Ok(graph) => (warnings(&graph), Some(graph)),
         Err(diagnostics) => (diagnostics, None),

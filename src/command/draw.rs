@@ -15,6 +15,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(None)?;
     if let Some(path) = &arguments.output {
         arguments.graph.spare_inputs(&graph, path)?;

@@ -74,10 +74,12 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 pub const DURATION_S: f64 = 10.0;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
     if arguments.live {
         return live::run(arguments);
     }
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    lasts_a_frame(&graph, arguments.duration_s)?;
     let made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
@@ -86,6 +88,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
     let summary = Summary::of(arguments, &graph, &outcome, took_s);
     made.kept.complete(arguments, &graph, &summary)
+}
+
+/// Refuses a run that ends before it begins.
+fn lasts_a_frame(graph: &Graph, duration_s: Option<f64>) -> Result<(), Failure> {
+    let drivers = graph.drivers().into_iter().map(|driver| &graph.clocks()[driver]);
+    let Some((driver, duration_s)) = drivers
+        .zip(duration_s)
+        .find(|(driver, s)| s * driver.rate.hz() < 0.5)
+    else {
+        return Ok(());
+    };
+    Err(Failure::Message(format!(
+        "{duration_s} s are less than a frame of `{}` ({}); give --for a longer time",
+        driver.name, driver.rate
+    )))
 }
 
 /// A run that is being made: what it writes, and what is kept to complete it.

@@ -121,7 +121,24 @@ struct Done {
     summary: Summary,
 }
 
+/// Runs of one sweep: each is kept to be drawn.
+const MOST_RUNS: usize = 200;
+
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    super::refuse_repeated("--over", arguments.over.iter().map(|(name, _)| name.as_str()))?;
+    for (name, values) in &arguments.over {
+        super::refuse_repeated(&format!("--over {name}=..."), values.iter().map(String::as_str))?;
+    }
+    let combined = arguments
+        .over
+        .iter()
+        .try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
+    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MOST_RUNS) {
+        return Err(Failure::Message(format!(
+            "these values have more than {MOST_RUNS} combinations; sweep over fewer"
+        )));
+    }
     let cases = arguments.cases();
     let short = arguments.case.is_empty() && arguments.over.len() == 1;
     // All graphs are checked before the first runs.

@@ -170,14 +170,16 @@ impl Loader<'_> {
             at = written.span;
             found = format!("`{}`", written.text);
         }
-        self.report(
-            Diagnostic::error(
-                "E0110",
-                at,
-                format!("{file} holds one `{name}(...)`, found {found}"),
-            )
-            .label(format!("expected `{name}(format: {FORMAT}, ...)`")),
-        );
+        let mut diagnostic = Diagnostic::error(
+            "E0110",
+            at,
+            format!("{file} holds one `{name}(...)`, found {found}"),
+        )
+        .label(format!("expected `{name}(format: {FORMAT}, ...)`"));
+        if found == "`Parts`" {
+            diagnostic = diagnostic.help("parts are checked with a graph that includes them");
+        }
+        self.report(diagnostic);
         None
     }
 

@@ -29,7 +29,8 @@ pub enum SweepFileError {
     },
     /// There is not exactly one column of a quantity.
     #[error(
-        "{} has {found} columns of {quantity}; it needs one whose name ends in {ending}, such as `felt{ending}`", path.display()
+        "{} has {} of {quantity}; it needs one whose name ends in {ending}, such as `felt{ending}`", path.display(),
+        match found { 0 => "no column".to_owned(), found => format!("{found} columns") }
     )]
     Column {
         /// The file.
@@ -185,7 +186,7 @@ mod tests {
     #[test]
     fn what_is_no_sweep_is_refused_where_it_is() {
         let message = |text| read(text).unwrap_err().to_string();
-        assert!(message("time_s,x_m_s2\n0,1\n").contains("0 columns of current"));
+        assert!(message("time_s,x_m_s2\n0,1\n").contains("has no column of current"));
         assert!(message("time_s,x_m_s2,i_a\n0,1,1\n1,x,1\n").contains("line 3: 'x'"));
         assert!(message("time_s,x_m_s2,i_a\n0,1,1\n1,1,1\n5,1,1\n6,1,1\n").contains("line 3"));
         assert!(message("time_s,x_m_s2,i_a\n0,1,1\n").contains("less than two rows"));

@@ -6,7 +6,7 @@ use super::console::{self, Asked, HELP, Typed};
 use super::driver::{Driver, wanted};
 use super::summary::Summary;
 use super::watch::Watch;
-use super::{Arguments, Making, message, stop_on_interrupt};
+use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, Session};
@@ -29,6 +29,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..arguments.clone()
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    lasts_a_frame(&graph, arguments.duration_s)?;
     if let [_, _, ..] = graph.drivers()[..] {
         let text = "this graph has several drivers, and those run offline only: leave out `--live`";
         return Err(Failure::Message(text.to_owned()));
