@@ -5,10 +5,19 @@
 
 use haptograph::nodes::simulated::material::MaterialName;
 use haptograph::recorder::{Session, record};
-use haptograph::surfaces::evaluate::{Evaluation, RecordingName, StudySettings, Take, evaluate};
+use haptograph::signal::Complex64;
+use haptograph::signal::prediction::{Prediction, burg};
+use haptograph::signal::spectrum::{Psd, welch};
+use haptograph::signal::window::Window;
+use haptograph::surfaces::evaluate::{
+    Evaluation, RecordingName, StudySettings, Take, Trajectory, evaluate, synthesise,
+};
 use haptograph::surfaces::learning::processing::processed;
+use haptograph::surfaces::learning::texture::learn_texture;
 use haptograph::surfaces::metrics::Pooling;
 use haptograph::surfaces::recording::Gesture;
+use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -101,4 +110,68 @@ fn nine_people_and_six_materials_make_a_map() {
     }
     assert_eq!(map.names.len(), 54);
     assert!(map.tree_purity > 0.5);
+}
+
+/// How much louder than recorded a band is played, dB.
+fn too_loud_db(recorded: &Psd, played: impl Fn(f64) -> f64, band_hz: Range<f64>) -> f64 {
+    let (mut have, mut want) = (0.0, 0.0);
+    for (&frequency_hz, density) in recorded.frequency_hz.iter().zip(&recorded.density) {
+        if band_hz.contains(&frequency_hz) {
+            want += density;
+            have += played(frequency_hz);
+        }
+    }
+    10.0 * (have / want).log10()
+}
+
+/// A model's one-sided spectral density.
+fn density_of(model: &Prediction, rate_hz: f64, frequency_hz: f64) -> f64 {
+    let step = Complex64::from_polar(1.0, -TAU * frequency_hz / rate_hz);
+    let mut delay = Complex64::new(1.0, 0.0);
+    let mut a = delay;
+    for coefficient in &model.ar {
+        delay *= step;
+        a += delay * coefficient;
+    }
+    2.0 * model.variance / rate_hz / a.norm_sqr()
+}
+
+#[test]
+fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
+    for material in MaterialName::ALL {
+        let drag = processed(&take(material, 1, 1).recording, &Default::default()).unwrap();
+        let (signal, rate_hz) = (&drag.signals().acceleration_m_s2, drag.rate_hz());
+        let psd = |signal: &[f64]| welch(signal, rate_hz, 4096, 2048, Window::Hann).unwrap();
+        let recorded = psd(signal);
+        let (texture, _) = learn_texture(std::slice::from_ref(&drag), &Default::default(), &|_| ()).unwrap();
+        let played = psd(&synthesise(&texture, &Trajectory::of(&drag), &Default::default()).unwrap());
+        let played_at = |frequency_hz: f64| {
+            let bin = recorded.frequency_hz.iter().position(|f| *f == frequency_hz);
+            played.density[bin.unwrap()]
+        };
+        let fitted = |order: usize| {
+            let model = burg(signal, order).unwrap();
+            too_loud_db(
+                &recorded,
+                |frequency_hz| density_of(&model, rate_hz, frequency_hz),
+                20.0..40.0,
+            )
+        };
+        let low = too_loud_db(&recorded, played_at, 20.0..40.0);
+        let (rest, all) = (
+            too_loud_db(&recorded, played_at, 60.0..1000.0),
+            too_loud_db(&recorded, played_at, 1.0..5000.0),
+        );
+        println!(
+            "{}: 20 to 40 Hz {low:.1} dB, 60 to 1000 Hz {rest:.1} dB, all {all:.1} dB too loud",
+            material.word()
+        );
+        assert!(low > 5.0 && rest.abs() < 1.5 && all.abs() < 1.5);
+        // Neither breaks nor interpolation nor the choice of the order: one model of the whole drag is no better...
+        let (short, long) = (fitted(20), fitted(256));
+        println!("  one model of the whole: {short:.1} dB by order 20, {long:.1} dB by order 256");
+        assert!(short > 5.0);
+        // ...until its order spans the 25 ms that tell 20 from 60 Hz.
+        assert!(long.abs() < 2.0);
+    }
 }

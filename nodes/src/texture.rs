@@ -27,8 +27,8 @@ pub(crate) fn load_texture(path: &Path) -> Result<TextureModel, BuildError> {
     })
 }
 
-/// The shipped surface, for tests.
+/// One of the shipped surfaces, for tests.
 #[cfg(test)]
-pub(crate) fn modest() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/modest.ron")
+pub(crate) fn tile() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron")
 }

@@ -87,7 +87,7 @@ impl NodeKind for BrakeController {
                 "Modelled temperature of the coil, K.",
             ),
         ],
-        example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/modest.ron")"#,
+        example: r#""brake": BrakeController(load: "touch.load", friction: "touch.friction", speed: "speed.speed", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {

@@ -78,7 +78,7 @@ impl NodeKind for DahlFriction {
         source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)",
         inputs: &[CONTACT, LOAD],
         outputs: &[FORCE],
-        example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/modest.ron")"#,
+        example: r#""friction": DahlFriction(contact: "touch.contact", load: "normal.load", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: DahlFrictionSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -203,7 +203,7 @@ impl Processor for Dragging {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::modest;
+    use crate::texture::tile;
     use haptograph_engine::frame;
     use haptograph_engine::testing::Bench;
 
@@ -225,8 +225,10 @@ mod tests {
     #[test]
     fn a_sliding_tool_is_dragged_by_mu_times_its_load() {
         let (contacts, loads, velocities) = slide(100);
+        let shipped = haptograph_surfaces::files::load(&tile()).unwrap();
+        let mu = shipped.friction.unwrap().mu();
         let settings = DahlFrictionSettings {
-            surface: Some(modest()),
+            surface: Some(tile()),
             mu: None,
             stretch_mm: 4.0,
             under_load: UnderGrowingLoad::Passive,
@@ -235,8 +237,8 @@ mod tests {
         let force = dahl.run(&[&contacts, &loads]).remove(0);
         assert!((force[30] + 10.0 * 1e-4 / 0.004).abs() < 1e-12, "it sticks first");
         assert!(
-            (force[297] + 0.35).abs() < 1e-12,
-            "then it slips at the surface's 0.35"
+            (force[297] + mu).abs() < 1e-12,
+            "then it slips at the surface's {mu}"
         );
         dahl.processor().set(1, 0.1);
         assert!((dahl.run(&[&contacts, &loads])[0][297] + 0.1).abs() < 1e-12);

@@ -57,7 +57,7 @@ impl NodeKind for Tapping {
                 "Fires at a tap, with its speed, m/s.",
             ),
         ],
-        example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/modest.ron")"#,
+        example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -127,13 +127,13 @@ impl Processor for Striking {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::texture::modest;
+    use crate::texture::tile;
     use haptograph_engine::frame;
     use haptograph_engine::testing::Bench;
 
     fn settings() -> TappingSettings {
         TappingSettings {
-            surface: modest(),
+            surface: tile(),
             mass_g: 50.0,
             rearm_ms: 20.0,
             least_mm_s: 10.0,
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_tap_plays_the_surfaces_transient_for_its_speed() {
-        let taps = load_surface(&modest()).unwrap().taps.unwrap();
+        let taps = load_surface(&tile()).unwrap().taps.unwrap();
         let mut bench = Bench::new::<Tapping>(settings(), 1000.0, &[Kind::Contact]).unwrap();
         let out = bench.run_in_blocks(&[&fall(0.15)], &[1, 64]);
         let fired: Vec<usize> = (0..200).filter(|k| out[1][2 * k] != 0.0).collect();

@@ -134,7 +134,7 @@ impl Processor for Synthesis {
 
 #[cfg(test)]
 mod tests {
-    use super::super::modest;
+    use super::super::tile;
     use super::*;
     use haptograph_engine::testing::Bench;
 
@@ -226,7 +226,7 @@ mod tests {
     fn a_clock_that_is_not_the_models_is_refused() {
         let settings = ArmaFilterSettings {
             form: Form::Lattice,
-            surface: Some(modest()),
+            surface: Some(tile()),
         };
         let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Kind::Coefficients, Kind::Scalar]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));

@@ -34,7 +34,7 @@ impl NodeKind for LsfInterpolator {
             Quantity::NUMBER,
             "The synthesis filter and the variance of its excitation.",
         )],
-        example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/modest.ron")"#,
+        example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -81,16 +81,16 @@ impl Mixing {
 #[cfg(test)]
 mod tests {
     use super::super::locator::TriangleLocator;
-    use super::super::modest;
+    use super::super::tile;
     use super::*;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn locator_and_interpolator_together_are_the_interpolation_of_the_surface() {
-        let settings = || SurfaceSettings { surface: modest() };
+        let settings = || SurfaceSettings { surface: tile() };
         let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::Scalar; 2]).unwrap();
         let mut mixer = Bench::new::<LsfInterpolator>(settings(), 240.0, &[Kind::Weights]).unwrap();
-        let mut whole = Interpolator::new(&load_texture(&modest()).unwrap());
+        let mut whole = Interpolator::new(&load_texture(&tile()).unwrap());
         let (speed, force): (Vec<f64>, Vec<f64>) = (0..500)
             .map(|k| {
                 (
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn weights_of_no_model_are_silence() {
-        let settings = SurfaceSettings { surface: modest() };
+        let settings = SurfaceSettings { surface: tile() };
         let mut mixer = Bench::new::<LsfInterpolator>(settings, 240.0, &[Kind::Weights]).unwrap();
         let nowhere = [1e9, f64::NAN, 2.0, 0.3, 0.3, 0.4, 0.1, 1.0];
         let filter = mixer.run(&[&nowhere]).remove(0);

@@ -47,7 +47,7 @@ impl NodeKind for Saturation {
                 "Force within the model, N.",
             ),
         ],
-        example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/modest.ron")"#,
+        example: r#""within": Saturation(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -93,7 +93,7 @@ impl NodeKind for TriangleLocator {
             Quantity::NUMBER,
             "Three models and their weights.",
         )],
-        example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/modest.ron")"#,
+        example: r#""locate": TriangleLocator(speed: "speed.speed", force: "stylus.force", surface: "surfaces/t3-tile.ron")"#,
     };
 
     fn build(settings: SurfaceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -126,14 +126,14 @@ impl Processor for Walker {
 
 #[cfg(test)]
 mod tests {
-    use super::super::modest;
+    use super::super::tile;
     use super::*;
     use haptograph_engine::testing::Bench;
 
     #[test]
     fn weights_give_back_the_point_they_were_found_for() {
-        let texture = load_texture(&modest()).unwrap();
-        let settings = || SurfaceSettings { surface: modest() };
+        let texture = load_texture(&tile()).unwrap();
+        let settings = || SurfaceSettings { surface: tile() };
         let kinds = [Kind::Scalar; 2];
         let mut locator = Bench::new::<TriangleLocator>(settings(), 240.0, &kinds).unwrap();
         let mut within = Bench::new::<Saturation>(settings(), 240.0, &kinds).unwrap();

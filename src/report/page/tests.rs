@@ -92,7 +92,7 @@ fn signals(seconds: u64) -> Vec<Recorded> {
 
 #[test]
 fn a_page_shows_everything_and_fetches_nothing() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/modest.ron");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/t3-tile.ron");
     let surface = haptograph_surfaces::files::load(&path).unwrap();
     let texture = surface.texture.as_ref().unwrap();
     let page = Page {
@@ -100,7 +100,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
         title: "texturepad <b>".into(),
         about: "A stylus on a tablet.\n\nIt & more.".into(),
         simulated: true,
-        facts: vec![("Seed".into(), "7".into()), ("Surface".into(), "modest".into())],
+        facts: vec![("Seed".into(), "7".into()), ("Surface".into(), "tile".into())],
         warnings: vec!["The limit of out held back 3 of 480000 ticks.".into()],
         signals: signals(10),
         textures: vec![("texture/locate.weights".into(), texture)],
