@@ -2,6 +2,7 @@
 //! that saturates. Its constants differ from pen to pen (seed), and nothing of it is the inverse of what the controller
 //! assumes: the controller uses a straight line measured on one pen.
 
+use crate::actuators::brake::{Brake, BrakeSettings, Dragging, Reach};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::TAU;
@@ -117,33 +118,35 @@ impl PenBrake {
     }
 }
 
+/// A braked pen dragged for six seconds at 60 mm/s under a constant normal force: its mean coefficient of friction over
+/// the last second, and what the controller says of its reach.
+pub fn dragged(pen: &PenConstants, wanted: f64, normal_n: f64, settings: BrakeSettings) -> (f64, Reach) {
+    const PERIOD_S: f64 = 1e-3;
+    const SPEED_M_S: f64 = 0.06;
+    let mut pen = PenBrake::new(*pen);
+    let mut brake = Brake::new(settings, 1.0 / PERIOD_S);
+    let (mut sum, mut reach) = (0.0, Reach::Within);
+    for tick in 0..6000 {
+        let friction = pen.friction(normal_n);
+        let dragging = Dragging {
+            normal_n,
+            friction_n: friction * normal_n,
+            speed_m_s: SPEED_M_S,
+        };
+        let command = brake.update(wanted, &dragging);
+        pen.advance(command.current_a, SPEED_M_S * PERIOD_S, PERIOD_S);
+        if tick >= 5000 {
+            sum += friction / 1000.0;
+            reach = command.reach;
+        }
+    }
+    (sum, reach)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::actuators::brake::solenoid::{current_a, experimental_phi};
-    use crate::actuators::brake::{Brake, BrakeSettings, Dragging, Reach};
-
-    /// A pen dragged at a constant speed: mean friction over the last second of several.
-    fn dragged(seed: u64, wanted: f64, normal_n: f64, settings: BrakeSettings) -> (f64, Reach) {
-        let mut pen = PenBrake::new(PenConstants::of_pen(seed));
-        let mut brake = Brake::new(settings, 1000.0);
-        let (mut sum, mut reach) = (0.0, Reach::Within);
-        for tick in 0..6000 {
-            let friction = pen.friction(normal_n);
-            let dragging = Dragging {
-                normal_n,
-                friction_n: friction * normal_n,
-                speed_m_s: 0.06,
-            };
-            let command = brake.update(wanted, &dragging);
-            pen.advance(command.current_a, 0.06e-3, 1e-3);
-            if tick >= 5000 {
-                sum += friction / 1000.0;
-                reach = command.reach;
-            }
-        }
-        (sum, reach)
-    }
 
     #[test]
     fn a_pen_is_near_the_measured_one_and_no_line() {
@@ -169,7 +172,10 @@ mod tests {
             ..BrakeSettings::default()
         };
         let errors: Vec<f64> = (0..10)
-            .flat_map(|seed| [0.25, 0.35, 0.45].map(|mu| (dragged(seed, mu, 1.5, settings).0 - mu).abs()))
+            .flat_map(|seed| {
+                [0.25, 0.35, 0.45]
+                    .map(|mu| (dragged(&PenConstants::of_pen(seed), mu, 1.5, settings).0 - mu).abs())
+            })
             .collect();
         let worst = errors.iter().copied().fold(0.0, f64::max);
         assert!(worst > 0.02, "the plant is not the controller's inverse: {worst}");
@@ -182,7 +188,12 @@ mod tests {
         for seed in 0..10 {
             for mu in [0.20, 0.24, 0.28, 0.32, 0.36, 0.40, 0.44, 0.48, 0.52] {
                 for normal_n in [0.5, 1.1, 2.0, 2.75, 4.0] {
-                    let (found, reach) = dragged(seed, mu, normal_n, BrakeSettings::default());
+                    let (found, reach) = dragged(
+                        &PenConstants::of_pen(seed),
+                        mu,
+                        normal_n,
+                        BrakeSettings::default(),
+                    );
                     if (found - mu).abs() <= 0.02 {
                         within += 1;
                     } else {
