@@ -3,9 +3,11 @@
 
 mod console;
 mod driver;
+mod drivers;
 pub mod folder;
 mod live;
 mod outputs;
+mod replay;
 mod shown;
 pub mod summary;
 mod watch;
@@ -40,6 +42,9 @@ pub struct Arguments {
     /// Also take settings by Open Sound Control at this address: `/NODE/SETTING value`, `/PARAMETER value`
     #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
     pub osc: Option<SocketAddr>,
+    /// Repeat a live run of a graph with several drivers, bit for bit, from the folder that it left
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["live", "duration_s"])]
+    pub replay: Option<PathBuf>,
     /// The seed of all random streams, in place of the graph's own
     #[arg(long)]
     pub seed: Option<u64>,
@@ -77,6 +82,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     if arguments.live {
         return live::run(arguments);
+    }
+    if let Some(folder) = &arguments.replay {
+        return replay::run(arguments, folder);
     }
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
     lasts_a_frame(&graph, arguments.duration_s)?;
@@ -123,7 +131,11 @@ impl<'a> Making<'a> {
         let target = arguments
             .out
             .clone()
-            .unwrap_or_else(|| PathBuf::from("out").join(arguments.graph.name()));
+            .unwrap_or_else(|| {
+                // What is repeated stays.
+                let end = if arguments.replay.is_some() { "-replay" } else { "" };
+                PathBuf::from("out").join(arguments.graph.name() + end)
+            });
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
             if arguments.probe[..number]

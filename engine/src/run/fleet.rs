@@ -42,7 +42,7 @@ impl Fleet {
         let count = plans.len();
         let mut runs: Vec<Run> = plans.iter().map(|plan| Run::new(Arc::clone(plan))).collect();
         Self {
-            meters: join(&mut runs),
+            meters: join(&mut runs.iter_mut().collect::<Vec<_>>()),
             runs,
             round: ((round_s * units) as u128).max(1),
             rounds: 0,
@@ -79,7 +79,7 @@ impl Fleet {
         self.rounds += 1;
         for driver in 0..self.runs.len() {
             self.due[driver] = self.due(driver);
-            self.runs[driver].look(self.due[driver]);
+            self.runs[driver].look();
         }
         for (driver, (run, frames)) in self.runs.iter_mut().zip(&self.due).enumerate() {
             let mut left = *frames;
@@ -125,6 +125,10 @@ impl Fleet {
         &self.runs
     }
 
+    pub(super) fn runs_mut(&mut self) -> &mut [Run] {
+        &mut self.runs
+    }
+
     /// What is known of the rings between them.
     pub fn rings(&self) -> &[Arc<RingMeter>] {
         &self.meters
@@ -132,7 +136,7 @@ impl Fleet {
 }
 
 /// Puts rings between the runs of one graph's drivers.
-pub(super) fn join(runs: &mut [Run]) -> Vec<Arc<RingMeter>> {
+pub(super) fn join(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
     let mut meters = Vec::new();
     for reader in 0..runs.len() {
         for read in 0..runs[reader].plan.ring_reads.len() {

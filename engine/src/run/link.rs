@@ -130,6 +130,7 @@ pub(super) fn link(plan: &RingPlan) -> (LinkWriter, LinkReader) {
         ring: into,
         width: plan.width,
         room: 0,
+        accepted: 0,
         meter: Arc::clone(&meter),
     };
     (writer, LinkReader::new(plan, out, meter))
@@ -141,13 +142,31 @@ pub(super) struct LinkWriter {
     width: usize,
     /// Frames that may be pushed before the next look.
     room: u64,
+    /// Frames pushed since the last look.
+    accepted: u64,
     meter: Arc<RingMeter>,
 }
 
 impl LinkWriter {
     /// Finds out how many frames there is room for, to stay with that until the next look.
     pub fn look(&mut self) {
-        self.room = (self.ring.slots() / self.width) as u64;
+        self.look_as(self.free());
+    }
+
+    /// Goes by room for so many frames until the next look.
+    pub fn look_as(&mut self, room: u64) {
+        self.room = room;
+        self.accepted = 0;
+    }
+
+    /// Frames there is room for now.
+    pub fn free(&self) -> u64 {
+        (self.ring.slots() / self.width) as u64
+    }
+
+    /// Frames pushed since the last look.
+    pub fn accepted(&self) -> u64 {
+        self.accepted
     }
 
     /// Sends frames; those without room are lost and counted.
@@ -160,6 +179,7 @@ impl LinkWriter {
             Err(_) => 0,
         };
         self.room -= sent;
+        self.accepted += sent;
         if sent < frames {
             self.meter.lost.fetch_add(frames - sent, Relaxed);
         }
@@ -262,8 +282,15 @@ impl LinkReader {
         self.taken + (self.ring.slots() / self.width) as u64
     }
 
-    /// Goes by `arrived` frames until the next look; `coming` seconds are about to be read.
-    pub fn look(&mut self, arrived: u64, coming_s: f64) {
+    /// How many of them it goes by.
+    pub fn arrived(&self) -> u64 {
+        self.arrived
+    }
+
+    /// Goes by `arrived` frames until the next look.
+    pub fn look(&mut self, arrived: u64) {
+        // What the last callback left, as a late one finds more, and takes more.
+        let left = self.fill();
         self.arrived = arrived.max(self.arrived);
         let elapsed_s = self.ticks as f64 * self.steering.period_s;
         self.ticks = 0;
@@ -276,7 +303,6 @@ impl LinkReader {
                     resampler.set_correction_ppm(correction * 1e6);
                 }
                 self.meter.saw(fill / self.steering.rate_hz, correction * 1e6);
-                let left = fill - coming_s * self.steering.rate_hz;
                 if left > 2.0 * self.steering.target {
                     self.meter.overruns.fetch_add(1, Relaxed);
                     self.flow = Flow::Falling(0);

@@ -4,6 +4,7 @@
 //! [`Control`]. Between them are rings only: commands one way, reports and what is to be freed the other. Architecture
 //! invariant: nothing is allocated, freed or locked in a callback.
 
+use super::arrivals::ArrivalLog;
 use super::drive::Drive;
 use super::glide::{GLIDE_S, Glide, Glides};
 use super::meter::{Meters, Wake};
@@ -35,6 +36,8 @@ pub struct Live {
     ends_after: Option<u64>,
     glides: Glides,
     rings: TapRings,
+    /// Where what it sees of its rings is kept.
+    log: Option<ArrivalLog>,
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
@@ -120,6 +123,7 @@ pub fn live(plan: Arc<Plan>) -> (Live, Control) {
         ends_after: None,
         glides: Glides::with_room_for(COMMANDS),
         rings: TapRings::default(),
+        log: None,
         commands: command_out,
         reports: report_in,
         unreported: 0,
@@ -156,6 +160,10 @@ impl Live {
 
     fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
         self.take_commands();
+        if self.state != LiveState::Running {
+            return;
+        }
+        self.run.look();
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
             self.change_over();
@@ -168,6 +176,9 @@ impl Live {
             self.rings.send(&self.run);
             each(&mut self.run, block);
             left -= block;
+        }
+        if let Some(log) = &mut self.log {
+            log.note(&self.run, frames - left, self.stopping);
         }
     }
 
@@ -191,6 +202,19 @@ impl Live {
 
     pub(super) fn send_taps_through(&mut self, rings: TapRings) {
         self.rings = rings;
+    }
+
+    pub(super) fn log_through(&mut self, log: ArrivalLog) {
+        self.log = Some(log);
+    }
+
+    /// Callbacks at the end that are missing in what a replay goes by.
+    pub fn lost_arrivals(&self) -> u64 {
+        self.log.as_ref().map_or(0, ArrivalLog::lost)
+    }
+
+    pub(super) fn run_mut(&mut self) -> &mut Run {
+        &mut self.run
     }
 
     /// Numbers of tapped outputs that found no room on their way to the files.
@@ -430,6 +454,11 @@ impl Control {
                 }
             }
         }
+        &self.meters
+    }
+
+    /// What was counted by the last [`Control::poll`].
+    pub fn meters(&self) -> &Meters {
         &self.meters
     }
 

@@ -55,6 +55,15 @@ impl Histogram {
         self.max_ns
     }
 
+    /// Counts what another one has counted.
+    pub fn add(&mut self, other: &Self) {
+        for (count, more) in self.counts.iter_mut().zip(&other.counts) {
+            *count += more;
+        }
+        self.total += other.total;
+        self.max_ns = self.max_ns.max(other.max_ns);
+    }
+
     /// The duration that a fraction of all do not exceed, ns; 0 when nothing was counted.
     pub fn quantile_ns(&self, fraction: f64) -> u64 {
         let wanted = (fraction * self.total as f64).ceil().max(1.0) as u64;
@@ -117,6 +126,20 @@ impl Meters {
         self.overruns += u64::from(wake.overrun);
         self.stalls += u64::from(wake.lost > 0);
         self.lost_wakes += u64::from(wake.lost);
+    }
+}
+
+impl Meters {
+    /// Counts what another driver's have counted.
+    pub fn add(&mut self, other: &Self) {
+        self.lateness.add(&other.lateness);
+        self.work.add(&other.work);
+        self.wakes += other.wakes;
+        self.frames += other.frames;
+        self.overruns += other.overruns;
+        self.stalls += other.stalls;
+        self.lost_wakes += other.lost_wakes;
+        self.unreported += other.unreported;
     }
 }
 

@@ -1,5 +1,6 @@
 //! A plan that runs. [`Run::advance`] is real-time code: it does not allocate, lock, call the system or panic.
 
+mod arrivals;
 mod bridge;
 mod drive;
 mod fleet;
@@ -17,6 +18,7 @@ mod swap;
 mod timer;
 mod window;
 
+pub use arrivals::{ARRIVALS, ReplayError};
 pub use bridge::resampler;
 pub use fleet::Fleet;
 pub use glide::GLIDE_S;
@@ -177,15 +179,14 @@ impl Run {
         self.steps(0..self.plan.steps.len());
     }
 
-    /// Looks at its rings, ahead of `frames` driver frames: what has arrived by now is what these go by, however they are
-    /// cut into blocks.
-    pub fn look(&mut self, frames: usize) {
-        let coming_s = frames as f64 * self.plan.driver_rate().period_s();
+    /// Looks at its rings: what has arrived by now is what the frames until the next look go by, however they are cut into
+    /// blocks.
+    pub fn look(&mut self) {
         for writer in self.state.links.writers.iter_mut().flatten() {
             writer.look();
         }
         for reader in self.state.links.readers.iter_mut().flatten() {
-            reader.look(reader.arrivals(), coming_s);
+            reader.look(reader.arrivals());
         }
     }
 

@@ -1,11 +1,13 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
+use super::arrivals::{Arrivals, ReplayError};
 use super::fleet::Fleet;
 use super::outlets::{Outlets, WriteError, Written};
 use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -62,6 +64,9 @@ pub enum OfflineError {
     /// A file could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// What is to be repeated cannot be.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
     /// A worker thread ended early; only a panic in a node can do that.
     #[error("a worker thread ended early: a node panicked")]
     Worker,
@@ -101,7 +106,7 @@ impl<'a> Offline<'a> {
             taps: self.outlets.taps,
         };
         let mut plans = Plan::all(self.outlets.graph, &options);
-        let mut files = Files::new(self.outlets.written, &plans);
+        let mut files = Files::new(self.outlets.written, plans.iter());
         let outcome = match plans.len() {
             1 => alone(plans.remove(0), self.threads, seconds, stop, &mut files, progress),
             _ => together(plans, seconds, stop, &mut files, progress),
@@ -109,22 +114,60 @@ impl<'a> Offline<'a> {
         files.finish()?;
         Ok(outcome)
     }
+
+    /// Repeats a live run of a graph with several drivers from what they saw of their rings then, as it stands in
+    /// `folder`: the same bits, up to where it ended. What was set by hand while it ran is not repeated.
+    ///
+    /// # Errors
+    /// [`OfflineError`] where a file cannot be written, or what is in the folder is not of such a run of this graph.
+    pub fn replay(
+        self,
+        folder: &Path,
+        stop: &AtomicBool,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Outcome, OfflineError> {
+        let options = PlanOptions {
+            block: self.block,
+            taps: self.outlets.taps,
+        };
+        let plans: Vec<Arc<Plan>> = Plan::all(self.outlets.graph, &options)
+            .into_iter()
+            .map(Arc::new)
+            .collect();
+        let load = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::load(folder, driver, plan);
+        let mut scripts = plans
+            .iter()
+            .enumerate()
+            .map(load)
+            .collect::<Result<Vec<_>, _>>()?;
+        let mut files = Files::new(self.outlets.written, plans.iter().map(Arc::as_ref));
+        let mut fleet = Fleet::new(&plans);
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
+            files.write(driver, run)?;
+            if driver == 0 {
+                progress(run.driver_frames() as f64 / run.rate_hz());
+            }
+            Ok(())
+        })?;
+        files.finish()?;
+        Ok(outcome_of(&fleet, !scripts.iter().all(Arrivals::is_over)))
+    }
 }
 
 /// The writers of a run, and where each of their streams is tapped.
-pub(super) struct Files {
+struct Files {
     written: Vec<Written>,
     /// By driver and by tap: its place in that driver's plan.
     places: Vec<Vec<Option<usize>>>,
 }
 
 impl Files {
-    pub(super) fn new(written: Vec<Written>, plans: &[Plan]) -> Self {
+    fn new<'p>(written: Vec<Written>, plans: impl Iterator<Item = &'p Plan>) -> Self {
         let taps = written.iter().flat_map(|written| &written.taps).max();
         let count = taps.map_or(0, |last| last + 1);
         let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
         let places = plans
-            .iter()
             .map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
         Self {
             places: places.collect(),
@@ -133,7 +176,7 @@ impl Files {
     }
 
     /// Writes the block that a driver ran last.
-    pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
+    fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
         for written in &mut self.written {
             for (stream, tap) in written.taps.iter().enumerate() {
                 let Some(place) = self.places[driver][*tap] else {
@@ -147,7 +190,7 @@ impl Files {
         Ok(())
     }
 
-    pub(super) fn finish(self) -> Result<(), WriteError> {
+    fn finish(self) -> Result<(), WriteError> {
         for written in self.written {
             let path = written.what;
             written
@@ -220,19 +263,23 @@ fn together(
         fleet.round(|driver, run| files.write(driver, run))?;
         progress(fleet.runs()[0].driver_frames() as f64 / fleet.runs()[0].rate_hz());
     }
-    let first = &fleet.runs()[0];
-    let mut faults = Faults::of(fleet.runs().iter().map(Run::faults));
-    if faults.ticks > 0 {
-        faults.origin = Fleet::new(&plans).ending_after(seconds).origin();
+    let mut outcome = outcome_of(&fleet, !fleet.is_over());
+    if outcome.faults.ticks > 0 {
+        outcome.faults.origin = Fleet::new(&plans).ending_after(seconds).origin();
     }
-    Ok(Outcome {
+    Ok(outcome)
+}
+
+fn outcome_of(fleet: &Fleet, stopped: bool) -> Outcome {
+    let first = &fleet.runs()[0];
+    Outcome {
         driver_frames: first.driver_frames(),
         seconds: first.driver_frames() as f64 / first.rate_hz(),
-        stopped: !fleet.is_over(),
-        faults,
+        stopped,
+        faults: Faults::of(fleet.runs().iter().map(Run::faults)),
         actuators: fleet.runs().iter().flat_map(Run::actuators).collect(),
         rings: fleet.rings().iter().map(|meter| RingReport::of(meter)).collect(),
-    })
+    }
 }
 
 struct Blocks<'a> {

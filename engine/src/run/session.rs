@@ -1,15 +1,18 @@
 //! A live run as a whole but for its driver: what it is controlled by, the files it writes, and what is known of it at
 //! the end.
 
+use super::arrivals::{self, ArrivalLog, ArrivalWriter};
+use super::fleet::join;
 use super::live::{Change, Control, ControlError, Live, LiveState, live};
 use super::meter::Meters;
-use super::outlets::{Outlets, WriteError, file_ports, stream};
+use super::outlets::{Outlets, WriteError, Written, file_ports, stream};
 use super::rings::{TapRings, WriterThread};
-use super::{Outcome, Run};
-use crate::graph::{Graph, Work};
+use super::{Faults, Outcome, RingMeter, RingReport, Run};
+use crate::graph::{Graph, LiveSetting, Work};
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
 use petgraph::graph::NodeIndex;
+use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,7 +27,10 @@ pub struct LiveOptions {
 
 /// A live run.
 pub struct Session {
-    control: Control,
+    /// One a driver, in the order of the graph's.
+    controls: Vec<Control>,
+    /// What is known of the rings between them.
+    rings: Vec<Arc<RingMeter>>,
     writer: WriterThread,
     block: usize,
     /// Everything that was ever written.
@@ -62,6 +68,9 @@ pub enum ChangeError {
     /// A file of it cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// It differs in more than live settings from a graph with several drivers, or is one.
+    #[error("a graph with several drivers takes over live settings only; the rest needs a new run")]
+    SeveralDrivers,
 }
 
 /// What a live run did.
@@ -69,47 +78,132 @@ pub enum ChangeError {
 pub struct LiveOutcome {
     /// As of an offline run.
     pub outcome: Outcome,
-    /// How it kept time.
+    /// How it kept time: all drivers together, and each by its name.
     pub meters: Meters,
+    /// Of each driver by its name.
+    pub drivers: Vec<(String, Meters)>,
     /// Did a node panic?
     pub panicked: bool,
     /// What could not be written; the run went on.
     pub failed: Vec<WriteError>,
     /// Numbers that the writer was too slow for.
     pub lost_numbers: u64,
+    /// Callbacks at the end that a replay will not have: the writer was too slow for them.
+    pub lost_arrivals: u64,
 }
 
 impl Session {
-    /// Both sides of a live run; the real-time one is for a driver.
+    /// Both sides of a live run of a graph with one driver; the real-time one is for that driver.
     ///
     /// # Errors
-    /// What the system says where it gives no thread.
+    /// What the system says where it gives no thread, or that the graph has several drivers.
     pub fn open(outlets: Outlets<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
+        let (mut lives, session) = Self::open_all(outlets, options, None)?;
+        match (lives.pop(), lives.is_empty()) {
+            (Some(live), true) => Ok((live, session)),
+            _ => Err(std::io::Error::other("this graph has several drivers")),
+        }
+    }
+
+    /// Both sides of a live run: of the real-time ones each is for one driver of the graph, in their order, and rings
+    /// join them. What the drivers of a graph with several see of these is kept in `folder`, for a replay.
+    ///
+    /// # Errors
+    /// What the system says where it gives no thread or no file.
+    pub fn open_all(
+        outlets: Outlets<'_>,
+        options: &LiveOptions,
+        folder: Option<&Path>,
+    ) -> std::io::Result<(Vec<Live>, Self)> {
         let plan_options = PlanOptions {
             block: options.block,
             taps: outlets.taps.clone(),
         };
-        let plan = Arc::new(Plan::new(outlets.graph, &plan_options));
-        let (rings, outs) = TapRings::new(&plan, |_| true);
-        let (mut live, control) = live(Arc::clone(&plan));
-        live.send_taps_through(rings);
-        if let Some(seconds) = options.seconds {
-            live.end_after((seconds * plan.driver_rate().hz()).round().max(0.0) as u64);
-        }
         let mut session = Self {
-            control,
+            controls: Vec::new(),
+            rings: Vec::new(),
             writer: WriterThread::start()?,
             block: options.block,
             entries: Vec::new(),
             taps: vec![(0, 0); outlets.taps.len()],
         };
+        let mut outs: Vec<Option<Consumer<f64>>> = outlets.taps.iter().map(|_| None).collect();
+        let mut lives = Vec::new();
+        for plan in Plan::all(outlets.graph, &plan_options) {
+            let plan = Arc::new(plan);
+            let (rings, far) = TapRings::new(&plan, |_| true);
+            for (place, far) in plan.tap_places.iter().zip(far) {
+                outs[*place] = far;
+            }
+            let (mut live, control) = live(Arc::clone(&plan));
+            live.send_taps_through(rings);
+            if let Some(seconds) = options.seconds {
+                live.end_after((seconds * plan.driver_rate().hz()).round().max(0.0) as u64);
+            }
+            session.controls.push(control);
+            lives.push(live);
+        }
+        session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
+        if let (Some(folder), [_, _, ..]) = (folder, &mut lives[..]) {
+            for (driver, live) in lives.iter_mut().enumerate() {
+                session.log(driver, live, folder)?;
+            }
+        }
         session.write(outlets, outs);
-        Ok((live, session))
+        Ok((lives, session))
     }
 
-    /// The live settings, the stop, the meters.
-    pub fn control(&mut self) -> &mut Control {
-        &mut self.control
+    /// Keeps what a driver sees of its rings.
+    fn log(&mut self, driver: usize, live: &mut Live, folder: &Path) -> std::io::Result<()> {
+        let plan = self.controls[driver].plan();
+        let (log, out) = ArrivalLog::new(plan);
+        let what = arrivals::file(folder, driver);
+        let writer = Box::new(ArrivalWriter::create(&what, plan)?);
+        live.log_through(log);
+        let (taps, sink) = (Vec::new(), None);
+        let written = Written { writer, taps, what, sink };
+        self.writer.add(written, vec![out]);
+        Ok(())
+    }
+
+    /// Takes in what the real-time sides reported since; what was counted so far, by driver.
+    pub fn poll(&mut self) -> Vec<(&str, &Meters)> {
+        let mut all = Vec::new();
+        for control in &mut self.controls {
+            control.poll();
+        }
+        for control in &self.controls {
+            all.push((control.plan().driver_name(), control.meters()));
+        }
+        all
+    }
+
+    /// What is known of the rings between its drivers now.
+    pub fn rings(&self) -> impl Iterator<Item = RingReport> {
+        self.rings.iter().map(|meter| RingReport::of(meter))
+    }
+
+    /// Fades out and stops.
+    ///
+    /// # Errors
+    /// [`ControlError::Full`] if a real-time side does not read.
+    pub fn stop(&mut self) -> Result<(), ControlError> {
+        self.controls.iter_mut().try_for_each(Control::stop)
+    }
+
+    /// The live settings, as they were set last.
+    pub fn settings(&self) -> impl Iterator<Item = &LiveSetting> {
+        self.controls.iter().flat_map(Control::settings)
+    }
+
+    /// Sets a live setting by its name: `out.gain`.
+    ///
+    /// # Errors
+    /// As [`Control::set`].
+    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
+        let knows = |control: &&mut Control| control.settings().iter().any(|live| live.name() == name);
+        let control = self.controls.iter_mut().find(knows);
+        control.ok_or(ControlError::NotLive)?.set_by_name(name, value)
     }
 
     /// Puts another graph in place of the one that runs. Files that both write go on; new ones are opened in
@@ -162,11 +256,18 @@ impl Session {
             block: self.block,
             taps: outlets.taps.clone(),
         };
+        if self.controls.len() > 1 || graph.drivers().len() > 1 {
+            let changed = self.change_settings(Plan::all(graph, &options));
+            if changed.is_err() {
+                outlets.take_back();
+            }
+            return changed;
+        }
         let plan = Arc::new(Plan::new(graph, &options));
         let goes_on = |place: usize| kept.iter().any(|(_, new)| *new == place);
         let (mut rings, outs) = TapRings::new(&plan, |place| !goes_on(place));
         rings.kept.clone_from(&kept);
-        let change = match self.control.swap_with(plan, rings) {
+        let change = match self.controls[0].swap_with(plan, rings) {
             Ok(change) => change,
             Err(error) => {
                 outlets.take_back();
@@ -188,8 +289,29 @@ impl Session {
         })
     }
 
+    /// Puts plans in place that differ from those that run in live settings at most.
+    fn change_settings(&mut self, plans: Vec<Plan>) -> Result<Changed, ChangeError> {
+        let mut pairs = self.controls.iter().zip(&plans);
+        let same = pairs.all(|(control, plan)| control.plan().is_same_as(plan));
+        if !same || plans.len() != self.controls.len() {
+            return Err(ChangeError::SeveralDrivers);
+        }
+        let mut settings = 0;
+        for (control, plan) in self.controls.iter_mut().zip(plans) {
+            if let Change::Settings(count) = control.swap_with(Arc::new(plan), TapRings::default())? {
+                settings += count;
+            }
+        }
+        Ok(Changed {
+            change: Change::Settings(settings),
+            begun: Vec::new(),
+            ended: Vec::new(),
+            left_out: Vec::new(),
+        })
+    }
+
     /// Hands writers and the far ends of their rings to the writing thread.
-    fn write(&mut self, outlets: Outlets<'_>, mut rings: Vec<Option<rtrb::Consumer<f64>>>) {
+    fn write(&mut self, outlets: Outlets<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
         for written in outlets.written {
             let number = self.entries.len();
             let mut streams = Vec::new();
@@ -210,28 +332,43 @@ impl Session {
     }
 
     /// Completes all files. `live` is what the driver gave back when it was done.
-    pub fn finish(mut self, live: Live) -> LiveOutcome {
-        let meters = self.control.poll().clone();
-        let rate_hz = self.control.plan().driver_rate().hz();
+    pub fn finish(self, live: Live) -> LiveOutcome {
+        self.finish_all(vec![live])
+    }
+
+    /// Completes all files. `lives` are what the drivers gave back when they were done, in the graph's order.
+    pub fn finish_all(mut self, lives: Vec<Live>) -> LiveOutcome {
+        let meters = self.poll().into_iter();
+        let drivers: Vec<(String, Meters)> = meters.map(|(name, meters)| (name.to_owned(), meters.clone())).collect();
+        let mut meters = Meters::default();
+        drivers.iter().for_each(|(_, one)| meters.add(one));
+        let frames = lives.first().map_or(0, Live::frames);
+        let rate_hz = self.controls[0].plan().driver_rate().hz();
         let outcome = Outcome {
-            driver_frames: live.frames(),
-            seconds: live.frames() as f64 / rate_hz,
-            stopped: live.state() != LiveState::Finished,
-            faults: live.faults(),
-            actuators: live.run().actuators().collect(),
-            rings: Vec::new(),
+            driver_frames: frames,
+            seconds: frames as f64 / rate_hz,
+            stopped: lives.iter().any(|live| live.state() != LiveState::Finished),
+            faults: Faults::of(lives.iter().map(Live::faults)),
+            actuators: lives.iter().flat_map(Live::actuators).collect(),
+            rings: self.rings().collect(),
         };
-        let panicked = matches!(live.state(), LiveState::Panicked | LiveState::Lost);
-        let lost_numbers = live.lost_numbers();
+        let panicked = |live: &Live| matches!(live.state(), LiveState::Panicked | LiveState::Lost);
+        let (panicked, lost_numbers, lost_arrivals) = (
+            lives.iter().any(panicked),
+            lives.iter().map(Live::lost_numbers).sum(),
+            lives.iter().map(Live::lost_arrivals).sum(),
+        );
         // The rings end when both sides are gone: an old plan may still be on its way between them.
-        drop(live);
-        drop(self.control);
+        drop(lives);
+        drop(self.controls);
         LiveOutcome {
             outcome,
             meters,
+            drivers,
             panicked,
             failed: self.writer.finish(),
             lost_numbers,
+            lost_arrivals,
         }
     }
 }

@@ -3,7 +3,8 @@
 
 use super::super::{Failure, GraphArguments, remark, warnings};
 use super::console::{self, Asked, HELP, Typed};
-use super::driver::{Driver, wanted};
+use super::driver::wanted;
+use super::drivers::Drivers;
 use super::summary::Summary;
 use super::watch::Watch;
 use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
@@ -30,10 +31,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
     lasts_a_frame(&graph, arguments.duration_s)?;
-    if let [_, _, ..] = graph.drivers()[..] {
-        let text = "this graph has several drivers, and those run offline only: leave out `--live`";
-        return Err(Failure::Message(text.to_owned()));
-    }
     let wanted = wanted(&graph)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
@@ -45,9 +42,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         seconds: arguments.duration_s,
     };
     let stop = stop_on_interrupt()?;
-    let (live, session) = Session::open(made.outlets, &options).map_err(message)?;
+    let folder = Some(made.kept.folder.path());
+    let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
     let start = Instant::now();
-    let mut driver = Driver::start(wanted, live)?;
+    let mut driver = Drivers::start(&graph, wanted.as_ref(), lives)?;
     let mut notes = driver.notes();
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
     let ends = match arguments.duration_s {
@@ -83,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
-    let live = driver.join()?;
+    let lives = driver.join()?;
     let changes = attended.changes;
     facts.extend(packets(&attended.network));
     facts.push(("set", "Set while running", attended.history.into_json()));
@@ -95,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         )
     }));
     drop(attended.network);
-    let ended = attended.session.finish(live);
+    let ended = attended.session.finish_all(lives);
     let took_s = start.elapsed().as_secs_f64();
     remark(&format!("{}\n", ended.meters));
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
@@ -185,7 +183,7 @@ fn listen_for_settings(arguments: &Arguments, asking: &Sender<Asked>) -> Result<
 
 impl Attended {
     /// Looks after the run until it is over. Returns what the driver had to say.
-    fn attend(&mut self, driver: &mut Driver, asked: &Receiver<Asked>, stop: &AtomicBool) -> Vec<String> {
+    fn attend(&mut self, driver: &mut Drivers, asked: &Receiver<Asked>, stop: &AtomicBool) -> Vec<String> {
         let start = Instant::now();
         let (mut shown, mut stopping, mut said) = (start, false, Vec::<(String, u64)>::new());
         while !driver.is_finished(stopping) {
@@ -199,11 +197,14 @@ impl Attended {
                     said.push((note, 1));
                 }
             }
-            let meters = self.session.control().poll();
+            let status = status(&mut self.session);
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
                 let seconds = start.elapsed().as_secs_f64();
-                remark(&format!("{seconds:.0} s: {meters}{}\n", driver.status()));
+                remark(&format!("{seconds:.0} s: {status}{}\n", driver.status()));
+            }
+            if driver.is_torn() {
+                stop.store(true, Ordering::Relaxed);
             }
             let mut told = Vec::new();
             for asked in first.into_iter().chain(asked.try_iter()) {
@@ -241,7 +242,7 @@ impl Attended {
             }
             if stop.load(Ordering::Relaxed) && !stopping {
                 // Asked again where the real-time side has not read its commands for a while.
-                stopping = self.session.control().stop().is_ok();
+                stopping = self.session.stop().is_ok();
             }
         }
         let counted = said.into_iter().map(|(note, times)| match times {
@@ -252,7 +253,7 @@ impl Attended {
     }
 
     /// A parameter of the graph, or a live setting of a node. Was it set?
-    fn set(&mut self, driver: &Driver, name: &str, value: &str, says: Says) -> bool {
+    fn set(&mut self, driver: &Drivers, name: &str, value: &str, says: Says) -> bool {
         if name.contains('.') {
             return self.set_directly(name, value, says);
         }
@@ -267,18 +268,17 @@ impl Attended {
     }
 
     fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
-        let control = self.session.control();
         let Ok(number) = value.parse::<f64>() else {
             says.refusal(&format!("`{value}` is not a number\n"));
             return false;
         };
-        match control.set_by_name(name, number) {
+        match self.session.set_by_name(name, number) {
             Ok(()) => {
                 says.success(&format!("{name} is {number}\n"));
                 true
             }
             Err(error) => {
-                let names: Vec<String> = control.settings().iter().map(|live| live.name()).collect();
+                let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
                 let near = closest(name, names.iter().map(String::as_str));
                 let help = near
                     .filter(|near| *near != name)
@@ -290,13 +290,13 @@ impl Attended {
     }
 
     fn list(&mut self) {
-        for live in self.session.control().settings() {
+        for live in self.session.settings() {
             remark(&format!("{} = {}\n", live.name(), live.value));
         }
     }
 
     /// Loads the graph again and puts it in place of the one that runs; a wrong one is shown and changes nothing.
-    fn reload(&mut self, driver: &Driver, says: Says) -> bool {
+    fn reload(&mut self, driver: &Drivers, says: Says) -> bool {
         let began = Instant::now();
         let graph = match self.arguments.load(self.seed) {
             Ok(graph) => graph,
@@ -341,6 +341,28 @@ impl Attended {
     }
 }
 
+/// How time is kept, by driver where there are several, and how the rings between them are.
+fn status(session: &mut Session) -> String {
+    let mut parts: Vec<String> = match &session.poll()[..] {
+        [(_, meters)] => vec![meters.to_string()],
+        several => several
+            .iter()
+            .map(|(name, meters)| format!("{name}: {meters}"))
+            .collect(),
+    };
+    parts.extend(session.rings().map(|ring| {
+        let counts = ring.counts;
+        let fill = counts
+            .fill_s
+            .map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
+        format!(
+            "ring {}: {fill}, {:+.0} ppm, {} underruns, {} overruns",
+            ring.name, counts.correction_ppm, counts.underruns, counts.overruns
+        )
+    }));
+    parts.join("; ")
+}
+
 fn show(findings: &Diagnostics, says: Says) {
     if !findings.list.is_empty() {
         says.refusal(&render(findings, std::io::stderr().is_terminal()));
@@ -369,7 +391,7 @@ fn told(changed: &Changed, took: Duration) -> String {
 
 fn facts_of(ended: &LiveOutcome, changes: u32) -> Vec<(&'static str, &'static str, Value)> {
     let meters = &ended.meters;
-    vec![
+    let mut facts = vec![
         ("live", "Live", json!(true)),
         ("late_us", "Lateness (us)", quantiles(&meters.lateness)),
         ("work_us", "Execution time (us)", quantiles(&meters.work)),
@@ -383,7 +405,18 @@ fn facts_of(ended: &LiveOutcome, changes: u32) -> Vec<(&'static str, &'static st
             json!(ended.lost_numbers),
         ),
         ("changes", "Changed while running", json!(changes)),
-    ]
+    ];
+    if let [_, _, ..] = ended.drivers[..] {
+        let each = ended.drivers.iter().map(|(name, meters)| {
+            let kept = json!({
+                "late_us": quantiles(&meters.lateness), "work_us": quantiles(&meters.work), "wakes": meters.wakes,
+                "overruns": meters.overruns, "stalls": meters.stalls, "lost_wakes": meters.lost_wakes,
+            });
+            (name.clone(), kept)
+        });
+        facts.push(("drivers", "Each driver", Value::Object(each.collect())));
+    }
+    facts
 }
 
 /// What was seen of the packets of each network device.
@@ -438,6 +471,12 @@ fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
         list.push(format!(
             "{} numbers were lost on the way to the files: they have gaps",
             ended.lost_numbers
+        ));
+    }
+    if ended.lost_arrivals > 0 {
+        list.push(format!(
+            "a replay ends {} callbacks early: the disk was too slow for what it goes by",
+            ended.lost_arrivals
         ));
     }
     list.extend(ended.failed.iter().map(ToString::to_string));

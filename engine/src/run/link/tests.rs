@@ -56,7 +56,7 @@ impl World {
     fn round(&mut self, signal: impl Fn(f64) -> f64, producing: bool) -> Vec<f64> {
         self.now_s += ROUND_S;
         self.writer.look();
-        self.reader.look(self.reader.arrivals(), ROUND_S);
+        self.reader.look(self.reader.arrivals());
         let mut x = Vec::new();
         while self.frame_s(self.written) < self.now_s {
             x.push(signal(self.frame_s(self.written)));
@@ -251,7 +251,7 @@ fn the_same_counts_give_the_same_bits_however_blocks_are_cut() {
             let x = [(round as f64 * 0.01).sin(), (round as f64 * 0.01 + 0.005).sin()];
             world.writer.look();
             let arrived = world.reader.arrivals();
-            world.reader.look(arrived, ROUND_S);
+            world.reader.look(arrived);
             let mut y = [0.0; 3];
             y.chunks_mut(cut).for_each(|part| world.reader.read(part));
             // A gap, so that it runs dry on the way.

@@ -1,0 +1,107 @@
+//! All that a live run is driven by: a driver for each of the graph's.
+
+use super::super::Failure;
+use super::driver::Driver;
+use haptograph::engine::graph::Graph;
+use haptograph::engine::run::Live;
+use haptograph::nodes::soundcard::{Request, played};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Drivers of one run end together, but for their last buffers.
+const APART: Duration = Duration::from_secs(1);
+
+/// The drivers of a run, by their clocks' names.
+pub struct Drivers {
+    list: Vec<(String, Driver)>,
+    /// When the first of them was seen to have ended.
+    first_end: Option<Instant>,
+}
+
+impl Drivers {
+    /// Starts a driver for each of `lives`: the soundcard where the graph wants it, timers else.
+    pub fn start(graph: &Graph, wanted: Option<&Request>, lives: Vec<Live>) -> Result<Self, Failure> {
+        let played = played(graph);
+        let card = played.first().and_then(|played| graph.driver_of(played.sink));
+        let mut list = Vec::new();
+        for (clock, live) in graph.drivers().into_iter().zip(lives) {
+            let wanted = wanted.filter(|_| card == Some(clock)).cloned();
+            list.push((graph.clocks()[clock].name.clone(), Driver::start(wanted, live)?));
+        }
+        let first_end = None;
+        Ok(Self { list, first_end })
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Driver> {
+        self.list.iter().map(|(_, driver)| driver)
+    }
+
+    /// Could they drive this graph too?
+    pub fn suits(&self, wanted: Option<&Request>) -> bool {
+        let card = self.all().find(|driver| matches!(driver, Driver::Card(..)));
+        card.map_or(wanted.is_none(), |card| card.suits(wanted))
+    }
+
+    /// What they are, in words.
+    pub fn about(&self) -> String {
+        match &self.list[..] {
+            [(_, one)] => one.about(),
+            several => {
+                let each = several.iter().map(|(name, one)| format!("{name} by {}", one.about()));
+                each.collect::<Vec<_>>().join("; ")
+            }
+        }
+    }
+
+    /// What the system did not allow at the start, said once.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for note in self.all().flat_map(Driver::notes) {
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        notes
+    }
+
+    /// Looks after them; returns what there is to say.
+    pub fn tend(&mut self) -> Vec<String> {
+        self.list.iter_mut().flat_map(|(_, driver)| driver.tend()).collect()
+    }
+
+    /// Is the run over, or with `stopping` is nobody there to end it?
+    pub fn is_finished(&self, stopping: bool) -> bool {
+        self.all().all(|driver| driver.is_finished(stopping))
+    }
+
+    /// Has one ended while the others go on? Then they have to be stopped.
+    pub fn is_torn(&mut self) -> bool {
+        if self.first_end.is_none() && self.all().any(|driver| driver.is_finished(false)) {
+            self.first_end = Some(Instant::now());
+        }
+        self.first_end.is_some_and(|since| since.elapsed() > APART)
+    }
+
+    /// Waits for the end.
+    pub fn join(self) -> Result<Vec<Live>, Failure> {
+        self.list.into_iter().map(|(_, driver)| driver.join()).collect()
+    }
+
+    /// What is shown of them every second, besides the time they keep.
+    pub fn status(&self) -> String {
+        self.all().map(Driver::status).collect()
+    }
+
+    /// What is to be known of them when it is over.
+    pub fn facts(&self) -> Vec<(&'static str, &'static str, Value)> {
+        let mut facts = vec![("driver", "Driver", json!(self.about()))];
+        let more = self.all().flat_map(Driver::facts);
+        facts.extend(more.filter(|(key, ..)| *key != "driver"));
+        facts
+    }
+
+    /// What went wrong, for the summary.
+    pub fn warnings(&self) -> Vec<String> {
+        self.all().flat_map(Driver::warnings).collect()
+    }
+}
