@@ -194,7 +194,7 @@ fn settings_are_told_by_open_sound_control() {
     assert_eq!(told.matches("did you mean").count(), 1, "{told}");
     let out = folder.path().join("out");
     let facts = facts(&out);
-    let set: Vec<&str> = facts["set"]
+    let set: Vec<&str> = facts["set_while_running"]
         .as_array()
         .unwrap()
         .iter()
@@ -594,4 +594,28 @@ fn in_a_minute_no_time_is_lost_that_is_not_reported() {
         over_s - lost_s < 1.0,
         "{over_s} s too long, {lost_s} s of them reported"
     );
+}
+
+#[test]
+fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("two-drivers.ron");
+    let common = ["run", &graph, "--endpoints", "simulated"];
+    let live = [&common[..], &["--live", "--for", "0.5", "--out", "live"]].concat();
+    succeed(folder.path(), &live);
+    let kept = facts(&folder.path().join("live"));
+    assert!(kept["drivers"]["servo"]["wakes"].is_number() && kept["drivers"]["audio"]["wakes"].is_number());
+    let ring = &kept["rings"]["moves.output to moving"];
+    assert!(ring["underruns"].is_number() && ring["latency_ms"] == 12.0, "{kept}");
+    let replay = [&common[..], &["--replay", "live", "--block", "17"]].concat();
+    succeed(folder.path(), &[&replay[..], &["--out", "replay"]].concat());
+    for file in ["texture.wav", "hand.csv", "crossed.csv"] {
+        let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+        assert!(of("live").len() > 400, "{file}");
+        assert!(of("live") == of("replay"), "{file}");
+    }
+    let wrong = [&replay[..], &["--seed", "8", "--out", "wrong"]].concat();
+    let output = command(folder.path(), &wrong).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && told.contains("another value of the seed"), "{told}");
 }

@@ -8,7 +8,7 @@ mod realtime;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Fleet, Run};
+use haptograph_engine::run::{Fleet, LiveOptions, Outlets, Run, Session};
 use petgraph::graph::NodeIndex;
 use realtime::allocations;
 use std::convert::Infallible;
@@ -117,4 +117,38 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
             println!("  {minute:12.6} {hour:12.6}");
         }
     }
+}
+
+/// Every driver's callback, with its looks at the rings, what it keeps for a replay, and a setting that glides.
+#[test]
+fn no_callback_of_several_drivers_allocates() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut met = 0;
+    for path in shipped() {
+        let graph = graph(&path);
+        if graph.drivers().len() == 1 {
+            continue;
+        }
+        met += 1;
+        let outlets = Outlets::new(&graph);
+        let (mut lives, mut session) =
+            Session::open_all(outlets, &LiveOptions::default(), Some(folder.path())).unwrap();
+        let setting = session.settings().next().unwrap().name();
+        for wake in 0..600 {
+            if wake == 300 {
+                session.set_by_name(&setting, 0.5).unwrap();
+            }
+            for (driver, live) in lives.iter_mut().enumerate() {
+                let frames = (live.run().rate_hz() / 1000.0) as usize;
+                // At the end each of them alone: rings run dry, and over.
+                if wake < 400 || (wake < 500) == (driver == 0) {
+                    let allocated = allocations(|| live.callback(frames, |_, _| {}));
+                    assert_eq!(allocated, 0, "{}", path.display());
+                }
+            }
+        }
+        let ended = session.finish_all(lives);
+        assert!(ended.outcome.rings.iter().all(|ring| ring.counts.fill_s.is_some()));
+    }
+    assert!(met > 0, "no shipped graph has several drivers");
 }

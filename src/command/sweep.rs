@@ -215,6 +215,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         live: false,
         watch: false,
         osc: None,
+        replay: None,
         seed: arguments.seed,
         out: None,
         block: 64,

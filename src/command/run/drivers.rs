@@ -23,13 +23,20 @@ impl Drivers {
     pub fn start(graph: &Graph, wanted: Option<&Request>, lives: Vec<Live>) -> Result<Self, Failure> {
         let played = played(graph);
         let card = played.first().and_then(|played| graph.driver_of(played.sink));
-        let mut list = Vec::new();
-        for (clock, live) in graph.drivers().into_iter().zip(lives) {
+        let mut waiting: Vec<(usize, Live)> = graph.drivers().into_iter().zip(lives).collect();
+        // A card that is not there is found before anything else moves.
+        waiting.sort_by_key(|(clock, _)| card != Some(*clock));
+        let mut started = Vec::new();
+        for (clock, live) in waiting {
             let wanted = wanted.filter(|_| card == Some(clock)).cloned();
-            list.push((graph.clocks()[clock].name.clone(), Driver::start(wanted, live)?));
+            started.push((clock, Driver::start(wanted, live)?));
         }
-        let first_end = None;
-        Ok(Self { list, first_end })
+        started.sort_by_key(|(clock, _)| *clock);
+        let named = |(clock, driver): (usize, Driver)| (graph.clocks()[clock].name.clone(), driver);
+        Ok(Self {
+            list: started.into_iter().map(named).collect(),
+            first_end: None,
+        })
     }
 
     fn all(&self) -> impl Iterator<Item = &Driver> {

@@ -10,19 +10,19 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// A graph that has rings in it, of one to three drivers.
-fn graphs() -> impl Iterator<Item = (u64, Graph)> {
+pub fn graphs() -> impl Iterator<Item = (u64, Graph)> {
     let ringed = |graph: &Graph| {
         graph
             .nodes
             .edge_weights()
             .any(|edge| matches!(edge.bridge, Bridge::Ring { .. }))
     };
-    (0..60_u64)
+    (0..40_u64)
         .map(|seed| (seed, random_graph_with_drivers(seed)))
         .filter(move |(_, graph)| ringed(graph))
 }
 
-fn bits(heard: &[f64]) -> Vec<u64> {
+pub fn bits(heard: &[f64]) -> Vec<u64> {
     heard.iter().map(|x| x.to_bits()).collect()
 }
 
@@ -75,7 +75,7 @@ fn any_block_and_any_number_of_threads_give_the_same_bits() {
             );
         }
     }
-    assert!(rings > 40, "{rings} rings were tried");
+    assert!(rings > 25, "{rings} rings were tried");
 }
 
 #[test]

@@ -1,0 +1,127 @@
+//! Live runs of several drivers, their callbacks at scripted moments, and their replays.
+
+use super::Heard;
+use super::fleet::{bits, graphs};
+use crate::graph::Graph;
+use crate::run::{LiveOptions, LiveState, Offline, OfflineError, Outlets, Probe, ReplayError, Session};
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// A folder of its own that is gone afterwards.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("haptograph-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn listening(graph: &Graph) -> (Outlets<'_>, Vec<Heard>) {
+    let mut outlets = Outlets::new(graph);
+    let mut heard = Vec::new();
+    for node in graph.nodes.node_indices() {
+        heard.push(Heard::default());
+        let writer = Box::new(heard[node.index()].clone());
+        let output = 0;
+        outlets.probe(Probe { node, output, writer });
+    }
+    (outlets, heard)
+}
+
+fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
+    heard.iter().map(|heard| bits(&heard.0.lock().unwrap())).collect()
+}
+
+/// What was heard of a run whose drivers wake at random, stall, and are stopped; and how often a ring ran dry or over.
+fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
+    let (outlets, heard) = listening(graph);
+    let options = LiveOptions { block: 32, seconds: None };
+    let (mut lives, mut session) = Session::open_all(outlets, &options, Some(folder)).unwrap();
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
+    let mut wakes = 0;
+    let mut done = vec![0_u64; lives.len()];
+    while lives.iter().any(|live| live.state() == LiveState::Running) {
+        wakes += 1;
+        // Less than what is on its way to the writing thread may last, however slow that is.
+        assert!(wakes < 1000, "it does not stop");
+        if wakes == 850 {
+            session.stop().unwrap();
+        }
+        let now_s = f64::from(wakes) * 1e-3;
+        for (driver, live) in lives.iter_mut().enumerate() {
+            // One of them stands still for a while; the others are late now and then, and then make up for it.
+            let stalls = driver == 0 && (450..600).contains(&wakes);
+            if stalls || random.random_bool(0.3) {
+                continue;
+            }
+            let due = (now_s * rates[driver]) as u64;
+            live.callback((due - done[driver]) as usize, |_, _| {});
+            done[driver] = due;
+        }
+    }
+    let ended = session.finish_all(lives);
+    assert_eq!((ended.lost_numbers, ended.lost_arrivals), (0, 0));
+    assert!(ended.failed.is_empty());
+    let troubles = ended.outcome.rings.iter().map(|ring| ring.counts.underruns + ring.counts.overruns);
+    (all_bits(&heard), troubles.sum())
+}
+
+fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<Vec<Vec<u64>>, OfflineError> {
+    let (outlets, heard) = listening(graph);
+    Offline::new(outlets, block).replay(folder, &AtomicBool::new(false), &mut |_| {})?;
+    Ok(all_bits(&heard))
+}
+
+#[test]
+fn a_replay_gives_the_bits_of_the_live_run() {
+    let mut troubles = 0;
+    for (seed, graph) in graphs().take(10) {
+        let folder = Folder::new(&format!("replay-{seed}"));
+        let (heard, more) = live_run(&graph, seed, &folder.0);
+        troubles += more;
+        for block in [1, 64] {
+            assert!(replay(&graph, block, &folder.0).unwrap() == heard, "seed {seed}, block {block}");
+        }
+    }
+    assert!(troubles > 0, "no ring ever ran dry or over: the easy case only");
+}
+
+#[test]
+fn a_replay_says_what_it_cannot_repeat() {
+    let (seed, graph) = graphs().next().unwrap();
+    let folder = Folder::new("wrong-replay");
+    live_run(&graph, seed, &folder.0);
+    let path = folder.0.join("arrivals/0.csv");
+    let right = std::fs::read_to_string(&path).unwrap();
+    let with = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        replay(&graph, 64, &folder.0).unwrap_err()
+    };
+    let wrong = with(&right.replacen("frames", "shoes", 1));
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::OtherGraph { .. })), "{wrong}");
+    for line in ["1", "1,0,x", ""] {
+        let wrong = with(&format!("{right}{line}\n"));
+        assert!(matches!(wrong, OfflineError::Replay(ReplayError::Line { .. })), "{wrong}");
+    }
+    let columns = right.lines().next().unwrap().split(',').count();
+    let impossible = vec!["4000000000"; columns - 2].join(",");
+    let wrong = with(&format!("{right}1,0,{impossible}\n"));
+    assert!(
+        matches!(wrong, OfflineError::Replay(ReplayError::Contradiction { .. })),
+        "{wrong}"
+    );
+    std::fs::remove_file(&path).unwrap();
+    let wrong = replay(&graph, 64, &folder.0).unwrap_err();
+    assert!(matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })), "{wrong}");
+}
