@@ -606,7 +606,10 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
     let kept = facts(&folder.path().join("live"));
     assert!(kept["drivers"]["servo"]["wakes"].is_number() && kept["drivers"]["audio"]["wakes"].is_number());
     let ring = &kept["rings"]["moves.output to moving"];
-    assert!(ring["underruns"].is_number() && ring["latency_ms"] == 12.0, "{kept}");
+    assert!(
+        ring["underruns"].is_number() && ring["latency_ms"] == 12.0,
+        "{kept}"
+    );
     let replay = [&common[..], &["--replay", "live", "--block", "17"]].concat();
     succeed(folder.path(), &[&replay[..], &["--out", "replay"]].concat());
     for file in ["texture.wav", "hand.csv", "crossed.csv"] {
@@ -617,5 +620,8 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
     let wrong = [&replay[..], &["--seed", "8", "--out", "wrong"]].concat();
     let output = command(folder.path(), &wrong).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && told.contains("another value of the seed"), "{told}");
+    assert!(
+        !output.status.success() && told.contains("another value of the seed"),
+        "{told}"
+    );
 }

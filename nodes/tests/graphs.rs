@@ -148,7 +148,13 @@ fn no_callback_of_several_drivers_allocates() {
             }
         }
         let ended = session.finish_all(lives);
-        assert!(ended.outcome.rings.iter().all(|ring| ring.counts.fill_s.is_some()));
+        assert!(
+            ended
+                .outcome
+                .rings
+                .iter()
+                .all(|ring| ring.counts.fill_s.is_some())
+        );
     }
     assert!(met > 0, "no shipped graph has several drivers");
 }

@@ -128,14 +128,11 @@ struct Kept {
 
 impl<'a> Making<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
-        let target = arguments
-            .out
-            .clone()
-            .unwrap_or_else(|| {
-                // What is repeated stays.
-                let end = if arguments.replay.is_some() { "-replay" } else { "" };
-                PathBuf::from("out").join(arguments.graph.name() + end)
-            });
+        let target = arguments.out.clone().unwrap_or_else(|| {
+            // What is repeated stays.
+            let end = if arguments.replay.is_some() { "-replay" } else { "" };
+            PathBuf::from("out").join(arguments.graph.name() + end)
+        });
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
             if arguments.probe[..number]

@@ -77,7 +77,10 @@ fn header(plan: &Plan) -> String {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text,
     };
-    let reads = plan.ring_reads.iter().map(|ring| format!("arrived {}", ring.name));
+    let reads = plan
+        .ring_reads
+        .iter()
+        .map(|ring| format!("arrived {}", ring.name));
     let writes = plan.ring_writes.iter().map(|ring| format!("sent {}", ring.name));
     let names = [format!("{} frames", plan.driver_name()), "fade".to_owned()];
     let cells = names.into_iter().chain(reads).chain(writes).map(quoted);
@@ -121,7 +124,8 @@ impl ArrivalLog {
             *before = arrived;
         }
         for writer in &run.state.links.writers {
-            self.row.push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
+            self.row
+                .push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
         }
         if self.lost > 0 || self.ring.push_entire_slice(&self.row).is_err() {
             self.lost += 1;
@@ -221,17 +225,17 @@ impl Arrivals {
     }
 
     /// Runs the next callback, if everything that it saw has been sent by now and what it sent finds room.
-    fn run_next<E>(
-        &mut self,
-        run: &mut Run,
-        mut each: impl FnMut(&Run) -> Result<(), E>,
-    ) -> Result<bool, E> {
+    fn run_next<E>(&mut self, run: &mut Run, mut each: impl FnMut(&Run) -> Result<(), E>) -> Result<bool, E> {
         let Some(row) = self.numbers[self.done * self.columns..].get(..self.columns) else {
             return Ok(false);
         };
         let (arrived, sent) = row[2..].split_at(self.arrived.len());
         let links = &mut run.state.links;
-        let seen = self.arrived.iter().zip(arrived).map(|(before, more)| before + u64::from(*more));
+        let seen = self
+            .arrived
+            .iter()
+            .zip(arrived)
+            .map(|(before, more)| before + u64::from(*more));
         let sees = links.readers.iter().zip(seen).all(|(reader, seen)| {
             let there = |reader: &super::LinkReader| reader.arrivals() >= seen;
             reader.as_ref().is_none_or(there)

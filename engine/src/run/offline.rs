@@ -167,8 +167,7 @@ impl Files {
         let taps = written.iter().flat_map(|written| &written.taps).max();
         let count = taps.map_or(0, |last| last + 1);
         let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
-        let places = plans
-            .map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
+        let places = plans.map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
         Self {
             places: places.collect(),
             written,

@@ -161,7 +161,12 @@ impl Session {
         let writer = Box::new(ArrivalWriter::create(&what, plan)?);
         live.log_through(log);
         let (taps, sink) = (Vec::new(), None);
-        let written = Written { writer, taps, what, sink };
+        let written = Written {
+            writer,
+            taps,
+            what,
+            sink,
+        };
         self.writer.add(written, vec![out]);
         Ok(())
     }
@@ -339,7 +344,9 @@ impl Session {
     /// Completes all files. `lives` are what the drivers gave back when they were done, in the graph's order.
     pub fn finish_all(mut self, lives: Vec<Live>) -> LiveOutcome {
         let meters = self.poll().into_iter();
-        let drivers: Vec<(String, Meters)> = meters.map(|(name, meters)| (name.to_owned(), meters.clone())).collect();
+        let drivers: Vec<(String, Meters)> = meters
+            .map(|(name, meters)| (name.to_owned(), meters.clone()))
+            .collect();
         let mut meters = Meters::default();
         drivers.iter().for_each(|(_, one)| meters.add(one));
         let frames = lives.first().map_or(0, Live::frames);

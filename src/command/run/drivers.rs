@@ -54,7 +54,9 @@ impl Drivers {
         match &self.list[..] {
             [(_, one)] => one.about(),
             several => {
-                let each = several.iter().map(|(name, one)| format!("{name} by {}", one.about()));
+                let each = several
+                    .iter()
+                    .map(|(name, one)| format!("{name} by {}", one.about()));
                 each.collect::<Vec<_>>().join("; ")
             }
         }
@@ -73,7 +75,10 @@ impl Drivers {
 
     /// Looks after them; returns what there is to say.
     pub fn tend(&mut self) -> Vec<String> {
-        self.list.iter_mut().flat_map(|(_, driver)| driver.tend()).collect()
+        self.list
+            .iter_mut()
+            .flat_map(|(_, driver)| driver.tend())
+            .collect()
     }
 
     /// Is the run over, or with `stopping` is nobody there to end it?

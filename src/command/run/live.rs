@@ -84,7 +84,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let lives = driver.join()?;
     let changes = attended.changes;
     facts.extend(packets(&attended.network));
-    facts.push(("set_while_running", "Set while running", attended.history.into_json()));
+    facts.push((
+        "set_while_running",
+        "Set while running",
+        attended.history.into_json(),
+    ));
     facts.extend(osc.map(|osc| {
         (
             "osc_malformed",

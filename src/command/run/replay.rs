@@ -36,7 +36,9 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
     let offline = Offline::new(made.outlets, usize::from(arguments.block));
-    let outcome = offline.replay(folder, &stop, &mut |done_s| bar.set_position((done_s * 1e3) as u64));
+    let outcome = offline.replay(folder, &stop, &mut |done_s| {
+        bar.set_position((done_s * 1e3) as u64)
+    });
     let outcome = outcome.map_err(message)?;
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());

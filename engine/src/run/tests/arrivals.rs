@@ -45,7 +45,10 @@ fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
 /// What was heard of a run whose drivers wake at random, stall, and are stopped; and how often a ring ran dry or over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (outlets, heard) = listening(graph);
-    let options = LiveOptions { block: 32, seconds: None };
+    let options = LiveOptions {
+        block: 32,
+        seconds: None,
+    };
     let (mut lives, mut session) = Session::open_all(outlets, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
@@ -73,7 +76,11 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let ended = session.finish_all(lives);
     assert_eq!((ended.lost_numbers, ended.lost_arrivals), (0, 0));
     assert!(ended.failed.is_empty());
-    let troubles = ended.outcome.rings.iter().map(|ring| ring.counts.underruns + ring.counts.overruns);
+    let troubles = ended
+        .outcome
+        .rings
+        .iter()
+        .map(|ring| ring.counts.underruns + ring.counts.overruns);
     (all_bits(&heard), troubles.sum())
 }
 
@@ -91,7 +98,10 @@ fn a_replay_gives_the_bits_of_the_live_run() {
         let (heard, more) = live_run(&graph, seed, &folder.0);
         troubles += more;
         for block in [1, 64] {
-            assert!(replay(&graph, block, &folder.0).unwrap() == heard, "seed {seed}, block {block}");
+            assert!(
+                replay(&graph, block, &folder.0).unwrap() == heard,
+                "seed {seed}, block {block}"
+            );
         }
     }
     assert!(troubles > 0, "no ring ever ran dry or over: the easy case only");
@@ -109,10 +119,16 @@ fn a_replay_says_what_it_cannot_repeat() {
         replay(&graph, 64, &folder.0).unwrap_err()
     };
     let wrong = with(&right.replacen("frames", "shoes", 1));
-    assert!(matches!(wrong, OfflineError::Replay(ReplayError::OtherGraph { .. })), "{wrong}");
+    assert!(
+        matches!(wrong, OfflineError::Replay(ReplayError::OtherGraph { .. })),
+        "{wrong}"
+    );
     for line in ["1", "1,0,x", ""] {
         let wrong = with(&format!("{right}{line}\n"));
-        assert!(matches!(wrong, OfflineError::Replay(ReplayError::Line { .. })), "{wrong}");
+        assert!(
+            matches!(wrong, OfflineError::Replay(ReplayError::Line { .. })),
+            "{wrong}"
+        );
     }
     let columns = right.lines().next().unwrap().split(',').count();
     let impossible = vec!["4000000000"; columns - 2].join(",");
@@ -123,5 +139,8 @@ fn a_replay_says_what_it_cannot_repeat() {
     );
     std::fs::remove_file(&path).unwrap();
     let wrong = replay(&graph, 64, &folder.0).unwrap_err();
-    assert!(matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })), "{wrong}");
+    assert!(
+        matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })),
+        "{wrong}"
+    );
 }
