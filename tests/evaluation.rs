@@ -12,7 +12,7 @@ use haptograph::signal::window::Window;
 use haptograph::surfaces::evaluate::{
     Evaluation, RecordingName, StudySettings, Take, Trajectory, evaluate, synthesise,
 };
-use haptograph::surfaces::learning::processing::processed;
+use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
 use haptograph::surfaces::learning::texture::learn_texture;
 use haptograph::surfaces::metrics::Pooling;
 use haptograph::surfaces::recording::Gesture;
@@ -173,5 +173,29 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
         assert!(short > 5.0);
         // ...until its order spans the 25 ms that tell 20 from 60 Hz.
         assert!(long.abs() < 2.0);
+        let rest = too_loud_at_1_khz(&take(material, 1, 1));
+        println!(
+            "  learned at 1 kHz: 20 to 40 Hz {:.1} dB, 60 to 400 Hz {:.1} dB",
+            rest[0], rest[1]
+        );
+        assert!(rest[0] < low - 5.0);
     }
+}
+
+/// Bands of a texture learned at 1 kHz, where order 20 spans 20 ms.
+fn too_loud_at_1_khz(take: &Take) -> [f64; 2] {
+    let settings = ProcessingSettings {
+        rate_hz: Some(1000.0),
+        ..Default::default()
+    };
+    let drag = processed(&take.recording, &settings).unwrap();
+    let psd = |signal: &[f64]| welch(signal, 1000.0, 512, 256, Window::Hann).unwrap();
+    let recorded = psd(&drag.signals().acceleration_m_s2);
+    let (texture, _) = learn_texture(std::slice::from_ref(&drag), &Default::default(), &|_| ()).unwrap();
+    let played = psd(&synthesise(&texture, &Trajectory::of(&drag), &Default::default()).unwrap());
+    let played_at = |frequency_hz: f64| {
+        let bin = recorded.frequency_hz.iter().position(|f| *f == frequency_hz);
+        played.density[bin.unwrap()]
+    };
+    [20.0..40.0, 60.0..400.0].map(|band_hz| too_loud_db(&recorded, played_at, band_hz))
 }

@@ -218,7 +218,7 @@ fn a_surface_without_friction_says_so_and_keeps_its_texture() {
     );
     assert!(learned.status.success(), "{warned}");
     for part in [
-        "warning: the surface has no friction",
+        "so the surface has no friction",
         "pulling the tool along",
         "--circle",
     ] {

@@ -50,6 +50,10 @@ pub struct Settings {
     /// How three axes of acceleration become one
     #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
     reduction: Reduction,
+    /// Bring vibrations down to this rate first: at a lower rate models of the same order follow lower frequencies. Their own where it is
+    /// not given
+    #[arg(long = "rate", value_name = "HZ")]
+    rate_hz: Option<f64>,
     /// The order of all models; the median of the segments' where it is not given
     #[arg(long, value_name = "P")]
     order: Option<usize>,
@@ -109,6 +113,7 @@ impl Settings {
         };
         ProcessingSettings {
             reduction,
+            rate_hz: self.rate_hz,
             ..Default::default()
         }
     }

@@ -283,6 +283,9 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         processing.velocity_lowpass_hz.to_string(),
     );
     say("processing.reduction", processing.reduction.word().to_owned());
+    if let Some(rate_hz) = processing.rate_hz {
+        say("processing.rate_hz", rate_hz.to_string());
+    }
     let normal = match processing.normal {
         SurfaceNormal::PlaneFit => "plane fit".to_owned(),
         SurfaceNormal::ForceDirection => "force direction".to_owned(),

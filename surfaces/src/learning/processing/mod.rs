@@ -4,11 +4,13 @@
 //! surface's outward normal `n` and the direction of motion `t` pressing is `F.n > 0` and friction `-F.t > 0`.
 
 mod geometry;
+mod rate;
 mod reduction;
 #[cfg(test)]
 mod tests;
 
 pub use geometry::SurfaceNormal;
+pub use rate::LOWEST_RATE_HZ;
 pub use reduction::{AxisReduction, reduce};
 
 use crate::recording::{
@@ -16,6 +18,7 @@ use crate::recording::{
 };
 use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
 use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
+use haptograph_signal::resample::ResampleError;
 
 /// How to process; the default is the thesis's, where it says.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +34,9 @@ pub struct ProcessingSettings {
     pub velocity_lowpass_hz: f64,
     /// Where the surface's normal comes from.
     pub normal: SurfaceNormal,
+    /// What vibrations are brought down to for [`processed`]; their own rate if `None`. Models of the same order look back further at
+    /// a lower rate, and so follow lower frequencies.
+    pub rate_hz: Option<f64>,
 }
 
 impl Default for ProcessingSettings {
@@ -41,6 +47,7 @@ impl Default for ProcessingSettings {
             lowpass_hz: 100.0,
             velocity_lowpass_hz: 20.0,
             normal: SurfaceNormal::PlaneFit,
+            rate_hz: None,
         }
     }
 }
@@ -66,18 +73,32 @@ pub enum ProcessingError {
     Axis(usize),
     #[error("the recording keeps no separate acceleration axes: it can only be used as it was combined")]
     NoAxes,
+    #[error(
+        "vibrations of {own_hz} Hz cannot be brought to {rate_hz} Hz: give a rate from {LOWEST_RATE_HZ} Hz to their own"
+    )]
+    Rate { rate_hz: f64, own_hz: f64 },
+    #[error("the vibration cannot be brought to that rate: {0}")]
+    Resampling(ResampleError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
 
-/// A recording ready to learn from: processed if it was raw, as it is if it was processed before.
+/// A recording ready to learn from: processed if it was raw, as it is if it was processed before, at the rate that is asked for.
 pub fn processed(
     recording: &AnyRecording,
     settings: &ProcessingSettings,
 ) -> Result<ProcessedRecording, ProcessingError> {
-    match recording {
-        AnyRecording::Raw(raw) => process(raw, settings),
-        AnyRecording::Processed(processed) => Ok(processed.clone()),
+    let processed = match recording {
+        AnyRecording::Raw(raw) => process(raw, settings)?,
+        AnyRecording::Processed(processed) => processed.clone(),
+    };
+    match settings.rate_hz {
+        Some(rate_hz) if rate_hz != processed.rate_hz() => Ok(ProcessedRecording::new(
+            rate::lowered(processed.signals(), rate_hz)?,
+            processed.gesture(),
+            processed.provenance().clone(),
+        )?),
+        _ => Ok(processed),
     }
 }
 

@@ -191,3 +191,35 @@ fn a_recording_can_be_combined_again_in_another_way() {
     };
     assert_eq!(recombined(&processed, &settings), Err(ProcessingError::Axis(5)));
 }
+
+#[test]
+fn a_lower_rate_keeps_what_it_can_carry() {
+    use crate::recording::synthetic::drag;
+    let steps = [(0.5, 0.05, 1.0), (0.5, 0.15, 2.0)];
+    // A resonance at 100 Hz.
+    let whole = drag(&steps, 0.3, 1, |_, _| (vec![-1.96, 0.9643], 0.1));
+    let at = |rate_hz: f64| {
+        let settings = ProcessingSettings {
+            rate_hz: Some(rate_hz),
+            ..Default::default()
+        };
+        processed(&AnyRecording::Processed(whole.clone()), &settings)
+    };
+    let slow = at(1000.0).unwrap();
+    assert_eq!((slow.rate_hz(), slow.samples()), (1000.0, whole.samples() / 10));
+    let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
+    let ratio = power(&slow.signals().acceleration_m_s2) / power(&whole.signals().acceleration_m_s2);
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    let (fast, slow) = (whole.signals(), slow.signals());
+    for k in 0..slow.speed_m_s.len() {
+        assert!((slow.speed_m_s[k] - fast.speed_m_s[10 * k]).abs() < 1e-12);
+        assert!((slow.force_normal_n[k] - fast.force_normal_n[10 * k]).abs() < 1e-12);
+    }
+    assert_eq!(at(10_000.0).unwrap(), whole);
+    for rate_hz in [50.0, 20_000.0, f64::NAN] {
+        assert!(
+            matches!(at(rate_hz), Err(ProcessingError::Rate { .. })),
+            "{rate_hz}"
+        );
+    }
+}
