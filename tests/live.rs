@@ -553,6 +553,42 @@ mod alsa {
         before.rsplit(' ').next().unwrap().parse().unwrap()
     }
 
+    /// Nothing paces the plug-in, so that the card runs far ahead of the timer: the worst that can come of two clocks.
+    #[test]
+    fn a_card_and_a_timer_are_repeated_bit_for_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let graph = shipped("two-drivers.ron");
+        let common = ["run", &graph, "--endpoints", "live"];
+        let arguments = [&common[..], &["--live", "--for", "0.5", "--out", "live"]].concat();
+        let output = command(folder.path(), &arguments)
+            .env("ALSA_CONFIG_PATH", config(folder.path()))
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+            println!("skipped: ALSA's file plug-in is not there: {told}");
+            return;
+        }
+        assert!(output.status.success(), "{told}");
+        assert!(
+            told.contains("audio by soundcard") && told.contains("servo by a timer"),
+            "{told}"
+        );
+        succeed(
+            folder.path(),
+            &[&common[..], &["--replay", "live", "--out", "replay"]].concat(),
+        );
+        for file in [
+            "texture.wav",
+            "hand.csv",
+            "crossed.csv",
+            "haptuator.soundcard.wav",
+        ] {
+            let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+            assert!(of("live") == of("replay"), "{file}");
+        }
+    }
+
     #[test]
     fn a_card_that_is_not_there_is_named() {
         let folder = tempfile::tempdir().unwrap();

@@ -2,7 +2,7 @@
 //! planning. `cargo bench -p haptograph-engine`; beside other engines: `benches/peers`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use haptograph_engine::document::{Builder, Document, Part};
+use haptograph_engine::document::{Builder, Document, Part, ring as from_ring};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::{
@@ -11,7 +11,7 @@ use haptograph_engine::node::{
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{FADE_S, Run, live};
+use haptograph_engine::run::{FADE_S, LiveOptions, Outlets, Run, Session, live};
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use rand::{RngExt, SeedableRng};
@@ -19,13 +19,13 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rtrb::RingBuffer;
 use std::hint::{black_box, spin_loop};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 48_000.0;
 const NODES: usize = 1000;
 
-criterion_group!(benches, tick, ring, swap, set_up);
+criterion_group!(benches, tick, ring, drivers, swap, set_up);
 criterion_main!(benches);
 
 /// A node and a block, in a chain of 1000: what the engine adds to the work of the nodes.
@@ -93,6 +93,78 @@ fn ring(criterion: &mut Criterion) {
     });
     group.finish();
     stop.store(true, Ordering::Relaxed);
+    drop(other.join());
+}
+
+/// 64 frames from one driver to another, through a ring and the resampler that follows both clocks: what the writer's
+/// and the reader's callback take together.
+fn drivers(criterion: &mut Criterion) {
+    let graph = load(
+        &source()
+            .driver("other", RATE_HZ)
+            .node(
+                "copy",
+                Part::new("Copy")
+                    .on("other")
+                    .wire("input", from_ring("source.output", 5.0)),
+            )
+            .text(),
+    );
+    let pair = || {
+        let options = LiveOptions {
+            block: 64,
+            seconds: None,
+        };
+        let opened = Session::open_all(Outlets::new(&graph), &options, None);
+        let (mut lives, session) = opened.expect("the system gives a thread");
+        let reader = lives.pop().expect("the graph has two drivers");
+        let writer = lives.pop().expect("the graph has two drivers");
+        (writer, reader, session)
+    };
+    let mut group = criterion.benchmark_group("two drivers' callbacks and their ring, 64 frames");
+    let (mut writer, mut reader, _session) = pair();
+    group.bench_function("same thread", |bencher| {
+        bencher.iter(|| {
+            writer.callback(64, |_, _| {});
+            reader.callback(64, |_, _| {});
+        });
+    });
+    let (mut writer, mut reader, _session) = pair();
+    let turn = Arc::new(AtomicU64::new(0));
+    let asked = Arc::clone(&turn);
+    // Even: the reader's turn; odd: the writer's; the highest: over.
+    let other = std::thread::spawn(move || {
+        loop {
+            match asked.load(Ordering::Acquire) {
+                u64::MAX => break,
+                turn if turn % 2 == 1 => {
+                    writer.callback(64, |_, _| {});
+                    asked.store(turn + 1, Ordering::Release);
+                }
+                _ => spin_loop(),
+            }
+        }
+    });
+    group.bench_function("the writer on another thread, median", |bencher| {
+        bencher.iter_custom(|turns| {
+            let mut times: Vec<Duration> = (0..turns.max(1001))
+                .map(|_| {
+                    let start = Instant::now();
+                    let now = turn.fetch_add(1, Ordering::AcqRel);
+                    while turn.load(Ordering::Acquire) == now + 1 {
+                        spin_loop();
+                    }
+                    reader.callback(64, |_, _| {});
+                    start.elapsed()
+                })
+                .collect();
+            let middle = times.len() / 2;
+            let (_, median, _) = times.select_nth_unstable(middle);
+            *median * u32::try_from(turns).unwrap_or(u32::MAX)
+        });
+    });
+    group.finish();
+    turn.store(u64::MAX, Ordering::Release);
     drop(other.join());
 }
 

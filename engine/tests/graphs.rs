@@ -6,7 +6,7 @@
 mod common;
 
 use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
-use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold};
+use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold, ring};
 use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
 use std::path::{Path, PathBuf};
 
@@ -165,6 +165,54 @@ fn a_graph_can_be_built_in_code() {
     assert_eq!(graph.about(), "A tone \"and\" its echo.\nTwo lines.");
     assert_eq!(graph.nodes().node_count(), 5);
     assert!(graph.warnings().is_empty());
+}
+
+#[test]
+fn the_latency_of_a_ring_is_on_every_way_through_it() {
+    // There and back again: a loop through rings needs no delay.
+    let document = Builder::new("Two drivers.")
+        .driver("audio", 48_000.0)
+        .driver("servo", 1000.0)
+        .node("tone", Part::new("Sine").on("audio"))
+        .node(
+            "there",
+            Part::new("Sum")
+                .on("servo")
+                .wires("inputs", [ring("tone", 12.5), ring("back", 20.0)]),
+        )
+        .node(
+            "back",
+            Part::new("Sum")
+                .on("audio")
+                .wires("inputs", [ring("there", 10.0)]),
+        )
+        .node(
+            "near",
+            Part::new("Wav")
+                .wires("inputs", ["there"])
+                .set("file", "near.wav"),
+        )
+        .node(
+            "far",
+            Part::new("Wav").wires("inputs", ["back"]).set("file", "far.wav"),
+        )
+        .build()
+        .unwrap_or_else(|d| panic!("{d}"));
+    let graph =
+        check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
+    let drivers = graph
+        .drivers()
+        .into_iter()
+        .map(|clock| graph.clocks()[clock].name.as_str());
+    assert_eq!(drivers.collect::<Vec<_>>(), ["audio", "servo"]);
+    let latencies = graph.latencies();
+    let ms = |sink: &str| {
+        let found = latencies
+            .iter()
+            .find(|path| path.source == "tone" && path.sink == sink);
+        found.map(|path| (path.transport_s * 1e6).round() / 1e3)
+    };
+    assert_eq!((ms("near"), ms("far")), (Some(12.5), Some(22.5)));
 }
 
 /// A graph of `count` gains and sums, in the words of a file.

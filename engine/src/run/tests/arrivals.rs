@@ -3,7 +3,9 @@
 use super::Heard;
 use super::fleet::{bits, graphs};
 use crate::graph::Graph;
-use crate::run::{LiveOptions, LiveState, Offline, OfflineError, Outlets, Probe, ReplayError, Session};
+use crate::run::{
+    Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, Outlets, Probe, ReplayError, Session,
+};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::path::{Path, PathBuf};
@@ -143,4 +145,22 @@ fn a_replay_says_what_it_cannot_repeat() {
         matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })),
         "{wrong}"
     );
+}
+
+#[test]
+fn the_same_graph_takes_over_and_another_one_needs_a_new_run() {
+    let mut all = graphs();
+    let ((_, graph), (_, other)) = (all.next().unwrap(), all.next().unwrap());
+    let (outlets, _) = listening(&graph);
+    let (mut lives, mut session) = Session::open_all(outlets, &LiveOptions::default(), None).unwrap();
+    let run =
+        |lives: &mut Vec<crate::run::Live>| lives.iter_mut().for_each(|live| live.callback(50, |_, _| {}));
+    run(&mut lives);
+    let changed = session.change(&graph, Path::new(".")).unwrap();
+    assert_eq!(changed.change, Change::Settings(0));
+    run(&mut lives);
+    let refused = session.change(&other, Path::new(".")).unwrap_err();
+    assert!(matches!(refused, ChangeError::SeveralDrivers), "{refused}");
+    run(&mut lives);
+    assert!(lives.iter().all(|live| live.run().driver_frames() == 150));
 }
