@@ -67,7 +67,9 @@ pub enum FrictionError {
         min_force_n: f64,
         min_speed_mm_s: f64,
     },
-    #[error("friction would be {mu}, pulling the tool along: check the signs of forces and the calibration")]
+    #[error(
+        "friction would be {mu:.3}, pulling the tool along: check the signs of forces and the calibration"
+    )]
     Negative { mu: f64 },
     #[error(transparent)]
     Surface(#[from] SurfaceError),

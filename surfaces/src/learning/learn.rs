@@ -56,11 +56,8 @@ pub struct MissingPart {
 
 impl fmt::Display for MissingPart {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(
-            f,
-            "the surface has no {}: {}; {}",
-            self.part, self.reason, self.remedy
-        )
+        let MissingPart { part, reason, remedy } = self;
+        write!(f, "{reason}; so the surface has no {part}: {remedy}")
     }
 }
 
