@@ -150,7 +150,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
         Solid::Box(cuboid) => {
             let felt_m = metres(cuboid.size_mm).map(|length_m| length_m + proxy_diameter_m);
             let mesh = TriangleMesh::cuboid(felt_m).and_then(|mesh| mesh.moved(metres(cuboid.centre_mm)));
-            Ground::Solid(Arc::new(mesh.map_err(failed)?))
+            Ground::solid(Arc::new(mesh.map_err(failed)?))
         }
         Solid::Room(room) => {
             let floor_m = radius_m - 0.5e-3 * room.size_mm[2];

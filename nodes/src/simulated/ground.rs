@@ -25,7 +25,12 @@ pub enum Ground {
     },
     /// A convex solid from outside. The sheet touches its top (along z) and is projected from its centre, so that strokes
     /// wider than the top lead over the edges and down the sides.
-    Solid(Arc<TriangleMesh>),
+    Solid {
+        /// The solid.
+        solid: Arc<TriangleMesh>,
+        /// How far the sheet is above its centre, m.
+        top_m: f64,
+    },
     /// A relief from above (along z): the sheet is dropped onto it from over its middle.
     Relief(Arc<TriangleMesh>),
 }
@@ -48,6 +53,13 @@ impl Ground {
         normal: [0.0, 0.0, 1.0],
     };
 
+    /// A convex solid; the sheet touches it over its centre.
+    pub fn solid(solid: Arc<TriangleMesh>) -> Self {
+        let top_m =
+            cast(&solid, [0.0, 0.0, 1.0]).map_or(solid.diagonal_m(), |(top, _)| top[2] - solid.centre_m()[2]);
+        Self::Solid { solid, top_m }
+    }
+
     /// The surface point of a stroke's coordinates.
     pub fn at(&self, [u, v]: [f64; 2]) -> GroundPoint {
         match self {
@@ -67,7 +79,7 @@ impl Ground {
                 let normal = direction(sub(sheet_m, centre_m)).unwrap_or(up);
                 flat(add_scaled(centre_m, normal, radius_m), normal)
             }
-            Self::Solid(solid) => projected(solid, [u, v]),
+            Self::Solid { solid, top_m } => projected(solid, [u, v, *top_m]),
             Self::Relief(relief) => dropped(relief, [u, v]),
         }
     }
@@ -82,19 +94,18 @@ fn flat(position_m: Vec3, normal: Vec3) -> GroundPoint {
     }
 }
 
-/// A point of a sheet on top of a solid, projected from the solid's centre.
-fn projected(solid: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
+/// Where one leaves a solid from its centre, and by which face.
+fn cast(solid: &TriangleMesh, along: Vec3) -> Option<(Vec3, u32)> {
     let (centre_m, reach_m) = (solid.centre_m(), solid.diagonal_m());
-    let cast = |along: Vec3| {
-        let end_m = add_scaled(centre_m, along, reach_m);
-        solid
-            .first_hit(centre_m, end_m)
-            .map(|hit| (add_scaled(centre_m, along, hit.fraction * reach_m), hit.triangle))
-    };
+    let hit = solid.first_hit(centre_m, add_scaled(centre_m, along, reach_m))?;
+    Some((add_scaled(centre_m, along, hit.fraction * reach_m), hit.triangle))
+}
+
+/// A point of a sheet on top of a solid, seen from the solid's centre, projected to there.
+fn projected(solid: &TriangleMesh, sheet_m: Vec3) -> GroundPoint {
     let up = [0.0, 0.0, 1.0];
-    let top_m = cast(up).map_or(reach_m, |(top, _)| top[2] - centre_m[2]);
-    let along = direction([u, v, top_m]).unwrap_or(up);
-    match cast(along) {
+    let along = direction(sheet_m).unwrap_or(up);
+    match cast(solid, along) {
         Some((position_m, face)) => {
             let normal = solid.normal(face);
             GroundPoint {
@@ -103,7 +114,7 @@ fn projected(solid: &TriangleMesh, [u, v]: [f64; 2]) -> GroundPoint {
                 lift: scale(along, 1.0 / dot(along, normal).max(0.1)),
             }
         }
-        None => flat(centre_m, up),
+        None => flat(solid.centre_m(), up),
     }
 }
 
@@ -175,7 +186,7 @@ mod tests {
     #[test]
     fn on_a_cube_a_wide_stroke_leads_over_the_edge() {
         let cube = Arc::new(TriangleMesh::cuboid([0.02; 3]).unwrap());
-        let ground = Ground::Solid(cube);
+        let ground = Ground::solid(cube);
         assert!(distance(ground.at([0.003, -0.004]).position_m, [0.003, -0.004, 0.01]) < 1e-12);
         let side = ground.at([0.02, 0.0]);
         assert!(distance(side.position_m, [0.01, 0.0, 0.005]) < 1e-12);

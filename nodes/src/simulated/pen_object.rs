@@ -135,7 +135,7 @@ impl PenObject {
             .fold(f64::INFINITY, f64::min);
         let object = Arc::new(settings.object.moved([0.0, 0.0, settings.height_m - lowest_m])?);
         let script = ScriptSettings {
-            ground: Ground::Solid(object.clone()),
+            ground: Ground::solid(object.clone()),
             actions: settings.actions.clone(),
             hover_m: settings.hover_m,
             gives_n_per_m: f64::INFINITY,

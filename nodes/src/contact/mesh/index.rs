@@ -163,9 +163,16 @@ fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
         // Within the plane: a way into the triangle crosses its rim, and the neighbours there see it.
         return None;
     }
-    let turns = [side(a, b, p, q), side(a, b, q, r), side(a, b, r, p)];
-    let inside = turns.iter().all(|t| *t >= 0.0) || turns.iter().all(|t| *t <= 0.0);
-    inside.then(|| (above / (above - below)).clamp(0.0, 1.0))
+    // One after the other: most triangles are passed on one of the first two sides.
+    let mut turns = [0.0_f64; 2];
+    for (from, to) in [(p, q), (q, r), (r, p)] {
+        let turn = side(a, b, from, to);
+        turns = [turns[0].min(turn), turns[1].max(turn)];
+        if turns[0] < 0.0 && turns[1] > 0.0 {
+            return None;
+        }
+    }
+    Some((above / (above - below)).clamp(0.0, 1.0))
 }
 
 fn side(p: Vec3, q: Vec3, r: Vec3, s: Vec3) -> f64 {
