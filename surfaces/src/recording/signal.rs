@@ -25,8 +25,8 @@ pub struct Column {
 /// cells empty, these are passed over; elsewhere an empty cell is an error.
 pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
     let bytes = without_mark(bytes);
-    let (names, _) = header(bytes)?;
-    let index = find(&names, name)?;
+    let (names, line) = header(bytes)?;
+    let index = find(&names, line, name)?;
     Ok(columns(bytes, &names, &[(index, Scale::One)], None)?
         .values
         .remove(0))
@@ -36,10 +36,10 @@ pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
 /// the only column that is not time.
 pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError> {
     let bytes = without_mark(bytes);
-    let (names, _) = header(bytes)?;
+    let (names, line) = header(bytes)?;
     let indices = match name {
-        Some(name) => vec![find(&names, name)?],
-        None => choose(&names)?,
+        Some(name) => vec![find(&names, line, name)?],
+        None => choose(&names, line)?,
     };
     let wanted: Vec<_> = indices
         .iter()
@@ -84,7 +84,7 @@ pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError
 }
 
 /// The column of that name; in other letter case if none has it exactly.
-fn find(names: &[String], name: &str) -> Result<usize, ReadError> {
+fn find(names: &[String], line: u64, name: &str) -> Result<usize, ReadError> {
     let exact = names.iter().position(|known| known == name.trim());
     let found = exact.or_else(|| {
         names
@@ -92,7 +92,7 @@ fn find(names: &[String], name: &str) -> Result<usize, ReadError> {
             .position(|known| known.eq_ignore_ascii_case(name.trim()))
     });
     found.ok_or_else(|| ReadError::Csv {
-        line: 1,
+        line,
         message: format!("there is no column {name:?}; there are {}", names.join(", ")),
     })
 }
@@ -112,7 +112,7 @@ fn scale(name: &str) -> Scale {
 }
 
 /// The columns to take where none is named: one, or three axes.
-fn choose(names: &[String]) -> Result<Vec<usize>, ReadError> {
+fn choose(names: &[String], line: u64) -> Result<Vec<usize>, ReadError> {
     let position = |wanted: &str| {
         names
             .iter()
@@ -132,7 +132,7 @@ fn choose(names: &[String]) -> Result<Vec<usize>, ReadError> {
     match signals.collect::<Vec<_>>()[..] {
         [index] => Ok(vec![index]),
         _ => Err(ReadError::Csv {
-            line: 1,
+            line,
             message: format!("which column is the signal? There are {}", names.join(", ")),
         }),
     }
@@ -235,8 +235,8 @@ mod tests {
             "line 6, column 2: \"x\" in b is no finite number"
         );
         assert_eq!(
-            error(b"a,c\n1,2\n"),
-            "line 1: there is no column \"b\"; there are a, c"
+            error(b"# note\na,c\n1,2\n"),
+            "line 2: there is no column \"b\"; there are a, c"
         );
     }
 
