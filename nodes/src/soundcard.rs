@@ -20,7 +20,7 @@ pub use without::{CardDriver, list};
 
 pub use card::{
     CardFormat, Soundcard, SoundcardSettings, SoundcardSink, SoundcardSinkSettings, SoundcardVoltage,
-    SoundcardVoltageSettings, VoltageLimitSettings,
+    SoundcardVoltageSettings,
 };
 pub use request::{Played, Request, played, request};
 

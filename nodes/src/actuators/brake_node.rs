@@ -1,7 +1,7 @@
 //! The control of the pen's friction brake as a node, and the sink that drives the brake.
 
 use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach};
-use super::drive::{CurrentLimitSettings, current_limit};
+use super::limit::CurrentLimitSettings;
 use crate::successor;
 use crate::texture::load_surface;
 use crate::vector::norm;
@@ -206,7 +206,7 @@ impl ActuatorKind for BrakeSink {
 
     fn limit(settings: &BrakeSinkSettings) -> Result<(f64, Limit), BuildError> {
         // A gain here would heat the coil unknown to the controller's thermal model.
-        Ok((1.0, current_limit(&settings.limit)?))
+        Ok((1.0, settings.limit.limit()?))
     }
 }
 

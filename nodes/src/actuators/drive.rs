@@ -1,10 +1,10 @@
 //! What stands before a voice-coil actuator: the compensator of its dynamics, and the sink that drives it.
 
 use super::compensator::{Compensator, CompensatorError, CompensatorSettings};
+use super::limit::CurrentLimitSettings;
 use crate::simulated::haptuator::TwoMassSettings;
 use crate::successor;
 use haptograph_engine::frame::Kind;
-use haptograph_engine::limiter::Limiter;
 use haptograph_engine::node::{
     ActuatorKind, BuildContext, BuildError, Io, Limit, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
@@ -94,20 +94,6 @@ impl Processor for Compensating {
 }
 
 haptograph_engine::settings! {
-    /// What a coil may be given.
-    pub struct CurrentLimitSettings {
-        /// Largest current at any time, A.
-        peak_a: f64, in 1e-9..=1e6;
-        /// Largest root mean square over the window, A.
-        continuous_a: f64, in 1e-9..=1e6;
-        /// Time constant of the coil's heat, s.
-        window_s: f64 = 10.0, in 1e-3..=1e6;
-        /// Largest rate of change, A/s; none: not limited.
-        slew_a_per_s: Option<f64> = None, in 1e-6..=1e12;
-    }
-}
-
-haptograph_engine::settings! {
     /// Settings of [`ActuatorSink`].
     pub struct ActuatorSinkSettings {
         /// A plain factor on the current, before the limit.
@@ -144,28 +130,7 @@ impl ActuatorKind for ActuatorSink {
     };
 
     fn limit(settings: &ActuatorSinkSettings) -> Result<(f64, Limit), BuildError> {
-        Ok((settings.gain, current_limit(&settings.limit)?))
-    }
-}
-
-/// The limit of a coil, if it can be kept.
-pub(crate) fn current_limit(settings: &CurrentLimitSettings) -> Result<Limit, BuildError> {
-    let limit = Limit {
-        peak: settings.peak_a,
-        continuous: settings.continuous_a,
-        window_s: settings.window_s,
-        slew_per_s: settings.slew_a_per_s,
-    };
-    keepable(&limit)?;
-    Ok(limit)
-}
-
-/// Can the limit be kept at any rate that an actuator is driven at?
-pub(crate) fn keepable(limit: &Limit) -> Result<(), BuildError> {
-    const FASTEST_HZ: f64 = 192_000.0;
-    match Limiter::<1>::new(limit, FASTEST_HZ) {
-        Ok(_) => Ok(()),
-        Err(error) => Err(BuildError::at("limit", error.to_string())),
+        Ok((settings.gain, settings.limit.limit()?))
     }
 }
 

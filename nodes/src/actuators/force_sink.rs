@@ -1,23 +1,9 @@
 //! The sink that drives an arm.
 
-use super::drive::keepable;
+use super::limit::ForceLimitSettings;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{ActuatorKind, BuildError, Limit, NodeSpec, input, output};
 use haptograph_signal::quantity::Quantity;
-
-haptograph_engine::settings! {
-    /// What an arm may be given; lengths of vectors count.
-    pub struct ForceLimitSettings {
-        /// Largest force at any time, N.
-        peak_n: f64, in 1e-9..=1e6;
-        /// Largest root mean square over the window, N.
-        continuous_n: f64, in 1e-9..=1e6;
-        /// Time constant of the motors' heat, s.
-        window_s: f64 = 10.0, in 1e-3..=1e6;
-        /// Largest rate of change, N/s; none: not limited.
-        slew_n_per_s: Option<f64> = None, in 1e-6..=1e12;
-    }
-}
 
 haptograph_engine::settings! {
     /// Settings of [`ForceSink`].
@@ -55,13 +41,6 @@ impl ActuatorKind for ForceSink {
     };
 
     fn limit(settings: &ForceSinkSettings) -> Result<(f64, Limit), BuildError> {
-        let limit = Limit {
-            peak: settings.limit.peak_n,
-            continuous: settings.limit.continuous_n,
-            window_s: settings.limit.window_s,
-            slew_per_s: settings.limit.slew_n_per_s,
-        };
-        keepable(&limit)?;
-        Ok((settings.gain, limit))
+        Ok((settings.gain, settings.limit.limit()?))
     }
 }

@@ -1,6 +1,6 @@
 //! A soundcard as a device of graphs, and the sink that drives it by voltage.
 
-use crate::actuators::drive::keepable;
+use crate::actuators::limit::VoltageLimitSettings;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
@@ -223,20 +223,6 @@ impl Device for Card {
 }
 
 haptograph_engine::settings! {
-    /// What an actuator may be given.
-    pub struct VoltageLimitSettings {
-        /// Largest voltage at any time, V.
-        peak_v: f64, in 1e-9..=1e6;
-        /// Largest root mean square over the window, V.
-        continuous_v: f64, in 1e-9..=1e6;
-        /// Time constant of the coil's heat, s.
-        window_s: f64 = 10.0, in 1e-3..=1e6;
-        /// Largest rate of change, V/s; none: not limited.
-        slew_v_per_s: Option<f64> = None, in 1e-6..=1e12;
-    }
-}
-
-haptograph_engine::settings! {
     /// Settings of [`SoundcardSink`].
     pub struct SoundcardSinkSettings {
         /// A plain factor on the voltage, before the limit.
@@ -273,13 +259,6 @@ impl ActuatorKind for SoundcardSink {
     };
 
     fn limit(settings: &SoundcardSinkSettings) -> Result<(f64, Limit), BuildError> {
-        let limit = Limit {
-            peak: settings.limit.peak_v,
-            continuous: settings.limit.continuous_v,
-            window_s: settings.limit.window_s,
-            slew_per_s: settings.limit.slew_v_per_s,
-        };
-        keepable(&limit)?;
-        Ok((settings.gain, limit))
+        Ok((settings.gain, settings.limit.limit()?))
     }
 }
