@@ -641,7 +641,7 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
     succeed(folder.path(), &live);
     let kept = facts(&folder.path().join("live"));
     assert!(kept["drivers"]["servo"]["wakes"].is_number() && kept["drivers"]["audio"]["wakes"].is_number());
-    let ring = &kept["rings"]["moves.output to moving"];
+    let ring = &kept["rings"]["moves.output to moving.input"];
     assert!(
         ring["underruns"].is_number() && ring["latency_ms"] == 12.0,
         "{kept}"

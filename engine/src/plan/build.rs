@@ -6,7 +6,7 @@ use super::{
     ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, NodeKey, Plan, PlanOptions,
     RingPlan, Step, StepWork, Tap,
 };
-use crate::graph::{Bridge, Edge, Graph, Work};
+use crate::graph::{Bridge, Edge, Graph, Input, Node, Work};
 use crate::io::{Binding, Form, LINE, Placing};
 use crate::node::Stream;
 use petgraph::graph::{EdgeIndex, NodeIndex};
@@ -223,7 +223,9 @@ impl<'a> Builder<'a> {
                 edge: edge.id(),
                 name: format!(
                     "{}.{} to {}",
-                    graph.nodes[from].path, output.name, graph.nodes[to].path
+                    graph.nodes[from].path,
+                    output.name,
+                    input_name(&graph.nodes[to], edge.weight().input)
                 ),
                 width: output.kind.width(),
                 from: from_rate,
@@ -621,5 +623,15 @@ impl<'a> Builder<'a> {
             rate: self.plan.rates[port.clock as usize],
             simulated: node.simulated,
         }
+    }
+}
+
+/// `drive.force`, and of an input that takes several connections which of them: `mix.inputs 2`.
+fn input_name(node: &Node, input: usize) -> String {
+    let name = node.inputs[input].name;
+    let alike = |inputs: &[Input]| inputs.iter().filter(|other| other.name == name).count();
+    match alike(&node.inputs) {
+        1 => format!("{}.{name}", node.path),
+        _ => format!("{}.{name} {}", node.path, alike(&node.inputs[..=input])),
     }
 }

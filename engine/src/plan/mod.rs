@@ -182,7 +182,7 @@ pub(crate) struct DelayPlan {
 pub(crate) struct RingPlan {
     /// The connection: both ends have it in common.
     pub edge: EdgeIndex,
-    /// For people: `force.output to drive`.
+    /// For people: `force.output to drive.current`.
     pub name: String,
     pub width: usize,
     pub from: Rate,

@@ -4,7 +4,7 @@
 //! driver holds just that, one callback a line:
 //!
 //! ```text
-//! audio frames,fade,arrived moves.output to moving,sent torque.output to arm
+//! audio frames,fade,arrived moves.output to moving.input,sent torque.output to arm.torque
 //! 48,0,1,48
 //! ```
 //!

@@ -43,7 +43,7 @@ pub fn least_ring_latency_s(from: Rate, to: Rate) -> Result<f64, ResampleError> 
 /// What is known of a ring while it runs; both ends write it, anybody may read it.
 #[derive(Debug)]
 pub struct RingMeter {
-    /// Output and reader: `force.output to drive`.
+    /// Output and input: `force.output to drive.current`.
     pub name: String,
     /// The declared latency, s.
     pub latency_s: f64,

@@ -39,7 +39,7 @@ pub struct Outcome {
 /// A ring between two drivers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RingReport {
-    /// Output and reader.
+    /// Output and input.
     pub name: String,
     /// The declared latency, s.
     pub latency_s: f64,

@@ -116,7 +116,31 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     for (lane, (a, b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
         *lane += a * b;
     }
-    let [a, b, c, d, e, f, g, h] = lanes;
+    sum(lanes)
+}
+
+/// `sum_i b_i sum_r w_r a_ri` over four rows `a` of the length of `b`, in an order that depends on the length alone.
+pub(super) fn mixed_dot(weights: [f64; 4], rows: &[f64], b: &[f64]) -> f64 {
+    let [w0, w1, w2, w3] = weights;
+    let mut lanes = [0.0; LANES];
+    let (pairs, last) = rows.split_at(2 * b.len());
+    let ((a0, a1), (a2, a3)) = (pairs.split_at(b.len()), last.split_at(b.len()));
+    let rows = [a0, a1, a2, a3].map(|row| row.as_chunks::<LANES>());
+    let (b, b_rest) = b.as_chunks::<LANES>();
+    let [a0, a1, a2, a3] = rows.map(|(whole, _)| whole.iter());
+    for ((((a0, a1), a2), a3), b) in a0.zip(a1).zip(a2).zip(a3).zip(b) {
+        for l in 0..LANES {
+            lanes[l] += ((w0 * a0[l] + w1 * a1[l]) + (w2 * a2[l] + w3 * a3[l])) * b[l];
+        }
+    }
+    let [a0, a1, a2, a3] = rows.map(|(_, rest)| rest);
+    for (l, (lane, b)) in lanes.iter_mut().zip(b_rest).enumerate() {
+        *lane += ((w0 * a0[l] + w1 * a1[l]) + (w2 * a2[l] + w3 * a3[l])) * b;
+    }
+    sum(lanes)
+}
+
+fn sum([a, b, c, d, e, f, g, h]: [f64; LANES]) -> f64 {
     ((a + e) + (b + f)) + ((c + g) + (d + h))
 }
 

@@ -1,6 +1,6 @@
 //! Resampling with a ratio that can be adjusted while it runs.
 
-use super::kernel::{History, Kernel, dot};
+use super::kernel::{History, Kernel, mixed_dot};
 use super::{Progress, Quality, ResampleError};
 use crate::time::Rate;
 
@@ -125,10 +125,7 @@ impl SteeredResampler {
             -(t + 1.0) * t * (t - 2.0) / 2.0,
             (t + 1.0) * t * (t - 1.0) / 6.0,
         ];
-        let rows = weights
-            .iter()
-            .zip(self.phases[phase * self.width..].chunks_exact(self.width));
-        rows.map(|(weight, taps)| weight * dot(taps, self.history.window()))
-            .sum()
+        let rows = &self.phases[phase * self.width..][..4 * self.width];
+        mixed_dot(weights, rows, self.history.window())
     }
 }
