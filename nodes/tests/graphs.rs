@@ -158,3 +158,35 @@ fn no_callback_of_several_drivers_allocates() {
     }
     assert!(met > 0, "no shipped graph has several drivers");
 }
+
+#[test]
+fn an_hour_of_drift_goes_by_between_two_drivers() {
+    let text = r#"Graph(format: 1,
+        clocks: { "servo": Driver(rate_hz: 1000), "other": Driver(rate_hz: 500) },
+        nodes: {
+            "one": Constant(clock: "servo", value: 1, quantity: "number"),
+            "there": Gain(clock: "other", input: Ring(from: "one", latency_ms: 30), gain: 1),
+            "back": Gain(clock: "servo", input: Ring(from: "there", latency_ms: 30), gain: 1),
+        })"#;
+    let graph = Document::parse("drift.ron", text)
+        .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    let mut fleet = Fleet::new(&plans(&graph, 64)).drifting(&[60.0, -40.0]);
+    for rounds in 0..3_600_000_u64 {
+        round(&mut fleet, |_, run| {
+            // A constant stays what it is, but for the pass band: nothing is skipped and nothing is missing.
+            let right = |y: &f64| rounds < 200 || (y - 1.0).abs() < 2e-4;
+            assert!((0..2).all(|tap| run.tap(tap).iter().all(right)), "round {rounds}");
+        });
+    }
+    for ring in fleet.rings() {
+        let counts = ring.counts();
+        assert_eq!(
+            (counts.underruns, counts.overruns, counts.lost_frames),
+            (0, 0, 0),
+            "{ring:?}"
+        );
+        let (least_s, most_s) = counts.range_s.unwrap();
+        assert!(least_s > 0.025 && most_s < 0.035, "{counts:?}");
+    }
+}

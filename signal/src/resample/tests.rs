@@ -270,6 +270,39 @@ fn the_steered_resampler_follows_a_drifting_clock() {
 }
 
 #[test]
+fn a_steered_sine_is_the_ideal_one_up_to_half_of_nyquist() {
+    for (from, to, ppm) in [
+        (1000.0, 48_000.0, 137.0),
+        (48_000.0, 44_100.0, -311.0),
+        (1000.0, 1000.0, 499.0),
+    ] {
+        let rate = |hz: f64| Rate::from_hz(hz as u64).unwrap();
+        for part in [0.05, 0.2, 0.35, 0.5] {
+            let mut steered = SteeredResampler::new(rate(from), rate(to), Quality::LOW_LATENCY).unwrap();
+            steered.set_correction_ppm(ppm);
+            let omega = TAU * part * 0.5 * f64::min(from, to) / from;
+            let x: Vec<f64> = (0..6000).map(|n| (omega * f64::from(n)).sin()).collect();
+            let mut y = vec![0.0; (5900.0 * to / from) as usize];
+            let produced = steered.process(&x, &mut y).produced;
+            let step = from / to * (1.0 + ppm * 1e-6);
+            let latency = steered.latency_s() * from;
+            // Pass band and images in one.
+            for (k, y) in y[..produced]
+                .iter()
+                .enumerate()
+                .skip((100.0 * to / from) as usize)
+            {
+                let want = (omega * (k as f64 * step - latency)).sin();
+                assert!(
+                    (y - want).abs() < 5e-5,
+                    "{from} to {to}, {part} of Nyquist: {y} for {want}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn steering_is_clamped_and_survives_nonsense() {
     let mut steered = SteeredResampler::new(hz(1000), hz(1000), Quality::STANDARD).unwrap();
     steered.set_correction_ppm(1e9);

@@ -42,8 +42,28 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     let outcome = outcome.map_err(message)?;
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
-    summary.add(vec![("replay", "Repeats", json!(folder))], Vec::new());
+    summary.add(vec![("replay", "Repeats", json!(folder))], differs(&facts));
     made.kept.complete(arguments, &graph, &summary)
+}
+
+/// Why the samples cannot be those of the run.
+fn differs(facts: &Value) -> Vec<String> {
+    let set = facts["set_while_running"]
+        .as_array()
+        .is_some_and(|list| !list.is_empty());
+    let changed = facts["changes"].as_u64().is_some_and(|changes| changes > 0);
+    let gone = facts["vanished"].as_u64().is_some_and(|times| times > 0);
+    let mut list = Vec::new();
+    if set || changed {
+        list.push("settings were changed while that run ran; that is not repeated".to_owned());
+    }
+    if gone {
+        list.push(
+            "the soundcard was gone for a while in that run; how its outputs rose again is not repeated"
+                .to_owned(),
+        );
+    }
+    list
 }
 
 /// The facts of the run that is to be repeated.
