@@ -8,12 +8,15 @@
 //! **Fill** is counted from the newest frame that has arrived to the one that the next output shows, so that the
 //! resampler's own delay is part of it, and the target is the whole of the declared latency.
 
+mod meter;
+
+pub use meter::{RingCounts, RingMeter};
+
 use crate::plan::RingPlan;
 use haptograph_signal::resample::{MAX_CORRECTION_PPM, Quality, ResampleError, SteeredResampler};
 use haptograph_signal::time::Rate;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// How long a signal takes to nothing when the ring has run dry, and back from it.
 pub const DRY_FADE_S: f64 = 0.005;
@@ -38,80 +41,6 @@ pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, Resample
 /// [`ResampleError`] where the rates cannot be joined.
 pub fn least_ring_latency_s(from: Rate, to: Rate) -> Result<f64, ResampleError> {
     Ok(steered(from, to)?.latency_s() + 2.0 * from.period_s().max(to.period_s()))
-}
-
-/// What is known of a ring while it runs; both ends write it, anybody may read it.
-#[derive(Debug)]
-pub struct RingMeter {
-    /// Output and input: `force.output to drive.current`.
-    pub name: String,
-    /// The declared latency, s.
-    pub latency_s: f64,
-    underruns: AtomicU64,
-    overruns: AtomicU64,
-    lost: AtomicU64,
-    fill: AtomicU64,
-    least: AtomicU64,
-    most: AtomicU64,
-    correction: AtomicU64,
-}
-
-/// A ring's counts at a moment.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RingCounts {
-    /// How often it ran dry.
-    pub underruns: u64,
-    /// How often it had become too full and frames were skipped.
-    pub overruns: u64,
-    /// Frames that were skipped or found no room.
-    pub lost_frames: u64,
-    /// How full it was last, in seconds of its signal; none before it first ran.
-    pub fill_s: Option<f64>,
-    /// The least and the most.
-    pub range_s: Option<(f64, f64)>,
-    /// How much faster than nominal it is read, in parts per million.
-    pub correction_ppm: f64,
-}
-
-impl RingMeter {
-    fn new(plan: &RingPlan) -> Self {
-        let zero = || AtomicU64::new(0);
-        Self {
-            name: plan.name.clone(),
-            latency_s: plan.latency_s,
-            underruns: zero(),
-            overruns: zero(),
-            lost: zero(),
-            fill: AtomicU64::new(f64::NAN.to_bits()),
-            least: AtomicU64::new(f64::INFINITY.to_bits()),
-            most: AtomicU64::new(f64::NEG_INFINITY.to_bits()),
-            correction: zero(),
-        }
-    }
-
-    /// What was counted so far.
-    pub fn counts(&self) -> RingCounts {
-        let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
-        let fill_s = Some(float(&self.fill)).filter(|fill| !fill.is_nan());
-        RingCounts {
-            underruns: self.underruns.load(Relaxed),
-            overruns: self.overruns.load(Relaxed),
-            lost_frames: self.lost.load(Relaxed),
-            range_s: fill_s.map(|_| (float(&self.least), float(&self.most))),
-            fill_s,
-            correction_ppm: float(&self.correction),
-        }
-    }
-
-    /// Only the reader calls this.
-    fn saw(&self, fill_s: f64, correction_ppm: f64) {
-        let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
-        self.fill.store(fill_s.to_bits(), Relaxed);
-        self.least
-            .store(float(&self.least).min(fill_s).to_bits(), Relaxed);
-        self.most.store(float(&self.most).max(fill_s).to_bits(), Relaxed);
-        self.correction.store(correction_ppm.to_bits(), Relaxed);
-    }
 }
 
 /// What a ring's latency leaves beyond the resampler's, s.
@@ -181,7 +110,7 @@ impl LinkWriter {
         self.room -= sent;
         self.accepted += sent;
         if sent < frames {
-            self.meter.lost.fetch_add(frames - sent, Relaxed);
+            self.meter.lose(frames - sent);
         }
     }
 
@@ -304,7 +233,7 @@ impl LinkReader {
                 }
                 self.meter.saw(fill / self.steering.rate_hz, correction * 1e6);
                 if left > 2.0 * self.steering.target {
-                    self.meter.overruns.fetch_add(1, Relaxed);
+                    self.meter.count_overrun();
                     self.flow = Flow::Falling(0);
                 }
             }
@@ -331,7 +260,7 @@ impl LinkReader {
         self.drop_frames(skipped);
         // What came before it first ran was never wanted.
         if self.meter.counts().fill_s.is_some() {
-            self.meter.lost.fetch_add(skipped, Relaxed);
+            self.meter.lose(skipped);
         }
         self.steering.error_s = 0.0;
         self.flow = Flow::Running(0);
@@ -353,7 +282,7 @@ impl LinkReader {
             done = ticks * self.width;
             self.resample(&mut y[..done]);
             if done < y.len() {
-                self.meter.underruns.fetch_add(1, Relaxed);
+                self.meter.count_underrun();
                 self.flow = Flow::Falling(0);
             }
         }

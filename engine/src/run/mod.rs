@@ -3,6 +3,7 @@
 mod arrivals;
 mod bridge;
 mod drive;
+mod files;
 mod fleet;
 mod glide;
 mod link;

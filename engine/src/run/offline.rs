@@ -1,8 +1,9 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
 use super::arrivals::{Arrivals, ReplayError};
+use super::files::Files;
 use super::fleet::Fleet;
-use super::outlets::{Outlets, WriteError, Written};
+use super::outlets::{Outlets, WriteError};
 use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
 use petgraph::graph::NodeIndex;
@@ -152,52 +153,6 @@ impl<'a> Offline<'a> {
         })?;
         files.finish()?;
         Ok(outcome_of(&fleet, !scripts.iter().all(Arrivals::is_over)))
-    }
-}
-
-/// The writers of a run, and where each of their streams is tapped.
-struct Files {
-    written: Vec<Written>,
-    /// By driver and by tap: its place in that driver's plan.
-    places: Vec<Vec<Option<usize>>>,
-}
-
-impl Files {
-    fn new<'p>(written: Vec<Written>, plans: impl Iterator<Item = &'p Plan>) -> Self {
-        let taps = written.iter().flat_map(|written| &written.taps).max();
-        let count = taps.map_or(0, |last| last + 1);
-        let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
-        let places = plans.map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
-        Self {
-            places: places.collect(),
-            written,
-        }
-    }
-
-    /// Writes the block that a driver ran last.
-    fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
-        for written in &mut self.written {
-            for (stream, tap) in written.taps.iter().enumerate() {
-                let Some(place) = self.places[driver][*tap] else {
-                    continue;
-                };
-                let result = written.writer.write(stream, run.tap(place));
-                let path = || written.what.clone();
-                result.map_err(|error| WriteError { path: path(), error })?;
-            }
-        }
-        Ok(())
-    }
-
-    fn finish(self) -> Result<(), WriteError> {
-        for written in self.written {
-            let path = written.what;
-            written
-                .writer
-                .finish()
-                .map_err(|error| WriteError { path, error })?;
-        }
-        Ok(())
     }
 }
 

@@ -1,0 +1,51 @@
+//! The files of an offline run, written as its drivers go.
+
+use super::Run;
+use super::outlets::{WriteError, Written};
+use crate::plan::Plan;
+
+/// The writers of a run, and where each of their streams is tapped.
+pub(super) struct Files {
+    written: Vec<Written>,
+    /// By driver and by tap: its place in that driver's plan.
+    places: Vec<Vec<Option<usize>>>,
+}
+
+impl Files {
+    pub(super) fn new<'p>(written: Vec<Written>, plans: impl Iterator<Item = &'p Plan>) -> Self {
+        let taps = written.iter().flat_map(|written| &written.taps).max();
+        let count = taps.map_or(0, |last| last + 1);
+        let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
+        let places = plans.map(|plan| (0..count).map(|tap| place(plan, tap)).collect());
+        Self {
+            places: places.collect(),
+            written,
+        }
+    }
+
+    /// Writes the block that a driver ran last.
+    pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
+        for written in &mut self.written {
+            for (stream, tap) in written.taps.iter().enumerate() {
+                let Some(place) = self.places[driver][*tap] else {
+                    continue;
+                };
+                let result = written.writer.write(stream, run.tap(place));
+                let path = || written.what.clone();
+                result.map_err(|error| WriteError { path: path(), error })?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn finish(self) -> Result<(), WriteError> {
+        for written in self.written {
+            let path = written.what;
+            written
+                .writer
+                .finish()
+                .map_err(|error| WriteError { path, error })?;
+        }
+        Ok(())
+    }
+}
