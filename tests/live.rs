@@ -127,6 +127,8 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
     let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--out", "out"]);
     run.type_line("set loudness=0.5");
     run.wait_for("a setting changed");
+    // It takes 20 ms to get there.
+    std::thread::sleep(Duration::from_millis(300));
     run.type_line("set loud.gain=0.75");
     run.wait_for("loud.gain is 0.75");
     for (wrong, told) in [
@@ -137,6 +139,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
         run.type_line(wrong);
         run.wait_for(told);
     }
+    std::thread::sleep(Duration::from_millis(300));
     run.stop();
     let heard = samples(&folder.path().join("out/loud.wav"));
     assert_eq!((heard[0], *heard.last().unwrap()), (0.25, 0.75));
