@@ -104,6 +104,7 @@ fn texture(all: &mut Registry) {
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
+        .add_device(DeviceEntry::of::<network::EvdevDevice>())
         .add_device(DeviceEntry::of::<soundcard::Soundcard>())
         .add_device(DeviceEntry::of::<soundcard::SoundcardVoltage>());
 }

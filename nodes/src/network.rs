@@ -4,6 +4,7 @@
 //! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
 
 mod control;
+mod evdev;
 mod link;
 mod osc;
 pub mod protocol;
@@ -11,12 +12,14 @@ mod remote;
 mod socket;
 
 pub use control::{OscControl, Told};
+pub use evdev::{EvdevDevice, EvdevDeviceSettings};
 pub use link::Counts;
 pub use osc::{OscDevice, OscDeviceSettings};
 pub use remote::{UdpDevice, UdpDeviceSettings};
 pub use socket::Connections;
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 /// Why a device beyond the network cannot be reached.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +32,16 @@ pub enum NetworkError {
         /// Where it should listen.
         address: SocketAddr,
         /// What the system says.
+        error: std::io::Error,
+    },
+    /// It cannot be read.
+    #[error("device `{device}` cannot be read from {}: {error}", path.display())]
+    Input {
+        /// Name of the endpoint.
+        device: String,
+        /// The event device.
+        path: PathBuf,
+        /// What is wrong.
         error: std::io::Error,
     },
     /// Two endpoints would listen at the same place.

@@ -25,8 +25,8 @@ fn folder() -> tempfile::TempDir {
     for sub in ["surfaces", "recordings", "shapes"] {
         std::fs::create_dir(folder.path().join(sub)).unwrap();
     }
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/modest.ron");
-    std::fs::copy(shipped, folder.path().join("surfaces/modest.ron")).unwrap();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
+    std::fs::copy(shipped, folder.path().join("surfaces/t3-tile.ron")).unwrap();
     std::fs::write(
         folder.path().join("recordings/stroke.csv"),
         "time_s,force_n\n0,1\n0.05,2\n0.2,0.5\n",

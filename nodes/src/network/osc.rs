@@ -1,7 +1,7 @@
 //! Devices that speak Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
 
 use super::link::{Count, DRIVEN, SENSED};
-use super::remote::{DRIVES, Remote, SENSES, address, link_at};
+use super::remote::{DRIVES, Remote, SENSES, Way, address, link_at};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
@@ -65,13 +65,14 @@ impl DeviceKind for OscDevice {
             every: Duration::from_secs_f64(1.0 / settings.send_rate_hz),
         };
         let plug = Plug {
-            link: link_at(listen),
+            link: link_at(&settings.listen),
             listen,
             only: None,
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
             codec: Codec::Osc(Arc::new(addresses)),
         };
-        Ok(Box::new(Remote::new(plug, settings.fastest_mm_s * 1e-3, cx)))
+        let (timeout, fastest_m_s) = (plug.timeout, settings.fastest_mm_s * 1e-3);
+        Ok(Box::new(Remote::new(Way::Socket(plug), timeout, fastest_m_s, cx)))
     }
 }
 

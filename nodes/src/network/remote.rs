@@ -1,6 +1,7 @@
 //! The device at the other end, as ticks see it: its latest news while they are fresh, and nothing to push with when
 //! they are not.
 
+use super::evdev::Input;
 use super::link::{DRIVEN, Link, SENSED};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
@@ -114,13 +115,14 @@ impl DeviceKind for UdpDevice {
     fn build(settings: UdpDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         let only = settings.only.map(|only| address("only", &only)).transpose()?;
         let plug = Plug {
-            link: link_at(address("listen", &settings.listen)?),
+            link: link_at(&settings.listen),
             listen: address("listen", &settings.listen)?,
             only,
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
             codec: Codec::Protocol,
         };
-        Ok(Box::new(Remote::new(plug, settings.fastest_mm_s * 1e-3, cx)))
+        let (timeout, fastest_m_s) = (plug.timeout, settings.fastest_mm_s * 1e-3);
+        Ok(Box::new(Remote::new(Way::Socket(plug), timeout, fastest_m_s, cx)))
     }
 }
 
@@ -132,25 +134,33 @@ pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, Bui
     })
 }
 
-/// One link an address: a graph that is loaded again while it runs finds the socket that the old one opened.
-pub(super) fn link_at(listen: SocketAddr) -> Arc<Link> {
-    type Links = Vec<(SocketAddr, Weak<Link>)>;
+/// One link a place: a graph that is loaded again while it runs finds what the old one opened.
+pub(super) fn link_at(place: &str) -> Arc<Link> {
+    type Links = Vec<(String, Weak<Link>)>;
     static LINKS: LazyLock<Mutex<Links>> = LazyLock::new(Mutex::default);
     let mut links = LINKS.lock().unwrap_or_else(PoisonError::into_inner);
     links.retain(|(_, link)| link.strong_count() > 0);
-    let known = links.iter().find(|(at, _)| *at == listen);
+    let known = links.iter().find(|(at, _)| at == place);
     if let Some(link) = known.and_then(|(_, link)| link.upgrade()) {
         return link;
     }
     let link = Arc::new(Link::new());
-    links.push((listen, Arc::downgrade(&link)));
+    links.push((place.to_owned(), Arc::downgrade(&link)));
     link
 }
 
-/// A device beyond a network.
+/// How a device is reached.
+#[derive(Debug, Clone)]
+pub(super) enum Way {
+    Socket(Plug),
+    Input(Arc<Input>),
+}
+
+/// A device that this program does not own.
 #[derive(Debug, Clone)]
 pub(super) struct Remote {
-    pub plug: Plug,
+    pub way: Way,
+    link: Arc<Link>,
     period_s: f64,
     timeout_ticks: u64,
     fastest_m_s: f64,
@@ -167,11 +177,17 @@ pub(super) struct Remote {
 }
 
 impl Remote {
-    pub fn new(plug: Plug, fastest_m_s: f64, cx: &BuildContext) -> Self {
+    /// News older than `timeout` are no news.
+    pub fn new(way: Way, timeout: Duration, fastest_m_s: f64, cx: &BuildContext) -> Self {
         let period_s = cx.rate.period_s();
+        let link = match &way {
+            Way::Socket(plug) => Arc::clone(&plug.link),
+            Way::Input(input) => Arc::clone(&input.link),
+        };
         Self {
-            timeout_ticks: (plug.timeout.as_secs_f64() / period_s).ceil() as u64,
-            plug,
+            timeout_ticks: (timeout.as_secs_f64() / period_s).ceil() as u64,
+            way,
+            link,
             period_s,
             fastest_m_s,
             seen: 0,
@@ -199,7 +215,7 @@ impl Device for Remote {
     fn advance(&mut self) {
         self.age = self.age.saturating_add(1);
         self.held = self.held.saturating_sub(1);
-        if let Some((version, sensed)) = self.plug.link.sensed.look()
+        if let Some((version, sensed)) = self.link.sensed.look()
             && version != self.seen
         {
             if !self.is_silent() && self.jumps_to(&sensed) {
@@ -236,7 +252,7 @@ impl Device for Remote {
         for (driven, asked) in self.driven[first..].iter_mut().zip(frame) {
             *driven = asked * self.reach;
         }
-        self.plug.link.driven.put(&self.driven);
+        self.link.driven.put(&self.driven);
     }
 }
 
@@ -260,7 +276,7 @@ mod tests {
             seed: 1,
             input_widths: Vec::new(),
         };
-        let mut remote = Remote::new(plug, 5.0, &cx);
+        let mut remote = Remote::new(Way::Socket(plug), Duration::from_millis(20), 5.0, &cx);
         remote.advance();
         remote
     }
@@ -268,13 +284,13 @@ mod tests {
     fn news(remote: &mut Remote, x_m: f64) {
         let mut sensed = [0.0; SENSED];
         (sensed[0], sensed[8]) = (x_m, 1.5);
-        remote.plug.link.sensed.put(&sensed);
+        remote.link.sensed.put(&sensed);
         remote.advance();
     }
 
     fn pushes(remote: &mut Remote) -> f64 {
         remote.write(0, &[2.0, 0.0, 0.0]);
-        remote.plug.link.driven.look().unwrap().1[0]
+        remote.link.driven.look().unwrap().1[0]
     }
 
     fn force(remote: &mut Remote) -> f64 {

@@ -1,9 +1,11 @@
 //! The thread that talks to a device: takes what is sound and new, and answers with what to drive.
 
+use super::NetworkError;
+use super::evdev::{self, Input};
 use super::link::{Count, Counts, DRIVEN, Link, SENSED};
 use super::osc::{Addresses, Teller};
 use super::protocol::{Command, PacketError, State};
-use super::{NetworkError, remote::Remote};
+use super::remote::{Remote, Way};
 use haptograph_engine::graph::Graph;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -40,6 +42,16 @@ const MAX_BYTES: usize = 65_536;
 #[derive(Debug, Default)]
 pub struct Connections {
     list: Vec<Connection>,
+    inputs: Vec<Reading>,
+}
+
+/// An event device that is being read.
+#[derive(Debug)]
+struct Reading {
+    device: String,
+    input: Arc<Input>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
 }
 
 #[derive(Debug)]
@@ -62,11 +74,25 @@ impl Connections {
             let Some(remote) = device.device().as_any().downcast_ref::<Remote>() else {
                 continue;
             };
-            if let Some((other, _)) = plugs.iter().find(|(_, plug)| plug.listen == remote.plug.listen) {
-                let (one, two) = ((*other).to_owned(), device.name.clone());
-                return Err(NetworkError::Shared(one, two, remote.plug.listen));
+            match &remote.way {
+                Way::Socket(plug) => {
+                    if let Some((other, _)) = plugs.iter().find(|(_, known)| known.listen == plug.listen) {
+                        let (one, two) = ((*other).to_owned(), device.name.clone());
+                        return Err(NetworkError::Shared(one, two, plug.listen));
+                    }
+                    plugs.push((&device.name, plug));
+                }
+                Way::Input(input) => {
+                    // What is read already goes on, for whoever has its link.
+                    if !self
+                        .inputs
+                        .iter()
+                        .any(|known| Arc::ptr_eq(&known.input.link, &input.link))
+                    {
+                        self.inputs.push(Reading::begin(&device.name, input)?);
+                    }
+                }
             }
-            plugs.push((&device.name, &remote.plug));
         }
         for (device, plug) in plugs {
             if !self.list.iter().any(|known| known.listen == plug.listen) {
@@ -83,11 +109,46 @@ impl Connections {
             .map(|known| (known.device.as_str(), known.link.counts()))
     }
 
-    /// Each device, and where it is listened to.
-    pub fn addresses(&self) -> impl Iterator<Item = (&str, SocketAddr)> {
-        self.list
+    /// Each device, and where it is listened to or read from.
+    pub fn places(&self) -> impl Iterator<Item = (&str, String)> {
+        let sockets = self
+            .list
             .iter()
-            .map(|known| (known.device.as_str(), known.listen))
+            .map(|known| (known.device.as_str(), known.listen.to_string()));
+        let inputs = self.inputs.iter();
+        sockets.chain(inputs.map(|known| (known.device.as_str(), known.input.path.display().to_string())))
+    }
+}
+
+impl Reading {
+    fn begin(device: &str, input: &Arc<Input>) -> Result<Self, NetworkError> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let thread = evdev::begin(device, input, &stop).map_err(|error| NetworkError::Input {
+            device: device.to_owned(),
+            path: input.path.clone(),
+            error,
+        })?;
+        Ok(Self {
+            device: device.to_owned(),
+            input: Arc::clone(input),
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        end(&self.stop, &mut self.thread);
+    }
+}
+
+/// Lets a thread come to its end.
+fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
+    stop.store(true, Ordering::Relaxed);
+    if let Some(thread) = thread.take() {
+        // It cannot have panicked in a way that matters here: what it owned is gone either way.
+        let _ = thread.join();
     }
 }
 
@@ -118,11 +179,7 @@ impl Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // It cannot have panicked in a way that matters here: what it owned is gone either way.
-            let _ = thread.join();
-        }
+        end(&self.stop, &mut self.thread);
     }
 }
 

@@ -58,8 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.graph.endpoints(),
         driver.about()
     ));
-    for (device, address) in network.addresses() {
-        remark(&format!("listening for `{device}` at {address}\n"));
+    for (device, place) in network.places() {
+        remark(&format!("listening for `{device}` at {place}\n"));
     }
     if let Some(osc) = &osc {
         remark(&format!("settings by Open Sound Control at {}\n", osc.address()));

@@ -1,0 +1,94 @@
+//! A tablet or mouse that Linux itself reads, in physical units.
+
+#[cfg(all(feature = "evdev", target_os = "linux"))]
+mod reading;
+
+use super::link::Link;
+use super::remote::{Remote, SENSES, Way, link_at};
+use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
+use haptograph_engine::node::{BuildContext, BuildError};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+haptograph_engine::settings! {
+    /// A tablet or mouse, read from Linux's event devices.
+    pub struct EvdevDeviceSettings {
+        /// The event device: one of the links in /dev/input/by-id, say.
+        path: String;
+        /// Counts of a millimetre: needed for a mouse (1000 dpi are 39.4) and for a tablet that does not say its own.
+        counts_per_mm: Option<f64> = None, in 0.01..=100_000.0;
+        /// Normal force at full pressure, and while a button is held or a finger is down where there is no pressure, N.
+        pressed_n: f64 = 1.0, in 0.0..=100.0;
+        /// A tip that seems to move faster has jumped, mm/s.
+        fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+    }
+}
+
+/// A tablet or mouse of this machine.
+pub struct EvdevDevice;
+
+impl DeviceKind for EvdevDevice {
+    type Settings = EvdevDeviceSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "EvdevDevice",
+        doc: "A tablet or mouse that Linux reads. It is read in live runs only, and by programs built with the feature \
+              `evdev`. A tablet's origin is its middle, a mouse's where it is at the start; y points away from the user. \
+              Normal force is pressure times `pressed_n`: no tablet states newtons.",
+        source: "2.4",
+        simulated: false,
+        senses: SENSES,
+        drives: &[],
+        example: r#""stylus": EvdevDevice(path: "/dev/input/by-id/usb-Tablet-event-mouse", pressed_n: 3.0)"#,
+    };
+
+    fn build(settings: EvdevDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        if settings.path.is_empty() {
+            return Err(
+                BuildError::at("path", "the path is empty").help("`ls /dev/input/by-id` names the devices")
+            );
+        }
+        let input = Input {
+            link: link_at(&settings.path),
+            path: PathBuf::from(settings.path),
+            counts_per_mm: settings.counts_per_mm,
+            pressed_n: settings.pressed_n,
+        };
+        // It is told of as present ten times as often; a device that was pulled out is gone.
+        let timeout = Duration::from_millis(50);
+        Ok(Box::new(Remote::new(
+            Way::Input(Arc::new(input)),
+            timeout,
+            settings.fastest_mm_s * 1e-3,
+            cx,
+        )))
+    }
+}
+
+/// An event device and how it is understood.
+#[derive(Debug)]
+#[cfg_attr(
+    not(all(feature = "evdev", target_os = "linux")),
+    expect(dead_code, reason = "nothing is read without the feature")
+)]
+pub(super) struct Input {
+    pub link: Arc<Link>,
+    pub path: PathBuf,
+    pub counts_per_mm: Option<f64>,
+    pub pressed_n: f64,
+}
+
+#[cfg(all(feature = "evdev", target_os = "linux"))]
+pub(super) use reading::begin;
+
+/// Says what is missing.
+#[cfg(not(all(feature = "evdev", target_os = "linux")))]
+pub(super) fn begin(
+    _: &str,
+    _: &Arc<Input>,
+    _: &Arc<std::sync::atomic::AtomicBool>,
+) -> std::io::Result<std::thread::JoinHandle<()>> {
+    Err(std::io::Error::other(
+        "this program was built without it; on Linux, `cargo build --release --features evdev`",
+    ))
+}

@@ -1,0 +1,301 @@
+//! Linux's events become positions and forces, on a thread of its own.
+
+use super::Input;
+use crate::network::link::SENSED;
+use evdev::{AbsInfo, AbsoluteAxisCode, EventSummary, KeyCode, RelativeAxisCode};
+use std::io::{Error, ErrorKind, Result};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Where an axis begins and how far it goes, in its own counts, and how many of them are a millimetre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Axis {
+    least: f64,
+    most: f64,
+    counts_per_mm: Option<f64>,
+}
+
+/// What a device says it has.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Abilities {
+    /// Absolute x and y; none for a mouse.
+    place: Option<[Axis; 2]>,
+    pressure: Option<Axis>,
+}
+
+/// One thing that happened.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Event {
+    /// Absolute place of axis 0 or 1, counts.
+    Place(usize, f64),
+    /// Movement along it, counts.
+    Move(usize, f64),
+    Pressure(f64),
+    Down(bool),
+}
+
+/// Events become positions and forces.
+#[derive(Debug, Clone, PartialEq)]
+struct Tip {
+    /// Counts of a metre along x and y, and the counts at the origin.
+    counts_per_m: [f64; 2],
+    origin: [f64; 2],
+    pressure: Option<Axis>,
+    pressed_n: f64,
+    sensed: [f64; SENSED],
+}
+
+impl Tip {
+    /// None where nobody says how many counts a millimetre has.
+    fn new(input: &Input, has: &Abilities) -> Option<Self> {
+        let counts_per_mm = |axis: usize| {
+            let said = has.place.and_then(|place| place[axis].counts_per_mm);
+            input.counts_per_mm.or(said)
+        };
+        let middle = |axis: usize| {
+            has.place
+                .map_or(0.0, |place| 0.5 * (place[axis].least + place[axis].most))
+        };
+        Some(Self {
+            counts_per_m: [1e3 * counts_per_mm(0)?, 1e3 * counts_per_mm(1)?],
+            origin: [middle(0), middle(1)],
+            pressure: has.pressure.filter(|axis| axis.most > axis.least),
+            pressed_n: input.pressed_n,
+            sensed: [0.0; SENSED],
+        })
+    }
+
+    fn take(&mut self, event: Event) {
+        // Both count y towards the user.
+        let metres = |axis: usize, counts: f64| [1.0, -1.0][axis] * counts / self.counts_per_m[axis];
+        match event {
+            Event::Place(axis, counts) => self.sensed[axis] = metres(axis, counts - self.origin[axis]),
+            Event::Move(axis, counts) => self.sensed[axis] += metres(axis, counts),
+            Event::Pressure(counts) => {
+                if let Some(Axis { least, most, .. }) = self.pressure {
+                    self.sensed[8] = self.pressed_n * ((counts - least) / (most - least)).clamp(0.0, 1.0);
+                }
+            }
+            Event::Down(down) if self.pressure.is_none() => {
+                self.sensed[8] = if down { self.pressed_n } else { 0.0 }
+            }
+            // A pen that is lifted presses on nothing, whatever its last pressure was.
+            Event::Down(false) => self.sensed[8] = 0.0,
+            Event::Down(true) => {}
+        }
+    }
+}
+
+/// How often a device is looked at.
+const PAUSE: Duration = Duration::from_millis(1);
+/// How often one that is gone is looked for.
+const RETRY: Duration = Duration::from_millis(500);
+/// Pauses between two words that it is still there.
+const ALIVE: u32 = 5;
+
+struct Open {
+    device: evdev::Device,
+    tip: Tip,
+}
+
+impl Open {
+    fn new(input: &Input) -> Result<Self> {
+        let device = evdev::Device::open(&input.path)?;
+        device.set_nonblocking(true)?;
+        let abilities = abilities(&device)?;
+        let tip = Tip::new(input, &abilities).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidInput,
+                "it does not say how many counts a millimetre has; give `counts_per_mm`",
+            )
+        })?;
+        Ok(Self { device, tip })
+    }
+
+    /// Takes what happened since. Did anything?
+    fn take(&mut self) -> Result<bool> {
+        let mut news = false;
+        match self.device.fetch_events() {
+            Ok(events) => {
+                for event in events.filter_map(|event| meaning(event.destructure())) {
+                    self.tip.take(event);
+                    news = true;
+                }
+                Ok(news)
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+fn abilities(device: &evdev::Device) -> Result<Abilities> {
+    let (mut place, mut pressure) = ([None; 2], None);
+    if device.supported_absolute_axes().is_some() {
+        for (code, info) in device.get_absinfo()? {
+            match code {
+                AbsoluteAxisCode::ABS_X => place[0] = Some(axis(&info)),
+                AbsoluteAxisCode::ABS_Y => place[1] = Some(axis(&info)),
+                AbsoluteAxisCode::ABS_PRESSURE => pressure = Some(axis(&info)),
+                _ => {}
+            }
+        }
+    }
+    let place = match place {
+        [Some(x), Some(y)] => Some([x, y]),
+        _ => None,
+    };
+    Ok(Abilities { place, pressure })
+}
+
+fn axis(info: &AbsInfo) -> Axis {
+    Axis {
+        least: f64::from(info.minimum()),
+        most: f64::from(info.maximum()),
+        counts_per_mm: (info.resolution() > 0).then(|| f64::from(info.resolution())),
+    }
+}
+
+fn meaning(event: EventSummary) -> Option<Event> {
+    Some(match event {
+        EventSummary::AbsoluteAxis(_, AbsoluteAxisCode::ABS_X, value) => Event::Place(0, f64::from(value)),
+        EventSummary::AbsoluteAxis(_, AbsoluteAxisCode::ABS_Y, value) => Event::Place(1, f64::from(value)),
+        EventSummary::AbsoluteAxis(_, AbsoluteAxisCode::ABS_PRESSURE, value) => {
+            Event::Pressure(f64::from(value))
+        }
+        EventSummary::RelativeAxis(_, RelativeAxisCode::REL_X, value) => Event::Move(0, f64::from(value)),
+        EventSummary::RelativeAxis(_, RelativeAxisCode::REL_Y, value) => Event::Move(1, f64::from(value)),
+        EventSummary::Key(_, KeyCode::BTN_TOUCH | KeyCode::BTN_LEFT, value) => Event::Down(value != 0),
+        _ => return None,
+    })
+}
+
+/// Reads a device until `stop`, on a thread of its own; one that is pulled out is looked for.
+pub(in crate::network) fn begin(
+    device: &str,
+    input: &Arc<Input>,
+    stop: &Arc<AtomicBool>,
+) -> Result<JoinHandle<()>> {
+    let mut open = Some(Open::new(input)?);
+    let (input, stop) = (Arc::clone(input), Arc::clone(stop));
+    std::thread::Builder::new()
+        .name(format!("input {device}"))
+        .spawn(move || {
+            let mut quiet = 0;
+            while !stop.load(Relaxed) {
+                let Some(this) = &mut open else {
+                    std::thread::sleep(RETRY);
+                    open = Open::new(&input).ok();
+                    continue;
+                };
+                match this.take() {
+                    Ok(news) => {
+                        quiet = if news { 0 } else { quiet + 1 };
+                        if quiet % ALIVE == 0 {
+                            input.link.sensed.put(&this.tip.sensed);
+                        }
+                        std::thread::sleep(PAUSE);
+                    }
+                    Err(_) => open = None,
+                }
+            }
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::link::Link;
+    use evdev::{EventType, InputEvent};
+    use std::path::PathBuf;
+
+    #[test]
+    fn linux_events_are_understood() {
+        let said = |kind: EventType, code: u16, value: i32| {
+            meaning(InputEvent::new(kind.0, code, value).destructure())
+        };
+        assert_eq!(said(EventType::ABSOLUTE, 1, 40), Some(Event::Place(1, 40.0)));
+        assert_eq!(said(EventType::ABSOLUTE, 0x18, 7), Some(Event::Pressure(7.0)));
+        assert_eq!(said(EventType::RELATIVE, 0, -3), Some(Event::Move(0, -3.0)));
+        assert_eq!(said(EventType::KEY, 0x14a, 1), Some(Event::Down(true)));
+        assert_eq!(said(EventType::KEY, 0x110, 0), Some(Event::Down(false)));
+        assert_eq!(said(EventType::RELATIVE, 8, 1), None, "a wheel is no movement");
+    }
+
+    #[test]
+    fn what_is_no_event_device_is_an_error() {
+        let path = tempfile::NamedTempFile::new().unwrap();
+        let input = Input {
+            link: Arc::new(Link::new()),
+            path: path.path().to_owned(),
+            counts_per_mm: None,
+            pressed_n: 1.0,
+        };
+        assert!(begin("stylus", &Arc::new(input), &Arc::default()).is_err());
+    }
+
+    fn input(counts_per_mm: Option<f64>) -> Input {
+        Input {
+            link: Arc::new(Link::new()),
+            path: PathBuf::from("none"),
+            counts_per_mm,
+            pressed_n: 3.0,
+        }
+    }
+
+    const fn axis(most: f64, counts_per_mm: Option<f64>) -> Axis {
+        Axis {
+            least: 0.0,
+            most,
+            counts_per_mm,
+        }
+    }
+
+    #[test]
+    fn a_tablet_is_placed_from_its_middle_in_metres_and_presses_in_newtons() {
+        let has = Abilities {
+            place: Some([axis(20_000.0, Some(100.0)), axis(10_000.0, Some(100.0))]),
+            pressure: Some(axis(1023.0, None)),
+        };
+        let mut tip = Tip::new(&input(None), &has).unwrap();
+        for event in [
+            Event::Place(0, 11_000.0),
+            Event::Place(1, 4000.0),
+            Event::Pressure(1023.0),
+            Event::Down(true),
+        ] {
+            tip.take(event);
+        }
+        // 10 mm right of the middle, 10 mm away from the user.
+        assert_eq!((tip.sensed[0], tip.sensed[1], tip.sensed[8]), (0.01, 0.01, 3.0));
+        tip.take(Event::Down(false));
+        assert_eq!((tip.sensed[0], tip.sensed[8]), (0.01, 0.0));
+    }
+
+    #[test]
+    fn a_mouse_moves_from_where_it_is_and_presses_by_its_button() {
+        let has = Abilities::default();
+        assert_eq!(
+            Tip::new(&input(None), &has),
+            None,
+            "its counts are anybody's guess"
+        );
+        let mut tip = Tip::new(&input(Some(40.0)), &has).unwrap();
+        for event in [
+            Event::Move(0, 400.0),
+            Event::Move(0, -200.0),
+            Event::Move(1, 40.0),
+            Event::Down(true),
+        ] {
+            tip.take(event);
+        }
+        assert_eq!(
+            (tip.sensed[0], tip.sensed[1], tip.sensed[8]),
+            (0.005, -0.001, 3.0)
+        );
+        tip.take(Event::Down(false));
+        assert_eq!(tip.sensed[8], 0.0);
+    }
+}
