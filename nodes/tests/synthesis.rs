@@ -21,7 +21,7 @@ type Frame = [f64; Coefficients::WIDTH];
 
 /// The surface that comes with haptograph, and three of the public toolkit's where `HATT_DIR` names them.
 fn surfaces() -> Vec<PathBuf> {
-    let mut all = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/modest.ron")];
+    let mut all = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron")];
     match std::env::var_os("HATT_DIR") {
         Some(folder) => {
             let models = Path::new(&folder).join("Models/Models10000Hz/XML");

@@ -72,7 +72,7 @@ fn gain_zero_is_no_current() {
 fn a_node_is_another_one_once_its_file_has_changed() {
     let folder = tempfile::tempdir().unwrap();
     let surface = folder.path().join("surface.ron");
-    std::fs::copy(graphs().join("surfaces/modest.ron"), &surface).unwrap();
+    std::fs::copy(graphs().join("surfaces/t3-tile.ron"), &surface).unwrap();
     let fingerprints = || {
         let graph = texturepad(&[("surface", surface.to_str().unwrap())]);
         graph
