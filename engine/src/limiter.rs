@@ -174,9 +174,9 @@ impl<const N: usize> Limiter<N> {
         self.counts = other.counts;
     }
 
-    /// Begins from zero, as the actuator was given nothing in the meantime; the heat stays.
-    pub fn begin_at_rest(&mut self) {
-        self.previous = [0.0; N];
+    /// Begins from what the actuator was really given last; the heat stays.
+    pub fn begin_from(&mut self, given: [f64; N]) {
+        self.previous = given;
     }
 
     /// The latest output.

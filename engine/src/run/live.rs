@@ -54,8 +54,6 @@ pub enum LiveState {
     Finished,
     /// A node panicked; the actuators were taken to zero and stay there.
     Panicked,
-    /// A device panicked as well when it was taken to zero; nothing is driven any more.
-    Lost,
 }
 
 enum Command {
@@ -152,9 +150,10 @@ impl Live {
         }
         if matches!(self.state, LiveState::Panicked | LiveState::Finished) {
             let left = frames - (self.frames - done) as usize;
-            if catch_unwind(AssertUnwindSafe(|| self.run.ramp_down(left, FADE_S))).is_err() {
-                self.state = LiveState::Lost;
-            }
+            self.run.ramp_down(left, FADE_S);
+        } else if self.state == LiveState::Stopped && self.frames > done {
+            // It stopped within this callback: the rest of it is zeros, so that nothing is shifted.
+            self.run.ramp_down(frames - (self.frames - done) as usize, FADE_S);
         }
     }
 
@@ -231,7 +230,7 @@ impl Live {
     pub fn is_at_rest(&self) -> bool {
         match self.state {
             LiveState::Running => false,
-            LiveState::Stopped | LiveState::Lost => true,
+            LiveState::Stopped => true,
             LiveState::Finished | LiveState::Panicked => self.run.is_ramped_down(FADE_S),
         }
     }

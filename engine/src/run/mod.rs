@@ -44,6 +44,7 @@ use petgraph::graph::NodeIndex;
 use profile::{Unwatched, Watch};
 use program::{Line, Program, SingleStep};
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use window::{Window, Windows};
 
@@ -87,6 +88,10 @@ struct Links {
 struct DeviceState {
     device: Box<dyn Device>,
     started: bool,
+    /// What each of the plan's writes gave it last.
+    written: Vec<[f64; 6]>,
+    /// It panicked on the way down, and is driven no more.
+    lost: bool,
 }
 
 /// A gain and the limiter that every drive of a device goes through.
@@ -151,6 +156,8 @@ impl Run {
                 .map(|device| DeviceState {
                     device: device.device.clone_box(),
                     started: false,
+                    written: vec![[0.0; 6]; device.writes.len()],
+                    lost: false,
                 })
                 .collect(),
             actuators: plan
@@ -242,10 +249,21 @@ impl Run {
         }
     }
 
-    /// After a panic in a node: takes every actuator from its latest output to zero within `seconds`, through its
-    /// limiter, without the plan.
+    /// After a panic in a node: takes every actuator from what it was given last to zero within `seconds`, through its
+    /// limiter, without the plan. A device that panics now is driven no more; the others are.
     pub(crate) fn ramp_down(&mut self, frames: usize, seconds: f64) {
         let Self { plan, state, .. } = self;
+        if state.ramped == 0 {
+            // The block that was not finished got as far as the limiters, perhaps, but not to the device.
+            for (plan_device, device) in plan.devices.iter().zip(&state.devices) {
+                for ((.., channel), written) in plan_device.writes.iter().zip(&device.written) {
+                    let mut sinks = plan_device.driven_by.iter();
+                    if let Some((actuator, ..)) = sinks.find(|(_, driven, _)| driven == channel) {
+                        state.actuators[*actuator].limiter.begin_from(written);
+                    }
+                }
+            }
+        }
         let ramp_frames = (seconds * plan.driver_rate().hz()).max(1.0);
         for _ in 0..frames {
             state.windows.next_block(1);
@@ -267,12 +285,20 @@ impl Run {
                     for (actuator, channel, _) in &plan_device.driven_by {
                         let mut frame = [0.0; 6];
                         let width = state.actuators[*actuator].limiter.ramp(factor, &mut frame);
-                        device.device.write(*channel, &frame[..width]);
+                        device.unless_lost(|device| device.device.write(*channel, &frame[..width]));
                     }
-                    device.advance();
+                    device.unless_lost(DeviceState::advance);
                 }
             }
         }
+    }
+
+    /// The devices that panicked when they were taken to zero.
+    pub fn lost_devices(&self) -> impl Iterator<Item = &str> {
+        let devices = self.plan.devices.iter().zip(&self.state.devices);
+        devices
+            .filter(|(_, state)| state.lost)
+            .map(|(device, _)| &*device.name)
     }
 
     /// Has that ramp come to its end, as fast as the limits let it?
@@ -291,7 +317,7 @@ impl Run {
     /// Lets every limiter begin from zero, as nothing is driven.
     pub(crate) fn begin_at_rest(&mut self) {
         for actuator in &mut self.state.actuators {
-            actuator.limiter.begin_at_rest();
+            actuator.limiter.begin_from(&[0.0; 6]);
         }
     }
 
@@ -541,6 +567,13 @@ impl State {
                 state.device.write(*channel, &buffer[range]);
             }
         }
+        if window.count > 0 {
+            for ((slot, placing, _), written) in device.writes.iter().zip(&mut state.written) {
+                let last = &self.memory.all()[program.range(*slot)];
+                let last = &last[range_of(placing.start, placing.width, window.one(window.count - 1))];
+                written[..last.len()].copy_from_slice(last);
+            }
+        }
     }
 }
 
@@ -575,6 +608,13 @@ impl DeviceState {
             self.device.advance();
         }
         self.started = true;
+    }
+
+    /// Does something with the device, outside the plan, unless it has panicked at that.
+    fn unless_lost(&mut self, work: impl FnOnce(&mut Self)) {
+        if !self.lost {
+            self.lost = catch_unwind(AssertUnwindSafe(|| work(self))).is_err();
+        }
     }
 }
 
@@ -643,11 +683,15 @@ impl AnyLimiter {
         }
     }
 
-    fn begin_at_rest(&mut self) {
+    /// Begins from what the actuator was really given last.
+    fn begin_from(&mut self, given: &[f64; 6]) {
+        fn first<const N: usize>(given: &[f64; 6]) -> [f64; N] {
+            std::array::from_fn(|i| given[i])
+        }
         match self {
-            Self::One(limiter) => limiter.begin_at_rest(),
-            Self::Three(limiter) => limiter.begin_at_rest(),
-            Self::Six(limiter) => limiter.begin_at_rest(),
+            Self::One(limiter) => limiter.begin_from(first(given)),
+            Self::Three(limiter) => limiter.begin_from(first(given)),
+            Self::Six(limiter) => limiter.begin_from(first(given)),
             Self::Closed => {}
         }
     }

@@ -84,6 +84,8 @@ pub struct LiveOutcome {
     pub drivers: Vec<(String, Meters)>,
     /// Did a node panic?
     pub panicked: bool,
+    /// Devices that panicked as well when they were taken to zero: nobody knows what they do.
+    pub lost_devices: Vec<String>,
     /// What could not be written; the run went on.
     pub failed: Vec<WriteError>,
     /// Numbers that the writer was too slow for.
@@ -359,7 +361,11 @@ impl Session {
             actuators: lives.iter().flat_map(Live::actuators).collect(),
             rings: self.rings().collect(),
         };
-        let panicked = |live: &Live| matches!(live.state(), LiveState::Panicked | LiveState::Lost);
+        let lost_devices = lives
+            .iter()
+            .flat_map(|live| live.run().lost_devices().map(str::to_owned));
+        let lost_devices = lost_devices.collect();
+        let panicked = |live: &Live| live.state() == LiveState::Panicked;
         let (panicked, lost_numbers, lost_arrivals) = (
             lives.iter().any(panicked),
             lives.iter().map(Live::lost_numbers).sum(),
@@ -373,6 +379,7 @@ impl Session {
             meters,
             drivers,
             panicked,
+            lost_devices,
             failed: self.writer.finish(),
             lost_numbers,
             lost_arrivals,

@@ -99,7 +99,10 @@ impl Next {
             new.renew_single(*to);
         }
         for (from, to) in &self.devices {
-            std::mem::swap(&mut old.devices[*from], &mut new.devices[*to]);
+            let (old, new) = (&mut old.devices[*from], &mut new.devices[*to]);
+            std::mem::swap(old, new);
+            // Which place is which channel's is the plan's, and all were given zero last.
+            std::mem::swap(&mut old.written, &mut new.written);
         }
         for (from, to) in &self.actuators {
             new.actuators[*to]

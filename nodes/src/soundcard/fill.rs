@@ -130,6 +130,7 @@ fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &im
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::device::{Channel, Device, DeviceEntry, DeviceKind, DeviceSpec};
     use haptograph_engine::document::Document;
     use haptograph_engine::frame::Kind;
     use haptograph_engine::graph::{CheckOptions, Graph, check};
@@ -232,6 +233,24 @@ mod tests {
         }
     }
 
+    /// What two channels play in twelve buffers, until nothing is driven any more.
+    fn play_quietly(graph: &Graph) -> [Vec<f64>; 2] {
+        let (mut filler, shared, _session) = filler(graph, 1.0);
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| {}));
+        let mut played = [Vec::new(), Vec::new()];
+        for _ in 0..12 {
+            let mut data = vec![9.0; 64 * 2];
+            filler.fill(&mut data, 2, 0.0, |x| x);
+            for (channel, played) in played.iter_mut().enumerate() {
+                played.extend(data.chunks(2).map(|frame| frame[channel]));
+            }
+        }
+        std::panic::set_hook(hook);
+        assert!(shared.at_rest.load(Relaxed));
+        played
+    }
+
     #[test]
     fn no_sample_of_the_way_down_is_lost_when_a_block_ends_in_a_panic() {
         let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
@@ -249,25 +268,77 @@ mod tests {
         registry.add(NodeEntry::processor::<Doomed>());
         let document = Document::parse("g.ron", text).unwrap();
         let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
-        let (mut filler, shared, _session) = filler(&graph, 1.0);
-        let hook = std::panic::take_hook();
-        std::panic::set_hook(Box::new(|_| {}));
-        let mut played = [Vec::new(), Vec::new()];
-        for _ in 0..12 {
-            let mut data = vec![9.0; 64 * 2];
-            filler.fill(&mut data, 2, 0.0, |x| x);
-            for (channel, played) in played.iter_mut().enumerate() {
-                played.extend(data.chunks(2).map(|frame| frame[channel]));
-            }
-        }
-        std::panic::set_hook(hook);
+        let played = play_quietly(&graph);
         for played in played {
             let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
             let most = most.fold(0.0, f64::max);
             assert!(most < 0.5 / 480.0 * 1.01, "{most}");
             assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
         }
-        assert!(shared.at_rest.load(Relaxed));
+    }
+
+    /// Panics whenever it is given something that is not nothing, from the second block on.
+    #[derive(Clone)]
+    struct Grenade(u32);
+
+    impl Device for Grenade {
+        fn advance(&mut self) {}
+
+        fn read(&mut self, _: usize, _: &mut [f64]) {}
+
+        fn write(&mut self, _: usize, _: &[f64]) {
+            self.0 += 1;
+            assert!(self.0 <= 64, "as asked");
+        }
+    }
+
+    impl DeviceKind for Grenade {
+        type Settings = NoSettings;
+        const SPEC: DeviceSpec = DeviceSpec {
+            name: "Grenade",
+            doc: "",
+            source: "",
+            simulated: true,
+            senses: &[],
+            drives: &[Channel {
+                name: "current",
+                kind: Kind::Scalar,
+                quantity: Quantity::CURRENT,
+                doc: "",
+            }],
+            example: "",
+        };
+
+        fn build(_: NoSettings, _: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+            Ok(Box::new(Self(0)))
+        }
+    }
+
+    #[test]
+    fn a_device_that_panics_on_the_way_down_takes_no_other_with_it() {
+        let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+            nodes: {
+                "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
+                "a": ActuatorSink(current: "half", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "half", endpoint: "b", limit: (peak_a: 1, continuous_a: 1)),
+                "c": ActuatorSink(current: "half", endpoint: "c", limit: (peak_a: 1, continuous_a: 1)),
+            },
+            endpoints: { "simulated": {
+                "a": Soundcard(amperes_full_scale: 1.0, channels: [1]),
+                "b": Grenade(),
+                "c": Soundcard(amperes_full_scale: 1.0, channels: [2]),
+            } })"#;
+        let mut registry = crate::registry();
+        registry.add_device(DeviceEntry::of::<Grenade>());
+        let document = Document::parse("g.ron", text).unwrap();
+        let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
+        let played = play_quietly(&graph);
+        for played in played {
+            let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let most = most.fold(0.0, f64::max);
+            assert!(most < 0.5 / 480.0 * 1.01, "{most}");
+            assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
+        }
     }
 
     #[test]

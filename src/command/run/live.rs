@@ -461,6 +461,11 @@ fn warnings_of(ended: &LiveOutcome) -> Vec<String> {
     if ended.panicked {
         list.push("a node panicked; the actuators were taken to zero and the run ended there".to_owned());
     }
+    for device in &ended.lost_devices {
+        list.push(format!(
+            "`{device}` panicked when it was taken to zero: it was left as it was, switch it off"
+        ));
+    }
     if overruns > 0 {
         list.push(format!(
             "{overruns} ticks took longer than the time there was for them"
