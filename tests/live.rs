@@ -462,6 +462,13 @@ mod pulse {
         let reported =
             counted(&facts["xruns"]["count"]) + counted(&facts["overruns"]) + counted(&facts["stalls"]);
         let gaps = gaps(&heard, &played) as u64;
+        // All of it was heard, but for gaps.
+        assert!(
+            heard.len() >= played.len() / 10 * 9,
+            "{} of {} samples",
+            heard.len(),
+            played.len()
+        );
         // A callback that came so late says that the machine stood still, and the daemon with it.
         let late_ms = facts["late_us"]["max"].as_f64().unwrap() / 1e3;
         let count = played.len();

@@ -174,6 +174,11 @@ impl<const N: usize> Limiter<N> {
         self.counts = other.counts;
     }
 
+    /// Begins as warm as the limit allows, for an actuator of which nobody knows what drove it before.
+    pub fn begin_spent(&mut self) {
+        self.budget = 0.0;
+    }
+
     /// Begins from what the actuator was really given last; the heat stays.
     pub fn begin_from(&mut self, given: [f64; N]) {
         self.previous = given;

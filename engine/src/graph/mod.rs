@@ -211,6 +211,14 @@ impl LiveSetting {
 }
 
 impl Graph {
+    /// The actuator sinks, by path, and what each may give.
+    pub fn limits(&self) -> impl Iterator<Item = (&str, Limit)> {
+        self.nodes.node_weights().filter_map(|node| match &node.work {
+            Work::Actuator { limit, .. } => Some((&*node.path, *limit)),
+            _ => None,
+        })
+    }
+
     /// The settings that may change while it runs.
     pub fn live_settings(&self) -> Vec<LiveSetting> {
         let mut found = Vec::new();

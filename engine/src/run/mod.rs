@@ -683,6 +683,16 @@ impl AnyLimiter {
         }
     }
 
+    /// Begins as warm as the limit allows.
+    fn begin_spent(&mut self) {
+        match self {
+            Self::One(limiter) => limiter.begin_spent(),
+            Self::Three(limiter) => limiter.begin_spent(),
+            Self::Six(limiter) => limiter.begin_spent(),
+            Self::Closed => {}
+        }
+    }
+
     /// Begins from what the actuator was really given last.
     fn begin_from(&mut self, given: &[f64; 6]) {
         fn first<const N: usize>(given: &[f64; 6]) -> [f64; N] {

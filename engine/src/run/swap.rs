@@ -16,6 +16,8 @@ pub(super) struct Next {
     processors: Vec<(usize, usize, Carry)>,
     devices: Vec<(usize, usize)>,
     actuators: Vec<(usize, usize)>,
+    /// Those of the new plan whose device the old one did not drive.
+    strangers: Vec<usize>,
 }
 
 /// How much of the old plan goes on.
@@ -68,9 +70,14 @@ impl Next {
                 let old_at = (0..old.actuators.len()).find(same).or_else(by_name)?;
                 Some((old_at, new_at))
             });
+        let actuators: Vec<(usize, usize)> = actuators.collect();
+        let known = |new_at: &usize| actuators.iter().any(|(_, known)| known == new_at);
         Self {
             devices: devices.collect(),
-            actuators: actuators.collect(),
+            strangers: (0..plan.actuators.len())
+                .filter(|new_at| !known(new_at))
+                .collect(),
+            actuators,
             processors,
             rings,
             transfer: if same {
@@ -108,6 +115,10 @@ impl Next {
             new.actuators[*to]
                 .limiter
                 .go_on_for(&old.actuators[*from].limiter);
+        }
+        for new_at in &self.strangers {
+            // A plan before the old one may have, or the device has another name now.
+            new.actuators[*new_at].limiter.begin_spent();
         }
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);

@@ -18,6 +18,9 @@ pub struct Told {
     pub value: String,
 }
 
+/// Letters of the longest name and of the longest value.
+const MOST_LETTERS: usize = 200;
+
 /// Listens at one address, on a thread of its own, until it is dropped. Anyone who reaches that address is heard.
 #[derive(Debug)]
 pub struct OscControl {
@@ -118,7 +121,8 @@ fn setting(message: &OscMessage) -> Option<Told> {
         [OscType::String(x)] => x.clone(),
         _ => return None,
     };
-    Some(Told { name, value })
+    let fit = |text: &str| text.len() <= MOST_LETTERS && !text.chars().any(char::is_control);
+    (fit(&name) && fit(&value)).then_some(Told { name, value })
 }
 
 #[cfg(test)]
@@ -195,6 +199,8 @@ mod tests {
             message("/gain", vec![]),
             message("/gain", vec![OscType::Int(1), OscType::Int(2)]),
             message("/gain", vec![OscType::Nil]),
+            message("/gain", vec![OscType::String("\u{1b}[31mred".into())]),
+            message(&format!("/{}", "long".repeat(100)), vec![OscType::Int(1)]),
         ] {
             assert_eq!(heard(&packet), None, "{packet:?}");
         }

@@ -2,7 +2,7 @@
 
 use haptograph::nodes::network::Told;
 use std::io::BufRead;
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::SyncSender;
 
 /// A line that was typed.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,8 +43,9 @@ pub enum Asked {
     Told(Told),
 }
 
-/// Listens on standard input, on a thread of its own. The end of the input ends nothing.
-pub fn listen(asked: Sender<Asked>) {
+/// Listens on standard input, on a thread of its own that waits while too much is asked. The end of the input ends
+/// nothing.
+pub fn listen(asked: SyncSender<Asked>) {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
             // What is no text is told of like any other line that is not understood.

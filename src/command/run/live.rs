@@ -10,6 +10,7 @@ use super::watch::Watch;
 use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
+use haptograph::engine::node::Limit;
 use haptograph::engine::run::{Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, Session};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Counts, OscControl, Told};
@@ -17,7 +18,7 @@ use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 /// How often the run is looked after, and how often its status is shown.
@@ -34,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let wanted = wanted(&graph)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
-    let (asking, asked) = channel();
+    let (asking, asked) = sync_channel(MOST_ASKED);
     let osc = listen_for_settings(&arguments, &asking)?;
     let made = Making::begin(&arguments, &graph)?;
     let options = LiveOptions {
@@ -75,6 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         changes: 0,
         history: History::default(),
         refused: Vec::new(),
+        limits: limits(&graph),
     };
     notes.extend(attended.attend(&mut driver, &asked, &stop));
     // Until here somebody asks, if only this one, so that waiting for it is waiting.
@@ -106,6 +108,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     summary.add(facts, notes);
     made.kept.complete(&arguments, &graph, &summary)
 }
+
+/// Wishes that wait, and those that are heard between two looks at whether the run should stop.
+const MOST_ASKED: usize = 1024;
+const MOST_HEARD: usize = 64;
 
 /// How much is said of a change. A fader is moved a hundred times a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,6 +149,13 @@ struct Attended {
     history: History,
     /// Names that were told by Open Sound Control and refused; said once each.
     refused: Vec<String>,
+    /// What each actuator may be given.
+    limits: Vec<(String, Limit)>,
+}
+
+fn limits(graph: &Graph) -> Vec<(String, Limit)> {
+    let limits = graph.limits().map(|(sink, limit)| (sink.to_owned(), limit));
+    limits.collect()
 }
 
 /// What was set while it ran.
@@ -172,14 +185,17 @@ impl History {
     }
 }
 
-fn listen_for_settings(arguments: &Arguments, asking: &Sender<Asked>) -> Result<Option<OscControl>, Failure> {
+fn listen_for_settings(
+    arguments: &Arguments,
+    asking: &SyncSender<Asked>,
+) -> Result<Option<OscControl>, Failure> {
     let Some(address) = arguments.osc else {
         return Ok(None);
     };
     let asking = asking.clone();
     OscControl::listen(address, move |told| {
-        // A run that is over needs no settings.
-        let _ = asking.send(Asked::Told(told));
+        // One that finds no room is lost: faders tell again. A run that is over needs none.
+        let _ = asking.try_send(Asked::Told(told));
     })
     .map(Some)
     .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
@@ -210,8 +226,12 @@ impl Attended {
             if driver.is_torn() {
                 stop.store(true, Ordering::Relaxed);
             }
+            if stop.load(Ordering::Relaxed) && !stopping {
+                // Asked again where the real-time side has not read its commands for a while.
+                stopping = self.session.stop().is_ok();
+            }
             let mut told = Vec::new();
-            for asked in first.into_iter().chain(asked.try_iter()) {
+            for asked in first.into_iter().chain(asked.try_iter()).take(MOST_HEARD) {
                 match asked {
                     Asked::Typed(Typed::Set { name, value }) => {
                         if self.set(driver, &name, &value, Says::Everything) {
@@ -232,7 +252,13 @@ impl Attended {
                 }
             }
             for (name, value) in told {
-                let known = self.refused.contains(&name) || self.refused.len() >= History::MOST;
+                let full = self.refused.len() >= History::MOST;
+                if full && !name.contains('.') && !self.arguments.set.iter().any(|(known, _)| *known == name)
+                {
+                    // To see whether there is such a parameter the graph would be loaded, each time.
+                    continue;
+                }
+                let known = full || self.refused.contains(&name);
                 let says = if known { Says::Nothing } else { Says::Refusals };
                 if self.set(driver, &name, &value, says) {
                     self.history
@@ -243,10 +269,6 @@ impl Attended {
             }
             if self.watch.as_mut().is_some_and(Watch::has_changed) {
                 self.reload(driver, Says::Everything);
-            }
-            if stop.load(Ordering::Relaxed) && !stopping {
-                // Asked again where the real-time side has not read its commands for a while.
-                stopping = self.session.stop().is_ok();
             }
         }
         let counted = said.into_iter().map(|(note, times)| match times {
@@ -319,6 +341,11 @@ impl Attended {
             );
             return false;
         }
+        let limits = limits(&graph);
+        if says < Says::Everything && limits != self.limits {
+            says.refusal("the graph stays as it was: an actuator's limit would change, and that is not done from afar\n");
+            return false;
+        }
         if let Err(error) = self.network.connect(&graph) {
             says.refusal(&format!("the graph stays as it was: {error}\n"));
             return false;
@@ -326,8 +353,12 @@ impl Attended {
         match self.session.change(&graph, &self.folder) {
             Ok(changed) => {
                 self.changes += 1;
-                says.success(&told(&changed, began.elapsed()));
+                // The file may have been edited meanwhile, so another graph is always told of.
+                if says == Says::Everything || changed.change == Change::Swap {
+                    remark(&told(&changed, began.elapsed()));
+                }
                 self.look_at(&graph);
+                self.limits = limits;
                 true
             }
             Err(error) => {

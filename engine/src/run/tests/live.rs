@@ -4,7 +4,7 @@ use super::world::{Body, LIMIT, random_graph, with_processor};
 use crate::graph::{Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{Change, ControlError, LiveState, Offline, Outlets, Run, live};
+use crate::run::{AnyLimiter, Change, ControlError, LiveState, Offline, Outlets, Run, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -112,6 +112,19 @@ fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
     assert_eq!(live.run().plan.actuators[0].path, "renamed");
     let limiter = &live.run().state.actuators[0].limiter;
     assert!(limiter.counts().ticks > warm);
+    // Of a device that the old graph did not drive nobody knows how warm it is.
+    let mut other = random_graph(seed, 0);
+    other.nodes[at].fingerprint += 2;
+    other.nodes[at].path = String::from("renamed again");
+    other.devices[0].name = String::from("another");
+    control.swap(plan(&other, 8)).unwrap();
+    while live.run().plan.actuators[0].path != "renamed again" {
+        live.callback(1, |_, _| {});
+    }
+    let AnyLimiter::One(limiter) = &live.run().state.actuators[0].limiter else {
+        panic!("a scalar sink");
+    };
+    assert!(limiter.mean_square() > 0.99 * LIMIT.continuous * LIMIT.continuous);
 }
 
 #[test]

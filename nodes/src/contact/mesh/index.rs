@@ -167,6 +167,9 @@ fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
     let mut turns = [0.0_f64; 2];
     for (from, to) in [(p, q), (q, r), (r, p)] {
         let turn = side(a, b, from, to);
+        if turn.is_nan() {
+            return None;
+        }
         turns = [turns[0].min(turn), turns[1].max(turn)];
         if turns[0] < 0.0 && turns[1] > 0.0 {
             return None;
