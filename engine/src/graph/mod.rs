@@ -276,6 +276,16 @@ impl Graph {
     pub fn reaches(&self, from: NodeIndex, to: NodeIndex) -> bool {
         petgraph::algo::has_path_connecting(&self.nodes, from, to, None)
     }
+    /// Of every node, by its index: does a way lead along the connections from it to this one?
+    pub(crate) fn leading_to(&self, to: NodeIndex) -> Vec<bool> {
+        let backwards = petgraph::visit::Reversed(&self.nodes);
+        let mut found = vec![false; self.nodes.node_count()];
+        let mut search = petgraph::visit::Dfs::new(backwards, to);
+        while let Some(node) = search.next(backwards) {
+            found[node.index()] = true;
+        }
+        found
+    }
     /// Its nodes and connections.
     pub fn nodes(&self) -> &DiGraph<Node, Edge> {
         &self.nodes

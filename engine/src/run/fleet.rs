@@ -5,9 +5,11 @@
 
 use super::link::{RingMeter, link, reserve_s};
 use super::{Faults, Run};
+use crate::graph::Graph;
 use crate::plan::{MAX_BLOCK, Plan};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 const ROUND_S: f64 = 1e-3;
 /// A round takes at most this part of a ring's reserve.
@@ -109,15 +111,34 @@ impl Fleet {
         both.all(|(run, end)| run.driver_frames() >= *end)
     }
 
-    /// The first node whose output is not a number, until an actuator is first given one that is not. Found frame by
-    /// frame: the same whatever the block.
-    pub(super) fn origin(mut self) -> Option<NodeIndex> {
+    /// The first node with a way to the sink that was first given no number whose own output was none until then, or
+    /// nothing when stopped. Found by runs of its own, frame by frame: the same whatever the block.
+    pub(super) fn origin(
+        graph: &Graph,
+        plans: &[Arc<Plan>],
+        seconds: f64,
+        stop: &AtomicBool,
+    ) -> Option<NodeIndex> {
+        let fresh = || Self::new(plans).ending_after(seconds);
+        let struck = fresh().until_a_fault(stop)?;
+        let sink = struck.runs.iter().find_map(Run::struck)?;
+        let suspects = graph.leading_to(sink);
+        let mut fleet = fresh();
+        fleet.runs.iter_mut().for_each(|run| run.watch(&suspects));
+        let watched = fleet.until_a_fault(stop)?;
+        Faults::of(watched.runs.iter().map(Run::faults)).origin
+    }
+
+    /// Runs to the round in which an actuator is first given no number; nothing when stopped.
+    fn until_a_fault(mut self, stop: &AtomicBool) -> Option<Self> {
         self.longest = 1;
-        self.runs.iter_mut().for_each(Run::watch);
         while !self.is_over() && self.runs.iter().all(|run| run.faults().ticks == 0) {
+            if stop.load(Ordering::Relaxed) {
+                return None;
+            }
             let Ok(()) = self.round(|_, _| Ok::<(), std::convert::Infallible>(()));
         }
-        Faults::of(self.runs.iter().map(Run::faults)).origin
+        Some(self)
     }
 
     /// The runs, in the order of the graph's drivers.

@@ -73,6 +73,10 @@ struct State {
     delays: Vec<DelayState>,
     links: Links,
     faults: Faults,
+    /// The sink that was given no number first.
+    struck: Option<NodeIndex>,
+    /// Which nodes may be blamed for that, by their indices; any, if it is empty.
+    suspects: Vec<bool>,
     drive: Drive,
     /// Driver frames since a panic, for the ramp to zero.
     ramped: u64,
@@ -175,6 +179,8 @@ impl Run {
                 readers: plan.ring_reads.iter().map(|_| None).collect(),
             },
             faults: Faults::default(),
+            struck: None,
+            suspects: Vec::new(),
             drive: Drive::Full,
             ramped: 0,
         };
@@ -326,9 +332,15 @@ impl Run {
         self.state.devices.iter_mut().map(|state| state.device.as_mut())
     }
 
-    /// Watches every step from now on for one that is no number.
-    fn watch(&mut self) {
+    /// Watches the processors of these nodes from now on for an output that is no number.
+    fn watch(&mut self, suspects: &[bool]) {
+        self.state.suspects = suspects.to_vec();
         self.state.faults.watching = true;
+    }
+
+    /// The actuator sink that was given no number first.
+    fn struck(&self) -> Option<NodeIndex> {
+        self.state.struck
     }
 
     /// What was seen of signals that are not numbers.
@@ -468,7 +480,12 @@ impl State {
                 behind,
             };
             processor.process(&tick, &mut io);
-            if watching {
+            if watching
+                && self
+                    .suspects
+                    .get(line.node.index())
+                    .is_none_or(|suspect| *suspect)
+            {
                 self.faults.watch(line, out, window);
             }
         }
@@ -513,6 +530,7 @@ impl State {
                 let faults = actuator.limiter.apply(&asked, x, output(out, line, window));
                 if faults > 0 {
                     self.faults.ticks += faults;
+                    self.struck = self.struck.or(Some(line.node));
                     self.faults.watching = self.faults.origin.is_none();
                 }
             }

@@ -5,8 +5,8 @@ use super::files::Files;
 use super::fleet::Fleet;
 use super::outlets::{Outlets, WriteError};
 use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
+use crate::graph::Graph;
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
-use petgraph::graph::NodeIndex;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -108,9 +108,14 @@ impl<'a> Offline<'a> {
         };
         let mut plans = Plan::all(self.outlets.graph, &options);
         let mut files = Files::new(self.outlets.written, plans.iter());
+        let asked = Asked {
+            graph: self.outlets.graph,
+            seconds,
+            stop,
+        };
         let outcome = match plans.len() {
-            1 => alone(plans.remove(0), self.threads, seconds, stop, &mut files, progress),
-            _ => together(plans, seconds, stop, &mut files, progress),
+            1 => alone(plans.remove(0), self.threads, asked, &mut files, progress),
+            _ => together(plans, asked, &mut files, progress),
         }?;
         files.finish()?;
         Ok(outcome)
@@ -156,15 +161,23 @@ impl<'a> Offline<'a> {
     }
 }
 
+/// What is run, for how long.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    graph: &'a Graph,
+    seconds: f64,
+    stop: &'a AtomicBool,
+}
+
 /// Runs a graph with one driver.
 fn alone(
     plan: Plan,
     threads: usize,
-    seconds: f64,
-    stop: &AtomicBool,
+    asked: Asked<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
+    let Asked { graph, seconds, stop } = asked;
     let plan = Arc::new(plan);
     let rate_hz = plan.driver_rate().hz();
     let total = (seconds * rate_hz).round().max(0.0) as u64;
@@ -191,7 +204,7 @@ fn alone(
         _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
     };
     if faults.ticks > 0 {
-        faults.origin = origin(&plan, driver_frames);
+        faults.origin = Fleet::origin(graph, &[plan], seconds, stop);
     }
     Ok(Outcome {
         driver_frames,
@@ -206,11 +219,11 @@ fn alone(
 /// Runs a graph with several drivers.
 fn together(
     plans: Vec<Plan>,
-    seconds: f64,
-    stop: &AtomicBool,
+    asked: Asked<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
+    let Asked { graph, seconds, stop } = asked;
     let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
     let mut fleet = Fleet::new(&plans).ending_after(seconds);
     while !fleet.is_over() && !stop.load(Ordering::Relaxed) {
@@ -219,7 +232,7 @@ fn together(
     }
     let mut outcome = outcome_of(&fleet, !fleet.is_over());
     if outcome.faults.ticks > 0 {
-        outcome.faults.origin = Fleet::new(&plans).ending_after(seconds).origin();
+        outcome.faults.origin = Fleet::origin(graph, &plans, seconds, stop);
     }
     Ok(outcome)
 }
@@ -322,17 +335,6 @@ fn pipeline(
         result?;
         Ok(merge(plan, stages, &runs))
     })
-}
-
-/// The first node whose output is not a number, until an actuator is first given one that is not. Found by a run of
-/// its own, frame by frame: the same whatever the block and the number of threads.
-fn origin(plan: &Arc<Plan>, driver_frames: u64) -> Option<NodeIndex> {
-    let mut run = Run::new(Arc::clone(plan));
-    run.watch();
-    while run.faults().ticks == 0 && run.driver_frames() < driver_frames {
-        run.advance(1);
-    }
-    run.faults().origin
 }
 
 fn work(

@@ -1,13 +1,13 @@
 //! Live runs under virtual time: swaps, stops, faults and panics.
 
 use super::world::{Body, LIMIT, random_graph, with_processor};
-use crate::graph::{Graph, Work};
+use crate::graph::{Graph, Node, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
 use crate::run::{AnyLimiter, Change, ControlError, LiveState, Offline, Outlets, Run, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
     let taps = graph.nodes.node_indices().map(|node| (node, 0)).collect();
@@ -302,6 +302,56 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block_and_the_th
         let outcome = offline.run(0.2, &AtomicBool::new(false), &mut |_| {}).unwrap();
         assert_eq!((outcome.faults.ticks, outcome.faults.origin), (1, Some(node)));
     }
+}
+
+/// A graph in which a processor that leads nowhere puts out no number long before the one that the sink reads.
+fn with_bystander() -> (Graph, NodeIndex) {
+    let trouble = |from| Trouble {
+        from,
+        value: f64::NAN,
+        panics: false,
+    };
+    let (mut graph, node, _) = with_processor(Box::new(trouble(50)));
+    let blamed = &graph.nodes[node];
+    let bystander = Node {
+        path: String::from("bystander"),
+        entry: blamed.entry,
+        clock: blamed.clock,
+        inputs: Vec::new(),
+        outputs: blamed.outputs.clone(),
+        work: Work::Process(Box::new(trouble(10))),
+        span: blamed.span,
+        simulated: false,
+        fingerprint: 1,
+        live: Vec::new(),
+        files: Vec::new(),
+    };
+    graph.nodes.add_node(bystander);
+    (graph, node)
+}
+
+#[test]
+fn a_node_that_leads_to_no_sink_is_not_blamed() {
+    let (graph, node) = with_bystander();
+    for (block, threads) in [(1, 1), (64, 1), (64, 2)] {
+        let offline = Offline::new(Outlets::new(&graph), block).threads(threads);
+        let outcome = offline.run(0.1, &AtomicBool::new(false), &mut |_| {}).unwrap();
+        assert_eq!(
+            outcome.faults.origin,
+            Some(node),
+            "block {block}, {threads} threads"
+        );
+    }
+}
+
+#[test]
+fn a_stopped_run_does_not_look_for_who_is_to_blame() {
+    let (graph, _) = with_bystander();
+    let stop = AtomicBool::new(false);
+    let offline = Offline::new(Outlets::new(&graph), 60);
+    let outcome = offline.run(1e7, &stop, &mut |_| stop.store(true, Ordering::Relaxed));
+    let faults = outcome.unwrap().faults;
+    assert_eq!((faults.ticks, faults.origin), (10, None));
 }
 
 /// What drives the body, seen through its motion: p' = 0.9 p + drive + 1.
