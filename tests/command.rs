@@ -332,3 +332,24 @@ fn a_bench_tells_what_every_step_costs() {
         "{shown}"
     );
 }
+
+#[test]
+fn a_replay_into_the_folder_it_repeats_is_refused_and_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/two-drivers.ron");
+    let graph = graph.display().to_string();
+    let common = ["run", &graph, "--endpoints", "simulated"];
+    let live = [&common[..], &["--live", "--for", "0.1", "--out", "live"]].concat();
+    succeed(folder.path(), &live);
+    let arrivals = || fs::read(folder.path().join("live/arrivals/0.csv")).unwrap();
+    let before = arrivals();
+    for out in ["live", "./live/arrivals/.."] {
+        let told = fail(
+            folder.path(),
+            &[&common[..], &["--replay", "live", "--out", out]].concat(),
+            1,
+        );
+        assert!(told.contains("would be replaced"), "{told}");
+        assert!(arrivals() == before);
+    }
+}

@@ -113,6 +113,15 @@ fn lasts_a_frame(graph: &Graph, duration_s: Option<f64>) -> Result<(), Failure> 
     )))
 }
 
+/// The folder that a run leaves.
+fn target(arguments: &Arguments) -> PathBuf {
+    arguments.out.clone().unwrap_or_else(|| {
+        // What is repeated stays.
+        let end = if arguments.replay.is_some() { "-replay" } else { "" };
+        PathBuf::from("out").join(arguments.graph.name() + end)
+    })
+}
+
 /// A run that is being made: what it writes, and what is kept to complete it.
 struct Making<'a> {
     outlets: Outlets<'a>,
@@ -128,11 +137,7 @@ struct Kept {
 
 impl<'a> Making<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
-        let target = arguments.out.clone().unwrap_or_else(|| {
-            // What is repeated stays.
-            let end = if arguments.replay.is_some() { "-replay" } else { "" };
-            PathBuf::from("out").join(arguments.graph.name() + end)
-        });
+        let target = target(arguments);
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
             if arguments.probe[..number]
