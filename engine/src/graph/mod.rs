@@ -10,7 +10,7 @@ mod cycles;
 mod devices;
 mod draft;
 mod expand;
-mod fingerprint;
+pub(crate) mod fingerprint;
 mod latency;
 mod types;
 mod unused;

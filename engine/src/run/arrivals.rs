@@ -9,14 +9,18 @@
 //! ```
 //!
 //! The frames it ran; 1 from where it was stopped and faded out; of each ring that it reads the frames that had arrived
-//! since the line before; of each that it fills the frames that found room.
+//! since the line before; of each that it fills the frames that found room. Beside these stands `graph.txt`: a
+//! fingerprint of everything that the samples come from, so that no other graph is taken for this one.
 
 use super::Run;
 use super::fleet::Fleet;
 use super::live::FADE_S;
+use crate::graph::Graph;
+use crate::graph::fingerprint::of_graph;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -47,6 +51,14 @@ pub enum ReplayError {
         /// What it would be.
         wanted: String,
     },
+    /// The run was of another graph, though its rings and drivers are called the same.
+    #[error("{} is of another graph: {differences}; give the graph, its files and --set as they were", path.display())]
+    Changed {
+        /// Where the run's graph is kept.
+        path: PathBuf,
+        /// What is not as it was.
+        differences: String,
+    },
     /// A line holds something else.
     #[error("{} line {line}: expected {columns} whole numbers", path.display())]
     Line {
@@ -70,6 +82,55 @@ pub enum ReplayError {
 /// The file of the driver with this number, in a run's folder.
 pub(super) fn file(folder: &Path, driver: usize) -> PathBuf {
     folder.join(ARRIVALS).join(format!("{driver}.csv"))
+}
+
+fn graph_file(folder: &Path) -> PathBuf {
+    folder.join(ARRIVALS).join("graph.txt")
+}
+
+/// Keeps what a run's graph is known by.
+pub(super) fn keep_graph(graph: &Graph, folder: &Path) -> std::io::Result<()> {
+    let lines = of_graph(graph)
+        .into_iter()
+        .map(|(name, fingerprint)| format!("{fingerprint:016x} {name}\n"));
+    std::fs::create_dir_all(folder.join(ARRIVALS))?;
+    std::fs::write(graph_file(folder), lines.collect::<String>())
+}
+
+/// Refuses a graph that is not the one of the run.
+pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<(), ReplayError> {
+    const NAMED: usize = 4;
+    let path = graph_file(folder);
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) => return Err(ReplayError::Read { path, error }),
+    };
+    let mut then: BTreeMap<&str, &str> = text
+        .lines()
+        .filter_map(|line| line.split_once(' '))
+        .map(|(fingerprint, name)| (name, fingerprint))
+        .collect();
+    let mut differences = Vec::new();
+    for (name, fingerprint) in of_graph(graph) {
+        match then.remove(name.as_str()) {
+            None => differences.push(format!("`{name}` was not in it")),
+            Some(kept) if kept != format!("{fingerprint:016x}") => {
+                differences.push(format!("`{name}` is not as it was"));
+            }
+            Some(_) => {}
+        }
+    }
+    differences.extend(then.into_keys().map(|name| format!("`{name}` is gone")));
+    if differences.is_empty() {
+        return Ok(());
+    }
+    let more = differences.len().saturating_sub(NAMED);
+    differences.truncate(NAMED);
+    if more > 0 {
+        differences.push(format!("and {more} more"));
+    }
+    let differences = differences.join(", ");
+    Err(ReplayError::Changed { path, differences })
 }
 
 fn header(plan: &Plan) -> String {

@@ -1,6 +1,6 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
-use super::arrivals::{Arrivals, ReplayError};
+use super::arrivals::{Arrivals, ReplayError, check_graph};
 use super::files::Files;
 use super::fleet::Fleet;
 use super::outlets::{Outlets, WriteError};
@@ -140,6 +140,7 @@ impl<'a> Offline<'a> {
             .into_iter()
             .map(Arc::new)
             .collect();
+        check_graph(self.outlets.graph, folder)?;
         let load = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::load(folder, driver, plan);
         let mut scripts = plans
             .iter()

@@ -147,6 +147,7 @@ impl Session {
         }
         session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let (Some(folder), [_, _, ..]) = (folder, &mut lives[..]) {
+            arrivals::keep_graph(outlets.graph, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
             }

@@ -2,10 +2,11 @@
 
 use super::Heard;
 use super::fleet::{bits, graphs};
-use crate::graph::Graph;
+use crate::graph::{Bridge, Graph};
 use crate::run::{
     Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, Outlets, Probe, ReplayError, Session,
 };
+use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::path::{Path, PathBuf};
@@ -145,6 +146,51 @@ fn a_replay_says_what_it_cannot_repeat() {
         matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })),
         "{wrong}"
     );
+}
+
+/// The run's graph after one change, and what is then refused.
+fn refused(change: impl Fn(&mut Graph)) -> String {
+    let (seed, graph) = graphs().next().unwrap();
+    let folder = Folder::new(&format!("changed-{:?}", std::thread::current().id()));
+    live_run(&graph, seed, &folder.0);
+    let (_, mut changed) = graphs().next().unwrap();
+    assert!(replay(&changed, 64, &folder.0).is_ok());
+    change(&mut changed);
+    let wrong = replay(&changed, 64, &folder.0).unwrap_err();
+    assert!(
+        matches!(wrong, OfflineError::Replay(ReplayError::Changed { .. })),
+        "{wrong}"
+    );
+    wrong.to_string()
+}
+
+#[test]
+fn a_replay_refuses_a_graph_that_would_give_other_samples() {
+    let told = refused(|graph| {
+        let rings = graph
+            .nodes
+            .edge_weights_mut()
+            .find_map(|edge| match &mut edge.bridge {
+                Bridge::Ring { latency_s } => Some(latency_s),
+                _ => None,
+            });
+        *rings.unwrap() += 1e-3;
+    });
+    assert!(
+        told.contains("`connection ") && told.contains("is not as it was"),
+        "{told}"
+    );
+    assert!(!told.contains("node ") && !told.contains("clock "), "{told}");
+    let told = refused(|graph| graph.nodes[NodeIndex::new(0)].fingerprint += 1);
+    assert!(told.contains("`node ") && !told.contains("connection "), "{told}");
+    let told = refused(|graph| graph.nodes[NodeIndex::new(0)].live.push((0, 0.3)));
+    assert!(told.contains("`node "), "{told}");
+    let told = refused(|graph| graph.nodes[NodeIndex::new(0)].path = "renamed".to_owned());
+    assert!(
+        told.contains("`node renamed` was not in it") && told.contains("is gone"),
+        "{told}"
+    );
+    assert!(refused(|graph| graph.seed += 1).contains("`seed` is not as it was"));
 }
 
 #[test]
