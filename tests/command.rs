@@ -353,3 +353,46 @@ fn a_replay_into_the_folder_it_repeats_is_refused_and_loses_nothing() {
         assert!(arrivals() == before);
     }
 }
+
+#[test]
+fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
+    const FILES: [&str; 3] = ["two-drivers.ron", "parts/texture.ron", "surfaces/t2-canvas.ron"];
+    let folder = tempfile::tempdir().unwrap();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs");
+    for (place, file) in ["then", "now"]
+        .iter()
+        .flat_map(|place| FILES.map(|file| (place, file)))
+    {
+        let to = folder.path().join(place).join(file);
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::write(to, fs::read(shipped.join(file)).unwrap()).unwrap();
+    }
+    let run = |graph, more: &[&'static str]| [&["run", graph, "--endpoints", "simulated"], more].concat();
+    let live = ["--live", "--for", "0.1", "--out", "live"];
+    succeed(folder.path(), &run("then/two-drivers.ron", &live));
+    let replay = run("now/two-drivers.ron", &["--replay", "live", "--out", "again"]);
+    succeed(folder.path(), &replay);
+    for (file, old, new, named) in [
+        (
+            FILES[0],
+            "\"latency_ms\": 12.0",
+            "\"latency_ms\": 13.0",
+            "`connection moves.output to moving.input`",
+        ),
+        (FILES[0], "gain: 1)", "gain: 1.5)", "`node moves`"),
+        (FILES[2], "mu: 0.3", "mu: 0.4", "`node "),
+    ] {
+        let path = folder.path().join("now").join(file);
+        let right = fs::read_to_string(&path).unwrap();
+        let wrong = right.replacen(old, new, 1);
+        assert_ne!(right, wrong);
+        fs::write(&path, wrong).unwrap();
+        let told = fail(folder.path(), &replay, 1);
+        assert!(
+            told.contains(named) && told.contains("is not as it was"),
+            "{told}"
+        );
+        fs::write(&path, right).unwrap();
+    }
+    succeed(folder.path(), &replay);
+}
