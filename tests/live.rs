@@ -164,6 +164,15 @@ fn osc(address: &str, number: f32) -> Vec<u8> {
     bytes
 }
 
+/// Sends packets to where a run listens for settings.
+fn teller(run: &Running) -> impl Fn(&[u8]) + use<> {
+    let said = run.said();
+    let (_, rest) = said.split_once("Open Sound Control at ").unwrap();
+    let address = rest.lines().next().unwrap().to_owned();
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    move |bytes| assert_eq!(socket.send_to(bytes, &address).unwrap(), bytes.len())
+}
+
 #[test]
 fn settings_are_told_by_open_sound_control() {
     let folder = tempfile::tempdir().unwrap();
@@ -179,11 +188,7 @@ fn settings_are_told_by_open_sound_control() {
     ];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
-    let said = run.said();
-    let (_, rest) = said.split_once("Open Sound Control at ").unwrap();
-    let address = rest.lines().next().unwrap().to_owned();
-    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    let tell = |bytes: &[u8]| assert_eq!(socket.send_to(bytes, &address).unwrap(), bytes.len());
+    let tell = teller(&run);
     tell(&osc("/loud/gain", 0.5));
     tell(b"nonsense");
     for _ in 0..3 {
@@ -209,6 +214,31 @@ fn settings_are_told_by_open_sound_control() {
     );
     assert_eq!((set.len(), &facts["osc_malformed"]), (2, &serde_json::json!(1)));
     assert_eq!(samples(&out.join("loud.wav")).last(), Some(&0.75));
+}
+
+#[test]
+fn no_limit_is_changed_from_afar() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = r#"Graph(format: 1, parameters: { "most": 0.5 }, clocks: { "audio": Driver(rate_hz: 10000) },
+        nodes: {
+            "two": Constant(clock: "audio", value: 2, quantity: "current"),
+            "out": ActuatorSink(current: "two", endpoint: "a", limit: (peak_a: Param("most"), continuous_a: Param("most"))),
+            "file": CsvSink(inputs: ["out.delivered"], file: "given.csv"),
+        },
+        endpoints: { "simulated": { "a": SimulatedHaptuator() } })"#;
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    let arguments = ["run", "g.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    teller(&run)(&osc("/most", 2.0));
+    run.wait_for("an actuator's limit would change");
+    run.stop();
+    let given = fs::read_to_string(folder.path().join("out/given.csv")).unwrap();
+    let most = given
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.rsplit(',').next()?.parse::<f64>().ok());
+    assert!(most.fold(0.0, f64::max) <= 0.5);
 }
 
 #[test]
