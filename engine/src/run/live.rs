@@ -437,6 +437,11 @@ impl Control {
         })
     }
 
+    /// Will a plan certainly be taken, with all that was set by hand?
+    pub(super) fn has_room_for(&self, plan: &Plan) -> bool {
+        self.commands.slots() > plan.live.len()
+    }
+
     /// The plan that runs, or will when the last swap is done.
     pub fn plan(&self) -> &Arc<Plan> {
         &self.plan

@@ -304,6 +304,11 @@ impl Session {
         if !same || plans.len() != self.controls.len() {
             return Err(ChangeError::SeveralDrivers);
         }
+        // All of them take it or none does.
+        let mut pairs = self.controls.iter().zip(&plans);
+        if !pairs.all(|(control, plan)| control.has_room_for(plan)) {
+            return Err(ControlError::Full.into());
+        }
         let mut settings = 0;
         for (control, plan) in self.controls.iter_mut().zip(plans) {
             if let Change::Settings(count) = control.swap_with(Arc::new(plan), TapRings::default())? {
