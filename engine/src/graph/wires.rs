@@ -7,7 +7,7 @@ use super::values::suggest;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
-use crate::settings::{Fields, Setting, closest};
+use crate::settings::{Fields, Reading, Setting, closest};
 
 /// A hundred seconds at 10 kHz: of the widest frames half a gigabyte.
 const MOST_DELAY_FRAMES: f64 = 1e6;
@@ -391,6 +391,23 @@ pub(super) fn name_of(bridge: Bridge) -> &'static str {
     }
 }
 
+/// Where a bridge with fields comes from.
+fn take_from(
+    fields: &mut Fields,
+    form: &Name,
+    example: &'static str,
+    reading: &mut Reading<'_>,
+) -> Option<Value> {
+    let from = fields.take("from");
+    if from.is_none() {
+        let diagnostic = Diagnostic::error("E0205", form.span, format!("`{}` needs `from`", form.text))
+            .label("`from` is missing")
+            .help(example);
+        reading.diagnostics.push(diagnostic);
+    }
+    from
+}
+
 fn delayed(
     cx: &mut Context<'_>,
     draft: &Draft,
@@ -402,15 +419,14 @@ fn delayed(
 ) -> Option<Wire> {
     let (from, frames, initial) = cx.reading(|reading| {
         let mut fields = Fields::new("`Delay`".into(), form.span, fields.to_vec(), reading);
-        let from = fields.take("from");
+        let from = take_from(
+            &mut fields,
+            form,
+            "write `Delay(from: \"node.output\", frames: 1)`",
+            reading,
+        );
         let frames = fields.take("frames");
         let initial = fields.setting("initial", Some(0.0), None, reading);
-        if from.is_none() {
-            let diagnostic = Diagnostic::error("E0205", form.span, "`Delay` needs `from`")
-                .label("`from` is missing")
-                .help("write `Delay(from: \"node.output\", frames: 1)`");
-            reading.diagnostics.push(diagnostic);
-        }
         let frames = match &frames {
             None => {
                 let diagnostic = Diagnostic::error("E0205", form.span, "`Delay` needs `frames`")
@@ -460,13 +476,12 @@ fn ringed(
 ) -> Option<Wire> {
     let (from, latency_ms) = cx.reading(|reading| {
         let mut fields = Fields::new("`Ring`".into(), form.span, fields.to_vec(), reading);
-        let from = fields.take("from");
-        if from.is_none() {
-            let diagnostic = Diagnostic::error("E0205", form.span, "`Ring` needs `from`")
-                .label("`from` is missing")
-                .help("write `Ring(from: \"node.output\", latency_ms: 10)`");
-            reading.diagnostics.push(diagnostic);
-        }
+        let from = take_from(
+            &mut fields,
+            form,
+            "write `Ring(from: \"node.output\", latency_ms: 10)`",
+            reading,
+        );
         let range = Some((0.0, MOST_RING_LATENCY_MS));
         let latency_ms = fields.setting::<f64>("latency_ms", None, range, reading);
         fields.finish(reading);
