@@ -1,11 +1,8 @@
 //! Live runs of several drivers, their callbacks at scripted moments, and their replays.
 
-use super::Heard;
-use super::fleet::{bits, graphs};
+use super::fleet::{all_bits, graphs, listening};
 use crate::graph::{Bridge, Graph};
-use crate::run::{
-    Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, Outlets, Probe, ReplayError, Session,
-};
+use crate::run::{Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -27,22 +24,6 @@ impl Drop for Folder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
-}
-
-fn listening(graph: &Graph) -> (Outlets<'_>, Vec<Heard>) {
-    let mut outlets = Outlets::new(graph);
-    let mut heard = Vec::new();
-    for node in graph.nodes.node_indices() {
-        heard.push(Heard::default());
-        let writer = Box::new(heard[node.index()].clone());
-        let output = 0;
-        outlets.probe(Probe { node, output, writer });
-    }
-    (outlets, heard)
-}
-
-fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
-    heard.iter().map(|heard| bits(&heard.0.lock().unwrap())).collect()
 }
 
 /// What was heard of a run whose drivers wake at random, stall, and are stopped; and how often a ring ran dry or over.

@@ -26,8 +26,8 @@ pub fn bits(heard: &[f64]) -> Vec<u64> {
     heard.iter().map(|x| x.to_bits()).collect()
 }
 
-/// All outputs over a second and a half.
-fn play(graph: &Graph, block: usize, threads: usize) -> (Vec<Vec<u64>>, Outcome) {
+/// All outputs of a graph, and where they are heard.
+pub fn listening(graph: &Graph) -> (Outlets<'_>, Vec<Heard>) {
     let mut outlets = Outlets::new(graph);
     let mut heard = Vec::new();
     for node in graph.nodes.node_indices() {
@@ -36,12 +36,21 @@ fn play(graph: &Graph, block: usize, threads: usize) -> (Vec<Vec<u64>>, Outcome)
         let output = 0;
         outlets.probe(Probe { node, output, writer });
     }
+    (outlets, heard)
+}
+
+pub fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
+    heard.iter().map(|heard| bits(&heard.0.lock().unwrap())).collect()
+}
+
+/// All outputs over a second and a half.
+fn play(graph: &Graph, block: usize, threads: usize) -> (Vec<Vec<u64>>, Outcome) {
+    let (outlets, heard) = listening(graph);
     let outcome = Offline::new(outlets, block)
         .threads(threads)
         .run(1.5, &AtomicBool::new(false), &mut |_| {})
         .unwrap();
-    let heard = heard.iter().map(|heard| bits(&heard.0.lock().unwrap()));
-    (heard.collect(), outcome)
+    (all_bits(&heard), outcome)
 }
 
 #[test]
