@@ -233,6 +233,16 @@ mod tests {
         }
     }
 
+    /// From 0.5 to nothing on both channels, in steps of a ramp of 10 ms.
+    fn assert_falls_without_a_leap(graph: &Graph) {
+        for played in play_quietly(graph) {
+            let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let most = most.fold(0.0, f64::max);
+            assert!(most < 0.5 / 480.0 * 1.01, "{most}");
+            assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
+        }
+    }
+
     /// What two channels play in twelve buffers, until nothing is driven any more.
     fn play_quietly(graph: &Graph) -> [Vec<f64>; 2] {
         let (mut filler, shared, _session) = filler(graph, 1.0);
@@ -268,16 +278,10 @@ mod tests {
         registry.add(NodeEntry::processor::<Doomed>());
         let document = Document::parse("g.ron", text).unwrap();
         let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
-        let played = play_quietly(&graph);
-        for played in played {
-            let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            let most = most.fold(0.0, f64::max);
-            assert!(most < 0.5 / 480.0 * 1.01, "{most}");
-            assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
-        }
+        assert_falls_without_a_leap(&graph);
     }
 
-    /// Panics whenever it is given something that is not nothing, from the second block on.
+    /// Panics at whatever it is given from the second block on.
     #[derive(Clone)]
     struct Grenade(u32);
 
@@ -332,13 +336,7 @@ mod tests {
         registry.add_device(DeviceEntry::of::<Grenade>());
         let document = Document::parse("g.ron", text).unwrap();
         let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
-        let played = play_quietly(&graph);
-        for played in played {
-            let most = played.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-            let most = most.fold(0.0, f64::max);
-            assert!(most < 0.5 / 480.0 * 1.01, "{most}");
-            assert_eq!((played[0], played.last()), (0.5, Some(&0.0)));
-        }
+        assert_falls_without_a_leap(&graph);
     }
 
     #[test]
