@@ -2,6 +2,7 @@
 
 use crate::plan::Plan;
 use haptograph_signal::time::{TimeBase, ticks_before};
+use std::ops::Range;
 
 /// The ticks of one clock in the present stretch of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -145,4 +146,10 @@ impl Windows {
     pub(crate) fn restore(&mut self, whole: &[Window]) {
         self.clocks.copy_from_slice(whole);
     }
+}
+
+/// Where the frames of a window lie among lanes that begin at `start`.
+pub(crate) fn range_of(start: u32, width: u32, window: Window) -> Range<usize> {
+    let begin = start as usize + window.offset * width as usize;
+    begin..begin + window.count * width as usize
 }

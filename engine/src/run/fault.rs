@@ -1,0 +1,41 @@
+//! Signals that are not numbers, and the nodes that they come from.
+
+use super::program::Line;
+use super::window::{Window, range_of};
+use crate::io::Placing;
+use petgraph::graph::NodeIndex;
+
+/// What was seen of signals that are not numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Faults {
+    /// Ticks at which an actuator was given NaN or infinity, and got zero instead.
+    pub ticks: u64,
+    /// The first node found to put one out.
+    pub origin: Option<NodeIndex>,
+    /// The next steps are watched to find the origin.
+    pub(super) watching: bool,
+}
+
+impl Faults {
+    /// Of several drivers.
+    pub(super) fn of(all: impl Iterator<Item = Self>) -> Self {
+        all.fold(Self::default(), |sum, one| Self {
+            ticks: sum.ticks + one.ticks,
+            origin: sum.origin.or(one.origin),
+            watching: false,
+        })
+    }
+
+    /// After an actuator was given something that is not a number: is this step where it comes from?
+    pub(super) fn watch(&mut self, line: &Line, out: &[f64], window: Window) {
+        let bad = |placing: &Placing| {
+            !out[range_of(placing.start, placing.width, window)]
+                .iter()
+                .all(|x| x.is_finite())
+        };
+        if self.origin.is_none() && line.outputs.iter().any(bad) {
+            self.origin = Some(line.node);
+            self.watching = false;
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! One walk through the steps of a plan: real-time code.
+
+use super::State;
+use super::actuator::Asked;
+use super::bridge::Ends;
+use super::profile::Watch;
+use super::program::{Line, Program};
+use super::window::{Window, range_of};
+use crate::io::{Form, Io, Wire};
+use crate::node::Tick;
+use crate::plan::{BridgeKind, Plan, StepWork};
+use std::ops::Range;
+
+impl State {
+    /// After a processor was changed or replaced by another of its kind.
+    pub(super) fn renew_single(&mut self, processor: usize) {
+        if let Some(single) = self.processors[processor].single() {
+            self.singles[processor].single = single;
+        }
+    }
+
+    pub(super) fn steps<W: Watch>(
+        &mut self,
+        plan: &Plan,
+        program: &Program,
+        range: Range<usize>,
+        watch: &mut W,
+    ) {
+        let mut number = range.start;
+        while number < range.end {
+            let line = &program.lines[number];
+            let count = match line.work {
+                StepWork::Process(first) => {
+                    let first = first as usize;
+                    let most = if W::APART { 1 } else { range.end - number };
+                    let (count, offset) = self.windows.frames(line.clock);
+                    if count == 1 && line.singles > 0 && !self.faults.watching {
+                        let singles = (line.singles as usize).min(most);
+                        self.without_ports(first..first + singles, offset);
+                        singles
+                    } else {
+                        let streak = (line.streak as usize).min(most);
+                        let period_s = program.periods_s[line.clock as usize];
+                        self.with_ports(&program.lines[number..number + streak], first, period_s)
+                    }
+                }
+                StepWork::Island {
+                    steps,
+                    first_pacing,
+                    pacings,
+                } => {
+                    let steps = steps as usize;
+                    let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
+                    self.island(plan, program, number + 1..number + 1 + steps, pacings, watch);
+                    1 + steps
+                }
+                _ => {
+                    self.step(plan, program, line);
+                    1
+                }
+            };
+            if W::APART {
+                watch.done(number, self.windows.of(line.clock).count);
+            }
+            number += count;
+        }
+    }
+
+    /// Runs the steps of an island over the block, window by window.
+    #[inline(never)]
+    fn island<W: Watch>(
+        &mut self,
+        plan: &Plan,
+        program: &Program,
+        range: Range<usize>,
+        pacings: &[u64],
+        watch: &mut W,
+    ) {
+        self.whole.copy_from_slice(self.windows.all());
+        self.windows.rewind();
+        let (mut begin, end) = self.windows.block();
+        while begin < end {
+            begin = self.windows.boundary_after(begin, pacings);
+            self.windows.narrow_to(begin);
+            self.steps(plan, program, range.clone(), watch);
+        }
+        self.windows.restore(&self.whole);
+    }
+
+    /// Runs processors for one frame, at `offset` in their buffers, without ports.
+    #[inline(never)]
+    fn without_ports(&mut self, range: Range<usize>, offset: usize) {
+        let memory = &mut self.memory.all_mut()[offset..];
+        let processors = &mut self.processors[range.clone()];
+        let (mut latest, mut latest_at) = (0.0, u32::MAX);
+        for (step, processor) in self.singles[range].iter().zip(processors) {
+            // In a chain the frame stays in a register: a load has to wait for the store before it.
+            let x = match step.from == latest_at {
+                true => latest,
+                false => memory[step.from as usize],
+            };
+            latest = step.single.of(x, &mut **processor);
+            latest_at = step.to;
+            memory[step.to as usize] = latest;
+        }
+    }
+
+    /// Runs processors that follow one another at one clock, up to one that can do without ports in this window;
+    /// returns how many.
+    #[inline(never)]
+    fn with_ports(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
+        let window = self.windows.of(lines[0].clock);
+        if window.count == 0 {
+            return lines.len();
+        }
+        let tick = Tick {
+            first: window.first,
+            frames: window.count,
+            period_s,
+        };
+        let watching = self.faults.watching;
+        let single = window.count == 1 && !watching;
+        let memory = self.memory.all_mut();
+        for (done, (line, processor)) in lines.iter().zip(&mut self.processors[first..]).enumerate() {
+            if single && line.singles > 0 {
+                return done;
+            }
+            let (before, out, behind) = line.out.split(memory);
+            let mut io = Io {
+                frames: window.count,
+                offset: window.offset,
+                inputs: &line.inputs,
+                outputs: &line.outputs,
+                before,
+                out,
+                behind,
+            };
+            processor.process(&tick, &mut io);
+            if watching
+                && self
+                    .suspects
+                    .get(line.node.index())
+                    .is_none_or(|suspect| *suspect)
+            {
+                self.faults.watch(line, out, window);
+            }
+        }
+        lines.len()
+    }
+
+    #[inline(never)]
+    fn step(&mut self, plan: &Plan, program: &Program, line: &Line) {
+        let window = self.windows.of(line.clock);
+        let (before, out, behind) = line.out.split(self.memory.all_mut());
+        let around = [before, behind];
+        match line.work {
+            StepWork::Bridge(index) => {
+                let bridge = &plan.bridges[index as usize];
+                let ends = Ends {
+                    from: self.windows.of(bridge.from),
+                    from_period: self.windows.period(bridge.from),
+                    to: window,
+                    to_period: self.windows.period(line.clock),
+                };
+                let x = input(around, &line.inputs[0], ends.from);
+                match bridge.kind {
+                    BridgeKind::HoldRuns => {
+                        let y = &mut out[line.outputs[0].start as usize..];
+                        self.bridges[index as usize].cross(&ends, x, y);
+                    }
+                    BridgeKind::Delay(delay) => {
+                        self.delays[delay as usize].pass(window, x, output(out, line, window));
+                    }
+                    _ => self.bridges[index as usize].cross(&ends, x, output(out, line, window)),
+                }
+            }
+            StepWork::Actuator(index) => {
+                let x = input(around, &line.inputs[0], window);
+                let actuator = &mut self.actuators[index as usize];
+                let asked = Asked {
+                    gain: actuator.gain,
+                    drive: self.drive,
+                    first: window.first,
+                    period: self.windows.period(line.clock),
+                };
+                let faults = actuator.limiter.apply(&asked, x, output(out, line, window));
+                if faults > 0 {
+                    self.faults.ticks += faults;
+                    self.struck = self.struck.or(Some(line.node));
+                    self.faults.watching = self.faults.origin.is_none();
+                }
+            }
+            StepWork::DelayRead(index) => {
+                self.delays[index as usize].read(window, output(out, line, window));
+            }
+            StepWork::DelayWrite(index) => {
+                let x = input(around, &line.inputs[0], window);
+                self.delays[index as usize].write(window, x);
+            }
+            StepWork::RingRead(index) => {
+                let y = output(out, line, window);
+                match &mut self.links.readers[index as usize] {
+                    Some(reader) => reader.read(y),
+                    None => y.fill(0.0),
+                }
+            }
+            StepWork::RingWrite(index) => {
+                let x = input(around, &line.inputs[0], window);
+                if let Some(writer) = &mut self.links.writers[index as usize] {
+                    writer.write(x);
+                }
+            }
+            StepWork::DeviceRead(index) => self.device_read(plan, program, index as usize, window),
+            StepWork::DeviceWrite(index) => self.device_write(plan, program, index as usize, window),
+            StepWork::Process(_) | StepWork::Island { .. } => {}
+        }
+    }
+
+    fn device_read(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
+        let state = &mut self.devices[index];
+        for frame in 0..window.count {
+            state.advance();
+            for (slot, placing, channel) in &plan.devices[index].reads {
+                let range = range_of(placing.start, placing.width, window.one(frame));
+                let buffer = &mut self.memory.all_mut()[program.range(*slot)];
+                state.device.read(*channel, &mut buffer[range]);
+            }
+        }
+    }
+
+    fn device_write(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
+        let device = &plan.devices[index];
+        let state = &mut self.devices[index];
+        for frame in 0..window.count {
+            if device.reads.is_empty() {
+                state.advance();
+            }
+            for (slot, placing, channel) in &device.writes {
+                let range = range_of(placing.start, placing.width, window.one(frame));
+                let buffer = &self.memory.all()[program.range(*slot)];
+                state.device.write(*channel, &buffer[range]);
+            }
+        }
+        if window.count > 0 {
+            for ((slot, placing, _), written) in device.writes.iter().zip(&mut state.written) {
+                let last = &self.memory.all()[program.range(*slot)];
+                let last = &last[range_of(placing.start, placing.width, window.one(window.count - 1))];
+                written[..last.len()].copy_from_slice(last);
+            }
+        }
+    }
+}
+
+/// The frames of a sampled input in the memory before and behind the step's own buffer.
+fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &Wire, window: Window) -> &'a [f64] {
+    match wire.form {
+        Form::Sampled => {
+            let side = if wire.behind { behind } else { before };
+            &side[range_of(wire.at, wire.width, window)]
+        }
+        _ => &[],
+    }
+}
+
+/// The frames of the first output.
+fn output<'a>(out: &'a mut [f64], line: &Line, window: Window) -> &'a mut [f64] {
+    &mut out[range_of(line.outputs[0].start, line.outputs[0].width, window)]
+}
