@@ -317,7 +317,9 @@ fn a_bench_tells_what_every_step_costs() {
     let shares: f64 = steps.iter().map(|step| step["share"].as_f64().unwrap()).sum();
     assert!((shares - 1.0).abs() < 1e-9, "{shares}");
     assert!(steps.iter().any(|step| step["step"] == "texture/filter"));
-    let path = figures["critical_path"]["nodes"].as_array().unwrap();
+    let path = figures["drivers"][0]["critical_path"]["nodes"]
+        .as_array()
+        .unwrap();
     let at = |name: &str| path.iter().position(|node| node == name);
     assert!(at("texture/filter") < at("out"), "{path:?}");
     assert_eq!(figures["simulated"], true);
@@ -331,6 +333,53 @@ fn a_bench_tells_what_every_step_costs() {
         shown.contains("% of one core") && shown.contains("critical path"),
         "{shown}"
     );
+}
+
+#[test]
+fn a_bench_tells_what_each_of_several_drivers_costs() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/two-drivers.ron");
+    let graph = graph.display().to_string();
+    let common = ["bench", &graph, "--for", "0.3"];
+    let told = succeed(
+        folder.path(),
+        &[&common[..], &["--json", "--svg", "cost.svg"]].concat(),
+    );
+    let figures: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let drivers = figures["drivers"].as_array().unwrap();
+    let names: Vec<&str> = drivers
+        .iter()
+        .map(|one| one["driver"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["audio", "servo"]);
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    for driver in drivers {
+        let (load, rate_hz) = (number(&driver["load_percent"]), number(&driver["rate_hz"]));
+        let full = number(&driver["highest_rate_hz"]) * load / 100.0;
+        assert!(load > 0.0 && (full / rate_hz - 1.0).abs() < 1e-9, "{driver}");
+        assert!(number(&driver["critical_path"]["share"]) <= 1.0, "{driver}");
+    }
+    let of_both = number(&drivers[0]["load_percent"]) + number(&drivers[1]["load_percent"]);
+    let whole = number(&figures["load_percent"]);
+    assert!((0.5..2.0).contains(&(of_both / whole)), "{of_both} of {whole}");
+    let path = |driver: usize| drivers[driver]["critical_path"]["nodes"].as_array().unwrap();
+    assert!(path(0).iter().any(|node| node == "out"), "{figures}");
+    assert!(path(1).iter().any(|node| node == "stylus"), "{figures}");
+    let steps = figures["steps"].as_array().unwrap();
+    for (step, driver) in [
+        ("ring moves.output to moving.input", "audio"),
+        ("send moves.output to moving.input", "servo"),
+    ] {
+        let found = steps.iter().find(|known| known["step"] == step).unwrap();
+        assert_eq!(found["driver"], driver);
+    }
+    let picture = fs::read_to_string(folder.path().join("cost.svg")).unwrap();
+    assert!(picture.contains("audio, ") && picture.contains("servo, "));
+    let shown = succeed(folder.path(), &common);
+    for words in ["driver audio", "driver servo", "measuring      cost"] {
+        assert!(shown.contains(words), "no `{words}` in {shown}");
+    }
+    assert_eq!(shown.matches("critical path").count(), 2, "{shown}");
 }
 
 #[test]

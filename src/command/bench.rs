@@ -4,9 +4,10 @@ mod account;
 
 use super::run::progress_bar;
 use super::{Failure, GraphArguments, folder_of, say, write_file};
-use account::Account;
+use account::{Account, Turns};
 use haptograph::engine::plan::{Plan, PlanOptions};
-use haptograph::engine::run::{Profile, Run};
+use haptograph::engine::run::{Fleet, Profile};
+use std::convert::Infallible;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -37,7 +38,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Turns that the measured and the plain run take, so that what disturbs the machine disturbs both.
+/// Turns that each kind of run takes, so that what disturbs the machine disturbs all.
 const TURNS: usize = 40;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -47,44 +48,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         folder_of(path)?;
         arguments.graph.spare_inputs(&graph, path)?;
     }
-    let drivers = graph.drivers();
-    if let [_, _, ..] = drivers[..] {
-        let names = drivers.iter().map(|driver| graph.clocks()[*driver].name.as_str());
-        return Err(Failure::Message(format!(
-            "bench measures graphs with one driver, and this one has {}",
-            names.collect::<Vec<_>>().join(" and ")
-        )));
-    }
     let options = PlanOptions {
         block: arguments.block.into(),
         taps: Vec::new(),
     };
-    let plan = Arc::new(Plan::new(&graph, &options));
-    let mut profile = Profile::new(&plan);
-    let mut plain = Run::new(Arc::clone(&plan));
-    let progress = progress_bar(arguments.seconds);
-    let turn = Duration::from_secs_f64(arguments.seconds / (2 * TURNS) as f64);
-    // One turn of the measured run sets how many blocks all turns have.
-    let mut blocks = 0_u64;
-    let (mut measured_s, mut plain_s) = (Vec::new(), Vec::new());
-    for number in 0..TURNS {
-        let begun = Instant::now();
-        if number == 0 {
-            while begun.elapsed() < turn || blocks == 0 {
-                profile.advance(plan.block());
-                blocks += 1;
-            }
-        } else {
-            (0..blocks).for_each(|_| profile.advance(plan.block()));
-        }
-        measured_s.push(begun.elapsed().as_secs_f64() / blocks as f64);
-        let begun = Instant::now();
-        (0..blocks).for_each(|_| plain.advance(plan.block()));
-        plain_s.push(begun.elapsed().as_secs_f64() / blocks as f64);
-        progress.set_position((1000.0 * arguments.seconds * (number + 1) as f64 / TURNS as f64) as u64);
-    }
-    progress.finish_and_clear();
-    let account = Account::new(&graph, &plan, &profile, &measured_s, &plain_s);
+    let plans: Vec<Arc<Plan>> = Plan::all(&graph, &options).into_iter().map(Arc::new).collect();
+    let mut profile = Profile::new(&plans);
+    let turns = measure(&plans, &mut profile, arguments.seconds);
+    let account = Account::new(&graph, &plans, &profile, &turns);
     if let Some(path) = &arguments.svg {
         write_file(path, &account.to_svg(&arguments.graph.name()))?;
     }
@@ -93,4 +64,43 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         account.to_text()
     })
+}
+
+/// The plain, the measured and, where there are several drivers, the run timed driver by driver, in turns.
+fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
+    let mut plain = Fleet::new(plans);
+    let mut plain_round = || {
+        let Ok(()) = plain.round(|_, _| Ok::<(), Infallible>(()));
+    };
+    let progress = progress_bar(seconds);
+    let kinds = if plans.len() > 1 { 3 } else { 2 };
+    let turn = Duration::from_secs_f64(seconds / (kinds * TURNS) as f64);
+    // One turn of the measured run sets how many rounds all turns have.
+    let mut rounds = 0_u32;
+    let begun = Instant::now();
+    while begun.elapsed() < turn || rounds == 0 {
+        profile.round();
+        rounds += 1;
+    }
+    let mut turns = Turns::default();
+    for number in 0..TURNS {
+        turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        turns.plain_s.push(a_round_of(rounds, &mut plain_round));
+        if plans.len() > 1 {
+            let mut took_ns = vec![0.0; plans.len()];
+            (0..rounds).for_each(|_| profile.round_by_driver(&mut took_ns));
+            let took_s = took_ns.iter().map(|ns| ns * 1e-9 / f64::from(rounds));
+            turns.by_driver_s.push(took_s.collect());
+        }
+        progress.set_position((1000.0 * seconds * (number + 1) as f64 / TURNS as f64) as u64);
+    }
+    progress.finish_and_clear();
+    turns
+}
+
+/// What one of so many rounds takes, s.
+fn a_round_of(rounds: u32, mut round: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    (0..rounds).for_each(|_| round());
+    begun.elapsed().as_secs_f64() / f64::from(rounds)
 }

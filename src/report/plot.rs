@@ -241,13 +241,15 @@ impl Plot {
             _ => None,
         });
         let right = if image.is_some() { 86.0 } else { 18.0 };
-        let crowded = heading_width(&self.title, &self.note) + self.legend_width() > size.0 - 66.0 - right;
+        let bottom = if self.x.label.is_empty() { 26.0 } else { 44.0 };
+        // How high the frame is has little to do with how wide the names at its side are.
+        let room = size.0 - self.left_margin(size.1 - 34.0 - bottom) - right;
+        let crowded = heading_width(&self.title, &self.note) + self.legend_width() > room;
         let top = match (self.title.is_empty(), crowded) {
             (true, _) => 14.0,
             (false, false) => 34.0,
             (false, true) => 52.0,
         };
-        let bottom = if self.x.label.is_empty() { 26.0 } else { 44.0 };
         let left = self.left_margin(size.1 - top - bottom);
         let frame = Rect {
             x: left,

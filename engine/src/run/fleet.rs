@@ -1,7 +1,8 @@
 //! Several drivers in one virtual time, joined by the rings that join them live.
 //!
 //! Time goes in rounds of at most a millisecond, as the wake-ups of timers do. In each, every driver first looks at its
-//! rings and then runs what is due; so neither their order nor the blocks they run in change a bit.
+//! rings and then runs what is due; so neither their order nor the blocks they run in change a bit. A driver that is
+//! alone waits for nobody: its rounds are whole blocks.
 
 use super::link::{RingMeter, link, reserve_s};
 use super::{Faults, Run};
@@ -15,6 +16,15 @@ const ROUND_S: f64 = 1e-3;
 /// A round takes at most this part of a ring's reserve.
 const PART_OF_RESERVE: f64 = 0.25;
 const BILLION: u128 = 1_000_000_000;
+
+/// What a driver does in a round.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Work {
+    /// Looks at its rings.
+    Look,
+    /// Runs so many of its frames.
+    Advance(usize),
+}
 
 /// The runs of all drivers of a graph.
 pub struct Fleet {
@@ -40,13 +50,19 @@ impl Fleet {
         let round_s = reserves.fold(ROUND_S, |round_s, reserve_s| {
             round_s.min(PART_OF_RESERVE * reserve_s)
         });
-        let units = plans.first().map_or(1.0, |plan| plan.base.units_per_second());
+        let round = match plans {
+            [alone] => u128::from(alone.base.period(alone.driver)) * alone.block as u128,
+            _ => {
+                let units = plans.first().map_or(1.0, |plan| plan.base.units_per_second());
+                ((round_s * units) as u128).max(1)
+            }
+        };
         let count = plans.len();
         let mut runs: Vec<Run> = plans.iter().map(|plan| Run::new(Arc::clone(plan))).collect();
         Self {
             meters: join(&mut runs.iter_mut().collect::<Vec<_>>()),
             runs,
-            round: ((round_s * units) as u128).max(1),
+            round,
             rounds: 0,
             drifts: vec![0; count],
             ends: vec![u64::MAX; count],
@@ -78,21 +94,43 @@ impl Fleet {
     /// # Errors
     /// The first of `each`.
     pub fn round<E>(&mut self, mut each: impl FnMut(usize, &Run) -> Result<(), E>) -> Result<(), E> {
+        self.round_by(|driver, run, work| match work {
+            Work::Look => {
+                run.look();
+                Ok(())
+            }
+            Work::Advance(frames) => {
+                run.advance(frames);
+                each(driver, run)
+            }
+        })
+    }
+
+    /// A round whose work is done by `by`.
+    pub(super) fn round_by<E>(
+        &mut self,
+        mut by: impl FnMut(usize, &mut Run, Work) -> Result<(), E>,
+    ) -> Result<(), E> {
         self.rounds += 1;
         for driver in 0..self.runs.len() {
             self.due[driver] = self.due(driver);
-            self.runs[driver].look();
+            by(driver, &mut self.runs[driver], Work::Look)?;
         }
         for (driver, (run, frames)) in self.runs.iter_mut().zip(&self.due).enumerate() {
             let mut left = *frames;
             while left > 0 {
                 let block = left.min(run.plan.block).min(self.longest);
-                run.advance(block);
-                each(driver, run)?;
+                by(driver, run, Work::Advance(block))?;
                 left -= block;
             }
         }
         Ok(())
+    }
+
+    /// How long a round is, s.
+    pub fn round_s(&self) -> f64 {
+        let units = self.runs.first().map(|run| run.plan.base.units_per_second());
+        self.round as f64 / units.unwrap_or(1.0)
     }
 
     /// Frames of a driver whose time comes before the end of this round.

@@ -1,9 +1,10 @@
-//! What each step of a running plan costs, by timing one block in many step by step.
+//! What each step of running plans costs, by timing one round of theirs in many step by step.
 
-use super::Run;
-use crate::plan::Plan;
+use super::fleet::{Fleet, Work};
+use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
 use petgraph::graph::NodeIndex;
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -27,20 +28,31 @@ impl Watch for Unwatched {
 
 /// The most samples kept of a step; beyond them each new one takes the place of an old one.
 const KEPT: usize = 4096;
-/// Blocks of each kind by which the price of timing is found.
-const TRIAL_BLOCKS: usize = 256;
+/// Rounds of each kind by which the price of timing is found.
+const TRIAL_ROUNDS: usize = 256;
 /// What timing may cost, as a part of the run.
 const PRICE: f64 = 0.01;
+/// The part of a stretch by which the timed round lies further along than in the stretch before: so it falls in with
+/// no rhythm of the graph's clocks.
+const STRIDE: f64 = 0.618_033_988_749_894_8;
 
-/// A run that is measured.
+/// The runs of all drivers of a graph, measured.
 pub struct Profile {
-    run: Run,
+    fleet: Fleet,
+    /// Of each driver.
+    books: Vec<Book>,
+    /// What looking at the clock itself takes, ns.
+    look_ns: f64,
+    /// One round in so many is timed.
+    every: u64,
+    rounds: u64,
+    timed: u64,
+}
+
+/// What was seen of a driver.
+struct Book {
     stopwatch: Stopwatch,
     samples: Vec<Samples>,
-    /// One block in so many is timed.
-    every: u64,
-    blocks: u64,
-    timed: u64,
 }
 
 /// What a step costs.
@@ -52,13 +64,13 @@ pub struct StepCost {
     pub node: NodeIndex,
     /// Its clock, as an index of the graph's.
     pub clock: usize,
-    /// Median over the timed blocks, ns a tick of its clock.
+    /// Median over the timed rounds, ns a tick of its clock.
     pub median_ns: f64,
-    /// What 99 of 100 timed blocks stayed below, ns a tick.
+    /// What 99 of 100 timed rounds stayed below, ns a tick.
     pub p99_ns: f64,
     /// The worst, interruptions by the system included, ns a tick.
     pub worst_ns: f64,
-    /// Timed blocks in which it ran.
+    /// Timed rounds in which it ran.
     pub samples: usize,
 }
 
@@ -66,8 +78,8 @@ struct Stopwatch {
     latest: Instant,
     /// What looking at the clock itself takes, ns.
     look_ns: f64,
-    /// Of each step in the present block: ns, ticks.
-    block: Vec<(f64, usize)>,
+    /// Of each step in the present round: ns, ticks.
+    steps: Vec<(f64, usize)>,
 }
 
 #[derive(Clone, Default)]
@@ -81,7 +93,7 @@ impl Watch for Stopwatch {
 
     fn done(&mut self, number: usize, ticks: usize) {
         let now = Instant::now();
-        if let Some((ns, all)) = self.block.get_mut(number) {
+        if let Some((ns, all)) = self.steps.get_mut(number) {
             *ns += now.duration_since(self.latest).as_nanos() as f64 - self.look_ns;
             *all += ticks;
         }
@@ -90,76 +102,110 @@ impl Watch for Stopwatch {
 }
 
 impl Profile {
-    /// Runs some blocks to find how many of them can be timed at a hundredth of the whole cost, then starts anew.
-    pub fn new(plan: &Arc<Plan>) -> Self {
-        let mut this = Self::timing_every(plan, 1);
+    /// Of the plans of [`Plan::all`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
+    /// cost, then starts anew.
+    pub fn new(plans: &[Arc<Plan>]) -> Self {
+        let mut this = Self::timing_every(plans, 1);
         let mut took = [Vec::new(), Vec::new()];
-        for trial in 0..2 * TRIAL_BLOCKS {
+        for trial in 0..2 * TRIAL_ROUNDS {
             this.every = if trial % 2 == 0 { u64::MAX } else { 1 };
             let before = Instant::now();
-            this.advance(plan.block());
+            this.round();
             took[trial % 2].push(before.elapsed().as_nanos() as f64);
         }
         let [plain, timed] = took.map(|took| median(&took));
         let every = ((timed - plain).max(0.0) / (PRICE * plain.max(1.0))).ceil() as u64;
-        Self::timing_every(plan, every.max(1))
+        Self::timing_every(plans, every.max(1))
     }
 
-    /// A measured run that times one block in `every`.
-    pub fn timing_every(plan: &Arc<Plan>, every: u64) -> Self {
-        let steps = plan.step_count();
-        Self {
-            run: Run::new(Arc::clone(plan)),
+    /// Measured runs of which one round in `every` is timed.
+    pub fn timing_every(plans: &[Arc<Plan>], every: u64) -> Self {
+        let look_ns = look_ns();
+        let book = |plan: &Arc<Plan>| Book {
             stopwatch: Stopwatch {
                 latest: Instant::now(),
-                look_ns: look_ns(),
-                block: vec![(0.0, 0); steps],
+                look_ns,
+                steps: vec![(0.0, 0); plan.step_count()],
             },
-            samples: vec![Samples::default(); steps],
+            samples: vec![Samples::default(); plan.step_count()],
+        };
+        Self {
+            fleet: Fleet::new(plans),
+            books: plans.iter().map(book).collect(),
+            look_ns,
             every,
-            blocks: 0,
+            rounds: 0,
             timed: 0,
         }
     }
 
-    /// One block in so many is timed.
+    /// One round in so many is timed.
     pub fn every(&self) -> u64 {
         self.every
     }
 
     /// How many were.
-    pub fn timed_blocks(&self) -> u64 {
+    pub fn timed_rounds(&self) -> u64 {
         self.timed
     }
 
-    /// Runs `frames` driver frames, at most the plan's block; the samples are those of [`Run::advance`].
-    pub fn advance(&mut self, frames: usize) {
-        let timed = self.blocks.is_multiple_of(self.every);
-        self.blocks += 1;
-        if !timed {
-            self.run.advance(frames);
+    /// Runs a round; the samples are those of [`Fleet::round`].
+    pub fn round(&mut self) {
+        let (stretch, at) = (self.rounds / self.every, self.rounds % self.every);
+        let turn = (STRIDE * stretch as f64).fract() * self.every as f64;
+        self.rounds += 1;
+        if at != turn as u64 {
+            let Ok(()) = self.fleet.round(|_, _| Ok::<(), Infallible>(()));
             return;
         }
         self.timed += 1;
-        self.stopwatch.block.fill((0.0, 0));
-        self.stopwatch.latest = Instant::now();
-        self.run.advance_watched(frames, &mut self.stopwatch);
-        for (samples, (ns, ticks)) in self.samples.iter_mut().zip(&self.stopwatch.block) {
-            if *ticks > 0 {
-                samples.push((ns / *ticks as f64).max(0.0) as f32);
+        let books = &mut self.books;
+        let Ok(()) = self.fleet.round_by(|driver, run, work| {
+            let stopwatch = &mut books[driver].stopwatch;
+            match work {
+                Work::Look => {
+                    run.look();
+                    stopwatch.steps.fill((0.0, 0));
+                }
+                Work::Advance(frames) => {
+                    stopwatch.latest = Instant::now();
+                    run.advance_watched(frames, stopwatch);
+                }
+            }
+            Ok::<(), Infallible>(())
+        });
+        for Book { stopwatch, samples } in books {
+            for (samples, (ns, ticks)) in samples.iter_mut().zip(&stopwatch.steps) {
+                if *ticks > 0 {
+                    samples.push((ns / *ticks as f64).max(0.0) as f32);
+                }
             }
         }
     }
 
-    /// The run itself.
-    pub fn run(&self) -> &Run {
-        &self.run
+    /// Runs a round and adds to `took_ns` what each driver took for it, as a whole.
+    pub fn round_by_driver(&mut self, took_ns: &mut [f64]) {
+        let look_ns = self.look_ns;
+        let Ok(()) = self.fleet.round_by(|driver, run, work| {
+            let begun = Instant::now();
+            match work {
+                Work::Look => run.look(),
+                Work::Advance(frames) => run.advance(frames),
+            }
+            took_ns[driver] += begun.elapsed().as_nanos() as f64 - look_ns;
+            Ok::<(), Infallible>(())
+        });
     }
 
-    /// Of every step that ran, in the order of the plan.
-    pub fn costs(&self) -> Vec<StepCost> {
-        let plan = &self.run.plan;
-        let cost = |(step, samples): (&crate::plan::Step, &Samples)| {
+    /// The runs themselves.
+    pub fn fleet(&self) -> &Fleet {
+        &self.fleet
+    }
+
+    /// Of every step of a driver that ran, in the order of its plan.
+    pub fn costs(&self, driver: usize) -> Vec<StepCost> {
+        let steps = self.fleet.runs()[driver].plan.steps.iter();
+        let cost = |(step, samples): (&Step, &Samples)| {
             let mut sorted = samples.ns_a_tick.clone();
             sorted.sort_by(f32::total_cmp);
             let at = |part: f64| sorted[((sorted.len() - 1) as f64 * part) as usize];
@@ -173,7 +219,7 @@ impl Profile {
                 samples: samples.seen,
             })
         };
-        plan.steps.iter().zip(&self.samples).filter_map(cost).collect()
+        steps.zip(&self.books[driver].samples).filter_map(cost).collect()
     }
 }
 

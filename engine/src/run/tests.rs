@@ -6,7 +6,7 @@ mod live;
 mod naive;
 mod world;
 
-use super::{Offline, Outlets, Probe, Profile, Run};
+use super::{Fleet, Offline, Outlets, Probe, Profile, Run, StepCost};
 use crate::graph::Graph;
 use crate::node::FrameWriter;
 use crate::plan::{Plan, PlanOptions};
@@ -150,21 +150,34 @@ fn a_stop_ends_the_run_with_complete_blocks() {
 
 #[test]
 fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
-    for seed in 0..30 {
-        let graph = random_graph(seed, seed);
+    let alone = (0..30).map(|seed| (seed, random_graph(seed, seed)));
+    for (seed, graph) in alone.chain(fleet::graphs().take(12)) {
         let taps: Vec<(NodeIndex, usize)> = graph.nodes.node_indices().map(|node| (node, 0)).collect();
-        let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 50, taps }));
-        let (mut plain, mut measured) = (Run::new(Arc::clone(&plan)), Profile::timing_every(&plan, 3));
-        for _ in 0..30 {
-            plain.advance(50);
-            measured.advance(50);
-            for tap in 0..plan.tap_streams().count() {
-                let bits = |frames: &[f64]| frames.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(plain.tap(tap)), bits(measured.run().tap(tap)), "seed {seed}");
+        let plans = Plan::all(&graph, &PlanOptions { block: 50, taps });
+        let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
+        let (mut plain, mut measured) = (Fleet::new(&plans), Profile::timing_every(&plans, 3));
+        let mut took_ns = vec![0.0; plans.len()];
+        let rounds = 30 * plans.len() as u64;
+        for round in 0..rounds * 2 {
+            let Ok(()) = plain.round(|_, _| Ok::<(), std::convert::Infallible>(()));
+            if round < rounds {
+                measured.round();
+            } else {
+                measured.round_by_driver(&mut took_ns);
+            }
+            for (plain, measured) in plain.runs().iter().zip(measured.fleet().runs()) {
+                assert_eq!(plain.driver_frames(), measured.driver_frames());
+                for tap in 0..plain.plan.tap_streams().count() {
+                    let bits = |frames: &[f64]| frames.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                    assert_eq!(bits(plain.tap(tap)), bits(measured.tap(tap)), "seed {seed}");
+                }
             }
         }
-        assert_eq!(measured.timed_blocks(), 10);
-        let costs = measured.costs();
+        assert_eq!(measured.timed_rounds(), rounds / 3);
+        assert!(took_ns.iter().all(|ns| *ns > 0.0), "seed {seed}: {took_ns:?}");
+        let costs: Vec<StepCost> = (0..plans.len())
+            .flat_map(|driver| measured.costs(driver))
+            .collect();
         assert!(
             costs
                 .iter()

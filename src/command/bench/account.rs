@@ -3,7 +3,7 @@
 use crate::command::Failure;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::plan::Plan;
-use haptograph::engine::run::Profile;
+use haptograph::engine::run::{Profile, StepCost};
 use haptograph::report::plot::{Axis, Mark, Plot, Style};
 use haptograph::report::theme::Ink;
 use haptograph::signal::statistics::median;
@@ -12,113 +12,125 @@ use petgraph::visit::EdgeRef;
 use serde_json::json;
 use std::collections::HashMap;
 use std::fmt::Write;
+use std::sync::Arc;
 
-/// What a graph costs.
+/// What the runs took, turn by turn, in seconds a round.
+#[derive(Debug, Default)]
+pub struct Turns {
+    pub measured_s: Vec<f64>,
+    pub plain_s: Vec<f64>,
+    /// Of each driver; none where there is only one.
+    pub by_driver_s: Vec<Vec<f64>>,
+}
+
+/// What a graph costs. Loads are seconds of work a second of the graph's time: the part of one core that is needed.
 #[derive(Debug)]
 pub struct Account {
-    block: usize,
-    driver: String,
-    driver_rate_hz: f64,
-    /// Seconds of work a second of the graph's time: the part of one core that it needs.
+    /// Of all drivers on one core.
     load: f64,
     /// How much more the measured run took, as a part.
     price: f64,
-    timed_blocks: u64,
+    timed_rounds: u64,
     every: u64,
     rows: Vec<Row>,
     clocks: Vec<ClockLoad>,
-    /// Nodes that wait for one another and cost most, and their part of one core.
-    critical: (Vec<String>, f64),
-    buffer_bytes: usize,
+    drivers: Vec<DriverLoad>,
     peak_bytes: Option<u64>,
     simulated: bool,
 }
 
-/// A step of the plan.
+/// A step of a plan.
 #[derive(Debug)]
 struct Row {
     label: String,
+    driver: usize,
     clock: String,
     median_ns: f64,
     p99_ns: f64,
     worst_ns: f64,
     samples: usize,
-    /// Part of one core.
     load: f64,
 }
 
 #[derive(Debug)]
 struct ClockLoad {
     name: String,
+    driver: String,
     rate: String,
     period_ns: f64,
     load: f64,
 }
 
+#[derive(Debug)]
+struct DriverLoad {
+    name: String,
+    rate_hz: f64,
+    /// Frames that it runs at once, at most.
+    block: usize,
+    load: f64,
+    /// The same as its steps were timed, one by one.
+    timed_load: f64,
+    /// Nodes that wait for one another and cost most, and their load.
+    critical: (Vec<String>, f64),
+    buffer_bytes: usize,
+}
+
 impl Account {
-    pub fn new(graph: &Graph, plan: &Plan, profile: &Profile, measured_s: &[f64], plain_s: &[f64]) -> Self {
-        let ratios: Vec<f64> = measured_s.iter().zip(plain_s).map(|(m, p)| m / p).collect();
-        let costs = profile.costs();
-        let rate_hz = |clock: usize| graph.clocks()[clock].rate.hz();
-        let load = |cost: &haptograph::engine::run::StepCost| cost.median_ns * 1e-9 * rate_hz(cost.clock);
-        let mut node_load: HashMap<NodeIndex, f64> = HashMap::new();
-        for cost in &costs {
-            *node_load.entry(cost.node).or_default() += load(cost);
+    pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Turns) -> Self {
+        let pairs = turns.measured_s.iter().zip(&turns.plain_s);
+        let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
+        let round_s = profile.fleet().round_s();
+        let load = median(&turns.plain_s) / round_s;
+        let (mut rows, mut drivers) = (Vec::new(), Vec::new());
+        for (driver, plan) in plans.iter().enumerate() {
+            let own = rows_of(graph, driver, &profile.costs(driver));
+            let round_frames = (round_s * plan.driver_rate().hz()).round().max(1.0) as usize;
+            let of_driver: Vec<f64> = turns.by_driver_s.iter().map(|turn| turn[driver]).collect();
+            drivers.push(DriverLoad {
+                name: plan.driver_name().to_owned(),
+                rate_hz: plan.driver_rate().hz(),
+                block: plan.block().min(round_frames),
+                load: match plans {
+                    [_] => load,
+                    _ => median(&of_driver) / round_s,
+                },
+                timed_load: own.iter().map(|(_, row)| row.load).sum(),
+                critical: critical_path(graph, &own),
+                buffer_bytes: plan.buffer_bytes(),
+            });
+            rows.extend(own.into_iter().map(|(_, row)| row));
         }
-        let mut order: Vec<NodeIndex> = Vec::new();
-        for cost in &costs {
-            if !order.contains(&cost.node) {
-                order.push(cost.node);
-            }
-        }
-        let clocks = graph.clocks().iter().enumerate().map(|(index, clock)| ClockLoad {
+        rows.sort_by(|a, b| b.load.total_cmp(&a.load));
+        let clocks = graph.clocks().iter().map(|clock| ClockLoad {
             name: clock.name.clone(),
+            driver: graph.clocks()[clock.driver].name.clone(),
             rate: clock.rate.to_string(),
             period_ns: clock.rate.period_s() * 1e9,
-            load: costs.iter().filter(|cost| cost.clock == index).map(load).sum(),
-        });
-        let mut rows: Vec<Row> = costs
-            .iter()
-            .map(|cost| Row {
-                label: cost.label.clone(),
-                clock: graph.clocks()[cost.clock].name.clone(),
-                median_ns: cost.median_ns,
-                p99_ns: cost.p99_ns,
-                worst_ns: cost.worst_ns,
-                samples: cost.samples,
-                load: load(cost),
-            })
-            .collect();
-        rows.sort_by(|a, b| b.load.total_cmp(&a.load));
-        let driver = plan.driver_rate();
-        let block_s = plan.block() as f64 / driver.hz();
-        Self {
-            block: plan.block(),
-            driver: graph
-                .clocks()
+            load: rows
                 .iter()
-                .find(|clock| clock.rate == driver)
-                .map_or_else(String::new, |clock| clock.name.clone()),
-            driver_rate_hz: driver.hz(),
-            load: median(plain_s) / block_s,
+                .filter(|row| row.clock == clock.name)
+                .map(|row| row.load)
+                .sum(),
+        });
+        Self {
+            load,
             price: median(&ratios) - 1.0,
-            timed_blocks: profile.timed_blocks(),
+            timed_rounds: profile.timed_rounds(),
             every: profile.every(),
-            rows,
             clocks: clocks.collect(),
-            critical: critical_path(graph, &order, &node_load),
-            buffer_bytes: plan.buffer_bytes(),
+            rows,
+            drivers,
             peak_bytes: peak_bytes(),
             simulated: graph.devices().iter().any(|device| device.entry.spec.simulated),
         }
     }
 
-    fn highest_rate_hz(&self) -> f64 {
-        self.driver_rate_hz / self.load
-    }
-
     fn timed_load(&self) -> f64 {
         self.rows.iter().map(|row| row.load).sum()
+    }
+
+    fn buffer_bytes(&self) -> usize {
+        self.drivers.iter().map(|driver| driver.buffer_bytes).sum()
     }
 
     pub fn to_text(&self) -> String {
@@ -138,7 +150,6 @@ impl Account {
             .unwrap_or(0)
             .max(5);
         let all = self.timed_load();
-        let simulated = if self.simulated { ", devices simulated" } else { "" };
         let _ = writeln!(
             text,
             "{:wide$}  {:clock_wide$}  ns a tick        p99      worst   share",
@@ -168,31 +179,51 @@ impl Account {
                 100.0 * clock.load
             );
         }
-        let (path, load) = &self.critical;
+        let simulated = if self.simulated { ", devices simulated" } else { "" };
+        let _ = writeln!(text);
+        match &self.drivers[..] {
+            [alone] => {
+                let _ = writeln!(
+                    text,
+                    "whole graph    {:.3} % of one core at its own rate, in blocks of {} frames of `{}`{simulated}",
+                    100.0 * self.load,
+                    alone.block,
+                    alone.name,
+                );
+                text += &alone.to_text();
+            }
+            several => {
+                for driver in several {
+                    let _ = writeln!(
+                        text,
+                        "driver {:7} {:.3} % of one core at its own rate, in blocks of at most {}; {} of signal buffers",
+                        driver.name,
+                        100.0 * driver.load,
+                        driver.block,
+                        bytes(driver.buffer_bytes as u64),
+                    );
+                    text += &driver.to_text();
+                }
+                let _ = writeln!(
+                    text,
+                    "\nwhole graph    {:.3} % of one core, if all drivers shared it{simulated}",
+                    100.0 * self.load,
+                );
+            }
+        }
         let _ = writeln!(
             text,
-            "\nwhole graph    {:.3} % of one core at its own rate, in blocks of {} frames of `{}`{simulated}\n\
-             highest rate   {:.0} times real time: `{}` at {:.3} MHz would fill one core\n\
-             critical path  {:.0} % of the cost: {}\n\
-             memory         {} of signal buffers{}\n\
-             measuring      cost {:.1} %: one block in {} timed step by step, {} in all; medians, and the system's \
+            "memory         {} of signal buffers{}\n\
+             measuring      cost {:.1} %: one round in {} timed step by step, {} in all; medians, and the system's \
              interruptions in `worst`",
-            100.0 * self.load,
-            self.block,
-            self.driver,
-            1.0 / self.load,
-            self.driver,
-            self.highest_rate_hz() * 1e-6,
-            100.0 * load / all,
-            path.join(" > "),
-            bytes(self.buffer_bytes as u64),
+            bytes(self.buffer_bytes() as u64),
             self.peak_bytes.map_or_else(String::new, |peak| format!(
                 ", {} the whole process at its peak",
                 bytes(peak)
             )),
             100.0 * self.price,
             self.every,
-            self.timed_blocks,
+            self.timed_rounds,
         );
         text
     }
@@ -204,7 +235,7 @@ impl Account {
             .iter()
             .map(|row| {
                 json!({
-                    "step": row.label, "clock": row.clock, "ns_per_tick": row.median_ns, "p99_ns": row.p99_ns,
+                    "step": row.label, "driver": self.drivers[row.driver].name, "clock": row.clock, "ns_per_tick": row.median_ns, "p99_ns": row.p99_ns,
                     "worst_ns": row.worst_ns, "samples": row.samples, "core_share": row.load, "share": row.load / all,
                 })
             })
@@ -214,22 +245,33 @@ impl Account {
             .iter()
             .map(|clock| {
                 json!({
-                    "clock": clock.name, "rate": clock.rate, "period_ns": clock.period_ns,
+                    "clock": clock.name, "driver": clock.driver, "rate": clock.rate, "period_ns": clock.period_ns,
                     "load_percent": 100.0 * clock.load,
                 })
             })
             .collect();
+        let drivers: Vec<_> = self
+            .drivers
+            .iter()
+            .map(|driver| {
+                json!({
+                    "driver": driver.name,
+                    "rate_hz": driver.rate_hz,
+                    "block": driver.block,
+                    "load_percent": 100.0 * driver.load,
+                    "highest_rate_hz": driver.rate_hz / driver.load,
+                    "critical_path": {"nodes": driver.critical.0, "share": driver.critical.1 / driver.timed_load},
+                    "buffer_bytes": driver.buffer_bytes,
+                })
+            })
+            .collect();
         let value = json!({
-            "block": self.block,
-            "driver": self.driver,
-            "driver_rate_hz": self.driver_rate_hz,
             "simulated": self.simulated,
             "load_percent": 100.0 * self.load,
-            "highest_rate_hz": self.highest_rate_hz(),
-            "critical_path": {"nodes": self.critical.0, "share": self.critical.1 / all},
-            "buffer_bytes": self.buffer_bytes,
+            "drivers": drivers,
+            "buffer_bytes": self.buffer_bytes(),
             "process_peak_bytes": self.peak_bytes,
-            "measuring": {"cost_percent": 100.0 * self.price, "one_block_in": self.every, "timed_blocks": self.timed_blocks},
+            "measuring": {"cost_percent": 100.0 * self.price, "one_round_in": self.every, "timed_rounds": self.timed_rounds},
             "clocks": clocks,
             "steps": steps,
         });
@@ -252,7 +294,15 @@ impl Account {
                 (0.0, y + 0.35),
             ]
         };
-        let bars = shown.iter().enumerate().map(bar).collect();
+        let bars = |(number, driver): (usize, &DriverLoad)| {
+            let own = shown.iter().enumerate().filter(|(_, row)| row.driver == number);
+            let name = match &self.drivers[..] {
+                [_] => String::new(),
+                _ => format!("{}, {:.3} %", driver.name, 100.0 * driver.load),
+            };
+            let ink = Ink::CYCLE[number % Ink::CYCLE.len()];
+            Mark::Areas(Style::named(ink, name), own.map(bar).collect())
+        };
         let names = shown.iter().enumerate().map(|(number, row)| {
             let label = format!("{}, {:.1} ns", row.label, row.median_ns);
             (place(number), label)
@@ -267,28 +317,67 @@ impl Account {
             x: Axis::of("Share of the cost (%)")
                 .over(0.0, 105.0 * shown.first().map_or(1.0, |row| row.load / all)),
             y: Axis::default().over(0.4, shown.len() as f64 + 0.6).named(names),
-            marks: vec![Mark::Areas(Style::of(Ink::Blue), bars)],
-            size: (760.0, 80.0 + 20.0 * shown.len() as f64),
+            marks: self.drivers.iter().enumerate().map(bars).collect(),
+            size: (900.0, 80.0 + 20.0 * shown.len() as f64),
         }
         .to_standalone_svg()
     }
 }
 
-/// The most costly chain of nodes of which each waits for the one before, without what a delay cuts.
-fn critical_path(graph: &Graph, order: &[NodeIndex], load: &HashMap<NodeIndex, f64>) -> (Vec<String>, f64) {
+impl DriverLoad {
+    /// What it could do, and what keeps it from more.
+    fn to_text(&self) -> String {
+        let (path, load) = &self.critical;
+        format!(
+            "highest rate   {:.0} times real time: `{}` at {:.3} MHz would fill one core\n\
+             critical path  {:.0} % of the cost: {}\n",
+            1.0 / self.load,
+            self.name,
+            self.rate_hz / self.load * 1e-6,
+            100.0 * load / self.timed_load,
+            path.join(" > "),
+        )
+    }
+}
+
+/// The steps of a driver and their nodes, in the order in which they run.
+fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeIndex, Row)> {
+    let row = |cost: &StepCost| Row {
+        label: cost.label.clone(),
+        driver,
+        clock: graph.clocks()[cost.clock].name.clone(),
+        median_ns: cost.median_ns,
+        p99_ns: cost.p99_ns,
+        worst_ns: cost.worst_ns,
+        samples: cost.samples,
+        load: cost.median_ns * 1e-9 * graph.clocks()[cost.clock].rate.hz(),
+    };
+    costs.iter().map(|cost| (cost.node, row(cost))).collect()
+}
+
+/// The most costly chain of a driver's nodes of which each waits for the one before, without what a delay cuts.
+fn critical_path(graph: &Graph, rows: &[(NodeIndex, Row)]) -> (Vec<String>, f64) {
+    let mut order: Vec<NodeIndex> = Vec::new();
+    let mut loads: HashMap<NodeIndex, f64> = HashMap::new();
+    for (node, row) in rows {
+        if !order.contains(node) {
+            order.push(*node);
+        }
+        *loads.entry(*node).or_default() += row.load;
+    }
     let mut best: HashMap<NodeIndex, (f64, Option<NodeIndex>)> = HashMap::new();
     for node in order {
+        // What comes from other drivers is not waited for: they are not here.
         let before = graph
             .nodes()
-            .edges_directed(*node, petgraph::Incoming)
+            .edges_directed(node, petgraph::Incoming)
             .filter_map(|edge| {
                 best.get(&edge.source())
                     .map(|(sum, _)| (*sum, Some(edge.source())))
             })
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or((0.0, None));
-        let own = load.get(node).copied().unwrap_or(0.0);
-        best.insert(*node, (before.0 + own, before.1));
+        best.insert(node, (before.0 + loads[&node], before.1));
     }
     let last = best.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0));
     let (mut at, sum) = last.map_or((None, 0.0), |(node, (sum, _))| (Some(*node), *sum));
