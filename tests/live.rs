@@ -256,7 +256,7 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     let more = r#""twice": Gain(input: "loud", gain: 2), "more": WavSink(input: "twice", file: "more.wav"),
         "file":"#;
     fs::write(&path, TONE.replace("\"file\":", more)).unwrap();
-    run.wait_for("the graph changed; more.wav begins");
+    run.wait_for("the graph changed, cross-faded; more.wav begins");
     // What was typed stays set through other changes.
     run.type_line("set loud.gain=0.5");
     run.wait_for("loud.gain is 0.5");

@@ -343,7 +343,9 @@ pub trait Processor: CloneProcessor + Send + Sync {
         let _ = (setting, value);
     }
 
-    /// Carries state over to the processor that replaces this one in a new plan. Real-time like `process`.
+    /// Carries state over to the processor that replaces this one in a new plan; for a while both may run, one fading
+    /// into the other. With the same settings, the other has to go on as this one would. Real-time like `process`. A
+    /// node without state needs none of it.
     fn copy_state_into(&self, new: &mut dyn Processor) {
         let _ = new;
     }

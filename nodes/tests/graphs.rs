@@ -5,10 +5,11 @@
 
 mod realtime;
 
+use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Fleet, LiveOptions, Outlets, Run, Session};
+use haptograph_engine::run::{Change, Fleet, LiveOptions, Outlets, Run, Session, live};
 use petgraph::graph::NodeIndex;
 use realtime::allocations;
 use std::convert::Infallible;
@@ -28,8 +29,27 @@ fn shipped() -> Vec<PathBuf> {
 }
 
 fn graph(path: &Path) -> Graph {
+    graph_with(path, &CheckOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+fn graph_with(path: &Path, options: &CheckOptions) -> Result<Graph, Diagnostics> {
     let document = Document::load(path, &LoadOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
-    check(&document, &haptograph_nodes::registry(), &CheckOptions::default())
+    check(&document, &haptograph_nodes::registry(), options)
+}
+
+/// Of another surface where it has one, which leaves its devices as they are; else from another seed.
+fn another_graph(path: &Path) -> Graph {
+    let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t5-vinyl.ron");
+    let surface = CheckOptions {
+        set: vec![("surface".into(), surface.display().to_string())],
+        ..CheckOptions::default()
+    };
+    let seed = CheckOptions {
+        seed: Some(1),
+        ..CheckOptions::default()
+    };
+    graph_with(path, &surface)
+        .or_else(|_| graph_with(path, &seed))
         .unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
@@ -117,6 +137,32 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
             println!("  {minute:12.6} {hour:12.6}");
         }
     }
+}
+
+/// A cross-fade, or, where simulated devices become others, zero between.
+#[test]
+fn no_callback_of_a_swap_allocates() {
+    let mut faded = 0;
+    for path in shipped() {
+        let graphs = [graph(&path), another_graph(&path)];
+        if graphs[0].drivers().len() > 1 {
+            continue;
+        }
+        let next = || Arc::clone(&plans(&graphs[1], 64)[0]);
+        let (mut live, mut control) = live(Arc::clone(&plans(&graphs[0], 64)[0]));
+        live.callback(1000, |_, _| {});
+        let change = control.swap(next()).unwrap();
+        // All of the fade, and a swap to the same graph in the middle of it, which waits.
+        assert_eq!(control.swap(next()), Ok(Change::Settings(0)));
+        for _ in 0..40 {
+            let allocated = allocations(|| live.callback(64, |_, _| {}));
+            assert_eq!(allocated, 0, "{}", path.display());
+        }
+        control.poll();
+        assert_eq!(control.freed(), 2, "{} {change:?}", path.display());
+        faded += usize::from(change == Change::CrossFade);
+    }
+    assert!(faded >= 3, "{faded} graphs faded into another");
 }
 
 /// Every driver's callback, with its looks at the rings, what it keeps for a replay, and a setting that glides.

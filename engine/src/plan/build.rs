@@ -101,6 +101,7 @@ impl<'a> Builder<'a> {
                         kind: device.entry.spec.name,
                         fingerprint: device.fingerprint,
                     },
+                    clock: device.clock,
                     driven_by: Vec::new(),
                     device: device.device.clone_box(),
                     reads: Vec::new(),

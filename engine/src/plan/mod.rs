@@ -121,6 +121,8 @@ pub(crate) struct NodeKey {
 pub(crate) struct DevicePlan {
     pub name: String,
     pub key: NodeKey,
+    /// The clock it ticks on.
+    pub clock: usize,
     pub device: Box<dyn Device>,
     /// (actuator, channel, clock) of its sinks.
     pub driven_by: Vec<(usize, usize, u32)>,

@@ -17,6 +17,18 @@ pub struct ActuatorReport {
 pub(super) struct ActuatorState {
     pub gain: f64,
     pub limiter: AnyLimiter,
+    pub role: Role,
+}
+
+/// Whose wish the limiter is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Role {
+    /// The plan's own.
+    Alone,
+    /// None: what the plan asked for last is given to the plan that fades it out.
+    Asks([f64; 6]),
+    /// The plan's own while it rises, with what is left of what another plan asks for.
+    Mixes([f64; 6], Drive),
 }
 
 /// A limiter of as many axes as a drive can have.
@@ -28,12 +40,42 @@ pub(super) enum AnyLimiter {
     Closed,
 }
 
-/// How a sink's request becomes a drive: its gain, and the fade at the time of each frame.
-pub(super) struct Asked {
-    pub gain: f64,
+/// The fade, and the time of the frames it is applied to.
+pub(super) struct When {
     pub drive: Drive,
     pub first: u64,
     pub period: u64,
+}
+
+impl When {
+    fn time(&self, frame: usize) -> u64 {
+        (self.first + frame as u64) * self.period
+    }
+}
+
+impl Role {
+    /// What the plan asked for last.
+    pub(super) fn asked(&self) -> [f64; 6] {
+        match self {
+            Self::Asks(asked) => *asked,
+            Self::Alone | Self::Mixes(..) => [0.0; 6],
+        }
+    }
+
+    /// Takes what the other plan asks for; what is no number is nothing.
+    pub(super) fn mix_in(&mut self, asked: [f64; 6]) {
+        if let Self::Mixes(other, _) = self {
+            *other = asked.map(|x| if x.is_finite() { x } else { 0.0 });
+        }
+    }
+
+    /// From `time` on, does the plan have the actuator to itself?
+    pub(super) fn is_over(&self, time: u64) -> bool {
+        match self {
+            Self::Mixes(_, rise) => rise.factor(time) >= 1.0,
+            Self::Alone | Self::Asks(_) => true,
+        }
+    }
 }
 
 impl ActuatorState {
@@ -41,7 +83,36 @@ impl ActuatorState {
         Self {
             gain: plan.gain,
             limiter: AnyLimiter::new(plan),
+            role: Role::Alone,
         }
+    }
+
+    /// Frames of a request to frames that keep the limit. How many of them were no numbers?
+    pub(super) fn apply(&mut self, when: &When, x: &[f64], y: &mut [f64]) -> u64 {
+        let faults = self.limiter.counts().fault;
+        let gain = self.gain;
+        match &mut self.role {
+            Role::Alone => self
+                .limiter
+                .apply(x, y, |frame| gain * when.drive.factor(when.time(frame))),
+            // While two plans run together there is one frame at most.
+            Role::Asks(asked) => {
+                let factor = gain * when.drive.factor(when.time(0));
+                asked.iter_mut().zip(x).for_each(|(asked, x)| *asked = x * factor);
+                y.fill(0.0);
+            }
+            Role::Mixes(other, rise) => {
+                let share = rise.factor(when.time(0));
+                let mut mixed = other.map(|other| other * (1.0 - share));
+                mixed
+                    .iter_mut()
+                    .zip(x)
+                    .for_each(|(mixed, x)| *mixed += x * gain * share);
+                self.limiter
+                    .apply(&mixed[..x.len()], y, |_| when.drive.factor(when.time(0)));
+            }
+        }
+        self.limiter.counts().fault - faults
     }
 }
 
@@ -69,11 +140,9 @@ impl AnyLimiter {
         .unwrap_or(Self::Closed)
     }
 
-    /// Frames of a drive to frames that keep the limit. How many of them were no numbers?
-    pub(super) fn apply(&mut self, asked: &Asked, x: &[f64], y: &mut [f64]) -> u64 {
-        let faults = self.counts().fault;
-        any!(self, limiter => limit_frames(limiter, asked, x, y), closed: y.fill(0.0));
-        self.counts().fault - faults
+    /// Frames of a request, each times a factor, to frames that keep the limit.
+    fn apply(&mut self, x: &[f64], y: &mut [f64], factor: impl Fn(usize) -> f64) {
+        any!(self, limiter => limit_frames(limiter, x, y, factor), closed: y.fill(0.0));
     }
 
     /// Goes on for another limiter of the same actuator.
@@ -87,8 +156,15 @@ impl AnyLimiter {
         }
     }
 
+    /// The latest output; zero beyond the drive's axes.
+    pub(super) fn output(&self) -> [f64; 6] {
+        let mut output = [0.0; 6];
+        any!(self, limiter => output.iter_mut().zip(limiter.output()).for_each(|(to, y)| *to = y), closed: ());
+        output
+    }
+
     pub(super) fn rests(&self) -> bool {
-        any!(self, limiter => limiter.output().iter().all(|y| *y == 0.0), closed: true)
+        self.output() == [0.0; 6]
     }
 
     /// Begins as warm as the limit allows.
@@ -115,15 +191,15 @@ impl AnyLimiter {
     }
 }
 
-fn limit_frames<const N: usize>(limiter: &mut Limiter<N>, asked: &Asked, x: &[f64], y: &mut [f64]) {
-    for (j, (x, y)) in x
-        .as_chunks::<N>()
-        .0
-        .iter()
-        .zip(y.as_chunks_mut::<N>().0)
-        .enumerate()
-    {
-        let factor = asked.gain * asked.drive.factor((asked.first + j as u64) * asked.period);
+fn limit_frames<const N: usize>(
+    limiter: &mut Limiter<N>,
+    x: &[f64],
+    y: &mut [f64],
+    factor: impl Fn(usize) -> f64,
+) {
+    let frames = x.as_chunks::<N>().0.iter().zip(y.as_chunks_mut::<N>().0);
+    for (frame, (x, y)) in frames.enumerate() {
+        let factor = factor(frame);
         *y = limiter.apply(x.map(|x| x * factor));
     }
 }

@@ -73,6 +73,16 @@ impl BridgeState {
         }
     }
 
+    /// Goes on for another crossing of the same kind, width and rates.
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
+        self.held.copy_from_slice(&other.held);
+        self.sum.copy_from_slice(&other.sum);
+        self.summed = other.summed;
+        for (resampler, other) in self.resamplers.iter_mut().zip(&other.resamplers) {
+            resampler.copy_state_from(other);
+        }
+    }
+
     /// Frames `x` of the writer's window to frames `y` of the reader's; for runs, `y` is the whole list.
     pub(crate) fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
         match self.kind {
@@ -252,6 +262,11 @@ impl DelayState {
             width: plan.width,
             frames: plan.frames,
         }
+    }
+
+    /// Goes on for another delay of as many frames of the same width.
+    pub(crate) fn copy_state_from(&mut self, other: &Self) {
+        self.ring.copy_from_slice(&other.ring);
     }
 
     /// The frames of `window`, late; at most as many as it holds back.

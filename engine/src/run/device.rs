@@ -12,6 +12,20 @@ pub(super) struct DeviceState {
     pub written: Vec<[f64; 6]>,
     /// It panicked on the way down, and is driven no more.
     pub lost: bool,
+    pub part: Part,
+    /// What each of the plan's reads is given at this tick, where the device is not this plan's alone.
+    sensed: Vec<Box<[f64]>>,
+}
+
+/// Whose the device is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Its one plan's.
+    Alone,
+    /// This plan's, but it was moved and read beforehand, for another plan too.
+    Leads,
+    /// Another plan's: this one is given what it senses, and does not drive it.
+    Follows,
 }
 
 impl DeviceState {
@@ -21,6 +35,59 @@ impl DeviceState {
             started: false,
             written: vec![[0.0; 6]; plan.writes.len()],
             lost: false,
+            part: Part::Alone,
+            sensed: plan
+                .reads
+                .iter()
+                .map(|(_, placing, _)| vec![0.0; placing.width as usize].into())
+                .collect(),
+        }
+    }
+
+    /// The device goes on here, with what it was given last. Which place is which channel's is the plan's.
+    pub(super) fn take_over(&mut self, other: &mut Self, other_plan: &DevicePlan, plan: &DevicePlan) {
+        std::mem::swap(&mut self.device, &mut other.device);
+        (self.started, self.lost) = (other.started, other.lost);
+        for ((.., channel), written) in plan.writes.iter().zip(&mut self.written) {
+            let mut known = other_plan.writes.iter().zip(&other.written);
+            if let Some((_, last)) = known.find(|((.., was), _)| was == channel) {
+                *written = *last;
+            }
+        }
+    }
+
+    /// Moves the device to its next tick and keeps what it senses, for this plan and for the one that follows.
+    pub(super) fn sense_for_both(
+        &mut self,
+        plan: &DevicePlan,
+        follower: &mut Self,
+        follower_plan: &DevicePlan,
+    ) {
+        self.advance();
+        for ((.., channel), lanes) in plan.reads.iter().zip(&mut self.sensed) {
+            self.device.read(*channel, lanes);
+        }
+        for ((.., channel), lanes) in follower_plan.reads.iter().zip(&mut follower.sensed) {
+            match plan.reads.iter().position(|(.., known)| known == channel) {
+                // Read once: to read may be to take.
+                Some(known) => lanes.copy_from_slice(&self.sensed[known]),
+                None => self.device.read(*channel, lanes),
+            }
+        }
+    }
+
+    /// Fills one frame of the plan's read number `read`, of `channel`.
+    pub(super) fn read(&mut self, read: usize, channel: usize, frame: &mut [f64]) {
+        match self.part {
+            Part::Alone => self.device.read(channel, frame),
+            Part::Leads | Part::Follows => frame.copy_from_slice(&self.sensed[read]),
+        }
+    }
+
+    /// Moves the body to the plan's next tick, if nobody else did.
+    pub(super) fn advance_alone(&mut self) {
+        if self.part == Part::Alone {
+            self.advance();
         }
     }
 

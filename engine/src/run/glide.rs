@@ -64,6 +64,11 @@ impl Glides {
         (STEP_S * rate_hz).max(1.0) as usize
     }
 
+    /// Is nothing on its way?
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
     /// Lets everything arrive: the plan is about to go.
     pub fn arrive(&mut self, run: &mut Run) {
         for glide in self.list.drain(..) {

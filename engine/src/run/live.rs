@@ -9,7 +9,7 @@ use super::drive::Drive;
 use super::glide::{GLIDE_S, Glide, Glides};
 use super::meter::{Meters, Wake};
 use super::rings::TapRings;
-use super::swap::{Next, Transfer};
+use super::swap::{AtZero, Next, Transfer};
 use super::{ActuatorReport, Faults, Run};
 use crate::device::Device;
 use crate::graph::LiveSetting;
@@ -23,12 +23,16 @@ use std::sync::Arc;
 pub const FADE_S: f64 = 0.01;
 const COMMANDS: usize = 4096;
 const REPORTS: usize = 4096;
+/// How much more work two plans together are than one alone, as they run frame by frame.
+const TOGETHER: f64 = 3.0;
 
 /// The real-time side of a live run.
 pub struct Live {
     run: Run,
-    /// Swapped in when the fade has reached zero.
+    /// Takes over when no setting is on its way, or when the fade has reached zero.
     next: Option<Box<Next>>,
+    /// The plan before, while this one rises over it.
+    former: Option<Box<Next>>,
     stopping: bool,
     state: LiveState,
     /// Driver frames run by the plan, and after how many it ends.
@@ -104,8 +108,10 @@ pub enum ControlError {
 pub enum Change {
     /// In at most so many live settings: nothing was interrupted.
     Settings(usize),
-    /// In more: it was faded out and the new one faded in.
-    Swap,
+    /// In more: it fades into the new one.
+    CrossFade,
+    /// In more: it is faded out, then the new one in, and this is why they cannot run together.
+    AtZero(AtZero),
 }
 
 /// Both sides of a live run of `plan`. It begins as it does offline, so that the samples are the same.
@@ -115,6 +121,7 @@ pub fn live(plan: Arc<Plan>) -> (Live, Control) {
     let live = Live {
         run: Run::new(Arc::clone(&plan)),
         next: None,
+        former: None,
         stopping: false,
         state: LiveState::Running,
         frames: 0,
@@ -170,7 +177,7 @@ impl Live {
             if self.state != LiveState::Running || block == 0 {
                 break;
             }
-            self.run.advance(block);
+            let block = self.advance(block);
             self.frames += block as u64;
             self.rings.send(&self.run);
             each(&mut self.run, block);
@@ -179,6 +186,20 @@ impl Live {
         if let Some(log) = &mut self.log {
             log.note(&self.run, frames - left, self.stopping);
         }
+    }
+
+    /// Runs up to `block` frames, and says how many.
+    fn advance(&mut self, block: usize) -> usize {
+        let Some(former) = &mut self.former else {
+            self.run.advance(block);
+            return block;
+        };
+        if former.run_together(&mut self.run)
+            && let Some(former) = self.former.take()
+        {
+            self.retire(former);
+        }
+        1
     }
 
     /// Frames that may be run now; none when the time is over.
@@ -262,7 +283,9 @@ impl Live {
 
     /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
     pub fn resume(&mut self) {
-        if self.state == LiveState::Running && !self.stopping && self.next.is_none() {
+        let falling = self.next.as_ref();
+        let falling = falling.is_some_and(|next| next.transfer != Transfer::CrossFade);
+        if self.state == LiveState::Running && !self.stopping && !falling {
             self.run.begin_at_rest();
             self.run.fade_in(FADE_S);
         }
@@ -286,6 +309,9 @@ impl Live {
     fn take_commands(&mut self) {
         // A swap waits for the one before it, and so do the commands after it.
         while self.next.is_none() {
+            if self.former.is_some() && matches!(self.commands.peek(), Ok(Command::Swap(_))) {
+                break;
+            }
             match self.commands.pop() {
                 Ok(Command::Set(glide)) => self.glides.start(glide, &mut self.run),
                 Ok(Command::Swap(mut next)) if next.transfer == Transfer::Everything => {
@@ -293,7 +319,9 @@ impl Live {
                     self.retire(next);
                 }
                 Ok(Command::Swap(next)) => {
-                    self.run.fade_out(FADE_S);
+                    if next.transfer != Transfer::CrossFade {
+                        self.run.fade_out(FADE_S);
+                    }
                     self.next = Some(next);
                 }
                 Ok(Command::Stop) => {
@@ -305,8 +333,18 @@ impl Live {
         }
     }
 
-    /// At the zero of a fade: stops, or puts the next plan in the place of this one.
+    /// Puts the next plan in the place of this one, or stops, when it is time to.
     fn change_over(&mut self) {
+        if !self.stopping
+            && self.glides.is_empty()
+            && let Some(mut next) = self.next.take_if(|next| next.transfer == Transfer::CrossFade)
+        {
+            next.cross_fade(&mut self.run, FADE_S);
+            next.rings.take_over(&mut self.rings);
+            self.former = Some(next);
+            // What was set by hand is on its way behind it.
+            self.take_commands();
+        }
         if !self.run.is_silent() {
             return;
         }
@@ -387,8 +425,9 @@ impl Control {
     }
 
     /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where
-    /// only live settings differ they glide to their new values. Another graph is swapped at the zero of a fade, the
-    /// state of the nodes that stayed carried over. What was set by hand stays set where the file still says the same.
+    /// only live settings differ they glide to their new values. Into another graph it fades while both run, or where
+    /// they cannot, it falls to zero and the other rises from there; the state of the nodes that stayed is carried over.
+    /// What was set by hand stays set where the file still says the same.
     ///
     /// # Errors
     /// [`ControlError`] if the driver's rate differs or the real-time side does not read.
@@ -424,7 +463,9 @@ impl Control {
         if self.commands.slots() <= changes.len() {
             return Err(ControlError::Full);
         }
-        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings));
+        let load = self.meters.load(plan.driver_rate().hz());
+        let has_time = TOGETHER * load <= 1.0;
+        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
         let transfer = next.transfer;
         self.send(Command::Swap(next))?;
         (self.plan, self.settings) = (plan, settings);
@@ -433,7 +474,8 @@ impl Control {
         }
         Ok(match transfer {
             Transfer::Everything => Change::Settings(changes.len()),
-            Transfer::Matching => Change::Swap,
+            Transfer::CrossFade => Change::CrossFade,
+            Transfer::AtZero(obstacle) => Change::AtZero(obstacle),
         })
     }
 
@@ -496,7 +538,7 @@ impl Run {
         self.state.drive.is_zero_from(self.state.windows.block().1) && self.rests()
     }
 
-    fn fade_span(&self, seconds: f64) -> (u64, u64) {
+    pub(super) fn fade_span(&self, seconds: f64) -> (u64, u64) {
         let begin = self.state.windows.block().1;
         let units = (seconds * self.plan.base.units_per_second()).round().max(1.0) as u64;
         (begin, begin.saturating_add(units))

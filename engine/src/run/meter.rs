@@ -130,6 +130,16 @@ impl Meters {
 }
 
 impl Meters {
+    /// The part of the time between wake-ups that work took, exceeded by one in a hundred; 0 while nothing was counted.
+    pub fn load(&self, rate_hz: f64) -> f64 {
+        let between_ns = self.frames as f64 / rate_hz / self.wakes.max(1) as f64 * 1e9;
+        if between_ns > 0.0 {
+            self.work.quantile_ns(0.99) as f64 / between_ns
+        } else {
+            0.0
+        }
+    }
+
     /// Counts what another driver's have counted.
     pub fn add(&mut self, other: &Self) {
         self.lateness.add(&other.lateness);

@@ -3,6 +3,7 @@
 mod actuator;
 mod arrivals;
 mod bridge;
+mod crossfade;
 mod device;
 mod drive;
 mod fault;
@@ -36,6 +37,7 @@ pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
+pub use swap::AtZero;
 pub use timer::{Timer, TimerNotes, TimerThread};
 
 use crate::device::Device;

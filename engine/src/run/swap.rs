@@ -1,35 +1,64 @@
 //! Putting one plan in the place of another: the table of what is carried over is made beforehand, elsewhere; in the
-//! real-time thread things only change places.
+//! real-time thread things only change places or are copied.
 
 use super::Run;
 use super::rings::TapRings;
-use crate::plan::Plan;
+use crate::plan::{BridgeKind, DelayPlan, DevicePlan, Plan, Step, StepWork};
+use haptograph_signal::time::Rate;
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A plan ready to take over, and afterwards the old one on its way home.
 pub(super) struct Next {
-    run: Run,
+    pub(super) run: Run,
     pub transfer: Transfer,
     /// Where its taps go.
     pub rings: TapRings,
     processors: Vec<(usize, usize, Carry)>,
-    devices: Vec<(usize, usize)>,
-    actuators: Vec<(usize, usize)>,
+    bridges: Vec<(usize, usize)>,
+    delays: Vec<(usize, usize)>,
+    pub(super) devices: Vec<(usize, usize)>,
+    pub(super) actuators: Vec<(usize, usize)>,
     /// Those of the new plan whose device the old one did not drive.
-    strangers: Vec<usize>,
+    pub(super) strangers: Vec<usize>,
 }
 
-/// How much of the old plan goes on.
+/// How a plan takes over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Transfer {
     /// The graphs are the same: all state goes on, and no bit changes.
     Everything,
-    /// Nodes, devices and limiters that are in both.
-    Matching,
+    /// Both run for a while, and one fades into the other.
+    CrossFade,
+    /// The old one falls to zero, the new one rises from there.
+    AtZero(AtZero),
 }
 
-/// How a node's state is carried over.
+/// Why two plans cannot fade into each other, so that there is silence between them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AtZero {
+    /// An actuator is driven no more, by another device, at another rate or within other limits.
+    Actuators,
+    /// What an actuator hangs on ticks faster than the driver.
+    FastDevice,
+    /// The graph has several drivers, which change over one by one.
+    Drivers,
+    /// Both together would take longer than there is time for.
+    Load,
+}
+
+impl std::fmt::Display for AtZero {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Actuators => "an actuator changed",
+            Self::FastDevice => "a device ticks faster than the driver",
+            Self::Drivers => "there are several drivers",
+            Self::Load => "there is no time for both",
+        })
+    }
+}
+
+/// How a node's state is carried over where the two do not run together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Carry {
     /// The node is the same: the processor itself changes places.
@@ -39,8 +68,8 @@ enum Carry {
 }
 
 impl Next {
-    pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings) -> Self {
-        let same = old.is_same_as(&plan);
+    /// `has_time` tells whether there is time for both plans to run in a tick.
+    pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings, has_time: bool) -> Self {
         let places = old.processor_keys.iter().enumerate();
         let places: HashMap<&str, usize> = places.map(|(at, key)| (&*key.path, at)).collect();
         let mut processors = Vec::new();
@@ -58,6 +87,7 @@ impl Next {
             let old_at = old.devices.iter().position(|was| was.key == device.key)?;
             Some((old_at, new_at))
         });
+        let devices: Vec<(usize, usize)> = devices.collect();
         let actuators = plan
             .actuators
             .iter()
@@ -72,44 +102,58 @@ impl Next {
             });
         let actuators: Vec<(usize, usize)> = actuators.collect();
         let known = |new_at: &usize| actuators.iter().any(|(_, known)| known == new_at);
+        let transfer = if old.is_same_as(&plan) {
+            Transfer::Everything
+        } else {
+            match obstacle(old, &plan, &devices, &actuators) {
+                Some(obstacle) => Transfer::AtZero(obstacle),
+                None if !has_time => Transfer::AtZero(AtZero::Load),
+                None => Transfer::CrossFade,
+            }
+        };
         Self {
-            devices: devices.collect(),
             strangers: (0..plan.actuators.len())
                 .filter(|new_at| !known(new_at))
                 .collect(),
+            bridges: pairs(old, &plan, bridge),
+            delays: pairs(old, &plan, delay),
+            devices,
             actuators,
             processors,
             rings,
-            transfer: if same {
-                Transfer::Everything
-            } else {
-                Transfer::Matching
-            },
+            transfer,
             run: Run::new(plan),
         }
     }
 
     /// The new plan's graph is the old one's: its state changes places with the old one's as a whole.
-    pub(crate) fn take_over_everything(&mut self, running: &mut Run) {
+    pub(super) fn take_over_everything(&mut self, running: &mut Run) {
         std::mem::swap(&mut self.run.state, &mut running.state);
         std::mem::swap(&mut self.run, running);
     }
 
     /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
-    pub(crate) fn take_over(&mut self, running: &mut Run) {
+    pub(super) fn take_over(&mut self, running: &mut Run) {
+        let together = self.transfer == Transfer::CrossFade;
         let (old, new) = (&mut running.state, &mut self.run.state);
         for (from, to, carry) in &self.processors {
             match carry {
-                Carry::Whole => std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]),
-                Carry::Copied => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
+                Carry::Whole if !together => {
+                    std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]);
+                }
+                _ => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
             }
             new.renew_single(*to);
         }
+        for (from, to) in &self.bridges {
+            new.bridges[*to].copy_state_from(&old.bridges[*from]);
+        }
+        for (from, to) in &self.delays {
+            new.delays[*to].copy_state_from(&old.delays[*from]);
+        }
         for (from, to) in &self.devices {
-            let (old, new) = (&mut old.devices[*from], &mut new.devices[*to]);
-            std::mem::swap(old, new);
-            // Which place is which channel's is the plan's, and all were given zero last.
-            std::mem::swap(&mut old.written, &mut new.written);
+            let (from_plan, to_plan) = (&running.plan.devices[*from], &self.run.plan.devices[*to]);
+            new.devices[*to].take_over(&mut old.devices[*from], from_plan, to_plan);
         }
         for (from, to) in &self.actuators {
             new.actuators[*to]
@@ -127,6 +171,87 @@ impl Next {
     }
 }
 
+/// What keeps two plans from running together, one fading into the other.
+fn obstacle(
+    old: &Plan,
+    new: &Plan,
+    devices: &[(usize, usize)],
+    actuators: &[(usize, usize)],
+) -> Option<AtZero> {
+    let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
+    if rings(old) || rings(new) {
+        return Some(AtZero::Drivers);
+    }
+    let same_drive = |(from, to): &(usize, usize)| {
+        let at = |plan: &Plan, actuator| plan.devices.iter().position(|device| device.drives(actuator));
+        let (a, b) = (&old.actuators[*from], &new.actuators[*to]);
+        let moved = at(old, *from).zip(at(new, *to));
+        moved.is_some_and(|pair| devices.contains(&pair))
+            && (a.limit, a.rate, a.width) == (b.limit, b.rate, b.width)
+    };
+    let goes_on = |from: usize| actuators.iter().any(|pair| pair.0 == from && same_drive(pair));
+    if !(0..old.actuators.len()).all(goes_on) {
+        return Some(AtZero::Actuators);
+    }
+    let fast = |plan: &Plan, device: usize| {
+        plan.base.period(plan.devices[device].clock) < plan.base.period(plan.driver)
+    };
+    let too_fast = |(from, to): &(usize, usize)| fast(old, *from) || fast(new, *to);
+    devices.iter().any(too_fast).then_some(AtZero::FastDevice)
+}
+
+/// The places in both plans of what `of` finds at steps that do the same.
+fn pairs<K: PartialEq>(
+    old: &Plan,
+    new: &Plan,
+    of: impl Fn(&Plan, &Step) -> Option<(usize, K)>,
+) -> Vec<(usize, usize)> {
+    let all = |plan: &Plan| -> HashMap<Arc<str>, Vec<(usize, K)>> {
+        let mut all: HashMap<_, Vec<_>> = HashMap::new();
+        for step in &plan.steps {
+            if let Some(found) = of(plan, step) {
+                all.entry(Arc::clone(&step.label)).or_default().push(found);
+            }
+        }
+        all
+    };
+    let old = all(old);
+    let mut pairs = Vec::new();
+    for (label, found) in all(new) {
+        for (to, key) in found {
+            let mut same = old.get(&label).into_iter().flatten();
+            // Of several that hold the same, any will do.
+            pairs.extend(same.find(|(_, was)| *was == key).map(|(from, _)| (*from, to)));
+        }
+    }
+    pairs
+}
+
+fn bridge(plan: &Plan, step: &Step) -> Option<(usize, (BridgeKind, usize, Rate, Rate))> {
+    let StepWork::Bridge(index) = step.work else {
+        return None;
+    };
+    let bridge = &plan.bridges[index as usize];
+    if let BridgeKind::Delay(_) = bridge.kind {
+        return None;
+    }
+    let rate = |clock: u32| plan.rates[clock as usize];
+    let key = (bridge.kind, bridge.width, rate(bridge.from), rate(step.clock));
+    Some((index as usize, key))
+}
+
+fn delay(plan: &Plan, step: &Step) -> Option<(usize, DelayPlan)> {
+    let index = match step.work {
+        StepWork::DelayRead(index) => index,
+        StepWork::Bridge(index) => match plan.bridges[index as usize].kind {
+            BridgeKind::Delay(index) => index,
+            _ => return None,
+        },
+        _ => return None,
+    } as usize;
+    Some((index, plan.delays[index]))
+}
+
 /// The device that an actuator sink drives, and the channel.
 fn driven_by(plan: &Plan, actuator: usize) -> Option<(&str, usize)> {
     plan.devices.iter().find_map(|device| {
@@ -134,4 +259,10 @@ fn driven_by(plan: &Plan, actuator: usize) -> Option<(&str, usize)> {
         let (_, channel, _) = sinks.find(|(sink, ..)| *sink == actuator)?;
         Some((device.name.as_str(), *channel))
     })
+}
+
+impl DevicePlan {
+    fn drives(&self, actuator: usize) -> bool {
+        self.driven_by.iter().any(|(sink, ..)| *sink == actuator)
+    }
 }

@@ -4,6 +4,7 @@ mod arrivals;
 mod fleet;
 mod live;
 mod naive;
+mod swap;
 mod world;
 
 use super::{Fleet, Offline, Outlets, Probe, Profile, Run, StepCost};

@@ -1,8 +1,9 @@
 //! One walk through the steps of a plan: real-time code.
 
 use super::State;
-use super::actuator::Asked;
+use super::actuator::When;
 use super::bridge::Ends;
+use super::device::Part;
 use super::profile::Watch;
 use super::program::{Line, Program};
 use super::window::{Window, range_of};
@@ -176,14 +177,12 @@ impl State {
             }
             StepWork::Actuator(index) => {
                 let x = input(around, &line.inputs[0], window);
-                let actuator = &mut self.actuators[index as usize];
-                let asked = Asked {
-                    gain: actuator.gain,
+                let when = When {
                     drive: self.drive,
                     first: window.first,
                     period: self.windows.period(line.clock),
                 };
-                let faults = actuator.limiter.apply(&asked, x, output(out, line, window));
+                let faults = self.actuators[index as usize].apply(&when, x, output(out, line, window));
                 if faults > 0 {
                     self.faults.ticks += faults;
                     self.struck = self.struck.or(Some(line.node));
@@ -219,11 +218,11 @@ impl State {
     fn device_read(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let state = &mut self.devices[index];
         for frame in 0..window.count {
-            state.advance();
-            for (slot, placing, channel) in &plan.devices[index].reads {
+            state.advance_alone();
+            for (read, (slot, placing, channel)) in plan.devices[index].reads.iter().enumerate() {
                 let range = range_of(placing.start, placing.width, window.one(frame));
                 let buffer = &mut self.memory.all_mut()[program.range(*slot)];
-                state.device.read(*channel, &mut buffer[range]);
+                state.read(read, *channel, &mut buffer[range]);
             }
         }
     }
@@ -231,9 +230,12 @@ impl State {
     fn device_write(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let device = &plan.devices[index];
         let state = &mut self.devices[index];
+        if state.part == Part::Follows {
+            return;
+        }
         for frame in 0..window.count {
             if device.reads.is_empty() {
-                state.advance();
+                state.advance_alone();
             }
             for (slot, placing, channel) in &device.writes {
                 let range = range_of(placing.start, placing.width, window.one(frame));

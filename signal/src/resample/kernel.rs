@@ -179,6 +179,12 @@ impl History {
         &self.samples[self.end - self.width..self.end]
     }
 
+    /// Of one of the same width.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.samples.copy_from_slice(&other.samples);
+        self.end = other.end;
+    }
+
     pub fn clear(&mut self) {
         self.samples.fill(0.0);
         self.end = self.width;

@@ -90,6 +90,14 @@ impl Resampler {
         Progress { consumed, produced }
     }
 
+    /// Goes on for another resampler between the same rates, of the same quality. Does not allocate.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        if (self.width, self.up, self.down) == (other.width, other.up, other.down) {
+            self.history.copy_from(&other.history);
+            self.ahead = other.ahead;
+        }
+    }
+
     /// Forgets the past and begins again at output 0.
     pub fn reset(&mut self) {
         self.history.clear();

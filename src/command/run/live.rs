@@ -354,7 +354,7 @@ impl Attended {
             Ok(changed) => {
                 self.changes += 1;
                 // The file may have been edited meanwhile, so another graph is always told of.
-                if says == Says::Everything || changed.change == Change::Swap {
+                if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
                     remark(&told(&changed, began.elapsed()));
                 }
                 self.look_at(&graph);
@@ -409,7 +409,8 @@ fn told(changed: &Changed, took: Duration) -> String {
         Change::Settings(0) => "nothing changed".to_owned(),
         Change::Settings(1) => "a setting changed".to_owned(),
         Change::Settings(count) => format!("{count} settings changed"),
-        Change::Swap => "the graph changed".to_owned(),
+        Change::CrossFade => "the graph changed, cross-faded".to_owned(),
+        Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
     };
     for (paths, what) in [
         (&changed.begun, "begins"),

@@ -1,21 +1,20 @@
-//! Live runs under virtual time: swaps, stops, faults and panics.
+//! Live runs under virtual time: stops, faults and panics.
 
 use super::world::{Body, LIMIT, random_graph, with_processor};
 use crate::graph::{Graph, Node, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::actuator::AnyLimiter;
-use crate::run::{Change, ControlError, LiveState, Offline, Outlets, Run, live};
+use crate::run::{ControlError, LiveState, Offline, Outlets, Run, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
+pub fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
     let taps = graph.nodes.node_indices().map(|node| (node, 0)).collect();
     Arc::new(Plan::new(graph, &PlanOptions { block, taps }))
 }
 
-fn sink(graph: &Graph) -> Option<NodeIndex> {
+pub fn sink(graph: &Graph) -> Option<NodeIndex> {
     graph
         .nodes
         .node_indices()
@@ -23,123 +22,10 @@ fn sink(graph: &Graph) -> Option<NodeIndex> {
 }
 
 /// Everything heard on all taps, frame by frame of the driver's blocks.
-fn hear(run: &Run, taps: usize, heard: &mut [Vec<f64>]) {
+pub fn hear(run: &Run, taps: usize, heard: &mut [Vec<f64>]) {
     for (tap, heard) in heard.iter_mut().enumerate().take(taps) {
         heard.extend_from_slice(run.tap(tap));
     }
-}
-
-#[test]
-fn a_swap_to_the_same_graph_changes_no_bit() {
-    for seed in 0..40 {
-        let graph = random_graph(seed, seed);
-        let taps = graph.nodes.node_count();
-        let mut all = [vec![Vec::new(); taps], vec![Vec::new(); taps]];
-        for (swapping, heard) in all.iter_mut().enumerate() {
-            let (mut live, mut control) = live(plan(&graph, 16));
-            for block in 0..100 {
-                if swapping == 1 && block % 7 == 3 {
-                    control.swap(plan(&graph, 16)).unwrap();
-                }
-                live.callback(11, |run, _| hear(run, taps, heard));
-                control.poll();
-            }
-            assert_eq!(control.freed(), if swapping == 1 { 14 } else { 0 });
-        }
-        for (a, b) in all[0].iter().zip(&all[1]) {
-            assert!(
-                a.iter().map(|x| x.to_bits()).eq(b.iter().map(|x| x.to_bits())),
-                "seed {seed}"
-            );
-        }
-    }
-}
-
-#[test]
-fn another_graph_takes_over_at_the_zero_of_a_fade_and_misses_no_tick() {
-    // The worlds of these seeds have the driver's clock only in common.
-    for seed in 0..20 {
-        let (old, new) = (random_graph(seed, seed), random_graph(seed + 500, 0));
-        let (mut live, mut control) = live(plan(&old, 8));
-        live.callback(100, |_, _| {});
-        control.swap(plan(&new, 8)).unwrap();
-        let taps = new.nodes.node_count();
-        let mut heard = vec![Vec::new(); taps];
-        let mut frames = 0;
-        live.callback(400, |run, block| {
-            frames += block;
-            if run.plan.taps.len() == taps && run.driver_frames() > 116 {
-                hear(run, taps, &mut heard);
-            }
-        });
-        assert_eq!((frames, live.run().driver_frames()), (400, 500));
-        // 10 ms of fade at 1 kHz: 10 frames, to the end of the block of 8 that holds the last one.
-        let mut alone = Run::new(plan(&new, 8));
-        alone.state.windows.start_at(live_change_frame(100));
-        alone.fade_in(super::super::FADE_S);
-        let mut expected = vec![Vec::new(); taps];
-        while alone.driver_frames() < 500 {
-            let left = 500 - alone.driver_frames() as usize;
-            alone.advance(left.min(8));
-            if alone.driver_frames() > 116 {
-                hear(&alone, taps, &mut expected);
-            }
-        }
-        for (node, (a, b)) in new.nodes.node_weights().zip(heard.iter().zip(&expected)) {
-            assert_eq!(a, b, "seed {seed}, {}", node.path);
-        }
-    }
-}
-
-/// Where a swap asked for at `frame` happens: the first end of a block of 8 at which ten frames of fade are over.
-fn live_change_frame(frame: u64) -> u64 {
-    frame + 16
-}
-
-#[test]
-fn a_sink_by_another_name_is_as_warm_as_the_one_it_replaces() {
-    let seed = (0..)
-        .find(|seed| sink(&random_graph(*seed, 0)).is_some())
-        .unwrap();
-    let (old, mut new) = (random_graph(seed, 0), random_graph(seed, 0));
-    let at = sink(&new).unwrap();
-    new.nodes[at].path = String::from("renamed");
-    new.nodes[at].fingerprint += 1;
-    let (mut live, mut control) = live(plan(&old, 8));
-    live.callback(500, |_, _| {});
-    let warm = live.run().state.actuators[0].limiter.counts().ticks;
-    control.swap(plan(&new, 8)).unwrap();
-    live.callback(500, |_, _| {});
-    assert_eq!(live.run().plan.actuators[0].path, "renamed");
-    let limiter = &live.run().state.actuators[0].limiter;
-    assert!(limiter.counts().ticks > warm);
-    // Of a device that the old graph did not drive nobody knows how warm it is.
-    let mut other = random_graph(seed, 0);
-    other.nodes[at].fingerprint += 2;
-    other.nodes[at].path = String::from("renamed again");
-    other.devices[0].name = String::from("another");
-    control.swap(plan(&other, 8)).unwrap();
-    while live.run().plan.actuators[0].path != "renamed again" {
-        live.callback(1, |_, _| {});
-    }
-    let AnyLimiter::One(limiter) = &live.run().state.actuators[0].limiter else {
-        panic!("a scalar sink");
-    };
-    assert!(limiter.mean_square() > 0.99 * LIMIT.continuous * LIMIT.continuous);
-}
-
-#[test]
-fn a_thousand_swaps_come_home_and_leave_nothing() {
-    let graphs = [random_graph(1, 1), random_graph(2, 2)];
-    let (mut live, mut control) = live(plan(&graphs[0], 32));
-    for swap in 0..1000 {
-        control.swap(plan(&graphs[(swap + 1) % 2], 32)).unwrap();
-        live.callback(64, |_, _| {});
-        control.poll();
-    }
-    live.callback(64, |_, _| {});
-    control.poll();
-    assert_eq!((control.freed(), live.unreported()), (1000, 0));
 }
 
 #[test]
@@ -165,50 +51,8 @@ fn a_stop_fades_out_and_then_nothing_runs() {
     );
 }
 
-#[test]
-fn a_swap_that_is_refused_changes_nothing() {
-    let (graph, _, _) = with_processor(Box::new(Clinging));
-    let (mut live, mut control) = live(plan(&graph, 8));
-    while control.set_by_name("n37.gain", 0.2).is_ok() {}
-    let running = Arc::clone(control.plan());
-    assert_eq!(control.swap(plan(&graph, 8)), Err(ControlError::Full));
-    assert!(Arc::ptr_eq(&running, control.plan()));
-    live.callback(8, |_, _| {});
-    control.poll();
-    assert_eq!(control.freed(), 0);
-    assert_eq!(control.swap(plan(&graph, 8)), Ok(Change::Settings(1)));
-}
-
-#[test]
-fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
-    let (old, _, _) = with_processor(Box::new(Clinging));
-    let (mut new, node, _) = with_processor(Box::new(Clinging));
-    new.nodes[node].fingerprint += 1;
-    let (mut live, mut control) = live(plan(&old, 8));
-    live.callback(80, |_, _| {});
-    control.swap(plan(&new, 8)).unwrap();
-    quietly(|| live.callback(80, |_, _| {}));
-    assert_eq!(live.state(), LiveState::Panicked);
-    live.callback(80, |_, _| {});
-    assert!(live.is_at_rest());
-}
-
-/// Panics when it has to hand its state on.
-#[derive(Clone)]
-struct Clinging;
-
-impl Processor for Clinging {
-    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        io.out(0).fill(100.0);
-    }
-
-    fn copy_state_into(&self, _: &mut dyn Processor) {
-        panic!("as asked");
-    }
-}
-
 /// Without the message of a panic that is meant to happen.
-fn quietly(run: impl FnOnce()) {
+pub fn quietly(run: impl FnOnce()) {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     run();
@@ -217,10 +61,10 @@ fn quietly(run: impl FnOnce()) {
 
 /// Puts out what it is told to from a tick on.
 #[derive(Clone)]
-struct Trouble {
-    from: u64,
-    value: f64,
-    panics: bool,
+pub struct Trouble {
+    pub from: u64,
+    pub value: f64,
+    pub panics: bool,
 }
 
 impl Processor for Trouble {

@@ -49,6 +49,12 @@ impl Processor for Leaky {
             *out = self.next(tick.first + j as u64, at.iter().map(|frames| frames[j]));
         }
     }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = new.as_any_mut().downcast_mut::<Self>() {
+            new.kept = self.kept;
+        }
+    }
 }
 
 /// A body that sums what drives it.

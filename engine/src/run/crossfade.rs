@@ -1,0 +1,71 @@
+//! One plan that fades into another while both run, frame by frame of their driver.
+//!
+//! The devices belong to the new plan from the beginning: each is moved once a tick, and both plans are given what it
+//! senses. What the old plan asks of an actuator is handed to the new one's sink, which mixes both ahead of the one
+//! limiter. So nothing is driven twice, and a loop through a body is closed by the mix.
+
+use super::Run;
+use super::actuator::Role;
+use super::device::Part;
+use super::drive::Drive;
+use super::swap::Next;
+
+impl Next {
+    /// Puts the new plan in the place of the running one, to rise over it within `seconds`.
+    pub(super) fn cross_fade(&mut self, running: &mut Run, seconds: f64) {
+        self.take_over(running);
+        let (begin, end) = running.fade_span(seconds);
+        let (old, new) = (&mut self.run.state, &mut running.state);
+        for (from, to) in &self.devices {
+            old.devices[*from].part = Part::Follows;
+            new.devices[*to].part = Part::Leads;
+        }
+        let rise = Drive::Rising { begin, end };
+        for (from, to) in &self.actuators {
+            let (from, to) = (&mut old.actuators[*from], &mut new.actuators[*to]);
+            to.limiter.begin_from(&from.limiter.output());
+            from.role = Role::Asks([0.0; 6]);
+            to.role = Role::Mixes([0.0; 6], rise);
+        }
+        for stranger in &self.strangers {
+            new.actuators[*stranger].role = Role::Mixes([0.0; 6], rise);
+        }
+    }
+
+    /// Runs both plans for a driver frame; is the old one done?
+    pub(super) fn run_together(&mut self, new: &mut Run) -> bool {
+        let old = &mut self.run;
+        old.state.windows.next_block(1);
+        new.state.windows.next_block(1);
+        for (from, to) in &self.devices {
+            let (from_plan, to_plan) = (&old.plan.devices[*from], &new.plan.devices[*to]);
+            if new.state.windows.of(to_plan.clock as u32).count > 0 {
+                let follower = &mut old.state.devices[*from];
+                new.state.devices[*to].sense_for_both(to_plan, follower, from_plan);
+            }
+        }
+        old.steps(0..old.plan.steps.len());
+        for (from, to) in &self.actuators {
+            let asked = old.state.actuators[*from].role.asked();
+            new.state.actuators[*to].role.mix_in(asked);
+        }
+        new.steps(0..new.plan.steps.len());
+        let time = new.state.windows.block().1;
+        let over = new
+            .state
+            .actuators
+            .iter()
+            .all(|actuator| actuator.role.is_over(time));
+        if over {
+            new.state
+                .actuators
+                .iter_mut()
+                .for_each(|actuator| actuator.role = Role::Alone);
+            new.state
+                .devices
+                .iter_mut()
+                .for_each(|device| device.part = Part::Alone);
+        }
+        over
+    }
+}
