@@ -701,3 +701,56 @@ fn a_run_of_two_drivers_is_repeated_bit_for_bit() {
         "{told}"
     );
 }
+
+/// One driver and two; a parameter, and settings of nodes.
+#[test]
+fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let two = shipped("two-drivers.ron");
+    for (graph, lines, files) in [
+        (
+            "tone.ron",
+            ["set loudness=0.5", "set loud.gain=0.75"],
+            &["loud.wav"][..],
+        ),
+        (
+            &two,
+            ["set moves.gain=0.3", "set pressing.gain=0.5"],
+            &["texture.wav", "hand.csv", "crossed.csv"],
+        ),
+    ] {
+        let common = ["run", graph, "--endpoints", "simulated"];
+        let mut run = Running::start(
+            folder.path(),
+            &[&common[..], &["--live", "--out", "live"]].concat(),
+        );
+        for line in lines {
+            std::thread::sleep(Duration::from_millis(100));
+            run.type_line(line);
+        }
+        run.wait_for(if graph == "tone.ron" {
+            "loud.gain is 0.75"
+        } else {
+            "pressing.gain is 0.5"
+        });
+        std::thread::sleep(Duration::from_millis(100));
+        run.stop();
+        let replay = [
+            &common[..],
+            &["--replay", "live", "--block", "17", "--out", "replay"],
+        ];
+        let told = succeed(folder.path(), &replay.concat());
+        assert!(!String::from_utf8_lossy(&told.stderr).contains("not repeated"));
+        for file in files {
+            let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+            assert!(of("live").len() > 400, "{file}");
+            assert!(of("live") == of("replay"), "{file}");
+        }
+    }
+    let kept = fs::read_to_string(folder.path().join("live/arrivals/1.settings.csv")).unwrap();
+    assert!(
+        kept.lines().last().unwrap().ends_with(",1,0.3,20,moves.gain"),
+        "{kept}"
+    );
+}

@@ -42,7 +42,7 @@ pub struct Arguments {
     /// Also take settings by Open Sound Control at this address: `/NODE/SETTING value`, `/PARAMETER value`
     #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
     pub osc: Option<SocketAddr>,
-    /// Repeat a live run of a graph with several drivers, bit for bit, from the folder that it left
+    /// Repeat a live run bit for bit, and what was set meanwhile, from the folder that it left
     #[arg(long, value_name = "DIR", conflicts_with_all = ["live", "duration_s"])]
     pub replay: Option<PathBuf>,
     /// The seed of all random streams, in place of the graph's own

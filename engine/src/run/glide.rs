@@ -51,17 +51,24 @@ impl Glides {
         }
     }
 
-    /// Sets what is due now, and says how many driver frames at most may pass until the next time.
+    /// Sets what is due now, and says how many driver frames at most may pass until the next time. When that is depends
+    /// on when the settings left alone, not on the blocks that are run.
     pub fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
-        if self.list.is_empty() {
-            return usize::MAX;
-        }
+        let step = (STEP_S * rate_hz).max(1.0) as u64;
         let now = run.driver_frames();
+        let mut next = u64::MAX;
         self.list.retain(|glide| {
-            run.set(glide.node, glide.setting, glide.at(now));
-            now < glide.begin + glide.frames
+            let passed = now.saturating_sub(glide.begin);
+            if passed.is_multiple_of(step) || passed >= glide.frames {
+                run.set(glide.node, glide.setting, glide.at(now));
+            }
+            let left = glide.frames.saturating_sub(passed);
+            if left > 0 {
+                next = next.min(left).min(step - passed % step);
+            }
+            left > 0
         });
-        (STEP_S * rate_hz).max(1.0) as usize
+        usize::try_from(next).unwrap_or(usize::MAX)
     }
 
     /// Is nothing on its way?

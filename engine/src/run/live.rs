@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// How long outputs take from nothing to everything and back, unless told otherwise.
 pub const FADE_S: f64 = 0.01;
-const COMMANDS: usize = 4096;
+pub(super) const COMMANDS: usize = 4096;
 const REPORTS: usize = 4096;
 /// How much more work two plans together are than one alone, as they run frame by frame.
 const TOGETHER: f64 = 3.0;
@@ -313,12 +313,20 @@ impl Live {
                 break;
             }
             match self.commands.pop() {
-                Ok(Command::Set(glide)) => self.glides.start(glide, &mut self.run),
+                Ok(Command::Set(glide)) => {
+                    if let Some(log) = &mut self.log {
+                        log.set(self.run.driver_frames(), &glide);
+                    }
+                    self.glides.start(glide, &mut self.run);
+                }
                 Ok(Command::Swap(mut next)) if next.transfer == Transfer::Everything => {
                     next.take_over_everything(&mut self.run);
                     self.retire(next);
                 }
                 Ok(Command::Swap(next)) => {
+                    if let Some(log) = &mut self.log {
+                        log.end();
+                    }
                     if next.transfer != Transfer::CrossFade {
                         self.run.fade_out(FADE_S);
                     }

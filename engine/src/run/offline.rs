@@ -121,8 +121,8 @@ impl<'a> Offline<'a> {
         Ok(outcome)
     }
 
-    /// Repeats a live run of a graph with several drivers from what they saw of their rings then, as it stands in
-    /// `folder`: the same bits, up to where it ended. What was set by hand while it ran is not repeated.
+    /// Repeats a live run from what its drivers saw of their rings then, and what was set meanwhile, as it stands in
+    /// `folder`: the same bits, up to where it ended or another graph took over.
     ///
     /// # Errors
     /// [`OfflineError`] where a file cannot be written, or what is in the folder is not of such a run of this graph.
@@ -158,7 +158,8 @@ impl<'a> Offline<'a> {
             Ok(())
         })?;
         files.finish()?;
-        Ok(outcome_of(&fleet, !scripts.iter().all(Arrivals::is_over)))
+        let stopped = stop.load(Ordering::Relaxed) && !scripts.iter().all(Arrivals::is_over);
+        Ok(outcome_of(&fleet, stopped))
     }
 }
 

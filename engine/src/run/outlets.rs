@@ -32,6 +32,18 @@ pub(super) struct Written {
     pub sink: Option<PathBuf>,
 }
 
+impl Written {
+    /// A writer of something that no tap carries.
+    pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
+        Self {
+            writer,
+            taps: Vec::new(),
+            what,
+            sink: None,
+        }
+    }
+}
+
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {error}", path.display())]

@@ -1,7 +1,7 @@
 //! A live run as a whole but for its driver: what it is controlled by, the files it writes, and what is known of it at
 //! the end.
 
-use super::arrivals::{self, ArrivalLog, ArrivalWriter};
+use super::arrivals::{self, ArrivalLog, ArrivalWriter, SettingWriter};
 use super::fleet::join;
 use super::live::{Change, Control, ControlError, Live, LiveState, live};
 use super::meter::Meters;
@@ -108,7 +108,7 @@ impl Session {
     }
 
     /// Both sides of a live run: of the real-time ones each is for one driver of the graph, in their order, and rings
-    /// join them. What the drivers of a graph with several see of these is kept in `folder`, for a replay.
+    /// join them. What the drivers see of these, and what is set while they run, is kept in `folder`, for a replay.
     ///
     /// # Errors
     /// What the system says where it gives no thread or no file.
@@ -146,7 +146,7 @@ impl Session {
             lives.push(live);
         }
         session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
-        if let (Some(folder), [_, _, ..]) = (folder, &mut lives[..]) {
+        if let Some(folder) = folder {
             arrivals::keep_graph(outlets.graph, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
@@ -156,21 +156,17 @@ impl Session {
         Ok((lives, session))
     }
 
-    /// Keeps what a driver sees of its rings.
+    /// Keeps what a driver sees of its rings, and what is set.
     fn log(&mut self, driver: usize, live: &mut Live, folder: &Path) -> std::io::Result<()> {
         let plan = self.controls[driver].plan();
-        let (log, out) = ArrivalLog::new(plan);
-        let what = arrivals::file(folder, driver);
-        let writer = Box::new(ArrivalWriter::create(&what, plan)?);
+        let (log, kept) = ArrivalLog::new(plan);
         live.log_through(log);
-        let (taps, sink) = (Vec::new(), None);
-        let written = Written {
-            writer,
-            taps,
-            what,
-            sink,
-        };
-        self.writer.add(written, vec![out]);
+        let what = arrivals::file(folder, driver);
+        let callbacks = Written::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
+        let what = arrivals::settings_file(folder, driver);
+        let settings = Written::apart(Box::new(SettingWriter::create(&what, plan)?), what);
+        self.writer.add(callbacks, vec![kept.callbacks]);
+        self.writer.add(settings, vec![kept.settings]);
         Ok(())
     }
 

@@ -74,6 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         session,
         network,
         changes: 0,
+        swaps: 0,
         history: History::default(),
         refused: Vec::new(),
         limits: limits(&graph),
@@ -84,7 +85,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
     let lives = driver.join()?;
-    let changes = attended.changes;
+    facts.push(("changes", "Changed while running", json!(attended.changes)));
+    facts.push(("swaps", "Other graphs that took over", json!(attended.swaps)));
     facts.extend(packets(&attended.network));
     facts.push((
         "set_while_running",
@@ -103,7 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let took_s = start.elapsed().as_secs_f64();
     remark(&format!("{}\n", ended.meters));
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
-    facts.extend(facts_of(&ended, changes));
+    facts.extend(facts_of(&ended));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
     made.kept.complete(&arguments, &graph, &summary)
@@ -144,8 +146,9 @@ struct Attended {
     watch: Option<Watch>,
     session: Session,
     network: Connections,
-    /// Other graphs that were put in place.
+    /// Graphs that were put in place, and those of them that differed in more than live settings.
     changes: u32,
+    swaps: u32,
     history: History,
     /// Names that were told by Open Sound Control and refused; said once each.
     refused: Vec<String>,
@@ -353,6 +356,7 @@ impl Attended {
         match self.session.change(&graph, &self.folder) {
             Ok(changed) => {
                 self.changes += 1;
+                self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
                 // The file may have been edited meanwhile, so another graph is always told of.
                 if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
                     remark(&told(&changed, began.elapsed()));
@@ -425,7 +429,7 @@ fn told(changed: &Changed, took: Duration) -> String {
     text + &format!(" ({:.0} ms)\n", took.as_secs_f64() * 1e3)
 }
 
-fn facts_of(ended: &LiveOutcome, changes: u32) -> Vec<(&'static str, &'static str, Value)> {
+fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)> {
     let meters = &ended.meters;
     let mut facts = vec![
         ("live", "Live", json!(true)),
@@ -440,7 +444,6 @@ fn facts_of(ended: &LiveOutcome, changes: u32) -> Vec<(&'static str, &'static st
             "Numbers lost on the way to files",
             json!(ended.lost_numbers),
         ),
-        ("changes", "Changed while running", json!(changes)),
     ];
     if let [_, _, ..] = ended.drivers[..] {
         let each = ended.drivers.iter().map(|(name, meters)| {

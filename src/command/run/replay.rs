@@ -3,6 +3,7 @@
 use super::super::Failure;
 use super::summary::Summary;
 use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
+use haptograph::engine::graph::{Graph, GraphDevice};
 use haptograph::engine::run::{ARRIVALS, Offline};
 use serde_json::{Value, json};
 use std::fs;
@@ -14,11 +15,6 @@ const FACTS: &str = "run.json";
 pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     spare(folder, &super::target(arguments))?;
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
-    if let [_] = graph.drivers()[..] {
-        return Err(Failure::Message(
-            "a graph with one driver needs no replay: run it offline, and the samples are those of the live run".to_owned(),
-        ));
-    }
     let facts = facts(folder)?;
     let set = arguments.graph.set.iter();
     let set: Vec<String> = set.map(|(name, value)| format!("{name}={value}")).collect();
@@ -45,7 +41,10 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     let outcome = outcome.map_err(message)?;
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
-    summary.add(vec![("replay", "Repeats", json!(folder))], differs(&facts));
+    summary.add(
+        vec![("replay", "Repeats", json!(folder))],
+        differs(&graph, &facts),
+    );
     made.kept.complete(arguments, &graph, &summary)
 }
 
@@ -61,21 +60,26 @@ fn spare(folder: &Path, target: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Why the samples cannot be those of the run.
-fn differs(facts: &Value) -> Vec<String> {
+/// Why the samples cannot be those of the run, or end before it.
+fn differs(graph: &Graph, facts: &Value) -> Vec<String> {
     let count = |fact: &str| facts[fact].as_u64().unwrap_or(0);
-    let mut list = Vec::new();
-    let set = set_by_hand(&facts["set_while_running"]);
-    if !set.is_empty() {
+    let senses = |device: &&GraphDevice| {
+        let spec = device.entry.spec;
+        !spec.simulated && !spec.senses.is_empty()
+    };
+    let real = graph.devices().iter().filter(senses);
+    let mut list: Vec<String> = real
+        .map(|device| {
+            format!(
+                "what `{}` sensed is not repeated: it is not simulated",
+                device.name
+            )
+        })
+        .collect();
+    let swaps = count("swaps");
+    if swaps > 0 {
         list.push(format!(
-            "settings changed while it ran are not repeated: {}",
-            set.join(", ")
-        ));
-    }
-    let changes = count("changes");
-    if changes > 0 {
-        list.push(format!(
-            "another version of the graph took over while it ran, times: {changes}; that is not repeated"
+            "another version of the graph took over while it ran, times: {swaps}; the replay ends where the first did"
         ));
     }
     if count("vanished") > 0 {
@@ -85,22 +89,6 @@ fn differs(facts: &Value) -> Vec<String> {
         );
     }
     list
-}
-
-/// What was set while a run ran, as much as fits in a sentence.
-fn set_by_hand(list: &Value) -> Vec<String> {
-    const SHOWN: usize = 8;
-    let set: Vec<&str> = list
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Value::as_str)
-        .collect();
-    let mut shown: Vec<String> = set.iter().take(SHOWN).map(|set| (*set).to_owned()).collect();
-    if set.len() > SHOWN {
-        shown.push(format!("and more, all of them in its {FACTS}"));
-    }
-    shown
 }
 
 /// The facts of the run that is to be repeated.
@@ -118,26 +106,33 @@ fn facts(folder: &Path) -> Result<Value, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph::engine::document::Document;
+    use haptograph::engine::graph::{CheckOptions, check};
 
     #[test]
-    fn a_replay_names_what_was_changed_by_hand() {
-        let untouched = json!({"set_while_running": [], "changes": 0, "vanished": 0});
-        assert_eq!(differs(&untouched), Vec::<String>::new());
-        let touched =
-            json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 2, "vanished": 1});
-        let told = differs(&touched);
-        assert_eq!(
-            told[0],
-            "settings changed while it ran are not repeated: 0.10 s out.gain=0.3 (OSC)"
-        );
+    fn a_replay_names_what_it_does_not_repeat() {
+        let told = |stylus: &str, facts: Value| {
+            let text = format!(
+                r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 125) }},
+                nodes: {{ "stylus": Tablet(clock: "servo", endpoint: "stylus") }},
+                endpoints: {{ "simulated": {{ "stylus": {stylus} }} }})"#
+            );
+            let document = Document::parse("g.ron", &text).unwrap();
+            let graph = check(
+                &document,
+                &haptograph::nodes::registry(),
+                &CheckOptions::default(),
+            )
+            .unwrap();
+            differs(&graph, &facts)
+        };
+        let hand = "SimulatedTablet(stroke: Circles(radius_mm: 30, period_s: 1))";
+        let quiet = json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 1, "swaps": 0, "vanished": 0});
+        assert_eq!(told(hand, quiet), Vec::<String>::new());
+        let real = "EvdevDevice(path: \"/dev/input/event0\", counts_per_mm: 40)";
+        let told = told(real, json!({"swaps": 2, "vanished": 1}));
         assert!(
-            told[1].contains("times: 2") && told[2].contains("soundcard"),
-            "{told:?}"
-        );
-        let fader: Vec<String> = (0..50).map(|i| format!("{i} s out.gain={i} (OSC)")).collect();
-        let told = differs(&json!({"set_while_running": fader}));
-        assert!(
-            told[0].ends_with("7 s out.gain=7 (OSC), and more, all of them in its run.json"),
+            told[0].contains("`stylus`") && told[1].contains("times: 2") && told[2].contains("soundcard"),
             "{told:?}"
         );
     }

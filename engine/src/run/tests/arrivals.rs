@@ -1,7 +1,8 @@
-//! Live runs of several drivers, their callbacks at scripted moments, and their replays.
+//! Live runs, mostly of several drivers, their callbacks at scripted moments, and their replays.
 
 use super::fleet::{all_bits, graphs, listening};
-use crate::graph::{Bridge, Graph};
+use super::world::random_graph;
+use crate::graph::{Bridge, Graph, Work};
 use crate::run::{Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
@@ -26,7 +27,17 @@ impl Drop for Folder {
     }
 }
 
-/// What was heard of a run whose drivers wake at random, stall, and are stopped; and how often a ring ran dry or over.
+/// All of its leaky nodes can be set while it runs.
+fn settable(mut graph: Graph) -> Graph {
+    for node in graph.nodes.node_weights_mut() {
+        if let Work::Process(_) = node.work {
+            node.live.push((0, 0.7));
+        }
+    }
+    graph
+}
+
+/// What was heard of a run whose drivers wake at random, stall, are set and stopped; and how often a ring ran dry or over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (outlets, heard) = listening(graph);
     let options = LiveOptions {
@@ -38,12 +49,18 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
     let mut wakes = 0;
     let mut done = vec![0_u64; lives.len()];
+    let settings: Vec<String> = session.settings().map(|live| live.name()).collect();
     while lives.iter().any(|live| live.state() == LiveState::Running) {
         wakes += 1;
         // Less than what is on its way to the writing thread may last, however slow that is.
         assert!(wakes < 1000, "it does not stop");
         if wakes == 850 {
             session.stop().unwrap();
+        }
+        // Often enough that one leaves while it is still on its way.
+        if wakes < 700 && !settings.is_empty() && random.random_bool(0.1) {
+            let name = &settings[random.random_range(0..settings.len())];
+            session.set_by_name(name, random.random_range(0.0..0.9)).unwrap();
         }
         let now_s = f64::from(wakes) * 1e-3;
         for (driver, live) in lives.iter_mut().enumerate() {
@@ -92,6 +109,73 @@ fn a_replay_gives_the_bits_of_the_live_run() {
 }
 
 #[test]
+fn what_was_set_while_it_ran_is_repeated_too() {
+    let alone = (0..4).map(|seed| (seed, random_graph(seed, seed)));
+    for (seed, graph) in graphs().take(6).chain(alone) {
+        let graph = settable(graph);
+        let folder = Folder::new(&format!("set-{}-{seed}", graph.drivers().len()));
+        let (heard, _) = live_run(&graph, seed, &folder.0);
+        for block in [1, 7, 64] {
+            assert!(
+                replay(&graph, block, &folder.0).unwrap() == heard,
+                "seed {seed}, block {block}"
+            );
+        }
+        // It hangs on every line.
+        for driver in 0..graph.drivers().len() {
+            let path = folder.0.join(format!("arrivals/{driver}.settings.csv"));
+            let text = std::fs::read_to_string(&path).unwrap();
+            let Some((earlier, _)) = text.trim_end().rsplit_once('\n') else {
+                continue;
+            };
+            std::fs::write(&path, earlier).unwrap();
+            assert!(
+                replay(&graph, 64, &folder.0).unwrap() != heard,
+                "seed {seed}, {}",
+                path.display()
+            );
+            std::fs::write(&path, text).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_replay_ends_where_another_graph_took_over() {
+    for seed in 0..4 {
+        let graph = settable(random_graph(seed, seed));
+        let mut other = settable(random_graph(seed, seed));
+        other
+            .nodes
+            .node_weights_mut()
+            .for_each(|node| node.fingerprint += 1);
+        let folder = Folder::new(&format!("ends-{seed}"));
+        let (outlets, heard) = listening(&graph);
+        let (mut lives, mut session) =
+            Session::open_all(outlets, &LiveOptions::default(), Some(&folder.0)).unwrap();
+        let setting = session.settings().next().unwrap().name();
+        for wake in 0..20 {
+            session.set_by_name(&setting, 0.04 * f64::from(wake)).unwrap();
+            if wake == 10 {
+                let changed = session.change(&other, &folder.0).unwrap();
+                assert!(!matches!(changed.change, Change::Settings(_)), "seed {seed}");
+            }
+            lives[0].callback(37, |_, _| {});
+        }
+        session.finish_all(lives);
+        let (live, again) = (all_bits(&heard), replay(&graph, 64, &folder.0).unwrap());
+        for (node, (live, again)) in graph.nodes.node_weights().zip(live.iter().zip(&again)) {
+            assert!(live.starts_with(again), "seed {seed}: {}", node.path);
+            let expected = graph.clocks[node.clock.unwrap()].rate.hz() * 0.37;
+            assert!(
+                (again.len() as f64 - expected).abs() <= 1.0,
+                "seed {seed}: {} frames of {expected}",
+                again.len()
+            );
+        }
+    }
+}
+
+#[test]
 fn a_replay_says_what_it_cannot_repeat() {
     let (seed, graph) = graphs().next().unwrap();
     let folder = Folder::new("wrong-replay");
@@ -121,6 +205,16 @@ fn a_replay_says_what_it_cannot_repeat() {
         matches!(wrong, OfflineError::Replay(ReplayError::Contradiction { .. })),
         "{wrong}"
     );
+    std::fs::write(&path, right).unwrap();
+    let settings = folder.0.join("arrivals/0.settings.csv");
+    for line in ["1,2,3", "1,0.5,0.7,20,nobody.gain", "x,0.5,0.7,20,n00.gain"] {
+        std::fs::write(&settings, format!("frame,from,to,glide frames,setting\n{line}\n")).unwrap();
+        let wrong = replay(&graph, 64, &folder.0).unwrap_err();
+        assert!(
+            matches!(wrong, OfflineError::Replay(ReplayError::Setting { line: 2, .. })),
+            "{wrong}"
+        );
+    }
     std::fs::remove_file(&path).unwrap();
     let wrong = replay(&graph, 64, &folder.0).unwrap_err();
     assert!(

@@ -32,6 +32,10 @@ impl Leaky {
 }
 
 impl Processor for Leaky {
+    fn set(&mut self, _: usize, weight: f64) {
+        self.weight = weight;
+    }
+
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         let mut at: Vec<Vec<f64>> = Vec::new();
         for (input, held) in self.held.iter().enumerate() {
@@ -79,7 +83,7 @@ impl Device for Body {
 crate::settings! {
     /// Settings of a leaky node or sink.
     pub struct LeakySettings {
-        /// A sink's gain.
+        /// A sink's gain, or what a leaky node keeps.
         [live] gain: f64 = 1.0;
     }
 }

@@ -1,0 +1,187 @@
+//! Keeping what a driver saw: noted in its callbacks without waiting, written by the thread that writes files.
+
+use super::super::Run;
+use super::super::glide::Glide;
+use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, header};
+use crate::node::FrameWriter;
+use crate::plan::Plan;
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Lines that can be on their way to each file.
+const ROWS: usize = 8192;
+/// Numbers of a change of a setting.
+const SETTING: usize = 6;
+
+/// The real-time end of a driver's files.
+pub(in super::super) struct ArrivalLog {
+    callbacks: Producer<f64>,
+    settings: Producer<f64>,
+    row: Vec<f64>,
+    /// Of each ring that is read: frames that had arrived by the line before.
+    before: Vec<u64>,
+    /// Callbacks that are missing at the end, from the first line on that found no room.
+    lost: u64,
+    /// Another graph took over: its lines would not be of this one.
+    is_over: bool,
+}
+
+/// The far ends, for the writers of both files.
+pub(in super::super) struct Kept {
+    pub callbacks: Consumer<f64>,
+    pub settings: Consumer<f64>,
+}
+
+impl ArrivalLog {
+    pub fn new(plan: &Plan) -> (Self, Kept) {
+        // Whole rows, so that none is torn where a ring ends.
+        let (callbacks, far_callbacks) = RingBuffer::new(ROWS * columns(plan));
+        let (settings, far_settings) = RingBuffer::new(ROWS * SETTING);
+        let log = Self {
+            callbacks,
+            settings,
+            row: Vec::with_capacity(columns(plan)),
+            before: vec![0; plan.ring_reads.len()],
+            lost: 0,
+            is_over: false,
+        };
+        let kept = Kept {
+            callbacks: far_callbacks,
+            settings: far_settings,
+        };
+        (log, kept)
+    }
+
+    /// Notes a callback. Does not allocate: the row has room for all of it.
+    pub fn note(&mut self, run: &Run, frames: usize, is_fading: bool) {
+        if self.is_over {
+            return;
+        }
+        self.row.clear();
+        let state = if is_fading { FADING } else { RUNNING };
+        self.row.extend([frames as f64, state]);
+        for (reader, before) in run.state.links.readers.iter().zip(&mut self.before) {
+            let arrived = reader.as_ref().map_or(0, |reader| reader.arrived());
+            self.row.push((arrived - *before) as f64);
+            *before = arrived;
+        }
+        for writer in &run.state.links.writers {
+            self.row
+                .push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
+        }
+        self.keep_row();
+    }
+
+    /// Notes that a setting leaves for another value before frame `frame`.
+    pub fn set(&mut self, frame: u64, glide: &Glide) {
+        let Glide {
+            node,
+            setting,
+            from,
+            to,
+            frames,
+            ..
+        } = *glide;
+        let which = [node.index() as f64, setting as f64];
+        let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, which[0], which[1]];
+        if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
+            // What comes after it would be another signal.
+            self.lost += 1;
+        }
+    }
+
+    /// Notes that from here on another graph takes over.
+    pub fn end(&mut self) {
+        if self.is_over {
+            return;
+        }
+        let width = self.row.capacity();
+        self.row.clear();
+        self.row.resize(width, 0.0);
+        self.row[1] = REPLACED;
+        self.keep_row();
+        self.is_over = true;
+    }
+
+    fn keep_row(&mut self) {
+        if self.lost > 0 || self.callbacks.push_entire_slice(&self.row).is_err() {
+            self.lost += 1;
+        }
+    }
+
+    /// Callbacks that are missing at the end.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+/// Writes the file of a driver's callbacks, in a folder that is there.
+pub(in super::super) struct ArrivalWriter {
+    file: BufWriter<File>,
+    columns: usize,
+}
+
+impl ArrivalWriter {
+    pub fn create(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+        let mut file = BufWriter::new(File::create(path)?);
+        writeln!(file, "{}", header(plan))?;
+        let columns = columns(plan);
+        Ok(Self { file, columns })
+    }
+}
+
+impl FrameWriter for ArrivalWriter {
+    fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
+        for row in rows.chunks(self.columns) {
+            for (place, number) in row.iter().enumerate() {
+                let comma = if place > 0 { "," } else { "" };
+                write!(self.file, "{comma}{number}")?;
+            }
+            writeln!(self.file)?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// Writes the file of what was set, with the names of the settings.
+pub(in super::super) struct SettingWriter {
+    file: BufWriter<File>,
+    /// Node, place among its settings, and name.
+    names: Vec<([usize; 2], String)>,
+}
+
+impl SettingWriter {
+    pub fn create(path: &Path, plan: &Plan) -> std::io::Result<Self> {
+        let mut file = BufWriter::new(File::create(path)?);
+        writeln!(file, "{SETTINGS_HEADER}")?;
+        let named = plan
+            .live
+            .iter()
+            .map(|live| ([live.node.index(), live.setting], cell(live)));
+        let names = named.collect();
+        Ok(Self { file, names })
+    }
+}
+
+impl FrameWriter for SettingWriter {
+    fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
+        for [frame, from, to, frames, which @ ..] in rows.as_chunks::<SETTING>().0 {
+            let which = which.map(|number| number as usize);
+            let named = self.names.iter().find(|(known, _)| *known == which);
+            // Only live settings of the plan can be set.
+            let name = named.map_or("", |(_, name)| name);
+            writeln!(self.file, "{frame},{from},{to},{frames},{name}")?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
