@@ -1,10 +1,15 @@
 //! Plots: a frame with two axes and marks in it. A plot is data; [`Plot::to_svg`] draws it.
 
-use super::raster::Grid;
+mod marks;
+mod matrix;
+
+pub use matrix::Matrix;
+
 use super::scale::{Scale, padded};
-use super::svg::{Anchor, Path, Rect, Svg, num, text_width};
+use super::svg::{Anchor, Rect, Svg, text_width};
 use super::theme::{self, Ink};
 use super::thinning::Envelope;
+use marks::{draw_colours, draw_grid, draw_mark};
 
 pub use super::raster::Grid as Cells;
 pub use super::scale::Spread;
@@ -64,7 +69,7 @@ pub enum Mark {
 #[derive(Debug, Clone)]
 pub struct Image {
     /// The values.
-    pub cells: Grid,
+    pub cells: Cells,
     /// What they span horizontally.
     pub x: (f64, f64),
     /// What they span vertically.
@@ -258,17 +263,7 @@ impl Plot {
             height: size.1 - top - bottom,
         };
         let (x, y) = self.scales(frame);
-        let mut svg = Svg::default();
-        svg.rect(
-            "paper",
-            Rect {
-                x: 0.0,
-                y: 0.0,
-                width: size.0,
-                height: size.1,
-            },
-            0.0,
-        );
+        let mut svg = Svg::on_paper(size);
         self.draw_head(&mut svg, frame);
         draw_grid(
             &mut svg,
@@ -428,308 +423,8 @@ impl Plot {
     }
 }
 
-fn heading_width(title: &str, note: &str) -> f64 {
+pub(super) fn heading_width(title: &str, note: &str) -> f64 {
     text_width(title, 13.0) * 1.06 + text_width(note, 10.0) + 10.0
-}
-
-fn draw_grid(
-    svg: &mut Svg,
-    frame: Rect,
-    xs: &[(f64, String)],
-    ys: &[(f64, String)],
-    (x, y): (&Scale, &Scale),
-) {
-    for (value, _) in xs {
-        let at = x.pixel(*value);
-        svg.line("grid", (at, frame.y), (at, frame.bottom()));
-    }
-    for (value, _) in ys {
-        let at = y.pixel(*value);
-        svg.line("grid", (frame.x, at), (frame.right(), at));
-    }
-}
-
-fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
-    let at = |(a, b): (f64, f64)| (x.pixel(a), y.pixel(b));
-    match mark {
-        Mark::Line(style, points) => {
-            let points: Vec<_> = points.iter().map(|p| at(*p)).collect();
-            svg.path(&style.curve_class(), &curve(&points));
-        }
-        Mark::Band(style, points) => {
-            let upper = points.iter().map(|(a, _, high)| at((*a, *high)));
-            let lower = points.iter().rev().map(|(a, low, _)| at((*a, *low)));
-            let outline: Vec<_> = upper
-                .chain(lower)
-                .filter(|p| p.0.is_finite() && p.1.is_finite())
-                .collect();
-            let mut path = Path::through(&outline);
-            path.close();
-            svg.path(&format!("s{0} f{0} hair", style.ink.class()), &path);
-        }
-        Mark::Dots(style, points) => {
-            let (radius, veil) = match style.weight {
-                Weight::Hair => (1.4, " veil"),
-                Weight::Bold => (4.5, ""),
-                Weight::Normal | Weight::Dashed => (2.6, " solid"),
-            };
-            svg.group(&format!("f{}{veil}", style.ink.class()), |svg| {
-                for point in points
-                    .iter()
-                    .map(|p| at(*p))
-                    .filter(|p| p.0.is_finite() && p.1.is_finite())
-                {
-                    let (cx, cy, r) = (num(point.0), num(point.1), num(radius));
-                    svg.raw(format_args!("<circle cx=\"{cx}\" cy=\"{cy}\" r=\"{r}\"/>"));
-                }
-            });
-        }
-        Mark::Bars(style, points, width) => {
-            for (a, b) in points {
-                let (corner, foot) = (
-                    at((a - width / 2.0, b.max(0.0))),
-                    at((a + width / 2.0, b.min(0.0))),
-                );
-                let bar = Rect {
-                    x: corner.0,
-                    y: corner.1,
-                    width: foot.0 - corner.0,
-                    height: foot.1 - corner.1,
-                };
-                svg.rect(&format!("f{} solid", style.ink.class()), bar, 1.5);
-            }
-        }
-        Mark::Segments(style, segments) => {
-            let mut path = Path::default();
-            for [a, b] in segments {
-                path.move_to(at(*a));
-                path.line_to(at(*b));
-            }
-            svg.path(&style.curve_class(), &path);
-        }
-        Mark::Areas(style, areas) => {
-            let mut path = Path::default();
-            for area in areas {
-                let points: Vec<_> = area.iter().map(|p| at(*p)).collect();
-                path.append(&Path::through(&points));
-                path.close();
-            }
-            svg.path(&format!("t{0} s{0} hair", style.ink.class()), &path);
-        }
-        Mark::Image(image) => {
-            let (low, high) = (at((image.x.0, image.y.0)), at((image.x.1, image.y.1)));
-            let area = Rect {
-                x: low.0,
-                y: high.1,
-                width: high.0 - low.0,
-                height: low.1 - high.1,
-            };
-            svg.image(area, &image.cells.to_address(image.colours.0, image.colours.1));
-        }
-        Mark::Words(words) => {
-            for (a, b, word) in words {
-                let (px, py) = at((*a, *b));
-                svg.text("small ink halo", (px, py + 3.5), Anchor::Middle, word);
-            }
-        }
-    }
-}
-
-/// A curve that is interrupted where a point is not finite, without points that nobody would see.
-fn curve(points: &[(f64, f64)]) -> Path {
-    let mut path = Path::default();
-    let mut previous: Option<(f64, f64)> = None;
-    for (i, point) in points.iter().enumerate() {
-        if !(point.0.is_finite() && point.1.is_finite()) {
-            previous = None;
-            continue;
-        }
-        match previous {
-            None => path.move_to(*point),
-            Some(last) => {
-                let near = (point.0 - last.0).abs() < 0.25 && (point.1 - last.1).abs() < 0.25;
-                if near && i + 1 < points.len() {
-                    continue;
-                }
-                path.line_to(*point);
-            }
-        }
-        previous = Some(*point);
-    }
-    path
-}
-
-/// The colours of an image with their values, right of the frame.
-fn draw_colours(svg: &mut Svg, frame: Rect, image: &Image) {
-    let bar = Rect {
-        x: frame.right() + 12.0,
-        y: frame.y,
-        width: 10.0,
-        height: frame.height,
-    };
-    let steps: Vec<f64> = (0..64).map(f64::from).collect();
-    let cells = Grid {
-        width: 1,
-        height: steps.len(),
-        values: steps,
-    };
-    svg.image(bar, &cells.to_address(0.0, 63.0));
-    let (low, high) = image.colours;
-    let scale = Scale {
-        low,
-        high,
-        from: bar.bottom(),
-        to: bar.y,
-        spread: Spread::Linear,
-    };
-    for tick in scale.ticks(((frame.height / 34.0) as usize).max(2)) {
-        svg.text(
-            "small soft",
-            (bar.right() + 5.0, scale.pixel(tick.value) + 3.5),
-            Anchor::Start,
-            &tick.text,
-        );
-    }
-    svg.text_upwards(
-        "small soft",
-        (frame.right() + 76.0, frame.y + frame.height / 2.0),
-        &image.label,
-    );
-}
-
-/// A matrix of numbers as a map of colours, the smallest of every row framed.
-#[derive(Debug, Clone, Default)]
-pub struct Matrix {
-    /// What is seen.
-    pub title: String,
-    /// A remark beside the title.
-    pub note: String,
-    /// Names of the rows, and what they are.
-    pub rows: (Vec<String>, String),
-    /// Names of the columns, and what they are.
-    pub columns: (Vec<String>, String),
-    /// Row by row.
-    pub values: Vec<Vec<f64>>,
-    /// Digits after the point.
-    pub digits: usize,
-}
-
-impl Matrix {
-    /// The matrix as an SVG element for a page that has the style sheet.
-    pub fn to_svg(&self) -> String {
-        self.draw("")
-    }
-
-    /// The matrix as a picture of its own.
-    pub fn to_standalone_svg(&self) -> String {
-        self.draw(&theme::css())
-    }
-
-    fn draw(&self, style: &str) -> String {
-        let widest = |names: &[String]| names.iter().map(|n| text_width(n, 11.0)).fold(0.0, f64::max);
-        let left = widest(&self.rows.0) + if self.rows.1.is_empty() { 16.0 } else { 38.0 };
-        let (cell_width, cell_height) = (widest(&self.columns.0).max(48.0) + 8.0, 30.0);
-        let top = if self.columns.1.is_empty() { 54.0 } else { 74.0 };
-        let (rows, columns) = (self.rows.0.len() as f64, self.columns.0.len() as f64);
-        let head = left + heading_width(&self.title, &self.note) + 20.0;
-        let size = (
-            (left + columns * cell_width + 16.0).max(head),
-            top + rows * cell_height + 14.0,
-        );
-        let mut svg = Svg::default();
-        svg.rect(
-            "paper",
-            Rect {
-                x: 0.0,
-                y: 0.0,
-                width: size.0,
-                height: size.1,
-            },
-            0.0,
-        );
-        svg.heading((left, 18.0), &self.title, &self.note);
-        svg.text(
-            "soft",
-            (left + columns * cell_width / 2.0, top - 30.0),
-            Anchor::Middle,
-            &self.columns.1,
-        );
-        svg.text_upwards("soft", (14.0, top + rows * cell_height / 2.0), &self.rows.1);
-        for (j, name) in self.columns.0.iter().enumerate() {
-            svg.text(
-                "ink",
-                (left + (j as f64 + 0.5) * cell_width, top - 9.0),
-                Anchor::Middle,
-                name,
-            );
-        }
-        let finite = self.values.iter().flatten().copied().filter(|v| v.is_finite());
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
-        for (i, (name, row)) in self.rows.0.iter().zip(&self.values).enumerate() {
-            let y = top + i as f64 * cell_height;
-            svg.text(
-                "ink",
-                (left - 9.0, y + cell_height / 2.0 + 4.0),
-                Anchor::End,
-                name,
-            );
-            let least = row.iter().copied().fold(f64::INFINITY, f64::min);
-            for (j, value) in row.iter().enumerate() {
-                let cell = Rect {
-                    x: left + j as f64 * cell_width,
-                    y,
-                    width: cell_width,
-                    height: cell_height,
-                };
-                draw_cell(
-                    &mut svg,
-                    cell,
-                    *value,
-                    (value - low) / (high - low),
-                    self.digits,
-                    *value == least,
-                );
-            }
-        }
-        svg.finish(size, &self.title, style)
-    }
-}
-
-fn draw_cell(svg: &mut Svg, cell: Rect, value: f64, part: f64, digits: usize, framed: bool) {
-    // Small is good and light; the darkest colours are left out, so that all numbers can be read.
-    let [r, g, b] = theme::heat(0.94 - 0.62 * if part.is_finite() { part } else { 0.0 });
-    let inner = cell.inflated(-1.0);
-    svg.raw(format_args!(
-        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"3\" fill=\"#{r:02x}{g:02x}{b:02x}\"/>",
-        num(inner.x),
-        num(inner.y),
-        num(inner.width),
-        num(inner.height)
-    ));
-    let text_colour = if part < 0.55 || !part.is_finite() {
-        "#1c1230"
-    } else {
-        "#fff"
-    };
-    let strength = if framed { " font-weight=\"700\"" } else { "" };
-    svg.raw(format_args!(
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" fill=\"{text_colour}\"{strength}>{value:.digits$}</text>",
-        num(cell.x + cell.width / 2.0),
-        num(cell.y + cell.height / 2.0 + 4.0)
-    ));
-    if framed {
-        let mark = cell.inflated(-2.0);
-        svg.raw(format_args!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"2.5\" fill=\"none\" stroke=\"#1c1230\" \
-             stroke-width=\"1.6\"/>",
-            num(mark.x),
-            num(mark.y),
-            num(mark.width),
-            num(mark.height)
-        ));
-    }
 }
 
 #[cfg(test)]
@@ -765,18 +460,5 @@ mod tests {
                 roxmltree::Document::parse(&text).unwrap();
             }
         }
-    }
-
-    #[test]
-    fn the_best_of_a_row_is_framed() {
-        let names = || vec!["a".to_owned(), "b".to_owned()];
-        let matrix = Matrix {
-            rows: (names(), "test".into()),
-            columns: (names(), "model".into()),
-            values: vec![vec![1.0, 2.0], vec![4.0, 3.0]],
-            digits: 1,
-            ..Matrix::default()
-        };
-        assert_eq!(matrix.to_svg().matches("stroke-width=\"1.6\"").count(), 2);
     }
 }

@@ -44,6 +44,14 @@ impl Rect {
 }
 
 impl Svg {
+    /// A drawing of this width and height on a ground of its own.
+    pub fn on_paper((width, height): (f64, f64)) -> Self {
+        let mut svg = Self::default();
+        let (x, y) = (0.0, 0.0);
+        svg.rect("paper", Rect { x, y, width, height }, 0.0);
+        svg
+    }
+
     /// Writes formatted text as it is.
     pub fn raw(&mut self, text: std::fmt::Arguments<'_>) {
         // Writing into a string cannot fail.

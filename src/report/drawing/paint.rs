@@ -15,17 +15,7 @@ pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) ->
         (scene.size.0 + 2.0 * MARGIN).max(legend + 2.0 * MARGIN),
         scene.size.1 + TOP + MARGIN,
     );
-    let mut svg = Svg::default();
-    svg.rect(
-        "paper",
-        Rect {
-            x: 0.0,
-            y: 0.0,
-            width: size.0,
-            height: size.1,
-        },
-        0.0,
-    );
+    let mut svg = Svg::on_paper(size);
     svg.raw(format_args!("<style>{SHAPES}</style>"));
     svg.text("title ink", (MARGIN, 24.0), Anchor::Start, title);
     paint_legend(&mut svg, sketch);
