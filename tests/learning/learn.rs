@@ -1,0 +1,164 @@
+//! Recordings become surfaces.
+
+use super::{haptograph, json, noise, succeed, workshop};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+#[test]
+fn a_surface_is_learned_whole_and_again_to_the_bit() {
+    let folder = workshop();
+    let shown = json(folder, &["surface", "show", "t1.ron", "--json"]);
+    for part in ["friction", "taps", "texture", "stiffness"] {
+        assert!(shown[part].is_object(), "{part} is missing: {shown}");
+    }
+    assert_eq!(shown["provenance"]["origin"], "simulated");
+    // The simulated material's own numbers: friction 0.18, stiffness 42.2 N/mm.
+    assert!(
+        (shown["friction"]["mu"].as_f64().unwrap() - 0.18).abs() < 0.03,
+        "{}",
+        shown["friction"]
+    );
+    assert!(
+        (shown["stiffness"]["n_per_mm"].as_f64().unwrap() / 42.2 - 1.0).abs() < 0.1,
+        "{}",
+        shown["stiffness"]
+    );
+    assert!(!shown["taps"]["speeds_mm_s"].as_array().unwrap().is_empty());
+    let again = [
+        "learn",
+        "study/T1.anna.1.npz",
+        "circle.npz",
+        "tap.npz",
+        "press.npz",
+        "-o",
+        "again.ron",
+        "--name",
+        "t1",
+    ];
+    succeed(folder, &again);
+    assert!(fs::read(folder.join("again.ron")).unwrap() == fs::read(folder.join("t1.ron")).unwrap());
+    assert_eq!(
+        shown["provenance"]["settings"]["recording 1 file"],
+        "T1.anna.1.npz"
+    );
+}
+
+#[test]
+fn a_processed_table_is_enough_to_learn_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let excitation = noise(20_000, 1);
+    let mut y = [0.0; 2];
+    let mut text =
+        "# rate_hz: 10000\naccel_m_s2, force_normal_n, force_tangential_n, speed_mm_s\r\n".to_owned();
+    for (i, e) in excitation.iter().enumerate() {
+        // Four stretches of other speeds and forces, each with a loudness of its own.
+        let (speed, force) = [(60.0, 0.5), (150.0, 1.0), (90.0, 2.0), (200.0, 1.5)][i / 5000];
+        let next = 1.2 * y[0] - 0.7 * y[1] + speed * force / 100.0 * e;
+        y = [next, y[0]];
+        text += &format!("{next}, {force}, {}, {speed}\r\n", 0.4 * force);
+    }
+    fs::write(folder.path().join("processed.csv"), text).unwrap();
+    succeed(
+        folder.path(),
+        &["learn", "processed.csv", "-o", "surface.ron", "--keep-outliers"],
+    );
+    let shown = json(folder.path(), &["surface", "show", "surface.ron", "--json"]);
+    assert!((shown["friction"]["mu"].as_f64().unwrap() - 0.4).abs() < 1e-6);
+    let measured = shown["texture"]["models"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|model| model["kind"] == "measured");
+    let ar = measured
+        .map(|model| model["ar"][0].as_f64().unwrap())
+        .collect::<Vec<_>>();
+    assert!(
+        ar.len() >= 4 && ar.iter().all(|a| (a + 1.2).abs() < 0.1),
+        "{ar:?}"
+    );
+}
+
+#[test]
+fn a_surface_without_friction_says_so_and_keeps_its_texture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = "# rate_hz: 10000\naccel_m_s2,force_normal_n,force_tangential_n,speed_mm_s\n".to_owned();
+    for (i, a) in noise(8000, 1).iter().enumerate() {
+        // The tool is pulled along: no friction does that.
+        let (force, speed) = (1.0 + (i / 2000) as f64, 50.0 + 30.0 * (i / 2000 % 2) as f64);
+        text += &format!("{a},{force},{},{speed}\n", -0.2 * force);
+    }
+    fs::write(folder.path().join("pulled.csv"), text).unwrap();
+    let learned = haptograph(
+        folder.path(),
+        &["learn", "pulled.csv", "-o", "pulled.ron", "--report", "page"],
+        "",
+    );
+    let (said, warned) = (
+        String::from_utf8_lossy(&learned.stdout),
+        String::from_utf8_lossy(&learned.stderr),
+    );
+    assert!(learned.status.success(), "{warned}");
+    for part in [
+        "so the surface has no friction",
+        "pulling the tool along",
+        "--circle",
+    ] {
+        assert!(warned.contains(part), "{part} is missing: {warned}");
+    }
+    assert!(said.contains("friction  none"), "{said}");
+    let shown = json(folder.path(), &["surface", "show", "pulled.ron", "--json"]);
+    assert!(shown["texture"].is_object() && shown["friction"].is_null());
+    let settings = &shown["provenance"]["settings"];
+    assert!(
+        settings["not learned: friction"]
+            .as_str()
+            .unwrap()
+            .contains("pulling"),
+        "{settings}"
+    );
+    let page = fs::read_to_string(folder.path().join("page/report.html")).unwrap();
+    assert!(page.contains("the surface has no friction"));
+}
+
+/// Every command of the chapter runs as it stands there.
+#[cfg(unix)]
+#[test]
+fn the_chapter_on_learning_is_true() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink(root.join("graphs"), folder.path().join("graphs")).unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_haptograph")).parent().unwrap();
+    let path = format!(
+        "{}:{}",
+        program.display(),
+        std::env::var("PATH").unwrap_or_default()
+    );
+    let chapter = fs::read_to_string(root.join("docs/learning.md")).unwrap();
+    let blocks: String = chapter
+        .split("```sh\n")
+        .skip(1)
+        .filter_map(|rest| rest.split_once("```"))
+        .map(|(block, _)| block)
+        .collect();
+    assert!(blocks.matches("haptograph ").count() > 15);
+    let output = Command::new("sh")
+        .args(["-e", "-c", &blocks])
+        .env("PATH", path)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    for made in [
+        "tile/report.html",
+        "out/texturepad/report.html",
+        "study-report/report.html",
+        "tile.1k.ron",
+    ] {
+        assert!(folder.path().join(made).is_file(), "{made} is missing");
+    }
+}

@@ -1,0 +1,199 @@
+//! Segments, and surfaces in other forms.
+
+use super::{fail, haptograph, json, noise, succeed, workshop};
+use serde_json::Value;
+use std::fs;
+
+#[test]
+fn breaks_are_found_and_printed_as_agreed() {
+    let folder = tempfile::tempdir().unwrap();
+    // Process A of Auto-PARM: breaks after 512 and 768 samples.
+    let mut y = vec![0.0, 0.0];
+    for (t, e) in noise(1024, 4).into_iter().enumerate() {
+        let (a, b) =
+            [(0.9, 0.0), (1.69, -0.81), (1.32, -0.81)][usize::from(t >= 512) + usize::from(t >= 768)];
+        y.push(a * y[t + 1] + b * y[t] + e);
+    }
+    let rows: String = y[2..]
+        .iter()
+        .enumerate()
+        .map(|(i, y)| format!("{i}, \"{y}\"\r\n"))
+        .collect();
+    fs::write(folder.path().join("a.csv"), format!("time, \"y\"\r\n{rows}")).unwrap();
+    let found = json(folder.path(), &["segment", "a.csv", "--column", "y", "--json"]);
+    let keys: Vec<&String> = found.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["breaks", "mdl", "orders"]);
+    let breaks: Vec<i64> = found["breaks"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|b| b.as_i64().unwrap())
+        .collect();
+    assert!(
+        breaks.len() == 2 && (breaks[0] - 512).abs() < 30 && (breaks[1] - 768).abs() < 30,
+        "{breaks:?}"
+    );
+    assert_eq!(found["orders"].as_array().unwrap().len(), 3);
+    let wide = json(
+        folder.path(),
+        &[
+            "segment",
+            "a.csv",
+            "--column",
+            "y",
+            "--min-span",
+            "600",
+            "--max-order",
+            "3",
+            "--json",
+        ],
+    );
+    assert_eq!(
+        (
+            wide["breaks"].as_array().unwrap().len(),
+            wide["orders"].as_array().unwrap().len()
+        ),
+        (0, 1)
+    );
+    assert!(succeed(folder.path(), &["segment", "a.csv", "--column", "y"]).contains("segments            3"));
+
+    fs::write(folder.path().join("bad.csv"), "a,y\r\n1,2\r\n3,x\r\n").unwrap();
+    let told = fail(folder.path(), &["segment", "bad.csv", "--column", "y", "--json"]);
+    assert!(told.contains("line 3, column 2"), "{told}");
+    assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("there are a, y"));
+}
+
+#[test]
+fn interpolation_is_the_model_at_vertices_and_saturates() {
+    let folder = workshop();
+    let shown = json(folder, &["surface", "show", "t1.ron", "--json"]);
+    let models = shown["texture"]["models"].as_array().unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let input: String = models
+        .iter()
+        .map(|model| format!("{} {}\n", model["speed_mm_s"], model["force_n"]))
+        .collect();
+    let output = haptograph(
+        folder,
+        &["surface", "interpolate", "t1.ron", "--json"],
+        &(input + "1e9 1e9\n-1 -1\n"),
+    );
+    let lines: Vec<Value> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(lines.len(), models.len() + 2);
+    for (line, model) in lines.iter().zip(models) {
+        let keys: Vec<&String> = line.as_object().unwrap().keys().collect();
+        assert_eq!(
+            keys,
+            [
+                "ar",
+                "force_n",
+                "gain",
+                "ma",
+                "speed_mm_s",
+                "triangle",
+                "variance",
+                "weights"
+            ]
+        );
+        // mm/s are converted in decimal and back, which may cost the last bit.
+        assert!((number(&line["speed_mm_s"]) - number(&model["speed_mm_s"])).abs() < 1e-12);
+        assert_eq!(line["force_n"], model["force_n"]);
+        assert!(
+            (number(&line["variance"]) - number(&model["variance"])).abs()
+                <= 1e-9 * number(&model["variance"])
+        );
+        for (a, b) in line["ar"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(model["ar"].as_array().unwrap())
+        {
+            assert!((number(a) - number(b)).abs() < 1e-9, "{a} {b}");
+        }
+    }
+    let (corner, rest) = (&lines[models.len()], &lines[models.len() + 1]);
+    assert_eq!(
+        (&corner["speed_mm_s"], &corner["force_n"]),
+        (
+            &shown["texture"]["max_speed_mm_s"],
+            &shown["texture"]["max_force_n"]
+        )
+    );
+    assert_eq!(
+        (number(&rest["variance"]), number(&rest["speed_mm_s"])),
+        (0.0, 0.0)
+    );
+
+    let output = haptograph(
+        folder,
+        &["surface", "interpolate", "t1.ron", "--json"],
+        "10 1\n\n10 abc\n",
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 1);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        told.contains("line 3, column 4") && told.contains("abc"),
+        "{told}"
+    );
+}
+
+#[test]
+fn surfaces_change_format_and_rate() {
+    let folder = workshop();
+    succeed(folder, &["surface", "convert", "t1.ron", "t1.xml"]);
+    succeed(folder, &["surface", "convert", "t1.xml", "back.ron"]);
+    let models = |file: &str| json(folder, &["surface", "show", file, "--json"])["texture"]["models"].clone();
+    assert_eq!(models("t1.ron"), models("back.ron"));
+    let told = fail(folder, &["surface", "convert", "t1.ron", "t1.txt"]);
+    assert!(told.contains(".ron") && told.contains(".xml"), "{told}");
+
+    for (method, most_db) in [("zoh", 6.0), ("hatt", 60.0), ("spectral", 0.1)] {
+        let out = format!("t1.{method}.ron");
+        let arguments = [
+            "surface", "resample", "t1.ron", "--rate", "1000", "--method", method, "-o", &out, "--json",
+        ];
+        let worst = json(folder, &arguments)["worst_db"].as_f64().unwrap();
+        assert!(worst.abs() <= most_db, "{method}: {worst} dB");
+        assert_eq!(
+            json(folder, &["surface", "show", &out, "--json"])["texture"]["rate_hz"],
+            1000.0
+        );
+    }
+    let told = fail(
+        folder,
+        &[
+            "surface", "resample", "t1.ron", "--rate", "700", "--method", "zoh", "-o", "x.ron",
+        ],
+    );
+    assert!(
+        told.contains("spectral") && !folder.join("x.ron").exists(),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_few_surfaces_stand_for_a_folder() {
+    let folder = workshop();
+    let many = folder.join("many");
+    fs::create_dir_all(&many).unwrap();
+    for name in ["a", "b", "c"] {
+        let text = fs::read_to_string(folder.join("t1.ron")).unwrap();
+        fs::write(
+            many.join(format!("{name}.ron")),
+            text.replacen("\"t1\"", &format!("\"{name}\""), 1),
+        )
+        .unwrap();
+    }
+    let found = json(folder, &["surface", "select", "many", "--count", "2", "--json"]);
+    assert_eq!(found["surfaces"].as_array().unwrap().len(), 3);
+    assert_eq!(found["selected"].as_array().unwrap().len(), 2);
+    assert!(
+        fail(folder, &["surface", "select", "many", "--count", "4"])
+            .contains("4 surfaces cannot be chosen of 3")
+    );
+    assert!(succeed(folder, &["surface", "select", "many"]).contains("2 of 3 surfaces"));
+}
