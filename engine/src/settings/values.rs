@@ -1,0 +1,185 @@
+//! The types that settings can have.
+
+use super::{Reading, Setting};
+use crate::diagnostic::Diagnostic;
+use crate::document::value::{Body, Shape, Tagged, Value};
+use std::path::PathBuf;
+
+impl Setting for f64 {
+    fn expected() -> String {
+        "a number".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        match value.shape {
+            Shape::Number(number, _) if number.is_finite() => Some(number),
+            _ => {
+                reading.mismatch(value, "a finite number");
+                None
+            }
+        }
+    }
+    fn show(&self) -> String {
+        format!("{self:?}")
+    }
+    fn number(&self) -> Option<f64> {
+        Some(*self)
+    }
+}
+
+macro_rules! whole_number {
+    ($($type:ty),*) => {$(
+        impl Setting for $type {
+            fn expected() -> String {
+                "a whole number".into()
+            }
+            fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+                if let Shape::Number(_, text) = &value.shape
+                    && let Ok(number) = text.replace('_', "").parse()
+                {
+                    return Some(number);
+                }
+                reading.mismatch(value, &format!("a whole number from {} to {}", <$type>::MIN, <$type>::MAX));
+                None
+            }
+            fn show(&self) -> String {
+                self.to_string()
+            }
+            fn number(&self) -> Option<f64> {
+                Some(*self as f64)
+            }
+        }
+    )*};
+}
+whole_number!(u32, u64, usize);
+
+impl Setting for bool {
+    fn expected() -> String {
+        "true or false".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::Bool(flag) = value.shape {
+            return Some(flag);
+        }
+        reading.mismatch(value, "true or false");
+        None
+    }
+    fn show(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Setting for String {
+    fn expected() -> String {
+        "a string".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::String(text) = &value.shape {
+            return Some(text.clone());
+        }
+        reading.mismatch(value, "a string in quotes");
+        None
+    }
+    fn show(&self) -> String {
+        format!("{self:?}")
+    }
+}
+
+impl Setting for PathBuf {
+    fn expected() -> String {
+        "a path in quotes, relative to this file".into()
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::String(text) = &value.shape {
+            if text.is_empty() {
+                let empty = Diagnostic::error("E0301", value.span, "the path is empty");
+                reading.diagnostics.push(empty.label("expected a path"));
+                return None;
+            }
+            let path = reading.resolve(value.span, text);
+            reading.files.push(path.clone());
+            return Some(path);
+        }
+        reading.mismatch(value, "a path in quotes");
+        None
+    }
+    fn show(&self) -> String {
+        format!("{:?}", self.display().to_string())
+    }
+}
+
+impl<T: Setting> Setting for Option<T> {
+    fn expected() -> String {
+        format!("{} or None", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        if let Shape::Tagged(Tagged {
+            name: Some(name),
+            body,
+        }) = &value.shape
+        {
+            match (name.text.as_str(), body) {
+                ("None", Body::Bare) => return Some(None),
+                ("Some", Body::Tuple(inner)) if inner.len() == 1 => {
+                    return T::read(&inner[0], reading).map(Some);
+                }
+                _ => {}
+            }
+        }
+        T::read(value, reading).map(Some)
+    }
+    fn show(&self) -> String {
+        self.as_ref().map_or_else(|| "None".into(), T::show)
+    }
+    fn number(&self) -> Option<f64> {
+        self.as_ref().and_then(T::number)
+    }
+}
+
+impl<T: Setting> Setting for Vec<T> {
+    fn expected() -> String {
+        format!("a list [...], each {}", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let Shape::List(values) = &value.shape else {
+            reading.mismatch(value, &Self::expected());
+            return None;
+        };
+        // Every element is read, so that all errors are seen at once.
+        let read: Vec<Option<T>> = values.iter().map(|value| T::read(value, reading)).collect();
+        read.into_iter().collect()
+    }
+    fn show(&self) -> String {
+        format!("[{}]", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    }
+}
+
+impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
+    fn expected() -> String {
+        format!("{N} values in round brackets, each {}", T::expected())
+    }
+    fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
+        let values = match &value.shape {
+            Shape::List(values) => values,
+            Shape::Tagged(Tagged {
+                name: None,
+                body: Body::Tuple(values),
+            }) => values,
+            _ => {
+                reading.mismatch(value, &Self::expected());
+                return None;
+            }
+        };
+        if values.len() != N {
+            reading.mismatch(value, &Self::expected());
+            return None;
+        }
+        let mut read = [T::default(); N];
+        for (slot, value) in read.iter_mut().zip(values) {
+            *slot = T::read(value, reading)?;
+        }
+        Some(read)
+    }
+    fn show(&self) -> String {
+        format!("({})", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+    }
+}
