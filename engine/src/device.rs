@@ -5,9 +5,12 @@
 
 use crate::frame::Kind;
 use crate::node::{BuildContext, BuildError};
+use crate::run::SharedHistogram;
 use crate::settings::{SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 use std::any::Any;
+use std::sync::Arc;
+use std::time::Instant;
 
 /// Everything that is known of a device kind before one is built.
 #[derive(Debug, Clone, Copy)]
@@ -49,10 +52,28 @@ pub trait Device: CloneDevice + Send + Sync {
     fn read(&mut self, channel: usize, frame: &mut [f64]);
     /// Takes one frame of a driven channel, already limited.
     fn write(&mut self, channel: usize, frame: &[f64]);
-    /// How long what is written takes to leave it, or what it senses to be read: its buffers, s.
-    fn latency_s(&self) -> f64 {
-        0.0
+    /// Called when a driver of a live run wakes, before the frames that are due. What has arrived from outside by `now`
+    /// is what they go by.
+    fn look(&mut self, now: Instant) {
+        let _ = now;
     }
+    /// How long what is sensed takes to be read, and what is written to leave it: its buffers.
+    fn latency(&self) -> DeviceLatency {
+        DeviceLatency::default()
+    }
+    /// How old what it senses is when it is read, if somebody measures that.
+    fn ages(&self) -> Option<Arc<SharedHistogram>> {
+        None
+    }
+}
+
+/// What the buffers of a device hold back.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct DeviceLatency {
+    /// From what happens to what is read, s.
+    pub sensing_s: f64,
+    /// From what is written to what is driven, s.
+    pub driving_s: f64,
 }
 
 /// Cloning and downcasting of devices; implemented for every `Clone` device.

@@ -101,12 +101,16 @@ fn texture(all: &mut Registry) {
         .add(NodeEntry::source(&simulated::haptuator::ACCELEROMETER))
         .add_device(DeviceEntry::of::<simulated::tablet_node::SimulatedTablet>())
         .add(NodeEntry::actuator::<soundcard::SoundcardSink>())
+        .add(NodeEntry::source(&soundcard::SOUNDCARD_SOURCE))
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())
         .add_device(DeviceEntry::of::<soundcard::Soundcard>())
-        .add_device(DeviceEntry::of::<soundcard::SoundcardVoltage>());
+        .add_device(DeviceEntry::of::<soundcard::SoundcardVoltage>())
+        .add_device(DeviceEntry::of::<soundcard::SoundcardAccelerometer>())
+        .add_device(DeviceEntry::of::<soundcard::SoundcardInput>())
+        .add_device(DeviceEntry::of::<soundcard::SoundcardHaptuator>());
 }
 
 fn touch(all: &mut Registry) {

@@ -1,28 +1,44 @@
-//! Soundcards: devices that an amplifier and a voice-coil actuator hang on.
+//! Soundcards: devices that an amplifier with a voice-coil actuator hangs on, or a sensor.
 //!
 //! The device kinds are always there, so that graphs which name them can be checked and run offline anywhere. What
 //! moves samples to a real card needs cpal, and that on Linux the headers of ALSA: it is the feature `soundcard`,
 //! always on where no system package is needed.
 
 mod card;
-#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
-mod cpal_driver;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod fill;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod kept;
+mod kinds;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod listen;
 mod request;
+#[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
+mod shared;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod streams;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod system;
 #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
 mod without;
 
 #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
-pub use cpal_driver::{CardDriver, list};
-#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
-pub use without::{CardDriver, list};
-
-pub use card::{
-    CardFormat, Soundcard, SoundcardSettings, SoundcardSink, SoundcardSinkSettings, SoundcardVoltage,
-    SoundcardVoltageSettings,
+pub use {
+    streams::{CardDriver, Inputs},
+    system::list,
 };
-pub use request::{Played, Request, played, request};
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+pub use without::{CardDriver, Inputs, list};
+
+pub use card::CardFormat;
+pub use kinds::{
+    SOUNDCARD_SOURCE, Soundcard, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
+    SoundcardHaptuatorSettings, SoundcardInput, SoundcardInputSettings, SoundcardSettings, SoundcardSink,
+    SoundcardSinkSettings, SoundcardVoltage, SoundcardVoltageSettings,
+};
+pub use request::{Heard, Played, Request, Wanted, played, wanted};
+
+use haptograph_engine::run::Histogram;
 
 /// Why a graph cannot be driven by a soundcard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -46,10 +62,12 @@ pub enum SoundcardError {
     #[error("devices `{0}` and `{1}` both drive channel {2} of the soundcard")]
     Shared(String, String, u32),
     /// No such card.
-    #[error("there is no soundcard `{wanted}`; there are: {found}")]
+    #[error("there is no soundcard `{wanted}` that {does}; there are: {found}")]
     Unknown {
         /// The name that was asked for.
         wanted: String,
+        /// What it should do.
+        does: &'static str,
         /// What there is.
         found: String,
     },
@@ -75,9 +93,18 @@ pub struct Listed {
     pub name: String,
     /// Longer name.
     pub about: String,
+    /// Can it play?
+    pub plays: Option<Ability>,
+    /// Can it listen?
+    pub listens: Option<Ability>,
+}
+
+/// What a card can do one way.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ability {
     /// Is it the system's default?
     pub default: bool,
-    /// What it plays: a line for each.
+    /// Forms of streams: a line for each.
     pub formats: Vec<String>,
 }
 
@@ -97,18 +124,18 @@ pub struct Got {
 }
 
 /// What was counted of a stream beside the wake-ups.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct CardCounts {
-    /// Underruns that the system reported.
+    /// Under- and overruns that the system reported.
     pub xruns: u64,
     /// The longest time that a callback came late after one, ns.
     pub xrun_delay_max_ns: u64,
     /// When the latest was, since the start, ns.
     pub xrun_last_ns: u64,
-    /// Samples beyond full scale.
+    /// Samples at or beyond full scale.
     pub clipped: u64,
     /// How often the card vanished.
     pub vanished: u64,
-    /// Longest time from callback to sound that the system stated, ns.
-    pub output_latency_max_ns: u64,
+    /// Times from callback to sound, or from sound to callback, that the system stated.
+    pub latency: Histogram,
 }

@@ -7,7 +7,7 @@ use std::fmt::Write;
 /// List the soundcards of this machine
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Also say what each can play
+    /// Also say in which forms of samples each plays and listens
     #[arg(long)]
     formats: bool,
 }
@@ -30,12 +30,17 @@ fn shown(card: &Listed, formats: bool) -> String {
         let about = card.about.lines().collect::<Vec<_>>().join(", ");
         let _ = write!(text, "  ({about})");
     }
-    if card.default {
-        text += "  default";
-    }
-    text.push('\n');
-    for format in card.formats.iter().filter(|_| formats) {
-        let _ = writeln!(text, "    {format}");
+    let ways = [("plays", &card.plays), ("listens", &card.listens)];
+    let able = || ways.iter().filter_map(|(does, ability)| Some((does, ability.as_ref()?)));
+    let does = able().map(|(does, ability)| match ability.default {
+        true => format!("{does} by default"),
+        false => (*does).to_owned(),
+    });
+    let _ = writeln!(text, "  {}", does.collect::<Vec<_>>().join(", "));
+    for (does, ability) in able().filter(|_| formats) {
+        for format in &ability.formats {
+            let _ = writeln!(text, "    {does}: {format}");
+        }
     }
     text
 }

@@ -1,6 +1,7 @@
 //! How late what a source senses reaches a sink, from the graph alone.
 
 use super::{Bridge, Edge, Graph, Work};
+use crate::device::DeviceLatency;
 use crate::node::Latency;
 use crate::run::resampler;
 use petgraph::graph::NodeIndex;
@@ -14,8 +15,10 @@ pub struct PathLatency {
     pub source: String,
     /// Path of the sink.
     pub sink: String,
-    /// Whole samples held back: bridges that wait, delays, look-ahead.
+    /// Whole samples held back: bridges that wait, delays, look-ahead, buffers of devices.
     pub transport_s: f64,
+    /// The part of it that the graph itself holds back, between what was read and what is written.
+    pub held_s: f64,
     /// Group delay of filters and of holding.
     pub group_delay_s: f64,
 }
@@ -26,16 +29,18 @@ impl Graph {
         let mut found = Vec::new();
         for source in self.nodes.externals(petgraph::Incoming) {
             let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
-            self.follow(source, self.buffers_of(source), &mut reached, &mut Vec::new());
+            self.follow(source, Latency::default(), &mut reached, &mut Vec::new());
+            let sensing_s = self.buffers_of(source).sensing_s;
             for (sink, latency) in reached {
                 let ends = self.nodes.edges(sink).next().is_none();
                 let drives = matches!(self.nodes[sink].work, Work::Actuator { .. });
                 if sink != source && (ends || drives) {
-                    let latency = sum(latency, self.buffers_of(sink));
+                    let driving_s = self.buffers_of(sink).driving_s;
                     found.push(PathLatency {
                         source: self.nodes[source].path.clone(),
                         sink: self.nodes[sink].path.clone(),
-                        transport_s: latency.transport_s,
+                        transport_s: sensing_s + latency.transport_s + driving_s,
+                        held_s: latency.transport_s,
                         group_delay_s: latency.group_delay_s,
                     });
                 }
@@ -78,14 +83,11 @@ impl Graph {
     }
 
     /// What the buffers of a node's device hold back.
-    fn buffers_of(&self, node: NodeIndex) -> Latency {
-        let device = self.nodes[node]
-            .device()
-            .map(|device| &self.devices[device].device);
-        Latency {
-            transport_s: device.map_or(0.0, |device| device.latency_s()),
-            group_delay_s: 0.0,
-        }
+    fn buffers_of(&self, node: NodeIndex) -> DeviceLatency {
+        let device = self.nodes[node].device();
+        device.map_or_else(DeviceLatency::default, |device| {
+            self.devices[device].device.latency()
+        })
     }
 
     fn crossing(&self, from: NodeIndex, to: NodeIndex, edge: &Edge) -> Latency {

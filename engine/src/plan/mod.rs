@@ -14,6 +14,7 @@ use crate::device::Device;
 use crate::graph::{Graph, LiveSetting};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
+use crate::run::RingSpec;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use std::ops::Range;
@@ -184,14 +185,7 @@ pub(crate) struct DelayPlan {
 pub(crate) struct RingPlan {
     /// The connection: both ends have it in common.
     pub edge: EdgeIndex,
-    /// For people: `force.output to drive.current`.
-    pub name: String,
-    pub width: usize,
-    pub from: Rate,
-    pub to: Rate,
-    pub latency_s: f64,
-    /// Most frames of the reader's clock in a block of its plan.
-    pub max_to: usize,
+    pub ring: RingSpec,
 }
 
 /// Where the frames of a tapped output lie.

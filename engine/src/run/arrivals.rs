@@ -173,8 +173,8 @@ fn header(plan: &Plan) -> String {
     let reads = plan
         .ring_reads
         .iter()
-        .map(|ring| format!("arrived {}", ring.name));
-    let writes = plan.ring_writes.iter().map(|ring| format!("sent {}", ring.name));
+        .map(|read| format!("arrived {}", read.ring.name));
+    let writes = plan.ring_writes.iter().map(|write| format!("sent {}", write.ring.name));
     let names = [format!("{} frames", plan.driver_name()), "fade".to_owned()];
     let cells = names.into_iter().chain(reads).chain(writes).map(quoted);
     cells.collect::<Vec<_>>().join(",")

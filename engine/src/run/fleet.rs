@@ -46,7 +46,7 @@ pub struct Fleet {
 impl Fleet {
     /// Runs of the plans of [`Plan::all`], joined.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
-        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(reserve_s);
+        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(|read| reserve_s(&read.ring));
         let round_s = reserves.fold(ROUND_S, |round_s, reserve_s| {
             round_s.min(PART_OF_RESERVE * reserve_s)
         });
@@ -213,7 +213,7 @@ pub(super) fn join(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
             else {
                 continue;
             };
-            let (into, out) = link(&plan);
+            let (into, out) = link(&plan.ring);
             meters.push(Arc::clone(into.meter()));
             runs[writer].state.links.writers[write] = Some(into);
             runs[reader].state.links.readers[read] = Some(out);

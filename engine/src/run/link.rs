@@ -1,5 +1,5 @@
-//! How a signal goes from one driver to another: a ring, and a resampler at its far end that is steered by how full
-//! it is.
+//! How a signal goes from one clock to another: a ring, and a resampler at its far end that is steered by how full it
+//! is. Bridges between drivers are such rings, and so is what comes from hardware with a clock of its own.
 //!
 //! Neither end knows the other's clock. The reader looks at the ring before it runs (once a callback), takes the fill
 //! for the delay, and corrects its ratio by a slow delay-locked loop. Everything after that look depends on the counts
@@ -12,7 +12,6 @@ mod meter;
 
 pub use meter::{RingCounts, RingMeter};
 
-use crate::plan::RingPlan;
 use haptograph_signal::resample::{MAX_CORRECTION_PPM, Quality, ResampleError, SteeredResampler};
 use haptograph_signal::time::Rate;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -30,6 +29,23 @@ const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
 /// Lanes of a wrench, the widest frame that can be resampled.
 const LANES: usize = 6;
 
+/// What a ring joins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RingSpec {
+    /// For people: `force.output to drive.current`.
+    pub name: String,
+    /// Lanes of a frame, at most those of a wrench.
+    pub width: usize,
+    /// Frames a second at the end that is written.
+    pub from: Rate,
+    /// And at the end that is read.
+    pub to: Rate,
+    /// What the delay is kept at, s.
+    pub latency_s: f64,
+    /// Most frames that are read at once.
+    pub max_to: usize,
+}
+
 /// The resampling of one lane; also tells beforehand whether two rates can be joined.
 pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, ResampleError> {
     SteeredResampler::new(from, to, Quality::LOW_LATENCY)
@@ -44,13 +60,13 @@ pub fn least_ring_latency_s(from: Rate, to: Rate) -> Result<f64, ResampleError> 
 }
 
 /// What a ring's latency leaves beyond the resampler's, s.
-pub(super) fn reserve_s(plan: &RingPlan) -> f64 {
+pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
     let kernel_s = steered(plan.from, plan.to).map_or(0.0, |one| one.latency_s());
     (plan.latency_s - kernel_s).max(plan.from.period_s())
 }
 
 /// Both ends of a ring. Allocates here and never again.
-pub(super) fn link(plan: &RingPlan) -> (LinkWriter, LinkReader) {
+pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
     let spare = SPARE_S * plan.from.hz();
     let frames = (2.0 * plan.latency_s * plan.from.hz() + spare).ceil() as usize + 64;
     let (into, out) = RingBuffer::new(frames * plan.width);
@@ -66,7 +82,7 @@ pub(super) fn link(plan: &RingPlan) -> (LinkWriter, LinkReader) {
 }
 
 /// The end that a producer fills.
-pub(super) struct LinkWriter {
+pub struct LinkWriter {
     ring: Producer<f64>,
     width: usize,
     /// Frames that may be pushed before the next look.
@@ -114,13 +130,14 @@ impl LinkWriter {
         }
     }
 
+    /// What is counted of the ring.
     pub fn meter(&self) -> &Arc<RingMeter> {
         &self.meter
     }
 }
 
 /// The end that a consumer reads, at its own rate.
-pub(super) struct LinkReader {
+pub struct LinkReader {
     ring: Consumer<f64>,
     width: usize,
     resamplers: Vec<SteeredResampler>,
@@ -171,7 +188,7 @@ struct Steering {
 }
 
 impl LinkReader {
-    fn new(plan: &RingPlan, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
+    fn new(plan: &RingSpec, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
         // A checked graph has no rates that cannot be joined.
         let resamplers: Vec<SteeredResampler> = steered(plan.from, plan.to)
             .map(|one| vec![one; plan.width])
@@ -239,6 +256,16 @@ impl LinkReader {
             }
             Flow::Falling(_) => {}
         }
+    }
+
+    /// Does what has arrived come out, be it still rising from nothing?
+    pub fn is_running(&self) -> bool {
+        matches!(self.flow, Flow::Running(_))
+    }
+
+    /// How old what the next output shows is by the newest frame that has arrived, s.
+    pub fn fill_s(&self) -> f64 {
+        self.fill() / self.steering.rate_hz
     }
 
     /// Frames from the newest one that has arrived to the one that the next output shows. On average a frame arrives

@@ -18,6 +18,7 @@ use petgraph::graph::NodeIndex;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// How long outputs take from nothing to everything and back, unless told otherwise.
 pub const FADE_S: f64 = 0.01;
@@ -170,6 +171,7 @@ impl Live {
             return;
         }
         self.run.look();
+        self.run.look_at_devices(Instant::now());
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
             self.change_over();

@@ -1,6 +1,7 @@
 //! How a live run keeps time: what each wake-up reports, and the histograms it is counted into.
 
 use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// One wake-up of a driver, as the real-time thread reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -26,11 +27,12 @@ pub struct Histogram {
 }
 
 const PER_OCTAVE: u32 = 16;
+const BUCKETS: usize = 64 * PER_OCTAVE as usize;
 
 impl Default for Histogram {
     fn default() -> Self {
         Self {
-            counts: vec![0; 64 * PER_OCTAVE as usize],
+            counts: vec![0; BUCKETS],
             total: 0,
             max_ns: 0,
         }
@@ -75,6 +77,40 @@ impl Histogram {
             }
         }
         self.max_ns
+    }
+}
+
+/// A histogram that several threads may count into and read without waiting.
+#[derive(Debug)]
+pub struct SharedHistogram {
+    counts: Box<[AtomicU64]>,
+    max_ns: AtomicU64,
+}
+
+impl Default for SharedHistogram {
+    fn default() -> Self {
+        Self {
+            counts: (0..BUCKETS).map(|_| AtomicU64::new(0)).collect(),
+            max_ns: AtomicU64::new(0),
+        }
+    }
+}
+
+impl SharedHistogram {
+    /// Counts a duration.
+    pub fn record(&self, ns: u64) {
+        self.counts[bucket(ns)].fetch_add(1, Relaxed);
+        self.max_ns.fetch_max(ns, Relaxed);
+    }
+
+    /// What was counted so far.
+    pub fn read(&self) -> Histogram {
+        let counts: Vec<u64> = self.counts.iter().map(|count| count.load(Relaxed)).collect();
+        Histogram {
+            total: counts.iter().sum(),
+            counts,
+            max_ns: self.max_ns.load(Relaxed),
+        }
     }
 }
 
@@ -199,5 +235,20 @@ mod tests {
             assert!((got / exact - 1.0).abs() < 0.07, "{fraction}: {got}");
         }
         assert_eq!(histogram.max_ns(), 1_000_000);
+    }
+
+    #[test]
+    fn a_histogram_that_several_threads_count_into_forgets_none() {
+        let shared = SharedHistogram::default();
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| (1..=1000).for_each(|ns| shared.record(ns * 1000)));
+            }
+        });
+        let mut alone = Histogram::default();
+        (1..=1000).for_each(|ns| alone.record(ns * 1000));
+        let all = shared.read();
+        assert_eq!((all.total(), all.max_ns()), (4000, 1_000_000));
+        assert_eq!(all.quantile_ns(0.5), alone.quantile_ns(0.5));
     }
 }

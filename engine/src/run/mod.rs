@@ -30,9 +30,11 @@ pub use bridge::resampler;
 pub use fault::Faults;
 pub use fleet::Fleet;
 pub use glide::GLIDE_S;
-pub use link::{DRY_FADE_S, RingCounts, RingMeter, least_ring_latency_s};
+pub use link::{
+    DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, RingSpec, least_ring_latency_s, link,
+};
 pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
-pub use meter::{Histogram, Meters, Wake};
+pub use meter::{Histogram, Meters, SharedHistogram, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
@@ -48,12 +50,12 @@ use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
 use device::DeviceState;
 use drive::Drive;
-use link::{LinkReader, LinkWriter};
 use petgraph::graph::NodeIndex;
 use profile::{Unwatched, Watch};
 use program::{Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
 use window::{Window, Windows, range_of};
 
 #[cfg(test)]
@@ -153,7 +155,14 @@ impl Run {
         }
     }
 
-    /// The same, every step by itself, each told to `watch`.
+    /// Lets its devices look at what has arrived for them by `now`, which the frames until the next look go by.
+    pub(crate) fn look_at_devices(&mut self, now: Instant) {
+        for device in self.devices_mut() {
+            device.look(now);
+        }
+    }
+
+    /// The same as [`advance`](Self::advance), every step by itself, each told to `watch`.
     fn advance_watched(&mut self, frames: usize, watch: &mut impl Watch) {
         self.state.windows.next_block(frames.min(self.plan.block));
         self.state

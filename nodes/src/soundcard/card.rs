@@ -1,14 +1,19 @@
-//! A soundcard as a device of graphs, and the sink that drives it by voltage.
+//! A soundcard as a device of graphs: what an endpoint plays on it, and what it hears.
 
-use crate::actuators::limit::VoltageLimitSettings;
-use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
-use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
+use super::Request;
+use haptograph_engine::device::{Device, DeviceLatency};
+use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
-use haptograph_signal::quantity::Quantity;
+use haptograph_engine::run::{LinkReader, LinkWriter, RingSpec, SharedHistogram, least_ring_latency_s, link};
+use haptograph_signal::time::Rate;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 /// cpal asks for two buffers: one plays while the other is filled.
 const BUFFERS: f64 = 2.0;
+/// The actuator of a card falls to nothing in this time when its accelerometer is silent, and rises in it after, s.
+const RAMP_S: f64 = 0.01;
 
 haptograph_engine::choices! {
     /// The form of samples.
@@ -26,165 +31,131 @@ haptograph_engine::choices! {
     }
 }
 
-haptograph_engine::settings! {
-    /// A soundcard and the amplifier behind it, by the current that it drives.
-    pub struct SoundcardSettings {
-        /// Current through the actuator at full scale, A: measure it.
-        amperes_full_scale: f64, in 1e-9..=1e6;
-        /// The card, by its name in `haptograph devices`; none: the system's default.
-        device: Option<String> = None;
-        /// Output channels that carry the signal, counted from 1.
-        channels: Vec<u32> = vec![1];
-        /// Frames of a buffer that are asked for; the run says what was got.
-        buffer_frames: u32 = 64, in 8..=16_384;
-        /// Form of the samples that are asked for.
-        format: CardFormat = CardFormat::Best;
+/// What an endpoint has of a card.
+#[derive(Debug, Clone)]
+pub(crate) struct Card {
+    pub output: Option<Output>,
+    pub input: Option<Input>,
+    /// How much of a drive passes: all of it but for a card that hears nothing of what it drives.
+    reach: f64,
+    /// What that changes by in a tick.
+    step: f64,
+}
+
+impl Card {
+    pub fn new(output: Option<Output>, input: Option<Input>, cx: &BuildContext) -> Self {
+        Self {
+            reach: f64::from(u8::from(input.is_none())),
+            output,
+            input,
+            step: cx.rate.period_s() / RAMP_S,
+        }
     }
 }
 
-haptograph_engine::settings! {
-    /// A soundcard and the amplifier behind it, by the voltage that it drives.
-    pub struct SoundcardVoltageSettings {
-        /// Voltage at the actuator at full scale, V: measure it.
-        volts_full_scale: f64, in 1e-9..=1e6;
-        /// The card, by its name in `haptograph devices`; none: the system's default.
-        device: Option<String> = None;
-        /// Output channels that carry the signal, counted from 1.
-        channels: Vec<u32> = vec![1];
-        /// Frames of a buffer that are asked for; the run says what was got.
-        buffer_frames: u32 = 64, in 8..=16_384;
-        /// Form of the samples that are asked for.
-        format: CardFormat = CardFormat::Best;
+impl Device for Card {
+    fn advance(&mut self) {
+        if let Some(input) = &mut self.input {
+            input.advance();
+            let step = if input.is_heard() { self.step } else { -self.step };
+            self.reach = (self.reach + step).clamp(0.0, 1.0);
+        }
     }
-}
 
-/// A soundcard before an amplifier that is calibrated in current.
-pub struct Soundcard;
-
-impl DeviceKind for Soundcard {
-    type Settings = SoundcardSettings;
-    const SPEC: DeviceSpec = DeviceSpec {
-        name: "Soundcard",
-        doc: "A soundcard and the amplifier behind it, calibrated in current: it drives a graph that runs live. It has \
-              to tick on a driver clock, at a rate that the card has. Offline, what it would play is written to \
-              `<endpoint>.soundcard.wav`.",
-        source: "3.1.2",
-        simulated: false,
-        senses: &[],
-        drives: &[Channel {
-            name: "current",
-            kind: Kind::Scalar,
-            quantity: Quantity::CURRENT,
-            doc: "Current through the actuator, A.",
-        }],
-        example: r#""haptuator": Soundcard(amperes_full_scale: 1.0)"#,
-    };
-
-    fn build(settings: SoundcardSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
-        let card = Card::new(
-            settings.device,
-            settings.channels,
-            settings.buffer_frames,
-            settings.format,
-            cx,
-        )?;
-        Ok(Box::new(Card {
-            full_scale: settings.amperes_full_scale,
-            ..card
-        }))
+    fn read(&mut self, _: usize, frame: &mut [f64]) {
+        frame.fill(self.input.as_ref().map_or(0.0, |input| input.latest));
     }
-}
 
-/// A soundcard before an amplifier that is calibrated in voltage.
-pub struct SoundcardVoltage;
+    fn write(&mut self, _: usize, frame: &[f64]) {
+        if let (Some(output), Some(asked)) = (&mut self.output, frame.first()) {
+            output.play(asked * self.reach);
+        }
+    }
 
-impl DeviceKind for SoundcardVoltage {
-    type Settings = SoundcardVoltageSettings;
-    const SPEC: DeviceSpec = DeviceSpec {
-        name: "SoundcardVoltage",
-        doc: "A soundcard and the amplifier behind it, calibrated in voltage; else like `Soundcard`.",
-        source: "",
-        simulated: false,
-        senses: &[],
-        drives: &[Channel {
-            name: "voltage",
-            kind: Kind::Scalar,
-            quantity: Quantity::VOLTAGE,
-            doc: "Voltage at the actuator, V.",
-        }],
-        example: r#""shaker": SoundcardVoltage(volts_full_scale: 2.0)"#,
-    };
+    fn look(&mut self, now: Instant) {
+        if let Some(input) = &mut self.input {
+            input.look(now);
+        }
+    }
 
-    fn build(settings: SoundcardVoltageSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
-        let card = Card::new(
-            settings.device,
-            settings.channels,
-            settings.buffer_frames,
-            settings.format,
-            cx,
-        )?;
-        Ok(Box::new(Card {
-            full_scale: settings.volts_full_scale,
-            ..card
-        }))
+    fn latency(&self) -> DeviceLatency {
+        let (output, input) = (self.output.as_ref(), self.input.as_ref());
+        DeviceLatency {
+            sensing_s: input.map_or(0.0, |input| input.stream.buffer_s() + input.ring.latency_s),
+            driving_s: output.map_or(0.0, |output| BUFFERS * output.stream.buffer_s()),
+        }
+    }
+
+    fn ages(&self) -> Option<Arc<SharedHistogram>> {
+        self.input.as_ref().map(|input| Arc::clone(&input.ages))
     }
 }
 
 /// What an endpoint plays, until the card's driver takes it.
 #[derive(Debug, Clone)]
-pub(crate) struct Card {
-    pub device: Option<String>,
+pub(crate) struct Output {
+    pub stream: Request,
     /// Counted from 1.
     pub channels: Vec<u32>,
-    pub buffer_frames: u32,
-    pub format: CardFormat,
-    pub rate_hz: u32,
     pub full_scale: f64,
     /// Samples in full scale; the first `waiting` are new.
     samples: Box<[f64]>,
     waiting: usize,
 }
 
-impl Card {
-    fn new(
+impl Output {
+    pub fn new(
+        full_scale: f64,
         device: Option<String>,
         channels: Vec<u32>,
         buffer_frames: u32,
         format: CardFormat,
         cx: &BuildContext,
     ) -> Result<Self, BuildError> {
-        let (hz, per) = cx.rate.parts();
-        let rate_hz = u32::try_from(hz).ok().filter(|_| per == 1).ok_or_else(|| {
+        let rate_hz = whole_hz(cx.rate).ok_or_else(|| {
             let message = format!("a soundcard plays whole hertz, not {}", cx.rate);
+            let help = "give its clock a rate that soundcards have, like 48000".to_owned();
             BuildError {
                 field: None,
                 message,
-                help: Some("give its clock a rate that soundcards have, like 48000".into()),
+                help: Some(help),
             }
         })?;
         let mut sorted = channels.clone();
         sorted.sort_unstable();
         sorted.dedup();
-        if sorted.len() != channels.len()
-            || !sorted.iter().all(|channel| (1..=256).contains(channel))
-            || sorted.is_empty()
-        {
-            let message = "`channels` are different numbers from 1 to 256, at least one";
-            return Err(
-                BuildError::at("channels", message).help("for the left and right one: `channels: [1, 2]`")
-            );
-        }
+        let most = match sorted.last() {
+            Some(most @ 1..=256) if sorted.len() == channels.len() && sorted[0] > 0 => *most,
+            _ => {
+                let message = "`channels` are different numbers from 1 to 256, at least one";
+                return Err(
+                    BuildError::at("channels", message).help("for the left and right one: `channels: [1, 2]`")
+                );
+            }
+        };
         Ok(Self {
-            device,
+            stream: Request {
+                device,
+                rate_hz,
+                buffer_frames,
+                format,
+                channels: most as u16,
+            },
             channels,
-            buffer_frames,
-            format,
-            rate_hz,
-            full_scale: 1.0,
+            full_scale,
             // A block that ended in a panic, and the ramp that the engine put out in its place.
             samples: vec![0.0; 2 * MAX_BLOCK].into_boxed_slice(),
             waiting: 0,
         })
+    }
+
+    fn play(&mut self, asked: f64) {
+        if self.waiting == self.samples.len() {
+            // Nobody takes them: an offline run.
+            self.waiting = 0;
+        }
+        self.samples[self.waiting] = asked * (1.0 / self.full_scale);
+        self.waiting += 1;
     }
 
     /// The oldest samples that were written and not taken, at most so many, in full scale, and their channels.
@@ -201,64 +172,168 @@ impl Card {
     }
 }
 
-impl Device for Card {
-    fn advance(&mut self) {}
+/// What an endpoint hears, from where the card's stream puts it.
+#[derive(Debug, Clone)]
+pub(crate) struct Input {
+    pub endpoint: String,
+    pub stream: Request,
+    /// Counted from 1.
+    pub channel: u32,
+    pub full_scale: f64,
+    /// From the card's clock to that of the graph.
+    pub ring: RingSpec,
+    reader: Reader,
+    /// The last sample that was taken, in the unit of the sensor.
+    latest: f64,
+    captured: Arc<Captured>,
+    ages: Arc<SharedHistogram>,
+}
 
-    fn read(&mut self, _: usize, frame: &mut [f64]) {
-        frame.fill(0.0);
+/// The end of a ring that a running device holds. Its copies hold none: only one may.
+#[derive(Default)]
+struct Reader(Option<Box<Mutex<LinkReader>>>);
+
+impl Clone for Reader {
+    fn clone(&self) -> Self {
+        Self(None)
+    }
+}
+
+impl std::fmt::Debug for Reader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Reader({})", self.0.is_some())
+    }
+}
+
+impl Reader {
+    /// Nothing is locked: who holds it holds it alone.
+    fn get(&mut self) -> Option<&mut LinkReader> {
+        self.0.as_mut()?.get_mut().ok()
+    }
+}
+
+/// When the newest sample that has arrived was captured, by the clock of the computer.
+#[derive(Debug)]
+pub(super) struct Captured {
+    since: Instant,
+    ns: AtomicU64,
+}
+
+impl Captured {
+    /// The newest sample is of this moment.
+    pub fn note(&self, at: Instant) {
+        let ns = at.saturating_duration_since(self.since).as_nanos();
+        self.ns.store(ns as u64, Relaxed);
     }
 
-    fn write(&mut self, _: usize, frame: &[f64]) {
-        if self.waiting == self.samples.len() {
-            // Nobody takes them: an offline run.
-            self.waiting = 0;
+    fn age_ns(&self, now: Instant) -> u64 {
+        let now_ns = now.saturating_duration_since(self.since).as_nanos() as u64;
+        now_ns.saturating_sub(self.ns.load(Relaxed))
+    }
+}
+
+impl Input {
+    pub fn new(
+        full_scale: f64,
+        (device, buffer_frames, format): (Option<String>, u32, CardFormat),
+        channel: u32,
+        rate_hz: Option<u32>,
+        latency_s: f64,
+        cx: &BuildContext,
+    ) -> Result<Self, BuildError> {
+        let rate_hz = rate_hz.or(whole_hz(cx.rate)).ok_or_else(|| {
+            let message = format!("a soundcard listens at whole hertz, not at {}", cx.rate);
+            BuildError::at("rate_hz", message).help("say at which: `rate_hz: 48000`")
+        })?;
+        let stream = Request {
+            device,
+            rate_hz,
+            buffer_frames,
+            format,
+            channels: channel as u16,
+        };
+        let unlike = |error: &dyn std::fmt::Display| BuildError::at("rate_hz", error.to_string());
+        let from = Rate::from_hz(u64::from(rate_hz)).map_err(|error| unlike(&error))?;
+        let least_s = least_ring_latency_s(from, cx.rate).map_err(|error| unlike(&error))?;
+        // Samples come by the buffer and are taken by the callback.
+        let least_s = least_s + BUFFERS * stream.buffer_s();
+        if latency_s < least_s {
+            let message = format!(
+                "a latency of {} ms is too short: the resampler and two buffers of the card need {:.2} ms",
+                1e3 * latency_s,
+                1e3 * least_s
+            );
+            return Err(BuildError::at("latency_ms", message).help("ask for shorter buffers, or for more latency"));
         }
-        self.samples[self.waiting] = frame.first().map_or(0.0, |x| x * (1.0 / self.full_scale));
-        self.waiting += 1;
+        Ok(Self {
+            ring: RingSpec {
+                name: format!("soundcard to {}", cx.path),
+                width: 1,
+                from,
+                to: cx.rate,
+                latency_s,
+                max_to: 1,
+            },
+            endpoint: cx.path.clone(),
+            stream,
+            channel,
+            full_scale,
+            reader: Reader::default(),
+            latest: 0.0,
+            captured: Arc::new(Captured {
+                since: Instant::now(),
+                ns: AtomicU64::new(0),
+            }),
+            ages: Arc::default(),
+        })
     }
 
-    fn latency_s(&self) -> f64 {
-        BUFFERS * f64::from(self.buffer_frames) / f64::from(self.rate_hz)
+    /// Begins to listen; returns where the card's stream puts what it hears.
+    pub fn listen(&mut self) -> Ear {
+        let (writer, reader) = link(&self.ring);
+        self.reader = Reader(Some(Box::new(Mutex::new(reader))));
+        Ear {
+            channel: self.channel as usize - 1,
+            full_scale: self.full_scale,
+            writer,
+            captured: Arc::clone(&self.captured),
+        }
+    }
+
+    fn look(&mut self, now: Instant) {
+        let captured_ns = self.captured.age_ns(now);
+        let Some(reader) = self.reader.get() else { return };
+        reader.look(reader.arrivals());
+        if reader.is_running() {
+            let waited_ns = 1e9 * reader.fill_s();
+            self.ages.record(captured_ns + waited_ns.max(0.0) as u64);
+        }
+    }
+
+    fn advance(&mut self) {
+        if let Some(reader) = self.reader.get() {
+            let mut frame = [0.0];
+            reader.read(&mut frame);
+            self.latest = frame[0];
+        }
+    }
+
+    /// Does anything come from the card?
+    fn is_heard(&mut self) -> bool {
+        self.reader.get().is_some_and(|reader| reader.is_running())
     }
 }
 
-haptograph_engine::settings! {
-    /// Settings of [`SoundcardSink`].
-    pub struct SoundcardSinkSettings {
-        /// A plain factor on the voltage, before the limit.
-        [live] gain: f64 = 1.0;
-        /// What the actuator may be given.
-        limit: VoltageLimitSettings;
-    }
+/// The far end: in the callback of the card's stream.
+pub(super) struct Ear {
+    /// Counted from 0.
+    pub channel: usize,
+    pub full_scale: f64,
+    pub writer: LinkWriter,
+    pub captured: Arc<Captured>,
 }
 
-/// Drives an actuator by voltage through a soundcard.
-pub struct SoundcardSink;
-
-impl ActuatorKind for SoundcardSink {
-    type Settings = SoundcardSinkSettings;
-    const SPEC: NodeSpec = NodeSpec {
-        name: "SoundcardSink",
-        group: "sinks",
-        doc: "Drives an actuator by voltage through a soundcard, within limits that it has to state. What is not a \
-              number becomes no voltage. An actuator that is driven by current is an `ActuatorSink` on a `Soundcard`.",
-        source: "",
-        inputs: &[input(
-            "voltage",
-            Kind::Scalar,
-            Quantity::VOLTAGE,
-            "Voltage that is asked for, V.",
-        )],
-        outputs: &[output(
-            "delivered",
-            Kind::Scalar,
-            Quantity::VOLTAGE,
-            "Voltage that the actuator was given, V.",
-        )],
-        example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#,
-    };
-
-    fn limit(settings: &SoundcardSinkSettings) -> Result<(f64, Limit), BuildError> {
-        Ok((settings.gain, settings.limit.limit()?))
-    }
+fn whole_hz(rate: Rate) -> Option<u32> {
+    let (hz, per) = rate.parts();
+    u32::try_from(hz).ok().filter(|_| per == 1)
 }

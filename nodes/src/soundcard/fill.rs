@@ -1,48 +1,26 @@
 //! What happens in a soundcard's callback: real-time code, and nothing of the soundcard's system in it.
 
-use super::card::Card;
+use super::card::{Card, Output};
+use super::shared::{Away, Due, Home, Shared};
 use haptograph_engine::run::{Live, Wake};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
 
-/// Between the callback and the rest of the program: counts only.
-#[derive(Debug, Default)]
-pub(super) struct Shared {
-    pub callbacks: AtomicU64,
-    pub clipped: AtomicU64,
-    pub xrun_delay_max_ns: AtomicU64,
-    pub xrun_last_ns: AtomicU64,
-    /// The next callback is the first after an xrun.
-    pub after_xrun: AtomicBool,
-    /// The run is over and nothing is driven any more.
-    pub at_rest: AtomicBool,
-}
-
-/// Where a run waits while no stream has it.
-pub(super) type Home = Arc<Mutex<Option<Box<Live>>>>;
-
-/// Fills buffers from a live run, which it owns; when it goes, the run goes home.
+/// Fills buffers from a live run.
 pub(super) struct Filler {
-    live: Option<Box<Live>>,
-    home: Home,
+    live: Away<Live>,
     shared: Arc<Shared>,
-    rate_hz: f64,
-    start: Instant,
-    /// When the next callback is due.
-    due: Option<Instant>,
+    due: Due,
 }
 
 impl Filler {
     /// Takes the run from its home.
-    pub fn new(home: &Home, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+    pub fn new(home: &Home<Live>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self {
-            live: home.lock().ok().and_then(|mut home| home.take()),
-            home: Arc::clone(home),
+            live: home.leave(),
             shared: Arc::clone(shared),
-            rate_hz: f64::from(rate_hz),
-            start,
-            due: None,
+            due: Due::new(rate_hz, start),
         }
     }
 
@@ -50,67 +28,39 @@ impl Filler {
     pub fn fill<T: Copy>(&mut self, data: &mut [T], channels: usize, silence: T, convert: impl Fn(f64) -> T) {
         let began = Instant::now();
         data.fill(silence);
-        let Some(live) = &mut self.live else { return };
+        let Some(live) = self.live.get() else { return };
         // What a card has too many of when a panic cut a block short it plays in the next buffer.
         let at_rest = live.is_at_rest();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
             live.callback(part.len() / channels, |_, _| {});
             for device in live.devices_mut() {
-                if let Some(card) = device.as_any_mut().downcast_mut::<Card>() {
-                    clipped += place(card, part, channels, &convert);
+                let card = device.as_any_mut().downcast_mut::<Card>();
+                if let Some(output) = card.and_then(|card| card.output.as_mut()) {
+                    clipped += place(output, part, channels, &convert);
                 }
             }
         }
         self.shared.clipped.fetch_add(clipped, Relaxed);
         self.shared.at_rest.store(at_rest, Relaxed);
         let frames = data.len() / channels;
-        self.report(began, frames);
-    }
-
-    fn report(&mut self, began: Instant, frames: usize) {
-        let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
-        let late = self
-            .due
-            .map_or(Duration::ZERO, |due| began.saturating_duration_since(due));
-        // A callback that is early is due again a buffer after it would have been on time.
-        self.due = Some(self.due.map_or(began, |due| due.max(began)) + lasts);
-        if self.shared.after_xrun.swap(false, Relaxed) {
-            self.shared
-                .xrun_delay_max_ns
-                .fetch_max(late.as_nanos() as u64, Relaxed);
-            let since_start = began.saturating_duration_since(self.start);
-            self.shared
-                .xrun_last_ns
-                .store(since_start.as_nanos() as u64, Relaxed);
-        }
+        let (late, lasts) = self.due.note(began, frames, &self.shared);
         let work = began.elapsed();
-        if let Some(live) = &mut self.live {
-            live.report(Wake {
-                late_ns: late.as_nanos() as u64,
-                work_ns: work.as_nanos() as u64,
-                frames: frames as u32,
-                lost: 0,
-                overrun: work > lasts,
-            });
-        }
-        self.shared.callbacks.fetch_add(1, Relaxed);
-    }
-}
-
-impl Drop for Filler {
-    fn drop(&mut self) {
-        if let (Some(live), Ok(mut home)) = (self.live.take(), self.home.lock()) {
-            *home = Some(live);
-        }
+        live.report(Wake {
+            late_ns: late.as_nanos() as u64,
+            work_ns: work.as_nanos() as u64,
+            frames: frames as u32,
+            lost: 0,
+            overrun: work > lasts,
+        });
     }
 }
 
 /// Puts what a card was given into its channels, at the end of the part: where a card came with a swap, it was given
 /// nothing before. Returns the samples beyond full scale.
-fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &impl Fn(f64) -> T) -> u64 {
+fn place<T: Copy>(output: &mut Output, part: &mut [T], channels: usize, convert: &impl Fn(f64) -> T) -> u64 {
     let frames = part.len() / channels;
-    let (samples, mapped) = card.waiting(frames);
+    let (samples, mapped) = output.waiting(frames);
     let count = samples.len();
     let skipped = frames - count;
     let mut clipped = 0;
@@ -123,7 +73,7 @@ fn place<T: Copy>(card: &mut Card, part: &mut [T], channels: usize, convert: &im
             }
         }
     }
-    card.taken(count);
+    output.taken(count);
     clipped
 }
 
@@ -165,7 +115,7 @@ mod tests {
             seconds: Some(seconds),
         };
         let (live, session) = Session::open(Outlets::new(graph), &options).unwrap();
-        let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
+        let home = Home::of(live);
         let shared = Arc::default();
         (
             Filler::new(&home, &shared, 48_000, Instant::now()),
@@ -343,13 +293,13 @@ mod tests {
     fn a_run_outlives_its_stream() {
         let graph = graph();
         let (live, _session) = Session::open(Outlets::new(&graph), &LiveOptions::default()).unwrap();
-        let home: Home = Arc::new(Mutex::new(Some(Box::new(live))));
+        let home = Home::of(live);
         let shared = Arc::default();
         for expected in [10, 20] {
             let mut filler = Filler::new(&home, &shared, 48_000, Instant::now());
             filler.fill(&mut [0.0; 10], 1, 0.0, |x| x);
             drop(filler);
-            let live = home.lock().unwrap();
+            let live = home.open();
             assert_eq!(live.as_ref().map(|live| live.frames()), Some(expected));
         }
     }

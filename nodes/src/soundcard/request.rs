@@ -1,10 +1,11 @@
-//! What a graph asks of a soundcard, and what it plays there.
+//! What a graph asks of soundcards: what it plays there and what it hears.
 
 use super::SoundcardError;
-use super::card::{Card, CardFormat};
-use haptograph_engine::graph::{Graph, NodeIndex};
+use super::card::{Card, CardFormat, Input, Output};
+use haptograph_engine::graph::{Graph, GraphDevice, NodeIndex};
+use haptograph_engine::run::RingSpec;
 
-/// The stream that a graph's soundcard endpoints ask for together.
+/// A stream to a card or from it, as endpoints ask for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// The card's name; none: the default.
@@ -19,6 +20,45 @@ pub struct Request {
     pub channels: u16,
 }
 
+impl Request {
+    /// How long a buffer lasts, s.
+    pub(super) fn buffer_s(&self) -> f64 {
+        f64::from(self.buffer_frames) / f64::from(self.rate_hz)
+    }
+
+    /// What, but for their channels, keeps the two from being one stream.
+    pub(super) fn differs_from(&self, other: &Self) -> Option<&'static str> {
+        match () {
+            () if self.device != other.device => Some("`device`"),
+            () if self.rate_hz != other.rate_hz => Some("their rates"),
+            () if self.buffer_frames != other.buffer_frames => Some("`buffer_frames`"),
+            () if self.format != other.format => Some("`format`"),
+            () => None,
+        }
+    }
+}
+
+/// All that a graph asks of soundcards. A run that has it can take over any graph that asks for the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// The stream that drives the graph; none where no endpoint plays.
+    pub output: Option<Request>,
+    /// What it hears.
+    pub inputs: Vec<Heard>,
+}
+
+/// What an endpoint hears.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Heard {
+    /// Name of the endpoint.
+    pub endpoint: String,
+    /// The stream it is part of.
+    pub stream: Request,
+    channel: u32,
+    full_scale: f64,
+    ring: RingSpec,
+}
+
 /// What an endpoint plays: the output that drives it, and what a sample of 1 stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
@@ -30,57 +70,52 @@ pub struct Played {
     pub full_scale: f64,
 }
 
-/// What the endpoints of a graph ask of a soundcard; none if none of them is one.
+/// What the endpoints of a graph ask of soundcards.
 ///
 /// # Errors
-/// [`SoundcardError`] where they do not go together.
-pub fn request(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
-    let mut found: Vec<(&str, &Card)> = Vec::new();
-    for device in graph.devices() {
-        let Some(card) = device.device().as_any().downcast_ref::<Card>() else {
-            continue;
-        };
+/// [`SoundcardError`] where those that play do not go together.
+pub fn wanted(graph: &Graph) -> Result<Wanted, SoundcardError> {
+    let inputs = cards(graph).filter_map(|(device, card)| Some((device, card.input.as_ref()?)));
+    let heard = |(device, input): (&GraphDevice, &Input)| Heard {
+        endpoint: device.name.clone(),
+        stream: input.stream.clone(),
+        channel: input.channel,
+        full_scale: input.full_scale,
+        ring: input.ring.clone(),
+    };
+    Ok(Wanted {
+        output: output(graph)?,
+        inputs: inputs.map(heard).collect(),
+    })
+}
+
+fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
+    let mut found: Vec<(&str, &Output)> = Vec::new();
+    for (device, card) in cards(graph) {
+        let Some(output) = &card.output else { continue };
         if graph.clocks()[device.clock].driver != device.clock {
             return Err(SoundcardError::Derived(device.name.clone()));
         }
+        let (name, both) = (device.name.clone(), |other: &str| other.to_owned());
         if let Some((first, other)) = found.first()
-            && let Some(what) = differ(card, other)
+            && let Some(what) = output.stream.differs_from(&other.stream)
         {
-            return Err(SoundcardError::Differ(
-                (*first).to_owned(),
-                device.name.clone(),
-                what,
-            ));
+            return Err(SoundcardError::Differ(both(first), name, what));
         }
-        for channel in &card.channels {
-            if let Some((name, _)) = found.iter().find(|(_, other)| other.channels.contains(channel)) {
-                return Err(SoundcardError::Shared(
-                    (*name).to_owned(),
-                    device.name.clone(),
-                    *channel,
-                ));
+        for channel in &output.channels {
+            if let Some((other, _)) = found.iter().find(|(_, other)| other.channels.contains(channel)) {
+                return Err(SoundcardError::Shared(both(other), name, *channel));
             }
         }
-        found.push((&device.name, card));
+        found.push((&device.name, output));
     }
-    let channels = found.iter().flat_map(|(_, card)| &card.channels).max();
-    Ok(found.first().map(|(_, card)| Request {
-        device: card.device.clone(),
-        rate_hz: card.rate_hz,
-        buffer_frames: card.buffer_frames,
-        format: card.format.clone(),
-        channels: channels.map_or(1, |channel| *channel as u16),
-    }))
+    let streams = found.iter().map(|(_, output)| &output.stream);
+    Ok(streams.max_by_key(|stream| stream.channels).cloned())
 }
 
-fn differ(a: &Card, b: &Card) -> Option<&'static str> {
-    match () {
-        () if a.device != b.device => Some("`device`"),
-        () if a.rate_hz != b.rate_hz => Some("their rates"),
-        () if a.buffer_frames != b.buffer_frames => Some("`buffer_frames`"),
-        () if a.format != b.format => Some("`format`"),
-        () => None,
-    }
+fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
+    let devices = graph.devices().iter();
+    devices.filter_map(|device| Some((device, device.device().as_any().downcast_ref::<Card>()?)))
 }
 
 /// What the soundcard endpoints of a graph play.
@@ -96,7 +131,7 @@ pub fn played(graph: &Graph) -> Vec<Played> {
             Some(Played {
                 endpoint: device.name.clone(),
                 sink,
-                full_scale: card.full_scale,
+                full_scale: card.output.as_ref()?.full_scale,
             })
         })
         .collect()

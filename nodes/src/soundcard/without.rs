@@ -1,7 +1,8 @@
 //! A build without soundcards: every request says how to get one with them.
 
+use super::card::Card;
 use super::{CardCounts, Got, Listed, Request, SoundcardError};
-use haptograph_engine::run::Live;
+use haptograph_engine::run::{Live, RingMeter};
 
 /// There is none in this build.
 #[derive(Debug)]
@@ -52,5 +53,39 @@ impl CardDriver {
     /// Closes the stream and gives the run back.
     pub fn join(self) -> Option<Live> {
         match self {}
+    }
+}
+
+/// What a live run listens to: nothing.
+#[derive(Debug, Default)]
+pub struct Inputs {}
+
+impl Inputs {
+    /// Opens what the endpoints of a live run listen to.
+    ///
+    /// # Errors
+    /// [`SoundcardError::NotBuilt`] where one does.
+    pub fn open(lives: &mut [Live]) -> Result<Self, SoundcardError> {
+        let mut devices = lives.iter_mut().flat_map(Live::devices_mut);
+        let listens = |card: &Card| card.input.is_some();
+        match devices.any(|device| device.as_any().downcast_ref().is_some_and(listens)) {
+            true => Err(SoundcardError::NotBuilt),
+            false => Ok(Self {}),
+        }
+    }
+
+    /// The endpoints that listen to each stream, what was asked for and got, and what was counted.
+    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &Got, CardCounts)> {
+        std::iter::empty()
+    }
+
+    /// What is known of the rings that lead from the cards to the graph.
+    pub fn rings(&self) -> impl Iterator<Item = &RingMeter> {
+        std::iter::empty()
+    }
+
+    /// Looks after the streams; returns what there is to say.
+    pub fn tend(&mut self) -> Vec<String> {
+        Vec::new()
     }
 }

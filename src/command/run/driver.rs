@@ -2,20 +2,14 @@
 
 use super::super::Failure;
 use super::message;
-use haptograph::engine::graph::Graph;
-use haptograph::engine::run::{Live, Timer, TimerThread};
-use haptograph::nodes::soundcard::{CardDriver, Request, request};
+use haptograph::engine::run::{Histogram, Live, Timer, TimerThread};
+use haptograph::nodes::soundcard::{CardCounts, CardDriver, Got, Request};
 use serde_json::{Value, json};
 
 /// What to start, and then what runs.
 pub enum Driver {
     Timer(TimerThread),
     Card(Box<CardDriver>, Request),
-}
-
-/// What a graph asks to be driven by.
-pub fn wanted(graph: &Graph) -> Result<Option<Request>, Failure> {
-    request(graph).map_err(message)
 }
 
 impl Driver {
@@ -30,28 +24,11 @@ impl Driver {
         }
     }
 
-    /// Could it drive this graph too?
-    pub fn suits(&self, wanted: Option<&Request>) -> bool {
-        match self {
-            Self::Timer(_) => wanted.is_none(),
-            Self::Card(_, request) => wanted == Some(request),
-        }
-    }
-
     /// What it is, in words.
     pub fn about(&self) -> String {
         match self {
             Self::Timer(_) => "a timer with 1000 wake-ups a second".to_owned(),
-            Self::Card(card, request) => {
-                let got = card.got();
-                let frames = got
-                    .buffer_frames
-                    .map_or_else(|| "?".to_owned(), |frames| frames.to_string());
-                format!(
-                    "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} asked for)",
-                    got.card, got.rate_hz, got.channels, got.format, request.buffer_frames
-                )
-            }
+            Self::Card(card, request) => stream(card.got(), request),
         }
     }
 
@@ -101,27 +78,14 @@ impl Driver {
         let mut facts = vec![("driver", "Driver", json!(self.about()))];
         if let Self::Card(card, _) = self {
             let counts = card.counts();
-            let ms = |ns: u64| (ns as f64 / 1e3).round() / 1e3;
             facts.extend([
-                (
-                    "xruns",
-                    "Xruns",
-                    json!({
-                        "count": counts.xruns,
-                        "longest_ms": ms(counts.xrun_delay_max_ns),
-                        "last_at_ms": ms(counts.xrun_last_ns),
-                    }),
-                ),
-                (
-                    "clipped_samples",
-                    "Samples beyond full scale",
-                    json!(counts.clipped),
-                ),
+                ("xruns", "Xruns", xruns(&counts)),
+                ("clipped_samples", "Samples beyond full scale", json!(counts.clipped)),
                 ("vanished", "Times the soundcard was gone", json!(counts.vanished)),
                 (
-                    "output_latency_max_ms",
-                    "Longest output latency that the system stated (ms)",
-                    json!(ms(counts.output_latency_max_ns)),
+                    "output_latency_ms",
+                    "Output latency that the system stated (ms)",
+                    quantiles_ms(&counts.latency),
                 ),
             ]);
         }
@@ -133,20 +97,59 @@ impl Driver {
         let Self::Card(card, _) = self else {
             return Vec::new();
         };
-        let counts = card.counts();
-        let mut list = Vec::new();
-        if counts.xruns > 0 {
-            list.push(format!(
-                "the soundcard ran dry {} times: the signal has gaps",
-                counts.xruns
-            ));
-        }
-        if counts.clipped > 0 {
-            list.push(format!(
-                "{} samples were beyond the soundcard's full scale and were cut off",
-                counts.clipped
-            ));
-        }
-        list
+        troubles("the soundcard", "ran dry", &card.counts())
     }
+
+    /// The latency that the system states of what it plays on.
+    pub fn output_latency(&self) -> Option<Histogram> {
+        match self {
+            Self::Timer(_) => None,
+            Self::Card(card, _) => Some(card.counts().latency),
+        }
+    }
+}
+
+/// A stream of a card, in words.
+pub fn stream(got: &Got, asked: &Request) -> String {
+    let frames = got
+        .buffer_frames
+        .map_or_else(|| "?".to_owned(), |frames| frames.to_string());
+    format!(
+        "soundcard {}: {} Hz, {} channels, {}, buffers of {frames} frames ({} asked for)",
+        got.card, got.rate_hz, got.channels, got.format, asked.buffer_frames
+    )
+}
+
+/// How often a stream was interrupted.
+pub fn xruns(counts: &CardCounts) -> Value {
+    json!({
+        "count": counts.xruns,
+        "longest_ms": ms(counts.xrun_delay_max_ns),
+        "last_at_ms": ms(counts.xrun_last_ns),
+    })
+}
+
+/// What went wrong with a stream: of whom, and what an xrun is to it.
+pub fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
+    let mut list = Vec::new();
+    if counts.xruns > 0 {
+        list.push(format!("{whose} {xrun} {} times: the signal has gaps", counts.xruns));
+    }
+    if counts.clipped > 0 {
+        list.push(format!(
+            "{} samples were beyond the full scale of {whose} and were cut off",
+            counts.clipped
+        ));
+    }
+    list
+}
+
+/// Durations in milliseconds.
+pub fn quantiles_ms(histogram: &Histogram) -> Value {
+    let at = |fraction: f64| ms(histogram.quantile_ns(fraction));
+    json!({ "p50": at(0.5), "p99": at(0.99), "max": ms(histogram.max_ns()) })
+}
+
+fn ms(ns: u64) -> f64 {
+    (ns as f64 / 1e3).round() / 1e3
 }

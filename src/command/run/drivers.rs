@@ -1,10 +1,11 @@
-//! All that a live run is driven by: a driver for each of the graph's.
+//! All that a live run is driven by: a driver for each of the graph's, and the soundcards that it listens to.
 
 use super::super::Failure;
-use super::driver::Driver;
+use super::driver::{self, Driver};
+use super::message;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::Live;
-use haptograph::nodes::soundcard::{Request, played};
+use haptograph::engine::run::{Histogram, Live, RingReport};
+use haptograph::nodes::soundcard::{Inputs, Wanted, played};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -14,13 +15,17 @@ const APART: Duration = Duration::from_secs(1);
 /// The drivers of a run, by their clocks' names.
 pub struct Drivers {
     list: Vec<(String, Driver)>,
+    inputs: Inputs,
+    /// What the graph asks of soundcards.
+    wanted: Wanted,
     /// When the first of them was seen to have ended.
     first_end: Option<Instant>,
 }
 
 impl Drivers {
     /// Starts a driver for each of `lives`: the soundcard where the graph wants it, timers else.
-    pub fn start(graph: &Graph, wanted: Option<&Request>, lives: Vec<Live>) -> Result<Self, Failure> {
+    pub fn start(graph: &Graph, wanted: Wanted, mut lives: Vec<Live>) -> Result<Self, Failure> {
+        let inputs = Inputs::open(&mut lives).map_err(message)?;
         let played = played(graph);
         let card = played.first().and_then(|played| graph.driver_of(played.sink));
         let mut waiting: Vec<(usize, Live)> = graph.drivers().into_iter().zip(lives).collect();
@@ -28,13 +33,15 @@ impl Drivers {
         waiting.sort_by_key(|(clock, _)| card != Some(*clock));
         let mut started = Vec::new();
         for (clock, live) in waiting {
-            let wanted = wanted.filter(|_| card == Some(clock)).cloned();
-            started.push((clock, Driver::start(wanted, live)?));
+            let output = wanted.output.as_ref().filter(|_| card == Some(clock));
+            started.push((clock, Driver::start(output.cloned(), live)?));
         }
         started.sort_by_key(|(clock, _)| *clock);
         let named = |(clock, driver): (usize, Driver)| (graph.clocks()[clock].name.clone(), driver);
         Ok(Self {
             list: started.into_iter().map(named).collect(),
+            inputs,
+            wanted,
             first_end: None,
         })
     }
@@ -44,9 +51,8 @@ impl Drivers {
     }
 
     /// Could they drive this graph too?
-    pub fn suits(&self, wanted: Option<&Request>) -> bool {
-        let card = self.all().find(|driver| matches!(driver, Driver::Card(..)));
-        card.map_or(wanted.is_none(), |card| card.suits(wanted))
+    pub fn suits(&self, wanted: &Wanted) -> bool {
+        self.wanted == *wanted
     }
 
     /// What they are, in words.
@@ -62,6 +68,25 @@ impl Drivers {
         }
     }
 
+    /// What is listened to, in words: a line for each stream.
+    pub fn listened(&self) -> impl Iterator<Item = String> {
+        let streams = self.inputs.streams();
+        streams.map(|(endpoints, asked, got, _)| {
+            let names: Vec<String> = endpoints.iter().map(|name| format!("`{name}`")).collect();
+            format!("{} by {}", names.join(" and "), driver::stream(got, asked))
+        })
+    }
+
+    /// The rings that lead from soundcards to the graph.
+    pub fn rings(&self) -> impl Iterator<Item = RingReport> {
+        self.inputs.rings().map(RingReport::of)
+    }
+
+    /// The latency that the system states of what the soundcard plays.
+    pub fn output_latency(&self) -> Option<Histogram> {
+        self.all().find_map(Driver::output_latency)
+    }
+
     /// What the system did not allow at the start, said once.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
@@ -75,10 +100,10 @@ impl Drivers {
 
     /// Looks after them; returns what there is to say.
     pub fn tend(&mut self) -> Vec<String> {
-        self.list
-            .iter_mut()
-            .flat_map(|(_, driver)| driver.tend())
-            .collect()
+        let drivers = self.list.iter_mut();
+        let mut said: Vec<String> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
+        said.extend(self.inputs.tend());
+        said
     }
 
     /// Is the run over, or with `stopping` is nobody there to end it?
@@ -101,7 +126,10 @@ impl Drivers {
 
     /// What is shown of them every second, besides the time they keep.
     pub fn status(&self) -> String {
-        self.all().map(Driver::status).collect()
+        let drivers = self.all().map(Driver::status);
+        let inputs = self.inputs.streams();
+        let heard = inputs.map(|(names, .., counts)| format!(", {} xruns at {}", counts.xruns, names.join(" and ")));
+        drivers.chain(heard).collect()
     }
 
     /// What is to be known of them when it is over.
@@ -109,11 +137,28 @@ impl Drivers {
         let mut facts = vec![("driver", "Driver", json!(self.about()))];
         let more = self.all().flat_map(Driver::facts);
         facts.extend(more.filter(|(key, ..)| *key != "driver"));
+        let inputs = self.inputs.streams().map(|(names, asked, got, counts)| {
+            let kept = json!({
+                "stream": driver::stream(got, asked), "xruns": driver::xruns(&counts),
+                "clipped_samples": counts.clipped, "vanished": counts.vanished,
+                "input_latency_ms": driver::quantiles_ms(&counts.latency),
+            });
+            (names.join(", "), kept)
+        });
+        let inputs: serde_json::Map<String, Value> = inputs.collect();
+        if !inputs.is_empty() {
+            facts.push(("inputs", "Inputs of soundcards", Value::Object(inputs)));
+        }
         facts
     }
 
     /// What went wrong, for the summary.
     pub fn warnings(&self) -> Vec<String> {
-        self.all().flat_map(Driver::warnings).collect()
+        let mut list: Vec<String> = self.all().flat_map(Driver::warnings).collect();
+        for (names, .., counts) in self.inputs.streams() {
+            let whose = format!("the input of {}", names.join(" and "));
+            list.extend(driver::troubles(&whose, "ran over", &counts));
+        }
+        list
     }
 }

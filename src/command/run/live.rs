@@ -3,7 +3,6 @@
 
 use super::super::{Failure, GraphArguments, remark, warnings};
 use super::console::{self, Asked, HELP, Typed};
-use super::driver::wanted;
 use super::drivers::Drivers;
 use super::summary::Summary;
 use super::watch::Watch;
@@ -11,9 +10,12 @@ use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::node::Limit;
-use haptograph::engine::run::{Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, Session};
+use haptograph::engine::run::{
+    Change, Changed, Histogram, LiveOptions, LiveOutcome, Meters, RingReport, Session,
+};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Counts, OscControl, Told};
+use haptograph::nodes::soundcard::wanted;
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -32,7 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
     lasts_a_frame(&graph, arguments.duration_s)?;
-    let wanted = wanted(&graph)?;
+    let wanted = wanted(&graph).map_err(message)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
     let (asking, asked) = sync_channel(MOST_ASKED);
@@ -46,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = Some(made.kept.folder.path());
     let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
     let start = Instant::now();
-    let mut driver = Drivers::start(&graph, wanted.as_ref(), lives)?;
+    let mut driver = Drivers::start(&graph, wanted, lives)?;
     let mut notes = driver.notes();
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
     let ends = match arguments.duration_s {
@@ -59,6 +61,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.graph.endpoints(),
         driver.about()
     ));
+    for listened in driver.listened() {
+        remark(&format!("listening to {listened}\n"));
+    }
     for (device, place) in network.places() {
         remark(&format!("listening for `{device}` at {place}\n"));
     }
@@ -84,6 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
+    let heard: Vec<RingReport> = driver.rings().collect();
     let lives = driver.join()?;
     facts.push(("changes", "Changed while running", json!(attended.changes)));
     facts.push(("swaps", "Other graphs that took over", json!(attended.swaps)));
@@ -101,7 +107,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         )
     }));
     drop(attended.network);
-    let ended = attended.session.finish_all(lives);
+    let mut ended = attended.session.finish_all(lives);
+    ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
     remark(&format!("{}\n", ended.meters));
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
@@ -220,7 +227,7 @@ impl Attended {
                     said.push((note, 1));
                 }
             }
-            let status = status(&mut self.session);
+            let status = status(&mut self.session, driver.rings());
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
                 let seconds = start.elapsed().as_secs_f64();
@@ -338,7 +345,7 @@ impl Attended {
         if says == Says::Everything {
             show(&warnings(&graph), says);
         }
-        if !wanted(&graph).is_ok_and(|wanted| driver.suits(wanted.as_ref())) {
+        if !wanted(&graph).is_ok_and(|wanted| driver.suits(&wanted)) {
             says.refusal(
                 "the graph stays as it was: it asks for another soundcard now, and that needs a new run\n",
             );
@@ -381,7 +388,7 @@ impl Attended {
 }
 
 /// How time is kept, by driver where there are several, and how the rings between them are.
-fn status(session: &mut Session) -> String {
+fn status(session: &mut Session, heard: impl Iterator<Item = RingReport>) -> String {
     let mut parts: Vec<String> = match &session.poll()[..] {
         [(_, meters)] => vec![meters.to_string()],
         several => several
@@ -389,7 +396,7 @@ fn status(session: &mut Session) -> String {
             .map(|(name, meters)| format!("{name}: {meters}"))
             .collect(),
     };
-    parts.extend(session.rings().map(|ring| {
+    parts.extend(session.rings().chain(heard).map(|ring| {
         let counts = ring.counts;
         let fill = counts
             .fill_s

@@ -5,6 +5,7 @@ use crate::graph::{Bridge, Input, Node};
 use crate::io::Form;
 use crate::plan::order::Group;
 use crate::plan::{RingPlan, StepWork};
+use crate::run::RingSpec;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 
@@ -14,7 +15,7 @@ impl Builder<'_> {
         for member in &group.members {
             for (edge, plan) in self.rings_of(*member, petgraph::Incoming) {
                 let clock = self.graph.nodes[*member].clock.unwrap_or(0);
-                let (label, width) = (format!("ring {}", plan.name), plan.width);
+                let (label, width) = (format!("ring {}", plan.ring.name), plan.ring.width);
                 self.plan.ring_reads.push(plan);
                 let work = StepWork::RingRead(self.plan.ring_reads.len() as u32 - 1);
                 let step = self.step(work, clock, *member, label);
@@ -29,7 +30,7 @@ impl Builder<'_> {
         for member in &group.members {
             for (edge, plan) in self.rings_of(*member, petgraph::Outgoing) {
                 let port = self.ports[member.index()][self.graph.nodes[edge].output];
-                let label = format!("send {}", plan.name);
+                let label = format!("send {}", plan.ring.name);
                 self.plan.ring_writes.push(plan);
                 let work = StepWork::RingWrite(self.plan.ring_writes.len() as u32 - 1);
                 let step = self.step(work, port.clock as usize, *member, label);
@@ -53,8 +54,7 @@ impl Builder<'_> {
             let (from, to) = (edge.source(), edge.target());
             let output = &graph.nodes[from].outputs[edge.weight().output];
             let ((_, from_rate), (to_clock, to_rate)) = (rate(from), rate(to));
-            let plan = RingPlan {
-                edge: edge.id(),
+            let ring = RingSpec {
                 name: format!(
                     "{}.{} to {}",
                     graph.nodes[from].path,
@@ -67,9 +67,10 @@ impl Builder<'_> {
                 latency_s,
                 max_to: self.most_frames(to_clock),
             };
-            rings.push((edge.weight().input, edge.id(), plan));
+            let plan = RingPlan { edge: edge.id(), ring };
+            rings.push((edge.weight().input, plan.edge, plan));
         }
-        rings.sort_by(|a, b| (&a.2.name, a.0).cmp(&(&b.2.name, b.0)));
+        rings.sort_by(|a, b| (&a.2.ring.name, a.0).cmp(&(&b.2.ring.name, b.0)));
         rings.into_iter().map(|(_, edge, plan)| (edge, plan)).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! What is counted of a ring while it runs.
 
-use crate::plan::RingPlan;
+use super::RingSpec;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What is known of a ring while it runs; both ends write it, anybody may read it.
@@ -37,7 +37,7 @@ pub struct RingCounts {
 }
 
 impl RingMeter {
-    pub(super) fn new(plan: &RingPlan) -> Self {
+    pub(super) fn new(plan: &RingSpec) -> Self {
         let zero = || AtomicU64::new(0);
         Self {
             name: plan.name.clone(),

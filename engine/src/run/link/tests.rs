@@ -1,14 +1,13 @@
 //! Two drifting clocks on either side of a ring, in virtual time.
 
 use super::*;
-use petgraph::graph::EdgeIndex;
 use std::f64::consts::TAU;
 
 /// How often either side runs, s.
 const ROUND_S: f64 = 1e-3;
 
 struct World {
-    plan: RingPlan,
+    plan: RingSpec,
     writer: LinkWriter,
     reader: LinkReader,
     /// Drifts of both clocks, as parts of their rates.
@@ -21,8 +20,7 @@ struct World {
 impl World {
     fn new(from_hz: u64, to_hz: u64, latency_s: f64, drift_ppm: (f64, f64)) -> Self {
         let (from, to) = (Rate::from_hz(from_hz).unwrap(), Rate::from_hz(to_hz).unwrap());
-        let plan = RingPlan {
-            edge: EdgeIndex::new(0),
+        let plan = RingSpec {
             name: String::new(),
             width: 1,
             from,
@@ -270,7 +268,7 @@ fn the_same_counts_give_the_same_bits_however_blocks_are_cut() {
 
 #[test]
 fn every_lane_of_a_wide_frame_goes_as_a_scalar_would() {
-    let wide = |width: usize| RingPlan {
+    let wide = |width: usize| RingSpec {
         width,
         ..World::new(1000, 1500, 0.015, (0.0, 0.0)).plan
     };

@@ -1,0 +1,251 @@
+//! The kinds of soundcard endpoints, by what hangs on the card: their settings, their channels, and the nodes that
+//! are made for them.
+
+use super::card::{Card, CardFormat, Input, Output};
+use crate::actuators::limit::VoltageLimitSettings;
+use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output,
+};
+use haptograph_signal::quantity::Quantity;
+
+/// Settings of a card that plays: by what a full-scale sample is at the actuator, and maybe what else hangs on it.
+macro_rules! output_settings {
+    ($(#[doc = $summary:expr])* $name:ident: $full_scale:ident $doc:literal $(, $also:ident: $type:ident $also_doc:literal)?) => {
+        haptograph_engine::settings! {
+            $(#[doc = $summary])*
+            pub struct $name {
+                #[doc = $doc]
+                $full_scale: f64, in 1e-9..=1e6;
+                $(#[doc = $also_doc] $also: $type;)?
+                /// The card, by its name in `haptograph devices`; none: the system's default.
+                device: Option<String> = None;
+                /// Output channels that carry the signal, counted from 1.
+                channels: Vec<u32> = vec![1];
+                /// Frames of a buffer that are asked for; the run says what was got.
+                buffer_frames: u32 = 64, in 8..=16_384;
+                /// Form of the samples that are asked for.
+                format: CardFormat = CardFormat::Best;
+            }
+        }
+
+        impl $name {
+            fn output(self, cx: &BuildContext) -> Result<Output, BuildError> {
+                Output::new(self.$full_scale, self.device, self.channels, self.buffer_frames, self.format, cx)
+            }
+        }
+    };
+}
+
+/// Settings of a card that listens: by what a full-scale sample is at the sensor.
+macro_rules! input_settings {
+    ($(#[doc = $summary:expr])* $name:ident: $full_scale:ident $doc:literal) => {
+        haptograph_engine::settings! {
+            $(#[doc = $summary])*
+            pub struct $name {
+                #[doc = $doc]
+                $full_scale: f64, in 1e-9..=1e6;
+                /// The card, by its name in `haptograph devices`; none: the system's default.
+                device: Option<String> = None;
+                /// Input channel that carries the signal, counted from 1.
+                channel: u32 = 1, in 1..=256;
+                /// Rate that is asked for, Hz; none: that of the clock that reads it.
+                rate_hz: Option<u32> = None, in 1000..=768_000;
+                /// Frames of a buffer that are asked for; the run says what was got.
+                buffer_frames: u32 = 64, in 8..=16_384;
+                /// Form of the samples that are asked for.
+                format: CardFormat = CardFormat::Best;
+                /// What the delay between the card's clock and the graph's is kept at, ms.
+                latency_ms: f64 = 5.0, in 0.1..=1000.0;
+            }
+        }
+
+        impl $name {
+            fn input(self, cx: &BuildContext) -> Result<Input, BuildError> {
+                let rate_hz = self.rate_hz;
+                let stream = (self.device, self.buffer_frames, self.format);
+                Input::new(self.$full_scale, stream, self.channel, rate_hz, 1e-3 * self.latency_ms, cx)
+            }
+        }
+    };
+}
+
+output_settings! {
+    /// A soundcard and the amplifier behind it, by the current that it drives.
+    SoundcardSettings: amperes_full_scale "Current through the actuator at full scale, A: measure it."
+}
+
+output_settings! {
+    /// A soundcard and the amplifier behind it, by the voltage that it drives.
+    SoundcardVoltageSettings: volts_full_scale "Voltage at the actuator at full scale, V: measure it."
+}
+
+output_settings! {
+    /// A soundcard that drives an actuator and listens to the accelerometer on its tool.
+    SoundcardHaptuatorSettings: amperes_full_scale "Current through the actuator at full scale, A: measure it.",
+    accelerometer: SoundcardAccelerometerSettings "The input that the accelerometer is on."
+}
+
+input_settings! {
+    /// A soundcard that listens to an accelerometer.
+    SoundcardAccelerometerSettings: m_s2_full_scale "Acceleration at full scale, m/s2: measure it, or multiply the input's volts at full scale by the sensor's m/s2 per V."
+}
+
+input_settings! {
+    /// A soundcard that listens to a voltage.
+    SoundcardInputSettings: volts_full_scale "Voltage at the input at full scale, V: measure it."
+}
+
+const fn channel(name: &'static str, quantity: Quantity, doc: &'static str) -> Channel {
+    let kind = Kind::Scalar;
+    Channel {
+        name,
+        kind,
+        quantity,
+        doc,
+    }
+}
+
+const CURRENT: Channel = channel("current", Quantity::CURRENT, "Current through the actuator, A.");
+const DRIVEN_VOLTAGE: Channel = channel("voltage", Quantity::VOLTAGE, "Voltage at the actuator, V.");
+const ACCELERATION: Channel = channel("acceleration", Quantity::ACCELERATION, "Acceleration, m/s2.");
+const SENSED_VOLTAGE: Channel = channel("voltage", Quantity::VOLTAGE, "Voltage at the input, V.");
+
+/// A kind of endpoint on a soundcard: its name, its settings, what it drives and senses, and what it is made of.
+macro_rules! card_kind {
+    (
+        $(#[doc = $summary:expr])* $name:ident($settings:ident): drives $drives:expr, senses $senses:expr,
+        $doc:expr, $source:literal, $example:literal, |$given:ident, $cx:ident| $parts:expr
+    ) => {
+        $(#[doc = $summary])*
+        pub struct $name;
+
+        impl DeviceKind for $name {
+            type Settings = $settings;
+            const SPEC: DeviceSpec = DeviceSpec {
+                name: stringify!($name),
+                doc: $doc,
+                source: $source,
+                simulated: false,
+                senses: $senses,
+                drives: $drives,
+                example: $example,
+            };
+
+            fn build($given: $settings, $cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+                let (output, input) = $parts;
+                Ok(Box::new(Card::new(output, input, $cx)))
+            }
+        }
+    };
+}
+
+card_kind! {
+    /// A soundcard before an amplifier that is calibrated in current.
+    Soundcard(SoundcardSettings): drives &[CURRENT], senses &[],
+    "A soundcard and the amplifier behind it, calibrated in current: it drives a graph that runs live. It has to tick on \
+     a driver clock, at a rate that the card has. Offline, what it would play is written to `<endpoint>.soundcard.wav`.",
+    "3.1.2",
+    r#""haptuator": Soundcard(amperes_full_scale: 1.0)"#,
+    |settings, cx| (Some(settings.output(cx)?), None)
+}
+
+card_kind! {
+    /// A soundcard before an amplifier that is calibrated in voltage.
+    SoundcardVoltage(SoundcardVoltageSettings): drives &[DRIVEN_VOLTAGE], senses &[],
+    "A soundcard and the amplifier behind it, calibrated in voltage; else like `Soundcard`.",
+    "",
+    r#""shaker": SoundcardVoltage(volts_full_scale: 2.0)"#,
+    |settings, cx| (Some(settings.output(cx)?), None)
+}
+
+card_kind! {
+    /// A soundcard behind an accelerometer.
+    SoundcardAccelerometer(SoundcardAccelerometerSettings): drives &[], senses &[ACCELERATION],
+    "An accelerometer on the input of a soundcard, calibrated in acceleration. It may tick on any clock: card and graph \
+     each keep their own time. It listens in live runs only; offline, and while the card is silent, it senses nothing.",
+    "2.2.1",
+    r#""tool": SoundcardAccelerometer(m_s2_full_scale: 50.0)"#,
+    |settings, cx| (None, Some(settings.input(cx)?))
+}
+
+card_kind! {
+    /// A soundcard behind a sensor that gives a voltage.
+    SoundcardInput(SoundcardInputSettings): drives &[], senses &[SENSED_VOLTAGE],
+    "A sensor on the input of a soundcard, calibrated in voltage; else like `SoundcardAccelerometer`.",
+    "",
+    r#""line": SoundcardInput(volts_full_scale: 1.4)"#,
+    |settings, cx| (None, Some(settings.input(cx)?))
+}
+
+card_kind! {
+    /// A soundcard before an actuator and behind the accelerometer on its tool.
+    SoundcardHaptuator(SoundcardHaptuatorSettings): drives &[CURRENT], senses &[ACCELERATION],
+    "A `Soundcard` before an actuator and a `SoundcardAccelerometer` behind the tool that it shakes, as one body: what \
+     `SimulatedHaptuator` simulates. While the accelerometer is silent the actuator is driven by nothing.",
+    "3.1.2",
+    r#""haptuator": SoundcardHaptuator(amperes_full_scale: 1.0, accelerometer: (m_s2_full_scale: 50.0))"#,
+    |settings, cx| {
+        let input = settings.accelerometer.clone().input(cx)?;
+        (Some(settings.output(cx)?), Some(input))
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`SoundcardSink`].
+    pub struct SoundcardSinkSettings {
+        /// A plain factor on the voltage, before the limit.
+        [live] gain: f64 = 1.0;
+        /// What the actuator may be given.
+        limit: VoltageLimitSettings;
+    }
+}
+
+/// Drives an actuator by voltage through a soundcard.
+pub struct SoundcardSink;
+
+impl ActuatorKind for SoundcardSink {
+    type Settings = SoundcardSinkSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "SoundcardSink",
+        group: "sinks",
+        doc: "Drives an actuator by voltage through a soundcard, within limits that it has to state. What is not a \
+              number becomes no voltage. An actuator that is driven by current is an `ActuatorSink` on a `Soundcard`.",
+        source: "",
+        inputs: &[input(
+            "voltage",
+            Kind::Scalar,
+            Quantity::VOLTAGE,
+            "Voltage that is asked for, V.",
+        )],
+        outputs: &[output(
+            "delivered",
+            Kind::Scalar,
+            Quantity::VOLTAGE,
+            "Voltage that the actuator was given, V.",
+        )],
+        example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#,
+    };
+
+    fn limit(settings: &SoundcardSinkSettings) -> Result<(f64, Limit), BuildError> {
+        Ok((settings.gain, settings.limit.limit()?))
+    }
+}
+
+/// Reads a voltage from a soundcard.
+pub const SOUNDCARD_SOURCE: NodeSpec = NodeSpec {
+    name: "SoundcardSource",
+    group: "sources",
+    doc: "Reads a voltage from a soundcard. `Calibrate` makes of it what the sensor measures; an accelerometer on a \
+          soundcard is read by `Accelerometer`.",
+    source: "",
+    inputs: &[],
+    outputs: &[output(
+        "voltage",
+        Kind::Scalar,
+        Quantity::VOLTAGE,
+        "Voltage at the input, V.",
+    )],
+    example: r#""line": SoundcardSource(clock: "audio", endpoint: "line")"#,
+};

@@ -1,0 +1,122 @@
+//! What a stream's callbacks share with the rest of the program, without waiting for it.
+
+use super::CardCounts;
+use haptograph_engine::run::SharedHistogram;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Counts and flags of a stream.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    pub callbacks: AtomicU64,
+    pub clipped: AtomicU64,
+    pub xruns: AtomicU64,
+    xrun_delay_max_ns: AtomicU64,
+    xrun_last_ns: AtomicU64,
+    /// The next callback is the first after an xrun.
+    pub after_xrun: AtomicBool,
+    /// Times between callback and converter that the system stated.
+    pub latency: SharedHistogram,
+    /// The card has gone.
+    pub lost: AtomicBool,
+    /// The run is over and nothing is driven any more.
+    pub at_rest: AtomicBool,
+}
+
+impl Shared {
+    /// What was counted, of a card that vanished so many times.
+    pub fn counts(&self, vanished: u64) -> CardCounts {
+        CardCounts {
+            xruns: self.xruns.load(Relaxed),
+            xrun_delay_max_ns: self.xrun_delay_max_ns.load(Relaxed),
+            xrun_last_ns: self.xrun_last_ns.load(Relaxed),
+            clipped: self.clipped.load(Relaxed),
+            vanished,
+            latency: self.latency.read(),
+        }
+    }
+}
+
+/// When the callbacks of a stream are due.
+pub(super) struct Due {
+    rate_hz: f64,
+    start: Instant,
+    next: Option<Instant>,
+}
+
+impl Due {
+    pub fn new(rate_hz: u32, start: Instant) -> Self {
+        Self {
+            rate_hz: f64::from(rate_hz),
+            start,
+            next: None,
+        }
+    }
+
+    /// Notes a callback; returns how late it began and how long its frames last.
+    pub fn note(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
+        let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
+        let late = self
+            .next
+            .map_or(Duration::ZERO, |due| began.saturating_duration_since(due));
+        // A callback that is early is due again a buffer after it would have been on time.
+        self.next = Some(self.next.map_or(began, |due| due.max(began)) + lasts);
+        if shared.after_xrun.swap(false, Relaxed) {
+            let late_ns = late.as_nanos() as u64;
+            shared.xrun_delay_max_ns.fetch_max(late_ns, Relaxed);
+            let since_start = began.saturating_duration_since(self.start);
+            shared.xrun_last_ns.store(since_start.as_nanos() as u64, Relaxed);
+        }
+        shared.callbacks.fetch_add(1, Relaxed);
+        (late, lasts)
+    }
+}
+
+/// Where something waits while no stream has it.
+#[derive(Debug)]
+pub(super) struct Home<T>(Arc<Mutex<Option<Box<T>>>>);
+
+impl<T> Clone for Home<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+impl<T> Home<T> {
+    pub fn of(it: T) -> Self {
+        Self(Arc::new(Mutex::new(Some(Box::new(it)))))
+    }
+
+    pub fn open(&self) -> MutexGuard<'_, Option<Box<T>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes it along, if it is there.
+    pub fn leave(&self) -> Away<T> {
+        Away {
+            it: self.open().take(),
+            home: self.clone(),
+        }
+    }
+}
+
+/// What a stream has while it runs. When the stream goes, it goes home.
+pub(super) struct Away<T> {
+    it: Option<Box<T>>,
+    home: Home<T>,
+}
+
+impl<T> Away<T> {
+    pub fn get(&mut self) -> Option<&mut T> {
+        self.it.as_deref_mut()
+    }
+}
+
+impl<T> Drop for Away<T> {
+    fn drop(&mut self) {
+        if let Some(it) = self.it.take() {
+            *self.home.open() = Some(it);
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! The sound system, through cpal: what cards there are, and how one is opened to play or to listen.
+
+use super::shared::{Home, Shared};
+use super::{Ability, CardFormat, Got, Listed, Request, SoundcardError};
+use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
+use cpal::{
+    BufferSize, Error, ErrorKind, FromSample, I24, SampleFormat, SizedSample, Stream, StreamConfig,
+    SupportedStreamConfigRange,
+};
+use haptograph_engine::run::Timer;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+/// How long a system may take to open a stream.
+pub(super) const OPENING: Duration = Duration::from_secs(5);
+
+/// Which way samples go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    Play,
+    Listen,
+}
+
+impl Way {
+    fn default_of(self, host: &cpal::Host) -> Option<cpal::Device> {
+        match self {
+            Self::Play => host.default_output_device(),
+            Self::Listen => host.default_input_device(),
+        }
+    }
+
+    fn devices_of(self, host: &cpal::Host) -> Result<Vec<cpal::Device>, SoundcardError> {
+        match self {
+            Self::Play => host.output_devices().map(Iterator::collect),
+            Self::Listen => host.input_devices().map(Iterator::collect),
+        }
+        .map_err(system)
+    }
+
+    fn configs_of(self, device: &cpal::Device) -> Result<Vec<SupportedStreamConfigRange>, Error> {
+        match self {
+            Self::Play => device.supported_output_configs().map(Iterator::collect),
+            Self::Listen => device.supported_input_configs().map(Iterator::collect),
+        }
+    }
+}
+
+/// The soundcards of this machine.
+///
+/// # Errors
+/// [`SoundcardError::System`] where it has no sound system.
+pub fn list() -> Result<Vec<Listed>, SoundcardError> {
+    let mut found: Vec<Listed> = Vec::new();
+    for host in hosts() {
+        for way in [Way::Play, Way::Listen] {
+            let default = way.default_of(&host).and_then(|device| device.id().ok());
+            for device in way.devices_of(&host)? {
+                let Ok(id) = device.id() else { continue };
+                let (name, about) = (id.id().to_owned(), about(&device));
+                let known = found.iter().position(|card| (&card.name, &card.about) == (&name, &about));
+                let place = known.unwrap_or_else(|| {
+                    found.push(Listed {
+                        name,
+                        about,
+                        plays: None,
+                        listens: None,
+                    });
+                    found.len() - 1
+                });
+                let ability = Ability {
+                    default: default.as_ref() == Some(&id),
+                    // A card that another program holds does not say what it can.
+                    formats: way
+                        .configs_of(&device)
+                        .map(|all| all.iter().map(shown).collect())
+                        .unwrap_or_default(),
+                };
+                match way {
+                    Way::Play => found[place].plays = Some(ability),
+                    Way::Listen => found[place].listens = Some(ability),
+                }
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The hosts that are there. Asked for one by one: asking for the default one can panic where a library is missing.
+fn hosts() -> impl Iterator<Item = cpal::Host> {
+    cpal::available_hosts()
+        .into_iter()
+        .filter_map(|id| cpal::host_from_id(id).ok())
+}
+
+fn name(device: &cpal::Device) -> Option<String> {
+    device.id().ok().map(|id| id.id().to_owned())
+}
+
+fn about(device: &cpal::Device) -> String {
+    device
+        .description()
+        .map_or_else(|_| String::new(), |about| about.name().to_owned())
+}
+
+fn shown(config: &SupportedStreamConfigRange) -> String {
+    let (low, high) = (config.min_sample_rate(), config.max_sample_rate());
+    let rates = if low == high {
+        format!("{low} Hz")
+    } else {
+        format!("{low} to {high} Hz")
+    };
+    format!(
+        "{} channels, {}, {rates}",
+        config.channels(),
+        config.sample_format()
+    )
+}
+
+fn system(error: Error) -> SoundcardError {
+    SoundcardError::System(error.to_string())
+}
+
+/// What the callback of a stream works with.
+pub(super) trait Plugged: Sized {
+    const WAY: Way;
+
+    /// Opens a stream whose samples have the form `T`.
+    fn build<T>(plug: &Plug<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
+    where
+        T: SizedSample + FromSample<f64> + Send + 'static,
+        f64: FromSample<T>;
+}
+
+/// What every stream of a card is opened with, again and again.
+pub(super) struct Plug<P> {
+    pub home: Home<P>,
+    pub shared: Arc<Shared>,
+    /// What a callback has to say; only its first call and errors speak.
+    pub told: SyncSender<String>,
+    pub start: Instant,
+}
+
+/// Finds the card that is asked for and starts a stream.
+pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Stream, Got), SoundcardError> {
+    let way = P::WAY;
+    let device = find(way, request.device.as_deref())?;
+    let card = name(&device).unwrap_or_else(|| about(&device));
+    let (channels, format) = choose(way, request, &device, &card)?;
+    let built = |buffer_size: BufferSize| {
+        let config = StreamConfig {
+            channels,
+            sample_rate: request.rate_hz,
+            buffer_size,
+        };
+        match format {
+            SampleFormat::F32 => P::build::<f32>(plug, &device, config),
+            SampleFormat::I32 => P::build::<i32>(plug, &device, config),
+            SampleFormat::I24 => P::build::<I24>(plug, &device, config),
+            _ => P::build::<i16>(plug, &device, config),
+        }
+    };
+    let stream = match built(BufferSize::Fixed(request.buffer_frames)) {
+        // A buffer of another size is better than none; what was got is said.
+        Err(error) if error.kind() == ErrorKind::UnsupportedConfig => built(BufferSize::Default),
+        other => other,
+    };
+    let stream = stream.map_err(system)?;
+    stream.play().map_err(system)?;
+    let got = Got {
+        card,
+        rate_hz: request.rate_hz,
+        channels,
+        format: format.to_string(),
+        buffer_frames: stream.buffer_size().ok(),
+    };
+    Ok((stream, got))
+}
+
+fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
+    let mut names = Vec::new();
+    for host in hosts() {
+        let Some(wanted) = wanted else {
+            match way.default_of(&host) {
+                Some(device) => return Ok(device),
+                None => continue,
+            }
+        };
+        let all = way.devices_of(&host)?;
+        let part = wanted.to_lowercase();
+        let exact = all
+            .iter()
+            .position(|device| name(device).as_deref() == Some(wanted));
+        let partly = || {
+            all.iter().position(|device| {
+                let name = name(device).unwrap_or_default();
+                name.to_lowercase().contains(&part) || about(device).to_lowercase().contains(&part)
+            })
+        };
+        names.extend(all.iter().filter_map(name));
+        if let Some(device) = exact.or_else(partly).and_then(|place| all.into_iter().nth(place)) {
+            return Ok(device);
+        }
+    }
+    Err(SoundcardError::Unknown {
+        wanted: wanted.unwrap_or("default").to_owned(),
+        does: match way {
+            Way::Play => "plays",
+            Way::Listen => "listens",
+        },
+        found: match names.as_slice() {
+            [] => "none".to_owned(),
+            names => names.join(", "),
+        },
+    })
+}
+
+/// The fewest channels that suffice, and the best form of samples at the rate.
+fn choose(
+    way: Way,
+    request: &Request,
+    device: &cpal::Device,
+    card: &str,
+) -> Result<(u16, SampleFormat), SoundcardError> {
+    let wanted = match request.format {
+        CardFormat::Best => &[
+            SampleFormat::F32,
+            SampleFormat::I32,
+            SampleFormat::I24,
+            SampleFormat::I16,
+        ][..],
+        CardFormat::Float => &[SampleFormat::F32],
+        CardFormat::Bits32 => &[SampleFormat::I32],
+        CardFormat::Bits24 => &[SampleFormat::I24],
+        CardFormat::Bits16 => &[SampleFormat::I16],
+    };
+    let rate = request.rate_hz;
+    let all = way.configs_of(device).map_err(system)?;
+    let fits = |config: &&SupportedStreamConfigRange| {
+        config.channels() >= request.channels
+            && (config.min_sample_rate()..=config.max_sample_rate()).contains(&rate)
+    };
+    let best = |config: &&SupportedStreamConfigRange| {
+        let place = wanted
+            .iter()
+            .position(|format| *format == config.sample_format())?;
+        Some((config.channels(), place))
+    };
+    let chosen = all
+        .iter()
+        .filter(fits)
+        .filter(|config| best(config).is_some())
+        .min_by_key(best);
+    chosen
+        .map(|config| (config.channels(), config.sample_format()))
+        .ok_or_else(|| SoundcardError::Unsupported {
+            card: card.to_owned(),
+            wanted: format!("{} channels at {rate} Hz in {wanted:?}", request.channels),
+            found: all.iter().map(shown).collect::<Vec<_>>().join("; "),
+        })
+}
+
+impl<P> Plug<P> {
+    /// What prepares the thread of a stream at its first callback: before its first sample, the only moment at which
+    /// it may wait.
+    pub fn preparation(&self) -> impl FnMut() + Send + use<P> {
+        let mut told = Some(self.told.clone());
+        move || {
+            if let Some(told) = told.take() {
+                for refused in Timer::default().prepare_thread().refused {
+                    let _ = told.try_send(refused);
+                }
+            }
+        }
+    }
+
+    /// What hears of the errors of a stream.
+    pub fn failed(&self) -> impl FnMut(Error) + Send + use<P> {
+        let (shared, told) = (Arc::clone(&self.shared), self.told.clone());
+        move |error| match error.kind() {
+            // One of these can bring thousands: they are counted only.
+            ErrorKind::Xrun => {
+                shared.xruns.fetch_add(1, Relaxed);
+                shared.after_xrun.store(true, Relaxed);
+            }
+            ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => shared.lost.store(true, Relaxed),
+            _ => {
+                // Where nobody reads, one more is not needed.
+                let _ = told.try_send(error.to_string());
+            }
+        }
+    }
+}
