@@ -263,7 +263,8 @@ impl Input {
                 1e3 * latency_s,
                 1e3 * least_s
             );
-            return Err(BuildError::at("latency_ms", message).help("ask for shorter buffers, or for more latency"));
+            let help = format!("ask for shorter buffers, or write `latency_ms: {}`", (1e3 * least_s).ceil());
+            return Err(BuildError::at("latency_ms", message).help(help));
         }
         Ok(Self {
             ring: RingSpec {

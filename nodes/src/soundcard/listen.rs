@@ -52,3 +52,217 @@ impl Listener {
 
 /// The largest sample of the coarsest form: what is no smaller was cut off, or as good as.
 const FULL: f64 = 1.0 - 1.0 / 32_768.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::soundcard::card::Card;
+    use crate::soundcard::{
+        CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
+        SoundcardHaptuatorSettings,
+    };
+    use haptograph_engine::device::{Device, DeviceKind};
+    use haptograph_engine::node::{BuildContext, BuildError};
+    use haptograph_signal::time::Rate;
+    use std::f64::consts::TAU;
+
+    const RATE_HZ: f64 = 48_000.0;
+    const FRAMES: usize = 64;
+    const LATENCY_S: f64 = 0.012;
+
+    fn settings() -> SoundcardAccelerometerSettings {
+        SoundcardAccelerometerSettings {
+            m_s2_full_scale: 50.0,
+            device: None,
+            channel: 2,
+            rate_hz: Some(48_000),
+            buffer_frames: FRAMES as u32,
+            format: CardFormat::Best,
+            latency_ms: 1e3 * LATENCY_S,
+        }
+    }
+
+    fn at(rate_hz: u64) -> BuildContext {
+        BuildContext {
+            path: "tool".to_owned(),
+            rate: Rate::from_hz(rate_hz).unwrap(),
+            max_frames: 1,
+            seed: 1,
+            input_widths: Vec::new(),
+        }
+    }
+
+    /// A card with three channels, of which the second one is listened to, and the device behind it.
+    struct World {
+        device: Box<dyn Device>,
+        listener: Listener,
+        shared: Arc<Shared>,
+        heard: usize,
+        /// Ticks of the device for a frame of the card.
+        ticks: f64,
+        read: usize,
+    }
+
+    impl World {
+        fn new(built: Result<Box<dyn Device>, BuildError>, rate_hz: f64) -> Self {
+            let mut device = built.unwrap();
+            let card: &mut Card = device.as_any_mut().downcast_mut().unwrap();
+            let home = Home::of(vec![card.input.as_mut().unwrap().listen()]);
+            let shared = Arc::default();
+            Self {
+                listener: Listener::new(&home, &shared, 48_000, Instant::now()),
+                device,
+                shared,
+                heard: 0,
+                ticks: rate_hz / RATE_HZ,
+                read: 0,
+            }
+        }
+
+        fn accelerometer(rate_hz: u64) -> Self {
+            Self::new(SoundcardAccelerometer::build(settings(), &at(rate_hz)), rate_hz as f64)
+        }
+
+        /// A buffer passes, heard or not; returns what was read meanwhile.
+        fn pass(&mut self, sample: Option<&dyn Fn(f64) -> f64>) -> Vec<f64> {
+            if let Some(sample) = sample {
+                let second = |frame| sample((self.heard + frame) as f64 / RATE_HZ) as f32;
+                let data: Vec<f32> = (0..FRAMES).flat_map(|frame| [1.0, second(frame), -1.0]).collect();
+                self.listener.hear(&data, 3, Duration::ZERO, f64::from);
+            }
+            self.heard += FRAMES;
+            self.device.look(Instant::now());
+            let mut read = Vec::new();
+            while (self.read as f64) < self.heard as f64 * self.ticks {
+                let mut frame = [9.0];
+                self.device.advance();
+                self.device.read(0, &mut frame);
+                self.device.write(0, &[1.0]);
+                read.push(frame[0]);
+                self.read += 1;
+            }
+            read
+        }
+    }
+
+    fn sine(time_s: f64) -> f64 {
+        0.5 * (TAU * 100.0 * time_s).sin()
+    }
+
+    #[test]
+    fn what_is_heard_is_read_calibrated_and_as_late_as_declared() {
+        for rate_hz in [48_000, 10_000, 1000] {
+            let mut world = World::accelerometer(rate_hz);
+            let heard: Vec<f64> = (0..750).flat_map(|_| world.pass(Some(&sine))).collect();
+            // The last half second: amplitude and delay of the sine.
+            let first = heard.len() / 2;
+            let (mut s, mut c) = (0.0, 0.0);
+            for (k, x) in heard.iter().enumerate().skip(first) {
+                let turned = TAU * 100.0 * k as f64 / rate_hz as f64;
+                let share = 2.0 / (heard.len() - first) as f64;
+                (s, c) = (s + share * x * turned.sin(), c + share * x * turned.cos());
+            }
+            assert!((s.hypot(c) / 25.0 - 1.0).abs() < 1e-3, "{rate_hz}: {}", s.hypot(c));
+            // A frame is written when its buffer is full, up to a buffer after its time.
+            let late_s = (-c).atan2(s).rem_euclid(TAU) / TAU / 100.0;
+            let buffer_s = FRAMES as f64 / RATE_HZ;
+            let stated = world.device.latency().sensing_s;
+            assert!((stated - (LATENCY_S + buffer_s)).abs() < 1e-12);
+            assert!(
+                (LATENCY_S - buffer_s..=stated).contains(&late_s),
+                "{rate_hz}: {late_s} s"
+            );
+        }
+    }
+
+    #[test]
+    fn a_card_that_falls_silent_is_read_as_nothing_and_rises_from_it() {
+        let mut world = World::accelerometer(48_000);
+        let steady = |_: f64| 0.5;
+        let risen = (0..100).flat_map(|_| world.pass(Some(&steady))).last();
+        assert!((risen.unwrap() - 25.0).abs() < 0.01, "{risen:?}");
+        let fallen: Vec<f64> = (0..30).flat_map(|_| world.pass(None)).collect();
+        let rings_on = ((LATENCY_S + 0.006) * RATE_HZ) as usize;
+        assert!(fallen[rings_on..].iter().all(|x| *x == 0.0));
+        let back: Vec<f64> = (0..100).flat_map(|_| world.pass(Some(&steady))).collect();
+        let leap = |ticks: &[f64]| ticks.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+        // 25 m/s2 in 5 ms.
+        assert!(leap(&fallen) < 0.12 && leap(&back) < 0.12);
+        assert!((back.last().unwrap() - 25.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn an_actuator_whose_accelerometer_is_silent_is_driven_by_nothing() {
+        let settings = SoundcardHaptuatorSettings {
+            amperes_full_scale: 2.0,
+            accelerometer: settings(),
+            device: None,
+            channels: vec![1],
+            buffer_frames: 64,
+            format: CardFormat::Best,
+        };
+        let mut world = World::new(SoundcardHaptuator::build(settings, &at(48_000)), RATE_HZ);
+        let played = |world: &mut World, heard: bool| {
+            let steady = |_: f64| 0.5;
+            let mut played = Vec::new();
+            for _ in 0..30 {
+                world.pass(heard.then_some(&steady as &dyn Fn(f64) -> f64));
+                let card: &mut Card = world.device.as_any_mut().downcast_mut().unwrap();
+                let output = card.output.as_mut().unwrap();
+                played.extend_from_slice(output.waiting(FRAMES).0);
+                output.taken(FRAMES);
+            }
+            played
+        };
+        let (silent, heard, again) = (
+            played(&mut world, false),
+            played(&mut world, true),
+            played(&mut world, false),
+        );
+        assert!(silent.iter().all(|x| *x == 0.0));
+        // Asked for 1 A, of 2 A at full scale; there and back in 10 ms.
+        assert_eq!((heard.last(), again.first(), again.last()), (Some(&0.5), Some(&0.5), Some(&0.0)));
+        let all = [silent, heard, again].concat();
+        assert!(all.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.5 / 480.0 * 1.01));
+    }
+
+    #[test]
+    fn ages_are_measured_while_something_is_heard() {
+        let mut world = World::accelerometer(48_000);
+        let ages = world.device.ages().unwrap();
+        world.pass(None);
+        assert_eq!(ages.read().total(), 0);
+        for _ in 0..20 {
+            world.pass(Some(&sine));
+        }
+        let ages = ages.read();
+        // The ring alone holds back nearly as much as declared.
+        assert!(ages.total() > 10 && ages.quantile_ns(0.5) > 4_000_000, "{ages:?}");
+        assert_eq!(world.shared.counts(0).clipped, 0);
+    }
+
+    #[test]
+    fn a_latency_that_cannot_be_kept_is_refused() {
+        let hasty = SoundcardAccelerometerSettings {
+            latency_ms: 2.0,
+            ..settings()
+        };
+        let Err(error) = SoundcardAccelerometer::build(hasty, &at(48_000)) else {
+            panic!("taken");
+        };
+        assert_eq!(error.field, Some("latency_ms"));
+        assert!(error.message.contains("two buffers"), "{error}");
+        let crooked = BuildContext {
+            rate: Rate::new(44_101, 2).unwrap(),
+            ..at(1)
+        };
+        let settings = SoundcardAccelerometerSettings {
+            rate_hz: None,
+            ..settings()
+        };
+        let Err(error) = SoundcardAccelerometer::build(settings, &crooked) else {
+            panic!("taken");
+        };
+        assert_eq!(error.field, Some("rate_hz"));
+    }
+}
