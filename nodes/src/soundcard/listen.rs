@@ -69,6 +69,7 @@ mod tests {
     const RATE_HZ: f64 = 48_000.0;
     const FRAMES: usize = 64;
     const LATENCY_S: f64 = 0.012;
+    const TONE_HZ: f64 = 50.0;
 
     fn settings() -> SoundcardAccelerometerSettings {
         SoundcardAccelerometerSettings {
@@ -146,7 +147,7 @@ mod tests {
     }
 
     fn sine(time_s: f64) -> f64 {
-        0.5 * (TAU * 100.0 * time_s).sin()
+        0.5 * (TAU * TONE_HZ * time_s).sin()
     }
 
     #[test]
@@ -158,13 +159,13 @@ mod tests {
             let first = heard.len() / 2;
             let (mut s, mut c) = (0.0, 0.0);
             for (k, x) in heard.iter().enumerate().skip(first) {
-                let turned = TAU * 100.0 * k as f64 / rate_hz as f64;
+                let turned = TAU * TONE_HZ * k as f64 / rate_hz as f64;
                 let share = 2.0 / (heard.len() - first) as f64;
                 (s, c) = (s + share * x * turned.sin(), c + share * x * turned.cos());
             }
             assert!((s.hypot(c) / 25.0 - 1.0).abs() < 1e-3, "{rate_hz}: {}", s.hypot(c));
             // A frame is written when its buffer is full, up to a buffer after its time.
-            let late_s = (-c).atan2(s).rem_euclid(TAU) / TAU / 100.0;
+            let late_s = (-c).atan2(s).rem_euclid(TAU) / TAU / TONE_HZ;
             let buffer_s = FRAMES as f64 / RATE_HZ;
             let stated = world.device.latency().sensing_s;
             assert!((stated - (LATENCY_S + buffer_s)).abs() < 1e-12);
