@@ -1,0 +1,129 @@
+//! ALSA's file plug-in: what a card would get, and give, in files.
+
+use super::*;
+
+fn config(folder: &Path) -> PathBuf {
+    let (config, raw) = (folder.join("asound.conf"), folder.join("heard.raw"));
+    let text = format!(
+        "pcm.!default {{ type file slave.pcm {{ type null }} file \"{}\" format raw perm 0644 }}\n",
+        raw.display()
+    );
+    fs::write(&config, text).unwrap();
+    config
+}
+
+fn live(folder: &Path, name: &str, more: &[&str]) -> Option<String> {
+    let graph = shipped("texturepad.ron");
+    let arguments = [&["run", &graph, "--live", "--for", "0.5", "--out", name], more].concat();
+    let output = command(folder, &arguments)
+        .env("ALSA_CONFIG_PATH", config(folder))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+        println!("skipped: ALSA's file plug-in is not there: {told}");
+        return None;
+    }
+    assert!(output.status.success(), "{told}");
+    Some(told)
+}
+
+#[test]
+fn what_arrives_equals_the_offline_rendering() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(told) = live(folder.path(), "live", &[]) else {
+        return;
+    };
+    assert!(told.contains("buffers of 64 frames (64 asked for)"), "{told}");
+    let graph = shipped("texturepad.ron");
+    let offline = [
+        "run",
+        &graph,
+        "--for",
+        "0.5",
+        "--endpoints",
+        "live",
+        "--out",
+        "offline",
+    ];
+    succeed(folder.path(), &offline);
+    let rendered = samples(&folder.path().join("offline/haptuator.soundcard.wav"));
+    assert_eq!(rendered.len(), 24_000);
+    assert!(rendered.iter().any(|x| x.abs() > 1e-3), "silence");
+    let facts = facts(&folder.path().join("live"));
+    assert_eq!(
+        (&facts["xruns"]["count"], &facts["driver_frames"]),
+        (&0.into(), &24_000.into())
+    );
+    let raw = fs::read(folder.path().join("heard.raw")).unwrap();
+    let channels = raw_channels(&told);
+    let heard = raw.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+    let heard: Vec<f32> = heard.step_by(channels).collect();
+    // The plug-in has no buffer of its own: the declared latency is all in the card that is not there.
+    assert!(heard[..24_000] == rendered[..], "not what was rendered");
+    // After the end a ramp of 10 ms, and silence.
+    let ramp: Vec<f32> = heard[24_000..24_480].iter().map(|x| x.abs()).collect();
+    assert!(ramp.windows(2).all(|pair| pair[1] <= pair[0]), "{ramp:?}");
+    assert!(heard[24_480..].iter().all(|x| *x == 0.0));
+}
+
+fn raw_channels(told: &str) -> usize {
+    let before = told.split(" channels").next().unwrap();
+    before.rsplit(' ').next().unwrap().parse().unwrap()
+}
+
+/// Nothing paces the plug-in, so that the card runs far ahead of the timer: the worst that can come of two clocks.
+#[test]
+fn a_card_and_a_timer_are_repeated_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = shipped("two-drivers.ron");
+    let common = ["run", &graph, "--endpoints", "live"];
+    let arguments = [&common[..], &["--live", "--for", "0.5", "--out", "live"]].concat();
+    let output = command(folder.path(), &arguments)
+        .env("ALSA_CONFIG_PATH", config(folder.path()))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+        println!("skipped: ALSA's file plug-in is not there: {told}");
+        return;
+    }
+    assert!(output.status.success(), "{told}");
+    assert!(
+        told.contains("audio by soundcard") && told.contains("servo by a timer"),
+        "{told}"
+    );
+    succeed(
+        folder.path(),
+        &[&common[..], &["--replay", "live", "--out", "replay"]].concat(),
+    );
+    for file in [
+        "texture.wav",
+        "hand.csv",
+        "crossed.csv",
+        "haptuator.soundcard.wav",
+    ] {
+        let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+        assert!(of("live") == of("replay"), "{file}");
+    }
+}
+
+#[test]
+fn a_card_that_is_not_there_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = fs::read_to_string(shipped("texturepad.ron")).unwrap();
+    let graph = graph
+        .replace(
+            "amperes_full_scale: 1.0",
+            "amperes_full_scale: 1.0, device: \"nosuch\"",
+        )
+        .replace("\"parts/", &format!("\"{}/", shipped("parts")))
+        .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.1"])
+        .env("ALSA_CONFIG_PATH", config(folder.path()))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("there is no soundcard `nosuch`"), "{told}");
+}
