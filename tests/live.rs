@@ -298,6 +298,46 @@ fn without_soundcards_a_live_run_says_what_to_install() {
     assert!(!folder.path().join("o").exists());
 }
 
+/// An accelerometer that a timer reads.
+const FELT: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 8000) },
+    nodes: {
+        "felt": Accelerometer(clock: "servo", endpoint: "tool"),
+        "file": WavSink(input: "felt", file: "felt.wav", full_scale: 50),
+    },
+    endpoints: {
+        "simulated": { "tool": SimulatedHaptuator() },
+        "live": { "tool": SoundcardAccelerometer(m_s2_full_scale: 50.0, rate_hz: 48000) },
+    })"#;
+
+#[test]
+fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("felt.ron"), FELT).unwrap();
+    let told = succeed(folder.path(), &["check", "felt.ron", "--endpoints", "live"]);
+    let told = String::from_utf8_lossy(&told.stdout).into_owned();
+    // A buffer of 64 frames at 48 kHz, and the 5 ms that the clocks are kept apart.
+    assert!(told.contains("latency felt -> file: 6.33 ms transport"), "{told}");
+    let offline = ["run", "felt.ron", "--endpoints", "live", "--for", "0.1", "--out", "o"];
+    succeed(folder.path(), &offline);
+    let felt = samples(&folder.path().join("o/felt.wav"));
+    assert!(felt.len() == 800 && felt.iter().all(|x| *x == 0.0));
+}
+
+#[cfg(all(target_os = "linux", not(feature = "soundcard")))]
+#[test]
+fn without_soundcards_nothing_is_listened_to_and_the_run_says_what_to_install() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("felt.ron"), FELT).unwrap();
+    let output = command(folder.path(), &["run", "felt.ron", "--live", "--for", "0.1"])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && told.contains("libasound2-dev"),
+        "{told}"
+    );
+}
+
 #[test]
 fn the_texturepad_by_soundcard_takes_less_than_ten_milliseconds() {
     let folder = tempfile::tempdir().unwrap();

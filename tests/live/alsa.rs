@@ -127,3 +127,75 @@ fn a_card_that_is_not_there_is_named() {
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(told.contains("there is no soundcard `nosuch`"), "{told}");
 }
+
+/// A graph that keeps what is on the second channel of a card whose samples have one form.
+fn listening(format: &str) -> String {
+    let graph = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 48000) },
+        nodes: {
+            "felt": Accelerometer(clock: "servo", endpoint: "tool"),
+            "kept": WavSink(input: "felt", file: "felt.wav", full_scale: 1),
+        },
+        endpoints: { "live": { "tool": SoundcardAccelerometer(
+            m_s2_full_scale: 50.0, channel: 2, buffer_frames: 256, format: FORM, latency_ms: 100,
+        ) } })"#;
+    graph.replace("FORM", format)
+}
+
+/// Feeds a pipe with frames of two samples, a quarter and half of full scale, as fast as a card at 48 kHz would, until
+/// nobody reads them.
+fn feed(pipe: PathBuf, quarter_and_half: [Vec<u8>; 2]) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        let mut file = fs::File::options().write(true).open(pipe).unwrap();
+        let buffer = quarter_and_half.concat().repeat(480);
+        let start = Instant::now();
+        for ten_ms in 1.. {
+            if file.write_all(&buffer).is_err() {
+                return;
+            }
+            let due = Duration::from_millis(10) * ten_ms;
+            std::thread::sleep(due.saturating_sub(start.elapsed()));
+        }
+    })
+}
+
+#[test]
+fn every_form_of_samples_is_heard_calibrated() {
+    let of = |sample: fn(f64) -> Vec<u8>| [sample(0.25), sample(0.5)];
+    let forms = [
+        ("Float", of(|x| (x as f32).to_le_bytes().into())),
+        ("Bits32", of(|x| ((x * 2.0_f64.powi(31)) as i32).to_le_bytes().into())),
+        // In four bytes each.
+        ("Bits24", of(|x| ((x * 2.0_f64.powi(23)) as i32).to_le_bytes().into())),
+        ("Bits16", of(|x| ((x * 2.0_f64.powi(15)) as i16).to_le_bytes().into())),
+    ];
+    for (form, samples_of) in forms {
+        let folder = tempfile::tempdir().unwrap();
+        let (config, pipe) = (folder.path().join("asound.conf"), folder.path().join("pipe"));
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let text = format!(
+            "pcm.!default {{ type file slave.pcm {{ type null }} file \"/dev/null\" infile \"{}\" format raw }}\n",
+            pipe.display()
+        );
+        fs::write(&config, text).unwrap();
+        fs::write(folder.path().join("g.ron"), listening(form)).unwrap();
+        let feeding = feed(pipe.clone(), samples_of);
+        let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.6", "--out", "out"])
+            .env("ALSA_CONFIG_PATH", config)
+            .output()
+            .unwrap();
+        // Where the card was never opened, the pipe still waits for a reader.
+        drop(fs::File::options().read(true).write(true).open(&pipe));
+        feeding.join().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        if told.contains("there is no soundcard") || told.contains("Unknown PCM") {
+            println!("skipped: ALSA's file plug-in is not there: {told}");
+            return;
+        }
+        assert!(output.status.success(), "{form}: {told}");
+        assert!(told.contains("2 channels"), "{told}");
+        let heard = samples(&folder.path().join("out/felt.wav"));
+        let highest = heard.iter().fold(0.0_f32, |most, x| most.max(*x));
+        let settled = heard.iter().filter(|x| (**x - 25.0).abs() < 0.01).count();
+        assert!((highest - 25.0).abs() < 0.01 && settled > 2400, "{form}: {highest}, {settled}");
+    }
+}

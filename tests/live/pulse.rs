@@ -13,53 +13,144 @@ const NOISE: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000
         "live": { "haptuator": Soundcard(amperes_full_scale: 1.0, buffer_frames: 2048) },
     })"#;
 
-struct Daemon(Child, tempfile::TempDir);
+/// A process that ends with the test.
+struct Ours(Child);
 
-impl Drop for Daemon {
+impl Drop for Ours {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-fn in_home(command: &mut Command, home: &Path) {
-    command
-        .envs([("HOME", home), ("XDG_RUNTIME_DIR", home)])
-        .env("PULSE_SERVER", format!("unix:{}", home.join("native").display()))
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
+/// A home with a sound daemon, and ALSA's way to it.
+struct Home {
+    daemon: Option<Ours>,
+    folder: tempfile::TempDir,
 }
 
-/// None where the daemon is not installed.
-fn daemon() -> Option<Daemon> {
-    let home = tempfile::tempdir().unwrap();
-    let socket = home.path().join("native");
-    let mut command = Command::new("pulseaudio");
-    in_home(&mut command, home.path());
-    let child = command
-        .args(["-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1"])
-        .args(["--disable-shm=yes", "--realtime=no", "--high-priority=no", "-L"])
-        .arg(format!(
-            "module-native-protocol-unix socket={} auth-anonymous=1",
-            socket.display()
-        ))
-        .args([
-            "-L",
-            "module-null-sink sink_name=hap norewinds=1 rate=48000 channels=2 format=float32le",
-        ])
-        .spawn()
-        .ok()?;
-    let daemon = Daemon(child, home);
-    let start = Instant::now();
-    while !socket.exists() {
-        assert!(
-            start.elapsed() < Duration::from_secs(60),
-            "the sound daemon does not answer"
-        );
-        std::thread::sleep(Duration::from_millis(50));
+impl Home {
+    /// None where the daemon is not installed.
+    fn new() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut home = Self { daemon: None, folder };
+        home.open_the_way();
+        let there = home.start_daemon();
+        if !there {
+            println!("skipped: there is no pulseaudio here");
+        }
+        there.then_some(home)
     }
-    Some(daemon)
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn config(&self) -> PathBuf {
+        self.path().join("asound.conf")
+    }
+
+    /// Lets ALSA find the daemon.
+    fn open_the_way(&self) {
+        fs::write(self.config(), "pcm.!default { type pulse }\n").unwrap();
+    }
+
+    /// A program that finds the daemon.
+    fn program(&self, name: impl AsRef<std::ffi::OsStr>) -> Command {
+        let mut command = Command::new(name);
+        command
+            .envs([("HOME", self.path()), ("XDG_RUNTIME_DIR", self.path())])
+            .env("PULSE_SERVER", format!("unix:{}", self.path().join("native").display()))
+            .env("ALSA_CONFIG_PATH", self.config())
+            .current_dir(self.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        command
+    }
+
+    fn haptograph(&self, arguments: &[&str]) -> Command {
+        let mut command = self.program(env!("CARGO_BIN_EXE_haptograph"));
+        command.args(arguments);
+        command
+    }
+
+    /// False where it is not installed.
+    fn start_daemon(&mut self) -> bool {
+        let socket = self.path().join("native");
+        let _ = fs::remove_file(&socket);
+        let child = self
+            .program("pulseaudio")
+            .args(["-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1"])
+            .args(["--disable-shm=yes", "--realtime=no", "--high-priority=no", "-L"])
+            .arg(format!(
+                "module-native-protocol-unix socket={} auth-anonymous=1",
+                socket.display()
+            ))
+            .args([
+                "-L",
+                "module-null-sink sink_name=hap norewinds=1 rate=48000 channels=2 format=float32le",
+            ])
+            .spawn();
+        self.daemon = child.ok().map(Ours);
+        let start = Instant::now();
+        while self.daemon.is_some() && !socket.exists() {
+            assert!(
+                start.elapsed() < Duration::from_secs(60),
+                "the sound daemon does not answer"
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        self.daemon.is_some()
+    }
+
+    /// Records what the daemon plays, from now on.
+    fn record(&self) -> Recorder {
+        let file = self.path().join("heard.raw");
+        let recorder = self
+            .program("parec")
+            .args([
+                "--device=hap.monitor",
+                "--format=float32le",
+                "--rate=48000",
+                "--channels=2",
+            ])
+            .args(["--raw", "--latency-msec=20"])
+            .stdout(fs::File::create(&file).unwrap())
+            .spawn();
+        // It comes with the daemon.
+        let process = Ours(recorder.unwrap());
+        let begun = Instant::now();
+        while fs::metadata(&file).unwrap().len() == 0 {
+            assert!(begun.elapsed() < Duration::from_secs(60), "nothing is recorded");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Recorder { process, file }
+    }
+}
+
+struct Recorder {
+    process: Ours,
+    file: PathBuf,
+}
+
+impl Recorder {
+    /// The first channel, with what is still on its way through the daemon.
+    fn finish(self) -> Vec<f32> {
+        std::thread::sleep(Duration::from_secs(2));
+        drop(self.process);
+        let first = |frame: &[u8; 8]| f32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
+        fs::read(&self.file).unwrap().as_chunks().0.iter().map(first).collect()
+    }
+}
+
+/// Is ALSA's plug-in for the daemon missing?
+fn is_without_plug(told: &str) -> bool {
+    let missing = told.contains("Cannot open shared library") || told.contains("no such soundcard");
+    if missing {
+        println!("skipped: ALSA's plug-in for the daemon is not here: {told}");
+    }
+    missing
 }
 
 /// How often `heard` leaves `played` and comes back to it, both from the first sample that is not zero on.
@@ -118,61 +209,22 @@ fn gaps_are_counted() {
 }
 
 fn play(seconds: u32) {
-    let Some(daemon) = daemon() else {
-        println!("skipped: there is no pulseaudio here");
-        return;
-    };
-    let home = daemon.1.path();
-    let heard_in = home.join("heard.raw");
-    let mut recorder = Command::new("parec");
-    in_home(&mut recorder, home);
-    recorder
-        .args([
-            "--device=hap.monitor",
-            "--format=float32le",
-            "--rate=48000",
-            "--channels=2",
-        ])
-        .args(["--raw", "--latency-msec=20"])
-        .stdout(fs::File::create(&heard_in).unwrap());
-    let Ok(recorder) = recorder.spawn() else {
-        println!("skipped: there is no parec here");
-        return;
-    };
-    let recorder = Daemon(recorder, tempfile::tempdir().unwrap());
-    let begun = Instant::now();
-    while fs::metadata(&heard_in).unwrap().len() == 0 {
-        assert!(begun.elapsed() < Duration::from_secs(60), "nothing is recorded");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    let config = home.join("asound.conf");
-    fs::write(&config, "pcm.!default { type pulse }\n").unwrap();
-    fs::write(home.join("noise.ron"), NOISE).unwrap();
+    let Some(home) = Home::new() else { return };
+    let recorder = home.record();
+    fs::write(home.path().join("noise.ron"), NOISE).unwrap();
     let seconds = seconds.to_string();
     let arguments = ["run", "noise.ron", "--live", "--for", &seconds, "--out", "out"];
-    let mut run = command(home, &arguments);
-    in_home(&mut run, home);
-    let output = run
-        .env("ALSA_CONFIG_PATH", &config)
+    let output = home
+        .haptograph(&arguments)
         .stderr(Stdio::piped())
         .output()
         .unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
-    if told.contains("Cannot open shared library") || told.contains("no such soundcard") {
-        println!("skipped: ALSA's plug-in for the daemon is not here: {told}");
+    if is_without_plug(&told) {
         return;
     }
     assert!(output.status.success(), "{told}");
-    // What is on its way through the daemon.
-    std::thread::sleep(Duration::from_secs(2));
-    drop(recorder);
-    let heard: Vec<f32> = fs::read(&heard_in)
-        .unwrap()
-        .as_chunks()
-        .0
-        .iter()
-        .map(|frame: &[u8; 8]| f32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]))
-        .collect();
+    let (heard, home) = (recorder.finish(), home.path());
     let played = samples(&home.join("out/haptuator.soundcard.wav"));
     let facts = facts(&home.join("out"));
     let counted = |value: &serde_json::Value| value.as_u64().unwrap();
@@ -202,4 +254,159 @@ fn for_a_minute_a_daemon_hears_what_is_played_but_for_gaps_that_are_reported() {
 #[ignore = "takes ten minutes"]
 fn for_ten_minutes_a_daemon_hears_what_is_played_but_for_gaps_that_are_reported() {
     play(600);
+}
+
+/// What a sine of `tone_hz` in samples at 48 kHz is: its amplitude, and what is left without it (root mean square).
+fn sine_in(samples: &[f32], tone_hz: f64) -> (f64, f64) {
+    let turned = |k: usize| std::f64::consts::TAU * tone_hz * k as f64 / 48_000.0;
+    let share = 2.0 / samples.len() as f64;
+    let all = || samples.iter().enumerate().map(|(k, x)| (turned(k), f64::from(*x)));
+    let s: f64 = all().map(|(turned, x)| share * x * turned.sin()).sum();
+    let c: f64 = all().map(|(turned, x)| share * x * turned.cos()).sum();
+    let left = all().map(|(turned, x)| (x - s * turned.sin() - c * turned.cos()).powi(2));
+    (s.hypot(c), (left.sum::<f64>() * share / 2.0).sqrt())
+}
+
+/// A tone that goes out by one endpoint and comes back by another: an accelerometer that is the amplifier itself.
+const LOOP: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+    nodes: {
+        "tone": Sine(clock: "audio", frequency_hz: 200, amplitude: 0.6, quantity: "current"),
+        "out": ActuatorSink(current: "tone", endpoint: "haptuator", limit: (peak_a: 1, continuous_a: 1)),
+        "felt": Accelerometer(clock: "audio", endpoint: "haptuator"),
+        "kept": WavSink(input: "felt", file: "felt.wav", full_scale: 1),
+    },
+    endpoints: {
+        "simulated": { "haptuator": SimulatedHaptuator() },
+        "live": { "haptuator": SoundcardHaptuator(
+            amperes_full_scale: 2.0, buffer_frames: 2048,
+            accelerometer: (m_s2_full_scale: 50.0, buffer_frames: 2048, latency_ms: 200),
+        ) },
+    })"#;
+
+#[test]
+fn what_one_endpoint_plays_another_hears() {
+    let Some(home) = Home::new() else { return };
+    fs::write(home.path().join("loop.ron"), LOOP).unwrap();
+    // The same graph without hardware.
+    let simulated = home
+        .haptograph(&["run", "loop.ron", "--for", "0.1", "--out", "simulated"])
+        .status();
+    assert!(simulated.unwrap().success());
+    let arguments = ["run", "loop.ron", "--live", "--for", "6", "--out", "out"];
+    let output = home.haptograph(&arguments).stderr(Stdio::piped()).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    if is_without_plug(&told) {
+        return;
+    }
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("listening to `haptuator` by soundcard"), "{told}");
+    let facts = facts(&home.path().join("out"));
+    let ring = &facts["rings"]["soundcard to haptuator"];
+    assert!(ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(), "{facts:#}");
+    let heard = samples(&home.path().join("out/felt.wav"));
+    // 0.6 A of 2 A at full scale, of 50 m/s2 at full scale; not where the daemon or the machine stood still.
+    let right = heard.chunks_exact(4800).filter(|part| {
+        let (amplitude, left) = sine_in(part, 200.0);
+        (amplitude / 15.0 - 1.0).abs() < 1e-3 && left < 0.015
+    });
+    let (right, all) = (right.count(), heard.len() / 4800);
+    println!("{right} of {all} tenths of a second are the tone that was played");
+    assert!(right >= all / 3, "{right} of {all}: {facts:#}");
+}
+
+/// A current that does not change.
+const STEADY: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+    nodes: {
+        "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
+        "out": ActuatorSink(current: "half", endpoint: "haptuator", limit: (peak_a: 1, continuous_a: 1)),
+    },
+    endpoints: { "live": { "haptuator": Soundcard(amperes_full_scale: 1.0, buffer_frames: 2048) } })"#;
+
+#[test]
+fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
+    let Some(mut home) = Home::new() else { return };
+    fs::write(home.path().join("steady.ron"), STEADY).unwrap();
+    let mut run = Running::of(
+        home.haptograph(&["run", "steady.ron", "--live", "--out", "out"]),
+        home.path(),
+    );
+    if is_without_plug(&run.said()) {
+        return;
+    }
+    run.wait_for("1 s: late");
+    // Nobody finds the daemon again before what it plays is recorded.
+    fs::remove_file(home.config()).unwrap();
+    home.daemon = None;
+    run.wait_for("soundcard default has gone; the run waits until it is back");
+    assert!(home.start_daemon());
+    let recorder = home.record();
+    home.open_the_way();
+    run.wait_for("soundcard default is back");
+    std::thread::sleep(Duration::from_secs(1));
+    run.stop();
+    let heard = recorder.finish();
+    let first = heard.iter().position(|x| *x != 0.0).unwrap();
+    let risen = first + 480;
+    let rise = heard[first - 1..risen].windows(2);
+    assert!(
+        rise.into_iter().all(|pair| (0.0..0.5 / 480.0 * 1.01).contains(&(pair[1] - pair[0]))),
+        "{:?}",
+        &heard[first..risen]
+    );
+    assert_eq!(heard[risen], 0.5);
+    assert_eq!(facts(&home.path().join("out"))["vanished"], 1);
+}
+
+/// What a sensor says, kept by a timer.
+const KEPT: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 8000) },
+    nodes: {
+        "line": SoundcardSource(clock: "servo", endpoint: "line"),
+        "kept": WavSink(input: "line", file: "line.wav", full_scale: 1),
+    },
+    endpoints: { "live": {
+        "line": SoundcardInput(volts_full_scale: 4.0, rate_hz: 48000, buffer_frames: 1024, latency_ms: 100),
+    } })"#;
+
+#[test]
+fn an_input_that_vanishes_is_nothing_until_it_is_back() {
+    let Some(mut home) = Home::new() else { return };
+    fs::write(home.path().join("kept.ron"), KEPT).unwrap();
+    let half = 0.5_f32.to_le_bytes();
+    fs::write(home.path().join("half.raw"), half.repeat(48_000 * 60)).unwrap();
+    let play = |home: &Home| {
+        let arguments = ["--raw", "--format=float32le", "--rate=48000", "--channels=1", "half.raw"];
+        Ours(home.program("pacat").args(arguments).spawn().unwrap())
+    };
+    let playing = play(&home);
+    let mut run = Running::of(
+        home.haptograph(&["run", "kept.ron", "--live", "--out", "out"]),
+        home.path(),
+    );
+    if is_without_plug(&run.said()) {
+        return;
+    }
+    run.wait_for("2 s: late");
+    drop(playing);
+    home.daemon = None;
+    run.wait_for("soundcard default has gone; nothing is heard of it until it is back");
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(home.start_daemon());
+    let playing = play(&home);
+    run.wait_for("soundcard default is back");
+    std::thread::sleep(Duration::from_millis(1500));
+    run.stop();
+    drop(playing);
+    let line = samples(&home.path().join("out/line.wav"));
+    // 2 V, nothing, 2 V again: no other level for long.
+    let mut levels: Vec<f32> = Vec::new();
+    for part in line.chunks_exact(800) {
+        let level = part[0];
+        if part.iter().all(|x| (x - level).abs() < 1e-3) && levels.last().is_none_or(|last| (last - level).abs() > 0.1) {
+            levels.push((level * 100.0).round() / 100.0);
+        }
+    }
+    assert!(levels.ends_with(&[2.0, 0.0, 2.0]), "{levels:?}");
+    let facts = facts(&home.path().join("out"));
+    assert_eq!(facts["inputs"]["line"]["vanished"], 1);
+    assert!(facts["rings"]["soundcard to line"]["underruns"].as_u64().unwrap() >= 1);
 }

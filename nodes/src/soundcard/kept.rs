@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 /// A card whose callback has not been called for so long has gone.
 const SILENT: Duration = Duration::from_secs(2);
+/// One that something was said to be wrong with since has gone sooner.
+const TROUBLED: Duration = Duration::from_millis(300);
 /// How often one that has gone is looked for.
 const RETRY: Duration = Duration::from_millis(500);
 
@@ -59,8 +61,11 @@ impl<P: Plugged> Kept<P> {
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
             self.heard = (now, callbacks);
+            self.shared().troubled.store(false, Relaxed);
         }
-        let silent = now.saturating_duration_since(self.heard.0) > SILENT;
+        let troubled = self.shared().troubled.load(Relaxed);
+        let patience = if troubled { TROUBLED } else { SILENT };
+        let silent = now.saturating_duration_since(self.heard.0) > patience;
         if self.stream.is_some() && (silent || self.shared().lost.load(Relaxed)) {
             self.stream = None;
             self.vanished += 1;
@@ -78,6 +83,7 @@ impl<P: Plugged> Kept<P> {
 
     fn reopen(&mut self, anew: impl FnOnce(&mut P)) -> Option<String> {
         self.shared().lost.store(false, Relaxed);
+        self.shared().troubled.store(false, Relaxed);
         if let Some(it) = self.plug.home.open().as_mut() {
             anew(it);
         }

@@ -55,22 +55,27 @@ pub fn list() -> Result<Vec<Listed>, SoundcardError> {
     let mut found: Vec<Listed> = Vec::new();
     for host in hosts() {
         for way in [Way::Play, Way::Listen] {
-            let default = way.default_of(&host).and_then(|device| device.id().ok());
-            for device in way.devices_of(&host)? {
-                let Ok(id) = device.id() else { continue };
-                let (name, about) = (id.id().to_owned(), about(&device));
-                let known = found.iter().position(|card| (&card.name, &card.about) == (&name, &about));
+            // The default one is not always among those that are listed.
+            let mut all = way.devices_of(&host)?;
+            let default = way.default_of(&host);
+            let default_name = default.as_ref().and_then(name);
+            if !all.iter().any(|device| name(device) == default_name) {
+                all.extend(default);
+            }
+            for device in all {
+                let Some(name) = name(&device) else { continue };
+                let known = found.iter().position(|card| card.name == name);
                 let place = known.unwrap_or_else(|| {
                     found.push(Listed {
-                        name,
-                        about,
+                        name: name.clone(),
+                        about: about(&device),
                         plays: None,
                         listens: None,
                     });
                     found.len() - 1
                 });
                 let ability = Ability {
-                    default: default.as_ref() == Some(&id),
+                    default: default_name.as_ref() == Some(&name),
                     // A card that another program holds does not say what it can.
                     formats: way
                         .configs_of(&device)
@@ -286,6 +291,7 @@ impl<P> Plug<P> {
             }
             ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => shared.lost.store(true, Relaxed),
             _ => {
+                shared.troubled.store(true, Relaxed);
                 // Where nobody reads, one more is not needed.
                 let _ = told.try_send(error.to_string());
             }
