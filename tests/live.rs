@@ -306,7 +306,7 @@ const FELT: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 8000) 
     },
     endpoints: {
         "simulated": { "tool": SimulatedHaptuator() },
-        "live": { "tool": SoundcardAccelerometer(m_s2_full_scale: 50.0, rate_hz: 48000) },
+        "live": { "tool": SoundcardAccelerometer(m_s2_full_scale: 50.0, rate_hz: 48000, latency_ms: 5) },
     })"#;
 
 #[test]
@@ -317,7 +317,16 @@ fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
     let told = String::from_utf8_lossy(&told.stdout).into_owned();
     // A buffer of 64 frames at 48 kHz, and the 5 ms that the clocks are kept apart.
     assert!(told.contains("latency felt -> file: 6.33 ms transport"), "{told}");
-    let offline = ["run", "felt.ron", "--endpoints", "live", "--for", "0.1", "--out", "o"];
+    let offline = [
+        "run",
+        "felt.ron",
+        "--endpoints",
+        "live",
+        "--for",
+        "0.1",
+        "--out",
+        "o",
+    ];
     succeed(folder.path(), &offline);
     let felt = samples(&folder.path().join("o/felt.wav"));
     assert!(felt.len() == 800 && felt.iter().all(|x| *x == 0.0));

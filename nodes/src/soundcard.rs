@@ -22,13 +22,13 @@ mod system;
 #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
 mod without;
 
+#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
+pub use without::{CardDriver, Inputs, list};
 #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
 pub use {
     streams::{CardDriver, Inputs},
     system::list,
 };
-#[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
-pub use without::{CardDriver, Inputs, list};
 
 pub use card::CardFormat;
 pub use kinds::{

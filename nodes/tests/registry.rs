@@ -13,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use realtime::allocations;
 use std::path::Path;
+use std::time::Instant;
 
 /// Of every node on this bench; that of the recording among the examples' files.
 const RATE_HZ: f64 = 10_000.0;
@@ -311,6 +312,7 @@ fn devices_do_not_allocate_and_stay_finite_whatever_drives_them() {
             let mut sensed = true;
             let asked: [f64; 6] = std::array::from_fn(|_| rng.random_range(-3.0..3.0));
             let allocated = allocations(|| {
+                device.look(Instant::now());
                 device.advance();
                 for (index, channel) in entry.spec.senses.iter().enumerate() {
                     device.read(index, &mut frame[..channel.kind.width()]);

@@ -31,7 +31,10 @@ fn shown(card: &Listed, formats: bool) -> String {
         let _ = write!(text, "  ({about})");
     }
     let ways = [("plays", &card.plays), ("listens", &card.listens)];
-    let able = || ways.iter().filter_map(|(does, ability)| Some((does, ability.as_ref()?)));
+    let able = || {
+        ways.iter()
+            .filter_map(|(does, ability)| Some((does, ability.as_ref()?)))
+    };
     let does = able().map(|(does, ability)| match ability.default {
         true => format!("{does} by default"),
         false => (*does).to_owned(),

@@ -163,10 +163,19 @@ fn every_form_of_samples_is_heard_calibrated() {
     let of = |sample: fn(f64) -> Vec<u8>| [sample(0.25), sample(0.5)];
     let forms = [
         ("Float", of(|x| (x as f32).to_le_bytes().into())),
-        ("Bits32", of(|x| ((x * 2.0_f64.powi(31)) as i32).to_le_bytes().into())),
+        (
+            "Bits32",
+            of(|x| ((x * 2.0_f64.powi(31)) as i32).to_le_bytes().into()),
+        ),
         // In four bytes each.
-        ("Bits24", of(|x| ((x * 2.0_f64.powi(23)) as i32).to_le_bytes().into())),
-        ("Bits16", of(|x| ((x * 2.0_f64.powi(15)) as i16).to_le_bytes().into())),
+        (
+            "Bits24",
+            of(|x| ((x * 2.0_f64.powi(23)) as i32).to_le_bytes().into()),
+        ),
+        (
+            "Bits16",
+            of(|x| ((x * 2.0_f64.powi(15)) as i16).to_le_bytes().into()),
+        ),
     ];
     for (form, samples_of) in forms {
         let folder = tempfile::tempdir().unwrap();
@@ -179,10 +188,13 @@ fn every_form_of_samples_is_heard_calibrated() {
         fs::write(&config, text).unwrap();
         fs::write(folder.path().join("g.ron"), listening(form)).unwrap();
         let feeding = feed(pipe.clone(), samples_of);
-        let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.6", "--out", "out"])
-            .env("ALSA_CONFIG_PATH", config)
-            .output()
-            .unwrap();
+        let output = command(
+            folder.path(),
+            &["run", "g.ron", "--live", "--for", "0.6", "--out", "out"],
+        )
+        .env("ALSA_CONFIG_PATH", config)
+        .output()
+        .unwrap();
         // Where the card was never opened, the pipe still waits for a reader.
         drop(fs::File::options().read(true).write(true).open(&pipe));
         feeding.join().unwrap();
@@ -196,6 +208,9 @@ fn every_form_of_samples_is_heard_calibrated() {
         let heard = samples(&folder.path().join("out/felt.wav"));
         let highest = heard.iter().fold(0.0_f32, |most, x| most.max(*x));
         let settled = heard.iter().filter(|x| (**x - 25.0).abs() < 0.01).count();
-        assert!((highest - 25.0).abs() < 0.01 && settled > 2400, "{form}: {highest}, {settled}");
+        assert!(
+            (highest - 25.0).abs() < 0.01 && settled > 2400,
+            "{form}: {highest}, {settled}"
+        );
     }
 }

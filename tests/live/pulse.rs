@@ -60,7 +60,10 @@ impl Home {
         let mut command = Command::new(name);
         command
             .envs([("HOME", self.path()), ("XDG_RUNTIME_DIR", self.path())])
-            .env("PULSE_SERVER", format!("unix:{}", self.path().join("native").display()))
+            .env(
+                "PULSE_SERVER",
+                format!("unix:{}", self.path().join("native").display()),
+            )
             .env("ALSA_CONFIG_PATH", self.config())
             .current_dir(self.path())
             .stdin(Stdio::null())
@@ -140,7 +143,13 @@ impl Recorder {
         std::thread::sleep(Duration::from_secs(2));
         drop(self.process);
         let first = |frame: &[u8; 8]| f32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
-        fs::read(&self.file).unwrap().as_chunks().0.iter().map(first).collect()
+        fs::read(&self.file)
+            .unwrap()
+            .as_chunks()
+            .0
+            .iter()
+            .map(first)
+            .collect()
     }
 }
 
@@ -157,8 +166,7 @@ fn is_without_plug(told: &str) -> bool {
 fn gaps(heard: &[f32], played: &[f32]) -> usize {
     const WORD: usize = 64;
     let sounds = |x: &f32| *x != 0.0;
-    let (Some(mut at), Some(mut wanted)) =
-        (heard.iter().position(sounds), played.iter().position(sounds))
+    let (Some(mut at), Some(mut wanted)) = (heard.iter().position(sounds), played.iter().position(sounds))
     else {
         panic!("nothing was heard or nothing was played");
     };
@@ -260,7 +268,12 @@ fn for_ten_minutes_a_daemon_hears_what_is_played_but_for_gaps_that_are_reported(
 fn sine_in(samples: &[f32], tone_hz: f64) -> (f64, f64) {
     let turned = |k: usize| std::f64::consts::TAU * tone_hz * k as f64 / 48_000.0;
     let share = 2.0 / samples.len() as f64;
-    let all = || samples.iter().enumerate().map(|(k, x)| (turned(k), f64::from(*x)));
+    let all = || {
+        samples
+            .iter()
+            .enumerate()
+            .map(|(k, x)| (turned(k), f64::from(*x)))
+    };
     let s: f64 = all().map(|(turned, x)| share * x * turned.sin()).sum();
     let c: f64 = all().map(|(turned, x)| share * x * turned.cos()).sum();
     let left = all().map(|(turned, x)| (x - s * turned.sin() - c * turned.cos()).powi(2));
@@ -293,7 +306,11 @@ fn what_one_endpoint_plays_another_hears() {
         .status();
     assert!(simulated.unwrap().success());
     let arguments = ["run", "loop.ron", "--live", "--for", "6", "--out", "out"];
-    let output = home.haptograph(&arguments).stderr(Stdio::piped()).output().unwrap();
+    let output = home
+        .haptograph(&arguments)
+        .stderr(Stdio::piped())
+        .output()
+        .unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
     if is_without_plug(&told) {
         return;
@@ -302,7 +319,10 @@ fn what_one_endpoint_plays_another_hears() {
     assert!(told.contains("listening to `haptuator` by soundcard"), "{told}");
     let facts = facts(&home.path().join("out"));
     let ring = &facts["rings"]["soundcard to haptuator"];
-    assert!(ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(), "{facts:#}");
+    assert!(
+        ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(),
+        "{facts:#}"
+    );
     let heard = samples(&home.path().join("out/felt.wav"));
     // 0.6 A of 2 A at full scale, of 50 m/s2 at full scale; not where the daemon or the machine stood still.
     let right = heard.chunks_exact(4800).filter(|part| {
@@ -349,7 +369,8 @@ fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
     let risen = first + 480;
     let rise = heard[first - 1..risen].windows(2);
     assert!(
-        rise.into_iter().all(|pair| (0.0..0.5 / 480.0 * 1.01).contains(&(pair[1] - pair[0]))),
+        rise.into_iter()
+            .all(|pair| (0.0..0.5 / 480.0 * 1.01).contains(&(pair[1] - pair[0]))),
         "{:?}",
         &heard[first..risen]
     );
@@ -374,7 +395,13 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
     let half = 0.5_f32.to_le_bytes();
     fs::write(home.path().join("half.raw"), half.repeat(48_000 * 60)).unwrap();
     let play = |home: &Home| {
-        let arguments = ["--raw", "--format=float32le", "--rate=48000", "--channels=1", "half.raw"];
+        let arguments = [
+            "--raw",
+            "--format=float32le",
+            "--rate=48000",
+            "--channels=1",
+            "half.raw",
+        ];
         Ours(home.program("pacat").args(arguments).spawn().unwrap())
     };
     let playing = play(&home);
@@ -401,7 +428,9 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
     let mut levels: Vec<f32> = Vec::new();
     for part in line.chunks_exact(800) {
         let level = part[0];
-        if part.iter().all(|x| (x - level).abs() < 1e-3) && levels.last().is_none_or(|last| (last - level).abs() > 0.1) {
+        if part.iter().all(|x| (x - level).abs() < 1e-3)
+            && levels.last().is_none_or(|last| (last - level).abs() > 0.1)
+        {
             levels.push((level * 100.0).round() / 100.0);
         }
     }

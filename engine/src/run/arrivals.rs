@@ -174,7 +174,10 @@ fn header(plan: &Plan) -> String {
         .ring_reads
         .iter()
         .map(|read| format!("arrived {}", read.ring.name));
-    let writes = plan.ring_writes.iter().map(|write| format!("sent {}", write.ring.name));
+    let writes = plan
+        .ring_writes
+        .iter()
+        .map(|write| format!("sent {}", write.ring.name));
     let names = [format!("{} frames", plan.driver_name()), "fade".to_owned()];
     let cells = names.into_iter().chain(reads).chain(writes).map(quoted);
     cells.collect::<Vec<_>>().join(",")

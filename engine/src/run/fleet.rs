@@ -46,7 +46,10 @@ pub struct Fleet {
 impl Fleet {
     /// Runs of the plans of [`Plan::all`], joined.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
-        let reserves = plans.iter().flat_map(|plan| &plan.ring_reads).map(|read| reserve_s(&read.ring));
+        let reserves = plans
+            .iter()
+            .flat_map(|plan| &plan.ring_reads)
+            .map(|read| reserve_s(&read.ring));
         let round_s = reserves.fold(ROUND_S, |round_s, reserve_s| {
             round_s.min(PART_OF_RESERVE * reserve_s)
         });

@@ -128,9 +128,8 @@ impl Output {
             Some(most @ 1..=256) if sorted.len() == channels.len() && sorted[0] > 0 => *most,
             _ => {
                 let message = "`channels` are different numbers from 1 to 256, at least one";
-                return Err(
-                    BuildError::at("channels", message).help("for the left and right one: `channels: [1, 2]`")
-                );
+                return Err(BuildError::at("channels", message)
+                    .help("for the left and right one: `channels: [1, 2]`"));
             }
         };
         Ok(Self {
@@ -238,7 +237,7 @@ impl Input {
         (device, buffer_frames, format): (Option<String>, u32, CardFormat),
         channel: u32,
         rate_hz: Option<u32>,
-        latency_s: f64,
+        latency_s: Option<f64>,
         cx: &BuildContext,
     ) -> Result<Self, BuildError> {
         let rate_hz = rate_hz.or(whole_hz(cx.rate)).ok_or_else(|| {
@@ -257,13 +256,17 @@ impl Input {
         let least_s = least_ring_latency_s(from, cx.rate).map_err(|error| unlike(&error))?;
         // Samples come by the buffer and are taken by the callback.
         let least_s = least_s + BUFFERS * stream.buffer_s();
+        let latency_s = latency_s.unwrap_or(least_s + stream.buffer_s());
         if latency_s < least_s {
             let message = format!(
                 "a latency of {} ms is too short: the resampler and two buffers of the card need {:.2} ms",
                 1e3 * latency_s,
                 1e3 * least_s
             );
-            let help = format!("ask for shorter buffers, or write `latency_ms: {}`", (1e3 * least_s).ceil());
+            let help = format!(
+                "ask for shorter buffers, or write `latency_ms: {}`",
+                (1e3 * least_s).ceil()
+            );
             return Err(BuildError::at("latency_ms", message).help(help));
         }
         Ok(Self {

@@ -5,9 +5,7 @@ use super::card::{Card, CardFormat, Input, Output};
 use crate::actuators::limit::VoltageLimitSettings;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{
-    ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output,
-};
+use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
 use haptograph_signal::quantity::Quantity;
 
 /// Settings of a card that plays: by what a full-scale sample is at the actuator, and maybe what else hangs on it.
@@ -56,8 +54,9 @@ macro_rules! input_settings {
                 buffer_frames: u32 = 64, in 8..=16_384;
                 /// Form of the samples that are asked for.
                 format: CardFormat = CardFormat::Best;
-                /// What the delay between the card's clock and the graph's is kept at, ms.
-                latency_ms: f64 = 5.0, in 0.1..=1000.0;
+                /// What the delay from the card's clock to the graph's is kept at, ms; none: three buffers and what the
+                /// resampler between them needs.
+                latency_ms: Option<f64> = None, in 0.1..=10_000.0;
             }
         }
 
@@ -65,7 +64,8 @@ macro_rules! input_settings {
             fn input(self, cx: &BuildContext) -> Result<Input, BuildError> {
                 let rate_hz = self.rate_hz;
                 let stream = (self.device, self.buffer_frames, self.format);
-                Input::new(self.$full_scale, stream, self.channel, rate_hz, 1e-3 * self.latency_ms, cx)
+                let latency_s = self.latency_ms.map(|ms| 1e-3 * ms);
+                Input::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, cx)
             }
         }
     };

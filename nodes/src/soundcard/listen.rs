@@ -79,7 +79,7 @@ mod tests {
             rate_hz: Some(48_000),
             buffer_frames: FRAMES as u32,
             format: CardFormat::Best,
-            latency_ms: 1e3 * LATENCY_S,
+            latency_ms: Some(1e3 * LATENCY_S),
         }
     }
 
@@ -121,7 +121,10 @@ mod tests {
         }
 
         fn accelerometer(rate_hz: u64) -> Self {
-            Self::new(SoundcardAccelerometer::build(settings(), &at(rate_hz)), rate_hz as f64)
+            Self::new(
+                SoundcardAccelerometer::build(settings(), &at(rate_hz)),
+                rate_hz as f64,
+            )
         }
 
         /// A buffer passes, heard or not; returns what was read meanwhile.
@@ -163,7 +166,11 @@ mod tests {
                 let share = 2.0 / (heard.len() - first) as f64;
                 (s, c) = (s + share * x * turned.sin(), c + share * x * turned.cos());
             }
-            assert!((s.hypot(c) / 25.0 - 1.0).abs() < 1e-3, "{rate_hz}: {}", s.hypot(c));
+            assert!(
+                (s.hypot(c) / 25.0 - 1.0).abs() < 1e-3,
+                "{rate_hz}: {}",
+                s.hypot(c)
+            );
             // A frame is written when its buffer is full, up to a buffer after its time.
             let late_s = (-c).atan2(s).rem_euclid(TAU) / TAU / TONE_HZ;
             let buffer_s = FRAMES as f64 / RATE_HZ;
@@ -186,7 +193,12 @@ mod tests {
         let rings_on = ((LATENCY_S + 0.006) * RATE_HZ) as usize;
         assert!(fallen[rings_on..].iter().all(|x| *x == 0.0));
         let back: Vec<f64> = (0..100).flat_map(|_| world.pass(Some(&steady))).collect();
-        let leap = |ticks: &[f64]| ticks.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+        let leap = |ticks: &[f64]| {
+            ticks
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).abs())
+                .fold(0.0, f64::max)
+        };
         // 25 m/s2 in 5 ms.
         assert!(leap(&fallen) < 0.12 && leap(&back) < 0.12);
         assert!((back.last().unwrap() - 25.0).abs() < 0.01);
@@ -222,9 +234,15 @@ mod tests {
         );
         assert!(silent.iter().all(|x| *x == 0.0));
         // Asked for 1 A, of 2 A at full scale; there and back in 10 ms.
-        assert_eq!((heard.last(), again.first(), again.last()), (Some(&0.5), Some(&0.5), Some(&0.0)));
+        assert_eq!(
+            (heard.last(), again.first(), again.last()),
+            (Some(&0.5), Some(&0.5), Some(&0.0))
+        );
         let all = [silent, heard, again].concat();
-        assert!(all.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.5 / 480.0 * 1.01));
+        assert!(
+            all.windows(2)
+                .all(|pair| (pair[1] - pair[0]).abs() < 0.5 / 480.0 * 1.01)
+        );
     }
 
     #[test]
@@ -245,7 +263,7 @@ mod tests {
     #[test]
     fn a_latency_that_cannot_be_kept_is_refused() {
         let hasty = SoundcardAccelerometerSettings {
-            latency_ms: 2.0,
+            latency_ms: Some(2.0),
             ..settings()
         };
         let Err(error) = SoundcardAccelerometer::build(hasty, &at(48_000)) else {

@@ -116,7 +116,10 @@ impl Inputs {
             let ear = input.listen();
             inputs.rings.push(Arc::clone(ear.writer.meter()));
             let (endpoint, stream) = (input.endpoint.clone(), &input.stream);
-            match asked.iter_mut().find(|(known, ..)| known.differs_from(stream).is_none()) {
+            match asked
+                .iter_mut()
+                .find(|(known, ..)| known.differs_from(stream).is_none())
+            {
                 Some((known, endpoints, ears)) => {
                     known.channels = known.channels.max(stream.channels);
                     endpoints.push(endpoint);

@@ -80,7 +80,11 @@ impl Driver {
             let counts = card.counts();
             facts.extend([
                 ("xruns", "Xruns", xruns(&counts)),
-                ("clipped_samples", "Samples beyond full scale", json!(counts.clipped)),
+                (
+                    "clipped_samples",
+                    "Samples beyond full scale",
+                    json!(counts.clipped),
+                ),
                 ("vanished", "Times the soundcard was gone", json!(counts.vanished)),
                 (
                     "output_latency_ms",
@@ -133,7 +137,10 @@ pub fn xruns(counts: &CardCounts) -> Value {
 pub fn troubles(whose: &str, xrun: &str, counts: &CardCounts) -> Vec<String> {
     let mut list = Vec::new();
     if counts.xruns > 0 {
-        list.push(format!("{whose} {xrun} {} times: the signal has gaps", counts.xruns));
+        list.push(format!(
+            "{whose} {xrun} {} times: the signal has gaps",
+            counts.xruns
+        ));
     }
     if counts.clipped > 0 {
         list.push(format!(

@@ -128,7 +128,8 @@ impl Drivers {
     pub fn status(&self) -> String {
         let drivers = self.all().map(Driver::status);
         let inputs = self.inputs.streams();
-        let heard = inputs.map(|(names, .., counts)| format!(", {} xruns at {}", counts.xruns, names.join(" and ")));
+        let heard =
+            inputs.map(|(names, .., counts)| format!(", {} xruns at {}", counts.xruns, names.join(" and ")));
         drivers.chain(heard).collect()
     }
 
