@@ -8,8 +8,9 @@ use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{LiveState, Run, live};
+use haptograph_engine::run::{Change, LiveState, Run, live};
 use haptograph_signal::quantity::Quantity;
+use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::sync::Arc;
@@ -99,8 +100,17 @@ const CONTINUOUS: f64 = 0.5;
 const WINDOW_S: f64 = 0.2;
 const SLEW_PER_S: f64 = 400.0;
 
+type Sink = (
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    &'static str,
+    u32,
+);
+
 /// Kind of the sink and its port, the source that plagues it, its unit, the device that it drives and the device's rate.
-const SINKS: [(&str, &str, &str, &str, &str, u32); 4] = [
+const SINKS: [Sink; 4] = [
     (
         "ActuatorSink",
         "current",
@@ -135,12 +145,13 @@ const SINKS: [(&str, &str, &str, &str, &str, u32); 4] = [
     ),
 ];
 
-fn graph(sink: &str, port: &str, source: &str, unit: &str, device: &str, rate_hz: u32) -> Graph {
+/// The source has a name, from which its randomness comes.
+fn graph((sink, port, source, unit, device, rate_hz): Sink, name: &str, seed: u64) -> Graph {
     let text = format!(
-        r#"Graph(format: 1, seed: 3, clocks: {{ "c": Driver(rate_hz: {rate_hz}) }},
+        r#"Graph(format: 1, seed: {seed}, clocks: {{ "c": Driver(rate_hz: {rate_hz}) }},
         nodes: {{
-            "evil": {source}(clock: "c"),
-            "out": {sink}({port}: "evil", endpoint: "device", limit: (
+            "{name}": {source}(clock: "c"),
+            "out": {sink}({port}: "{name}", endpoint: "device", limit: (
                 peak_{unit}: {PEAK}, continuous_{unit}: {CONTINUOUS}, window_s: {WINDOW_S}, slew_{unit}_per_s: {SLEW_PER_S},
             )),
         }},
@@ -156,52 +167,96 @@ fn graph(sink: &str, port: &str, source: &str, unit: &str, device: &str, rate_hz
         .unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
-/// Runs each sink for so many ticks.
+/// Does an actuator get what its sink states, frame by frame?
+struct Judge {
+    sink: &'static str,
+    rate_hz: f64,
+    before: Vec<f64>,
+    heat: f64,
+    strongest: f64,
+    faults: u64,
+}
+
+impl Judge {
+    fn hear(&mut self, run: &Run) {
+        let norm = |lanes: &[f64]| lanes.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (sink, weight) = (self.sink, -(-1.0 / (WINDOW_S * self.rate_hz)).exp_m1());
+        let faults = run.faults().ticks;
+        let silenced = faults > self.faults;
+        self.faults = faults;
+        for frame in run.tap(0).chunks(self.before.len()) {
+            let now = norm(frame);
+            assert!(
+                now.is_finite() && now <= PEAK * (1.0 + 1e-12),
+                "{sink}: {frame:?}"
+            );
+            let change: Vec<f64> = frame.iter().zip(&self.before).map(|(a, b)| a - b).collect();
+            // What is no number becomes zero at once: there the slew yields.
+            let falls = silenced && now == 0.0;
+            let step = norm(&change) * self.rate_hz;
+            assert!(
+                falls || step <= SLEW_PER_S * (1.0 + 1e-9),
+                "{sink}: {:?} to {frame:?}",
+                self.before
+            );
+            self.heat += weight * (now * now - self.heat);
+            let most = CONTINUOUS * CONTINUOUS * (1.0 + 1e-9);
+            assert!(self.heat <= most, "{sink}: {}", self.heat);
+            self.before.copy_from_slice(frame);
+            self.strongest = self.strongest.max(now);
+        }
+    }
+}
+
+/// Runs each sink for so many ticks, and puts one graph in the place of another all the time: faded into each other, at
+/// the zero of a fade where the simulated device is another one, and while one of the two is going on.
 fn plague(ticks: impl Fn(&str) -> u64) {
     let mut met = Vec::new();
-    for (sink, port, source, unit, device, rate_hz) in SINKS {
-        let graph = graph(sink, port, source, unit, device, rate_hz);
-        let out = graph
-            .nodes()
-            .node_indices()
-            .find(|node| graph.nodes()[*node].path == "out");
-        let taps = vec![(out.unwrap(), 0)];
-        let mut run = Run::new(Arc::new(Plan::new(&graph, &PlanOptions { block: 64, taps })));
-        let width = if source == "EvilForce" { 3 } else { 1 };
-        let rate_hz = f64::from(rate_hz);
-        let (mut before, mut heat, mut strongest) = (vec![0.0; width], 0.0, 0.0_f64);
-        let (mut faults, weight) = (0, -(-1.0 / (WINDOW_S * rate_hz)).exp_m1());
-        while run.driver_frames() < ticks(sink) {
-            run.advance(64);
-            let silenced = run.faults().ticks > faults;
-            faults = run.faults().ticks;
-            for frame in run.tap(0).chunks(width) {
-                let norm = |lanes: &[f64]| lanes.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let now = norm(frame);
-                assert!(
-                    now.is_finite() && now <= PEAK * (1.0 + 1e-12),
-                    "{sink}: {frame:?}"
-                );
-                let change: Vec<f64> = frame.iter().zip(&before).map(|(a, b)| a - b).collect();
-                // What is no number becomes zero at once: there the slew yields.
-                let falls = silenced && now == 0.0;
-                let step = norm(&change) * rate_hz;
-                assert!(
-                    falls || step <= SLEW_PER_S * (1.0 + 1e-9),
-                    "{sink}: {before:?} to {frame:?}"
-                );
-                heat += weight * (now * now - heat);
-                assert!(heat <= CONTINUOUS * CONTINUOUS * (1.0 + 1e-9), "{sink}: {heat}");
-                before.copy_from_slice(frame);
-                strongest = strongest.max(now);
+    for declared in SINKS {
+        let (sink, _, source, _, _, rate_hz) = declared;
+        let graphs = [("evil", 3), ("worse", 3), ("evil", 4)].map(|(name, seed)| graph(declared, name, seed));
+        let plans = graphs.each_ref().map(|graph| {
+            let mut nodes = graph.nodes().node_indices();
+            let out = nodes.find(|node| graph.nodes()[*node].path == "out");
+            let taps = vec![(out.unwrap(), 0)];
+            Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
+        });
+        let mut judge = Judge {
+            sink,
+            rate_hz: f64::from(rate_hz),
+            before: vec![0.0; if source == "EvilForce" { 3 } else { 1 }],
+            heat: 0.0,
+            strongest: 0.0,
+            faults: 0,
+        };
+        let (mut live, mut control) = live(Arc::clone(&plans[0]));
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+        let (mut faded, mut through_zero) = (0, 0);
+        while live.frames() < ticks(sink) {
+            match control.swap(Arc::clone(plans.choose(&mut random).unwrap())) {
+                Ok(Change::CrossFade) => faded += 1,
+                Ok(Change::AtZero(_)) => through_zero += 1,
+                other => assert_eq!(other, Ok(Change::Settings(0)), "{sink}"),
             }
+            live.callback(random.random_range(1..1500), |run, _| judge.hear(run));
+            control.poll();
         }
+        assert_eq!(live.state(), LiveState::Running, "{sink}");
         assert!(
-            strongest > CONTINUOUS && faults > 0,
-            "{sink}: {strongest}, {faults} faults"
+            judge.strongest > CONTINUOUS && judge.faults > 0,
+            "{sink}: {}, {} faults",
+            judge.strongest,
+            judge.faults
         );
-        let node = run.faults().origin.map(|node| graph.nodes()[node].path.clone());
-        assert_eq!(node.as_deref(), Some("evil"), "{sink}");
+        assert!(
+            faded > 2,
+            "{sink}: {faded} cross-fades, {through_zero} swaps at zero"
+        );
+        let origin = live.faults().origin;
+        assert!(
+            matches!(origin.as_deref(), Some("evil" | "worse")),
+            "{sink}: {origin:?}"
+        );
         met.push(sink);
     }
     let registry = haptograph_nodes::registry();

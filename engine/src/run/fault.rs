@@ -3,15 +3,15 @@
 use super::program::Line;
 use super::window::{Window, range_of};
 use crate::io::Placing;
-use petgraph::graph::NodeIndex;
+use std::sync::Arc;
 
 /// What was seen of signals that are not numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Faults {
     /// Ticks at which an actuator was given NaN or infinity, and got zero instead.
     pub ticks: u64,
-    /// The first node found to put one out.
-    pub origin: Option<NodeIndex>,
+    /// Path of the first node found to put one out. It may be gone from the graph by now.
+    pub origin: Option<Arc<str>>,
     /// The next steps are watched to find the origin.
     pub(super) watching: bool,
 }
@@ -34,7 +34,7 @@ impl Faults {
                 .all(|x| x.is_finite())
         };
         if self.origin.is_none() && line.outputs.iter().any(bad) {
-            self.origin = Some(line.node);
+            self.origin = Some(Arc::clone(&line.path));
             self.watching = false;
         }
     }

@@ -8,7 +8,6 @@ use super::link::{RingMeter, link, reserve_s};
 use super::{Faults, Run};
 use crate::graph::Graph;
 use crate::plan::{MAX_BLOCK, Plan};
-use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -159,7 +158,7 @@ impl Fleet {
         plans: &[Arc<Plan>],
         seconds: f64,
         stop: &AtomicBool,
-    ) -> Option<NodeIndex> {
+    ) -> Option<Arc<str>> {
         let fresh = || Self::new(plans).ending_after(seconds);
         let struck = fresh().until_a_fault(stop)?;
         let sink = struck.runs.iter().find_map(Run::struck)?;

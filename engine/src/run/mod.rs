@@ -303,7 +303,7 @@ impl Run {
 
     /// What was seen of signals that are not numbers.
     pub fn faults(&self) -> Faults {
-        self.state.faults
+        self.state.faults.clone()
     }
 
     /// What each actuator sink held back so far.

@@ -5,6 +5,7 @@ use crate::node::Single;
 use crate::plan::{Plan, Step, StepWork, Tap};
 use petgraph::graph::NodeIndex;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A plan with everything looked up that can be looked up before it runs.
 pub(super) struct Program {
@@ -33,6 +34,8 @@ pub(super) struct Line {
     pub inputs: Box<[Wire]>,
     pub outputs: Box<[Placing]>,
     pub node: NodeIndex,
+    /// Of a processor: its node's.
+    pub path: Arc<str>,
 }
 
 /// How a processor computes a single frame, and where the one scalar input and the one scalar output lie.
@@ -133,6 +136,7 @@ fn line(plan: &Plan, step: &Step, extents: &[Extent]) -> Line {
         inputs: plan.inputs(step).iter().map(wire).collect(),
         outputs: plan.outputs(step).into(),
         node: step.node,
+        path: Arc::clone(&step.label),
     }
 }
 

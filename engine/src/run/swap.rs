@@ -166,7 +166,7 @@ impl Next {
         }
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);
-        new.faults = old.faults;
+        new.faults = std::mem::take(&mut old.faults);
         std::mem::swap(&mut self.run, running);
     }
 }

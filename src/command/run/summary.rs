@@ -219,11 +219,8 @@ fn warnings(graph: &Graph, outcome: &Outcome) -> Vec<String> {
         }
     }
     if outcome.faults.ticks > 0 {
-        let origin = outcome
-            .faults
-            .origin
-            .and_then(|node| graph.nodes().node_weight(node));
-        let origin = origin.map_or_else(String::new, |node| format!("; it came from {}", node.path));
+        let origin = outcome.faults.origin.as_ref();
+        let origin = origin.map_or_else(String::new, |path| format!("; it came from {path}"));
         list.push(format!(
             "an actuator was given no number in {} ticks and got zero{origin}",
             outcome.faults.ticks
