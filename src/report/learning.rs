@@ -2,9 +2,10 @@
 
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::scale::peak;
 use super::svg::escape;
 use super::theme::Ink;
-use super::thinning::{Decimated, Envelope};
+use super::thinning::Decimated;
 use super::{figures, loci, responses};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
@@ -82,17 +83,6 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
     sections
 }
 
-/// A signal over time, as a picture can show it.
-pub(super) fn signal(style: Style, rate_hz: f64, samples: &[f64], factor: f64) -> Mark {
-    let mut envelope = Envelope::new(rate_hz);
-    envelope.extend(samples.iter().copied());
-    Mark::signal(style, &envelope, factor)
-}
-
-pub(super) fn peak(samples: &[f64]) -> f64 {
-    samples.iter().fold(0.0, |peak, x| x.abs().max(peak))
-}
-
 /// Acceleration with its breaks; speed and force with the medians that label the models (Fig. 2.5).
 fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
     let mut plots = vec![];
@@ -154,7 +144,7 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
         };
         let note = format!("{} segments, median order {}", of_drag.len(), found.order);
         let loudest = 1.05 * peak(&signals.acceleration_m_s2);
-        let acceleration = signal(
+        let acceleration = Mark::samples(
             Style::of(Ink::Blue),
             signals.rate_hz,
             &signals.acceleration_m_s2,
@@ -168,7 +158,7 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             loudest,
             vec![acceleration],
         ));
-        let speed = signal(Style::of(Ink::Teal), signals.rate_hz, &signals.speed_m_s, 1e3);
+        let speed = Mark::samples(Style::of(Ink::Teal), signals.rate_hz, &signals.speed_m_s, 1e3);
         let speeds = [vec![speed], labelled(&|s| s.speed_m_s * 1e3)].concat();
         let fastest = 1.05e3 * peak(&signals.speed_m_s);
         plots.push(plot(
@@ -179,7 +169,7 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             fastest,
             speeds,
         ));
-        let force = signal(
+        let force = Mark::samples(
             Style::of(Ink::Plum),
             signals.rate_hz,
             &signals.force_normal_n,
@@ -233,7 +223,7 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
         title: title.into(),
         x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / rate_hz),
         y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
-        marks: vec![signal(Style::of(ink), rate_hz, samples, 1.0)],
+        marks: vec![Mark::samples(Style::of(ink), rate_hz, samples, 1.0)],
         size: (0.0, 180.0),
         ..Plot::default()
     };

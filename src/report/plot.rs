@@ -192,6 +192,13 @@ impl Mark {
         }
     }
 
+    /// The same of samples at a rate.
+    pub fn samples(style: Style, rate_hz: f64, samples: &[f64], factor: f64) -> Self {
+        let mut envelope = Envelope::new(rate_hz);
+        envelope.extend(samples.iter().copied());
+        Self::signal(style, &envelope, factor)
+    }
+
     fn style(&self) -> Option<&Style> {
         match self {
             Self::Line(style, _) | Self::Band(style, _) | Self::Dots(style, _) => Some(style),

@@ -1,8 +1,8 @@
 //! What a surface answers: vibration to force and speed in the four conditions (Fig. 4.9), transients to taps (Fig. 4.3).
 
-use super::learning::{peak, signal};
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::scale::peak;
 use super::theme::Ink;
 use super::{figures, thinning::Decimated};
 use haptograph_signal::spectrum::welch;
@@ -126,7 +126,7 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
             title: condition.symbol().into(),
             x: Axis::of("Time (s)").over(0.0, SECONDS),
             y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
-            marks: vec![signal(Style::of(ink), hand.rate_hz, played, 1.0)],
+            marks: vec![Mark::samples(Style::of(ink), hand.rate_hz, played, 1.0)],
             size: (0.0, 130.0),
             ..Plot::default()
         });

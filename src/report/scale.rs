@@ -167,6 +167,11 @@ fn superscript(exponent: i32) -> String {
     }
 }
 
+/// The largest magnitude of samples.
+pub fn peak(samples: &[f64]) -> f64 {
+    samples.iter().fold(0.0, |peak, x| x.abs().max(peak))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -69,6 +69,11 @@ pub(crate) fn from_angles(angles: Vec3) -> [f64; 4] {
     ]
 }
 
+/// A rotation matrix by rows from axis times angle, degrees.
+pub fn rotation_of_deg(turn_deg: Vec3) -> [Vec3; 3] {
+    matrix(from_rotation_vector(turn_deg.map(f64::to_radians)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

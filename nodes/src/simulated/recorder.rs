@@ -3,7 +3,7 @@
 
 use super::habit::habit;
 use super::material::{Material, MaterialName};
-use super::orientation::{conjugate, from_rotation_vector, matrix, rotate, rotation_vector};
+use super::orientation::{conjugate, rotate, rotation_of_deg, rotation_vector};
 use super::tool::{SUBSTEPS, SimulatedTool, TOOL_RATE_HZ, ToolGrip, ToolReading};
 use crate::sinks::recording::Motion;
 use crate::vector::{Vec3, add_scaled, cross, dot};
@@ -141,11 +141,6 @@ impl DeviceKind for SimulatedRecordingTool {
             force_sensor_to_tool: rotation_of_deg(settings.force_sensor_turn_deg),
         }))
     }
-}
-
-/// A rotation matrix by rows from axis times angle, degrees.
-pub(crate) fn rotation_of_deg(turn_deg: Vec3) -> [Vec3; 3] {
-    matrix(from_rotation_vector(turn_deg.map(f64::to_radians)))
 }
 
 #[derive(Debug, Clone)]

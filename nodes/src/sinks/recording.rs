@@ -1,8 +1,7 @@
 //! Writing what a recording tool felt to one file, from which surfaces are learned.
 
 use super::inside_the_run;
-use crate::simulated::orientation::from_rotation_vector;
-use crate::simulated::recorder::rotation_of_deg;
+use crate::simulated::orientation::{from_rotation_vector, rotation_of_deg};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, input,

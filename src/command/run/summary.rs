@@ -73,7 +73,7 @@ impl Summary {
         Self {
             name: arguments.graph.name(),
             facts,
-            warnings: warnings(graph, outcome),
+            warnings: warnings(outcome),
             simulated,
             seconds: outcome.seconds,
             took_s,
@@ -187,7 +187,7 @@ fn ring(report: &RingReport) -> (String, Value) {
     (report.name.clone(), facts)
 }
 
-fn warnings(graph: &Graph, outcome: &Outcome) -> Vec<String> {
+fn warnings(outcome: &Outcome) -> Vec<String> {
     let mut list = Vec::new();
     for ring in &outcome.rings {
         let counts = &ring.counts;

@@ -12,7 +12,7 @@
 //! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision is read too. Reading is
 //! total: any bytes give a recording or an error, in memory of at most a few times the file's size.
 
-use super::file::ReadError;
+use super::ReadError;
 use super::{
     AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
 };

@@ -20,10 +20,11 @@ pub(super) use table::{
 pub(super) use units::{Scale, parse_name, si_unit};
 pub use write::write_csv;
 
-use super::file::ReadError;
+use super::ReadError;
 use super::{
     AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
 };
+use crate::files::Place;
 use crate::learning::processing;
 use crate::{Origin, Provenance};
 
@@ -189,4 +190,21 @@ fn columns(columns: [Result<Vec<f64>, ReadError>; 3]) -> Result<Vec<[f64; 3]>, R
         .zip(z?)
         .map(|((x, y), z)| [x, y, z])
         .collect())
+}
+
+impl ReadError {
+    /// Where in the bytes of a CSV file the error is.
+    pub fn place(&self, bytes: &[u8]) -> Option<Place> {
+        let (line, cell) = match self {
+            ReadError::Csv { line, .. } => (*line, 1),
+            ReadError::CsvCell { line, column, .. } => (*line, *column),
+            _ => return None,
+        };
+        let line = usize::try_from(line).ok()?.max(1);
+        let text = bytes.split(|&byte| byte == b'\n').nth(line - 1)?;
+        Some(Place {
+            line,
+            column: cell_start(bytes, text, cell),
+        })
+    }
 }

@@ -1,8 +1,7 @@
 //! Recordings on disk: what kind a file is, told by its content, and where reading failed.
 
-use super::csv::cell_start;
-use super::{AnyRecording, RecordingError, read_archive, read_csv, read_hatt, write_archive, write_csv};
-use crate::files::{Place, write_atomically};
+use super::{AnyRecording, ReadError, read_archive, read_csv, read_hatt, write_archive, write_csv};
+use crate::files::write_atomically;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -108,58 +107,4 @@ pub enum LoadError {
     TooLarge { path: PathBuf, bytes: u64 },
     #[error("{} is no recording: {source}", path.display())]
     Read { path: PathBuf, source: ReadError },
-}
-
-/// Why bytes give no recording.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
-pub enum ReadError {
-    #[error("the archive is damaged: {0}")]
-    Archive(String),
-    #[error("member {name} of the archive: {message}")]
-    Member { name: String, message: String },
-    #[error("line {line}: {message}")]
-    Csv { line: u64, message: String },
-    #[error("line {line}, column {column}: {message}")]
-    CsvCell {
-        line: u64,
-        column: usize,
-        message: String,
-    },
-    #[error(
-        "it is XML, but not named Accel_<material>.xml, Position_<material>.xml or Force_<material>.xml as the toolkit's recordings are"
-    )]
-    NotATriple,
-    #[error("{file}, byte {byte}: {message}")]
-    Xml {
-        file: &'static str,
-        byte: u64,
-        message: String,
-    },
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-}
-
-impl ReadError {
-    /// Where in the bytes of a CSV file the error is.
-    pub fn place(&self, bytes: &[u8]) -> Option<Place> {
-        let (line, cell) = match self {
-            ReadError::Csv { line, .. } => (*line, 1),
-            ReadError::CsvCell { line, column, .. } => (*line, *column),
-            _ => return None,
-        };
-        let line = usize::try_from(line).ok()?.max(1);
-        let text = bytes.split(|&byte| byte == b'\n').nth(line - 1)?;
-        Some(Place {
-            line,
-            column: cell_start(bytes, text, cell),
-        })
-    }
-
-    pub(super) fn member(name: &str, message: impl ToString) -> Self {
-        ReadError::Member {
-            name: name.to_owned(),
-            message: message.to_string(),
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! Recordings of the public haptic texture toolkit (HaTT): three XML files of a material, everything at 10 kHz in the world frame
 //! (Table A.1 of the thesis). They are read as a stream, a value at a time.
 
-use super::file::ReadError;
+use super::ReadError;
 use super::{Gesture, ProcessedRecording, Signals};
 use crate::{Origin, Provenance};
 use quick_xml::Reader;

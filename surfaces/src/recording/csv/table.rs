@@ -1,7 +1,6 @@
 //! Rows and columns, with every cell's place for those who have to mend it.
 
-use super::super::Series;
-use super::super::file::ReadError;
+use super::super::{ReadError, Series};
 use super::units::{Scale, parse_name};
 use crate::files::decimal::parse_thousandth;
 use csv::{ByteRecord, ReaderBuilder, Trim};
