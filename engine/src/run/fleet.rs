@@ -4,7 +4,8 @@
 //! rings and then runs what is due; so neither their order nor the blocks they run in change a bit. A driver that is
 //! alone waits for nobody: its rounds are whole blocks.
 
-use super::link::{RingMeter, link, reserve_s};
+use super::link::{RingMeter, RingSpec, link, reserve_s};
+use super::swap::Next;
 use super::{Faults, Run};
 use crate::graph::Graph;
 use crate::plan::{MAX_BLOCK, Plan};
@@ -196,29 +197,73 @@ impl Fleet {
     }
 }
 
-/// Puts rings between the runs of one graph's drivers.
-pub(super) fn join(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
-    let mut meters = Vec::new();
-    for reader in 0..runs.len() {
-        for read in 0..runs[reader].plan.ring_reads.len() {
-            let plan = runs[reader].plan.ring_reads[read].clone();
-            let far = |run: &Run| {
-                run.plan
-                    .ring_writes
-                    .iter()
-                    .position(|write| write.edge == plan.edge)
-            };
-            let Some((writer, write)) = runs
-                .iter()
-                .enumerate()
-                .find_map(|(at, run)| Some((at, far(run)?)))
-            else {
+/// A ring between two runs, and where its ends are: which run's, and at which place there.
+struct Joint {
+    ring: RingSpec,
+    reader: (usize, usize),
+    writer: (usize, usize),
+}
+
+/// The rings between the plans of one graph's drivers.
+fn joints(plans: &[Arc<Plan>]) -> Vec<Joint> {
+    let mut joints = Vec::new();
+    for (reader, plan) in plans.iter().enumerate() {
+        for (place, ring) in plan.ring_reads.iter().enumerate() {
+            let far = |plan: &Arc<Plan>| plan.ring_writes.iter().position(|write| write.edge == ring.edge);
+            let mut ends = plans.iter().enumerate();
+            let Some(writer) = ends.find_map(|(writer, plan)| Some((writer, far(plan)?))) else {
                 continue;
             };
-            let (into, out) = link(&plan.ring);
-            meters.push(Arc::clone(into.meter()));
-            runs[writer].state.links.writers[write] = Some(into);
-            runs[reader].state.links.readers[read] = Some(out);
+            let (ring, reader) = (ring.ring.clone(), (reader, place));
+            joints.push(Joint { ring, reader, writer });
+        }
+    }
+    joints
+}
+
+impl Joint {
+    /// Puts a new ring there.
+    fn lay(&self, runs: &mut [&mut Run]) -> Arc<RingMeter> {
+        let (into, out) = link(&self.ring);
+        let meter = Arc::clone(into.meter());
+        runs[self.writer.0].state.links.writers[self.writer.1] = Some(into);
+        runs[self.reader.0].state.links.readers[self.reader.1] = Some(out);
+        meter
+    }
+
+    fn is_same_as(&self, other: &Self) -> bool {
+        let runs = |joint: &Self| (joint.reader.0, joint.writer.0);
+        runs(self) == runs(other) && self.ring == other.ring
+    }
+}
+
+/// Puts rings between the runs of one graph's drivers.
+pub(super) fn join(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
+    let plans: Vec<Arc<Plan>> = runs.iter().map(|run| Arc::clone(&run.plan)).collect();
+    joints(&plans).iter().map(|joint| joint.lay(runs)).collect()
+}
+
+/// Puts rings between plans that are to take over: those that were there go on, the others are new. `known` are the
+/// meters of those between the plans before. Each driver changes over at a moment of its own: until both have, a new ring
+/// is silent at its reader's end, and full at its writer's at worst.
+pub(super) fn rejoin(
+    before: &[Arc<Plan>],
+    known: &[Arc<RingMeter>],
+    next: &mut [&mut Next],
+) -> Vec<Arc<RingMeter>> {
+    let plans: Vec<Arc<Plan>> = next.iter().map(|next| Arc::clone(&next.run.plan)).collect();
+    let before: Vec<(Joint, &Arc<RingMeter>)> = joints(before).into_iter().zip(known).collect();
+    let mut meters = Vec::new();
+    for joint in joints(&plans) {
+        if let Some((was, meter)) = before.iter().find(|(was, _)| was.is_same_as(&joint)) {
+            next[joint.reader.0].readers.push((was.reader.1, joint.reader.1));
+            next[joint.writer.0].writers.push((was.writer.1, joint.writer.1));
+            meters.push(Arc::clone(meter));
+        } else {
+            let mut runs: Vec<&mut Run> = next.iter_mut().map(|next| &mut next.run).collect();
+            meters.push(joint.lay(&mut runs));
+            next[joint.reader.0].gets_new_rings();
+            next[joint.writer.0].gets_new_rings();
         }
     }
     meters

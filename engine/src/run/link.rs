@@ -74,7 +74,8 @@ pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
     let writer = LinkWriter {
         ring: into,
         width: plan.width,
-        room: 0,
+        // All of it, for the end that is first looked at after it was written.
+        room: frames as u64,
         accepted: 0,
         meter: Arc::clone(&meter),
     };

@@ -115,6 +115,26 @@ pub enum Change {
     AtZero(AtZero),
 }
 
+impl Change {
+    /// What became of two drivers of a graph, as one.
+    pub(super) fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
+            (Self::AtZero(obstacle), _) | (_, Self::AtZero(obstacle)) => Self::AtZero(obstacle),
+            _ => Self::CrossFade,
+        }
+    }
+}
+
+/// A plan that is ready to take over.
+pub(super) struct Prepared {
+    pub next: Box<Next>,
+    plan: Arc<Plan>,
+    /// Its live settings as they will be, and those that glide there: their places, and where to.
+    settings: Vec<LiveSetting>,
+    changes: Vec<(usize, f64)>,
+}
+
 /// Both sides of a live run of `plan`. It begins as it does offline, so that the samples are the same.
 pub fn live(plan: Arc<Plan>) -> (Live, Control) {
     let (command_in, command_out) = RingBuffer::new(COMMANDS);
@@ -323,6 +343,7 @@ impl Live {
                 }
                 Ok(Command::Swap(mut next)) if next.transfer == Transfer::Everything => {
                     next.take_over_everything(&mut self.run);
+                    next.rings.take_over(&mut self.rings);
                     self.retire(next);
                 }
                 Ok(Command::Swap(next)) => {
@@ -442,10 +463,13 @@ impl Control {
     /// # Errors
     /// [`ControlError`] if the driver's rate differs or the real-time side does not read.
     pub fn swap(&mut self, plan: Arc<Plan>) -> Result<Change, ControlError> {
-        self.swap_with(plan, TapRings::default())
+        let prepared = self.prepare(plan, TapRings::default())?;
+        self.put(prepared)
     }
 
-    pub(super) fn swap_with(&mut self, plan: Arc<Plan>, rings: TapRings) -> Result<Change, ControlError> {
+    /// Lays out how a plan takes over. Nothing that runs knows of it yet; until something else is sent, [`Control::put`]
+    /// finds room for it.
+    pub(super) fn prepare(&self, plan: Arc<Plan>, rings: TapRings) -> Result<Prepared, ControlError> {
         if plan.driver_rate() != self.plan.driver_rate() {
             return Err(ControlError::OtherRate);
         }
@@ -476,6 +500,22 @@ impl Control {
         let load = self.meters.load(plan.driver_rate().hz());
         let has_time = TOGETHER * load <= 1.0;
         let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        Ok(Prepared {
+            next,
+            plan,
+            settings,
+            changes,
+        })
+    }
+
+    /// Puts what was prepared in the place of the plan that runs.
+    pub(super) fn put(&mut self, prepared: Prepared) -> Result<Change, ControlError> {
+        let Prepared {
+            next,
+            plan,
+            settings,
+            changes,
+        } = prepared;
         let transfer = next.transfer;
         self.send(Command::Swap(next))?;
         (self.plan, self.settings) = (plan, settings);
@@ -487,11 +527,6 @@ impl Control {
             Transfer::CrossFade => Change::CrossFade,
             Transfer::AtZero(obstacle) => Change::AtZero(obstacle),
         })
-    }
-
-    /// Will a plan certainly be taken, with all that was set by hand?
-    pub(super) fn has_room_for(&self, plan: &Plan) -> bool {
-        self.commands.slots() > plan.live.len()
     }
 
     /// The plan that runs, or will when the last swap is done.

@@ -1,17 +1,20 @@
 //! A live run as a whole but for its driver: what it is controlled by, the files it writes, and what is known of it at
 //! the end.
 
+mod change;
+
+pub use change::{ChangeError, Changed};
+
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, SettingWriter};
 use super::fleet::join;
-use super::live::{Change, Control, ControlError, Live, LiveState, live};
+use super::live::{Control, ControlError, Live, LiveState, live};
 use super::meter::Meters;
-use super::outlets::{Outlets, WriteError, Written, file_ports, stream};
+use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
-use crate::graph::{Graph, LiveSetting, Work};
+use crate::graph::LiveSetting;
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
-use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,33 +47,6 @@ struct Entry {
     sink: Option<PathBuf>,
     streams: Vec<Stream>,
     running: bool,
-}
-
-/// What putting another graph in place did.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Changed {
-    /// How the graphs differed.
-    pub change: Change,
-    /// What is written from now on.
-    pub begun: Vec<PathBuf>,
-    /// What is complete, as the new graph does not have it.
-    pub ended: Vec<PathBuf>,
-    /// What would have to be begun again, and is not: it holds other signals.
-    pub left_out: Vec<PathBuf>,
-}
-
-/// Why another graph was not put in place.
-#[derive(Debug, thiserror::Error)]
-pub enum ChangeError {
-    /// It does not go with what runs.
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// A file of it cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// It differs in more than live settings from a graph with several drivers, or is one.
-    #[error("a graph with several drivers takes over live settings only; the rest needs a new run")]
-    SeveralDrivers,
 }
 
 /// What a live run did.
@@ -129,14 +105,11 @@ impl Session {
             entries: Vec::new(),
             taps: vec![(0, 0); outlets.taps.len()],
         };
-        let mut outs: Vec<Option<Consumer<f64>>> = outlets.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         for plan in Plan::all(outlets.graph, &plan_options) {
             let plan = Arc::new(plan);
-            let (rings, far) = TapRings::new(&plan, |_| true);
-            for (place, far) in plan.tap_places.iter().zip(far) {
-                outs[*place] = far;
-            }
+            let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live(Arc::clone(&plan));
             live.send_taps_through(rings);
             if let Some(seconds) = options.seconds {
@@ -182,6 +155,11 @@ impl Session {
         all
     }
 
+    /// Old plans that came home to be freed.
+    pub fn freed(&self) -> u64 {
+        self.controls.iter().map(Control::freed).sum()
+    }
+
     /// What is known of the rings between its drivers now.
     pub fn rings(&self) -> impl Iterator<Item = RingReport> {
         self.rings.iter().map(|meter| RingReport::of(meter))
@@ -208,115 +186,6 @@ impl Session {
         let knows = |control: &&mut Control| control.settings().iter().any(|live| live.name() == name);
         let control = self.controls.iter_mut().find(knows);
         control.ok_or(ControlError::NotLive)?.set_by_name(name, value)
-    }
-
-    /// Puts another graph in place of the one that runs. Files that both write go on; new ones are opened in
-    /// `folder`, and what the new graph has no more is completed.
-    ///
-    /// # Errors
-    /// [`ChangeError`]; the graph that runs goes on.
-    pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
-        let mut outlets = Outlets::new(graph);
-        let mut kept = Vec::new();
-        let mut places = Vec::new();
-        let mut ended = Vec::new();
-        for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
-            let Some(ports) = entry.ports_in(graph) else {
-                ended.push(number);
-                continue;
-            };
-            for (stream, port) in ports.into_iter().enumerate() {
-                let old = self.taps.iter().position(|tap| *tap == (number, stream));
-                kept.extend(old.map(|old| (old, outlets.taps.len())));
-                outlets.taps.push(port);
-                places.push((number, stream));
-            }
-        }
-        let mut left_out = Vec::new();
-        for (index, file) in files(graph) {
-            match self
-                .entries
-                .iter()
-                .position(|entry| entry.sink.as_deref() == Some(file))
-            {
-                None => {
-                    if let Err(error) = outlets.open_file(index, folder) {
-                        outlets.take_back();
-                        return Err(error.into());
-                    }
-                }
-                Some(known) if ended.contains(&known) || !self.entries[known].running => {
-                    left_out.push(self.entries[known].what.clone());
-                }
-                Some(_) => {}
-            }
-        }
-        let begun = outlets
-            .written
-            .iter()
-            .map(|written| written.what.clone())
-            .collect();
-        let options = PlanOptions {
-            block: self.block,
-            taps: outlets.taps.clone(),
-        };
-        if self.controls.len() > 1 || graph.drivers().len() > 1 {
-            let changed = self.change_settings(Plan::all(graph, &options));
-            if changed.is_err() {
-                outlets.take_back();
-            }
-            return changed;
-        }
-        let plan = Arc::new(Plan::new(graph, &options));
-        let goes_on = |place: usize| kept.iter().any(|(_, new)| *new == place);
-        let (mut rings, outs) = TapRings::new(&plan, |place| !goes_on(place));
-        rings.kept.clone_from(&kept);
-        let change = match self.controls[0].swap_with(plan, rings) {
-            Ok(change) => change,
-            Err(error) => {
-                outlets.take_back();
-                return Err(error.into());
-            }
-        };
-        for number in &ended {
-            self.entries[*number].running = false;
-        }
-        places.resize(outlets.taps.len(), (0, 0));
-        self.taps = places;
-        self.write(outlets, outs);
-        let ended = ended.iter().map(|number| self.entries[*number].what.clone());
-        Ok(Changed {
-            change,
-            begun,
-            ended: ended.collect(),
-            left_out,
-        })
-    }
-
-    /// Puts plans in place that differ from those that run in live settings at most.
-    fn change_settings(&mut self, plans: Vec<Plan>) -> Result<Changed, ChangeError> {
-        let mut pairs = self.controls.iter().zip(&plans);
-        let same = pairs.all(|(control, plan)| control.plan().is_same_as(plan));
-        if !same || plans.len() != self.controls.len() {
-            return Err(ChangeError::SeveralDrivers);
-        }
-        // All of them take it or none does.
-        let mut pairs = self.controls.iter().zip(&plans);
-        if !pairs.all(|(control, plan)| control.has_room_for(plan)) {
-            return Err(ControlError::Full.into());
-        }
-        let mut settings = 0;
-        for (control, plan) in self.controls.iter_mut().zip(plans) {
-            if let Change::Settings(count) = control.swap_with(Arc::new(plan), TapRings::default())? {
-                settings += count;
-            }
-        }
-        Ok(Changed {
-            change: Change::Settings(settings),
-            begun: Vec::new(),
-            ended: Vec::new(),
-            left_out: Vec::new(),
-        })
     }
 
     /// Hands writers and the far ends of their rings to the writing thread.
@@ -389,46 +258,15 @@ impl Session {
     }
 }
 
-impl Entry {
-    /// The ports of a graph that carry what is written here, if it has them all.
-    fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeIndex, usize)>> {
-        if let Some(sink) = &self.sink {
-            let (index, _) = files(graph).find(|(_, file)| file == sink)?;
-            let ports = file_ports(graph, index);
-            let same = ports.len() == self.streams.len()
-                && ports
-                    .iter()
-                    .zip(&self.streams)
-                    .all(|(port, known)| carries(graph, *port, known));
-            return same.then_some(ports);
-        }
-        self.streams.iter().map(|known| find(graph, known)).collect()
+/// The rings of a plan's taps, but for those that are kept from an old one; their far ends go to `outs`, by the place of
+/// each tap among all drivers' taps.
+fn tap_rings(plan: &Plan, kept: Vec<(usize, usize)>, outs: &mut [Option<Consumer<f64>>]) -> TapRings {
+    let (mut rings, far) = TapRings::new(plan, |place| kept.iter().all(|(_, new)| *new != place));
+    for (place, far) in plan.tap_places.iter().zip(far) {
+        outs[*place] = far;
     }
-}
-
-fn files(graph: &Graph) -> impl Iterator<Item = (NodeIndex, &Path)> {
-    graph
-        .nodes
-        .node_indices()
-        .filter_map(|index| match &graph.nodes[index].work {
-            Work::File(sink) => Some((index, sink.file_name())),
-            _ => None,
-        })
-}
-
-fn find(graph: &Graph, known: &Stream) -> Option<(NodeIndex, usize)> {
-    let ports = graph
-        .nodes
-        .node_indices()
-        .flat_map(|index| (0..graph.nodes[index].outputs.len()).map(move |output| (index, output)));
-    let mut same = ports.filter(|port| carries(graph, *port, known));
-    same.next()
-}
-
-fn carries(graph: &Graph, port: (NodeIndex, usize), known: &Stream) -> bool {
-    let found = stream(graph, port);
-    let simulated = known.simulated;
-    Stream { simulated, ..found } == *known
+    rings.kept = kept;
+    rings
 }
 
 impl Run {

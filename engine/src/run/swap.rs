@@ -21,6 +21,9 @@ pub(super) struct Next {
     pub(super) actuators: Vec<(usize, usize)>,
     /// Those of the new plan whose device the old one did not drive.
     pub(super) strangers: Vec<usize>,
+    /// Ends of rings to other drivers that go on; the other ends are the new plan's own.
+    pub(super) readers: Vec<(usize, usize)>,
+    pub(super) writers: Vec<(usize, usize)>,
 }
 
 /// How a plan takes over.
@@ -121,8 +124,17 @@ impl Next {
             actuators,
             processors,
             rings,
+            readers: Vec::new(),
+            writers: Vec::new(),
             transfer,
             run: Run::new(plan),
+        }
+    }
+
+    /// It has ends of rings that the old plan had not: its state is not the old one's as a whole, whatever its graph is.
+    pub(super) fn gets_new_rings(&mut self) {
+        if self.transfer == Transfer::Everything {
+            self.transfer = Transfer::AtZero(AtZero::Drivers);
         }
     }
 
@@ -163,6 +175,12 @@ impl Next {
         for new_at in &self.strangers {
             // A plan before the old one may have, or the device has another name now.
             new.actuators[*new_at].limiter.begin_spent();
+        }
+        for (from, to) in &self.readers {
+            std::mem::swap(&mut old.links.readers[*from], &mut new.links.readers[*to]);
+        }
+        for (from, to) in &self.writers {
+            std::mem::swap(&mut old.links.writers[*from], &mut new.links.writers[*to]);
         }
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);

@@ -1,6 +1,7 @@
 //! The engine against its definition: random graphs, evaluated tick by tick from whole histories.
 
 mod arrivals;
+mod change;
 mod fleet;
 mod live;
 mod naive;

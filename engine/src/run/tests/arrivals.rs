@@ -3,7 +3,7 @@
 use super::fleet::{all_bits, graphs, listening};
 use super::world::random_graph;
 use crate::graph::{Bridge, Graph, Work};
-use crate::run::{Change, ChangeError, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
+use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -266,22 +266,4 @@ fn a_replay_refuses_a_graph_that_would_give_other_samples() {
         "{told}"
     );
     assert!(refused(|graph| graph.seed += 1).contains("`seed` is not as it was"));
-}
-
-#[test]
-fn the_same_graph_takes_over_and_another_one_needs_a_new_run() {
-    let mut all = graphs();
-    let ((_, graph), (_, other)) = (all.next().unwrap(), all.next().unwrap());
-    let (outlets, _) = listening(&graph);
-    let (mut lives, mut session) = Session::open_all(outlets, &LiveOptions::default(), None).unwrap();
-    let run =
-        |lives: &mut Vec<crate::run::Live>| lives.iter_mut().for_each(|live| live.callback(50, |_, _| {}));
-    run(&mut lives);
-    let changed = session.change(&graph, Path::new(".")).unwrap();
-    assert_eq!(changed.change, Change::Settings(0));
-    run(&mut lives);
-    let refused = session.change(&other, Path::new(".")).unwrap_err();
-    assert!(matches!(refused, ChangeError::SeveralDrivers), "{refused}");
-    run(&mut lives);
-    assert!(lives.iter().all(|live| live.run().driver_frames() == 150));
 }

@@ -152,15 +152,45 @@ struct World {
 
 /// A graph from `seed`, its nodes added in an order from `shuffle`.
 pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
-    random_world(seed, shuffle, 1)
+    let (world, device_clock) = random_world(seed, 1);
+    world.finish(shuffle, device_clock)
 }
 
 /// A graph whose clocks hang from up to three drivers, in an order from the seed.
 pub fn random_graph_with_drivers(seed: u64) -> Graph {
-    random_world(seed, seed, 3)
+    let (world, device_clock) = random_world(seed, 3);
+    world.finish(seed, device_clock)
 }
 
-fn random_world(seed: u64, shuffle: u64, most_drivers: usize) -> Graph {
+/// The same with two nodes more, in another order: from any other node a ring leads to the first, from there one to the
+/// second, if there are drivers for that.
+pub fn with_rings_more(seed: u64) -> Option<Graph> {
+    let (mut world, device_clock) = random_world(seed, 3);
+    let mut from = 0;
+    for _ in 0..2 {
+        let own = world.drivers[world.nodes[from].clock?];
+        let used = |driver: usize| {
+            let mut clocks = world.nodes.iter().filter_map(|node| node.clock);
+            clocks.any(|clock| world.drivers[clock] == driver)
+        };
+        let to = (0..world.rates.len()).find(|clock| {
+            let driver = world.drivers[*clock];
+            driver != own && used(driver)
+        })?;
+        let work = Work::Process(Box::new(Leaky {
+            kept: 0.0,
+            weight: 0.7,
+            held: Vec::new(),
+        }));
+        let node = world.node(to, work);
+        let ring = world.ring(world.nodes[from].clock?, to);
+        world.connect(from, node, ring, false);
+        from = node;
+    }
+    Some(world.finish(seed + 1, device_clock))
+}
+
+fn random_world(seed: u64, most_drivers: usize) -> (World, Option<usize>) {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut rates: Vec<Rate> = vec![Rate::from_hz(1000).unwrap()];
     let choices = [
@@ -202,7 +232,7 @@ fn random_world(seed: u64, shuffle: u64, most_drivers: usize) -> Graph {
         world.leaky();
     }
     let device_clock = world.loops();
-    world.finish(shuffle, device_clock)
+    (world, device_clock)
 }
 
 impl World {

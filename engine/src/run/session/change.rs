@@ -1,0 +1,267 @@
+//! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
+
+use super::super::RingMeter;
+use super::super::fleet::rejoin;
+use super::super::live::{Change, Control, ControlError, Prepared};
+use super::super::outlets::{Outlets, WriteError, file_ports, stream};
+use super::super::swap::Next;
+use super::{Entry, Session, tap_rings};
+use crate::graph::{Graph, Work};
+use crate::node::Stream;
+use crate::plan::{Plan, PlanOptions};
+use petgraph::graph::NodeIndex;
+use rtrb::Consumer;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What putting another graph in place did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Changed {
+    /// How the graphs differed.
+    pub change: Change,
+    /// What is written from now on.
+    pub begun: Vec<PathBuf>,
+    /// What is complete, as the new graph does not have it.
+    pub ended: Vec<PathBuf>,
+    /// What would have to be begun again, and is not: it holds other signals.
+    pub left_out: Vec<PathBuf>,
+}
+
+/// Why another graph was not put in place.
+#[derive(Debug, thiserror::Error)]
+pub enum ChangeError {
+    /// It does not go with what runs.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// A file of it cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// Its drivers are not those that run.
+    #[error("its drivers are {wanted} now, and {running} run; that needs a new run")]
+    OtherDrivers {
+        /// Those that run, with their rates.
+        running: String,
+        /// Its own.
+        wanted: String,
+    },
+}
+
+/// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
+/// new ones is, and the entries that do not.
+#[derive(Default)]
+struct GoesOn {
+    kept: Vec<(usize, usize)>,
+    places: Vec<(usize, usize)>,
+    ended: Vec<usize>,
+}
+
+/// A new graph, ready to take over.
+struct Ready {
+    /// By driver.
+    plans: Vec<Prepared>,
+    rings: Vec<Arc<RingMeter>>,
+    /// Far ends of the rings of taps that are new.
+    outs: Vec<Option<Consumer<f64>>>,
+}
+
+impl Session {
+    /// Puts another graph in place of the one that runs. Files that both write go on; new ones are opened in
+    /// `folder`, and what the new graph has no more is completed. All drivers take it, each when it is ready, or none does.
+    ///
+    /// # Errors
+    /// [`ChangeError`]; the graph that runs goes on.
+    pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
+        let mut outlets = Outlets::new(graph);
+        let goes_on = self.carry_on(&mut outlets);
+        let ready = self
+            .open_new(&mut outlets, &goes_on.ended, folder)
+            .map_err(ChangeError::from)
+            .and_then(|left_out| Ok((left_out, self.prepare(&outlets, &goes_on.kept)?)));
+        let (left_out, ready) = match ready {
+            Ok(ready) => ready,
+            Err(error) => {
+                outlets.take_back();
+                return Err(error);
+            }
+        };
+        let mut change = Change::Settings(0);
+        for (control, plan) in self.controls.iter_mut().zip(ready.plans) {
+            change = change.and(control.put(plan)?);
+        }
+        self.rings = ready.rings;
+        self.taps = goes_on.places;
+        self.taps.resize(outlets.taps.len(), (0, 0));
+        let begun = outlets.written.iter().map(|written| written.what.clone());
+        let begun = begun.collect();
+        self.write(outlets, ready.outs);
+        let ended = goes_on.ended.iter().map(|number| {
+            let entry = &mut self.entries[*number];
+            entry.running = false;
+            entry.what.clone()
+        });
+        Ok(Changed {
+            change,
+            begun,
+            ended: ended.collect(),
+            left_out,
+        })
+    }
+
+    /// Taps what goes on in a new graph.
+    fn carry_on(&self, outlets: &mut Outlets<'_>) -> GoesOn {
+        let mut goes_on = GoesOn::default();
+        for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
+            let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
+            let ports = entry.ports_in(outlets.graph).filter(|ports| {
+                // The ring of a stream stays with its driver.
+                let stays = |(stream, port): (usize, &(NodeIndex, usize))| {
+                    old(stream).is_some_and(|old| self.has_tap(outlets.graph, *port, old))
+                };
+                ports.iter().enumerate().all(stays)
+            });
+            let Some(ports) = ports else {
+                goes_on.ended.push(number);
+                continue;
+            };
+            for (stream, port) in ports.into_iter().enumerate() {
+                goes_on
+                    .kept
+                    .extend(old(stream).map(|old| (old, outlets.taps.len())));
+                outlets.taps.push(port);
+                goes_on.places.push((number, stream));
+            }
+        }
+        goes_on
+    }
+
+    /// Does a new graph's port hang from the driver that has a tap of the present plans?
+    fn has_tap(&self, graph: &Graph, port: (NodeIndex, usize), tap: usize) -> bool {
+        let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
+        let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))
+        else {
+            return false;
+        };
+        self.controls.len() == 1 || control.plan().driver_name() == graph.clocks()[driver].name
+    }
+
+    /// Opens the files that a new graph has more; returns those that would have to be begun again.
+    fn open_new(
+        &self,
+        outlets: &mut Outlets<'_>,
+        ended: &[usize],
+        folder: &Path,
+    ) -> Result<Vec<PathBuf>, WriteError> {
+        let mut left_out = Vec::new();
+        for (index, file) in files(outlets.graph) {
+            let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
+            match self.entries.iter().position(known) {
+                None => outlets.open_file(index, folder)?,
+                Some(known) if ended.contains(&known) || !self.entries[known].running => {
+                    left_out.push(self.entries[known].what.clone());
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(left_out)
+    }
+
+    /// Lays out a new graph for all drivers, with the rings between them and to the files.
+    fn prepare(&self, outlets: &Outlets<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
+        let options = PlanOptions {
+            block: self.block,
+            taps: outlets.taps.clone(),
+        };
+        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
+        let mut plans = Vec::new();
+        for (control, plan) in self
+            .controls
+            .iter()
+            .zip(self.by_driver(Plan::all(outlets.graph, &options))?)
+        {
+            let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
+            let own = kept
+                .iter()
+                .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
+            let rings = tap_rings(&plan, own.collect(), &mut outs);
+            plans.push(control.prepare(Arc::new(plan), rings)?);
+        }
+        let before: Vec<Arc<Plan>> = self
+            .controls
+            .iter()
+            .map(|control| Arc::clone(control.plan()))
+            .collect();
+        let mut next: Vec<&mut Next> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
+        let rings = rejoin(&before, &self.rings, &mut next);
+        Ok(Ready { plans, rings, outs })
+    }
+
+    /// The plans of a new graph in the order of the drivers that run.
+    fn by_driver(&self, mut plans: Vec<Plan>) -> Result<Vec<Plan>, ChangeError> {
+        if let ([_], [_]) = (&self.controls[..], &plans[..]) {
+            return Ok(plans);
+        }
+        let known = |plan: &Plan| {
+            let same = |control: &Control| {
+                let running = control.plan();
+                (running.driver_name(), running.driver_rate()) == (plan.driver_name(), plan.driver_rate())
+            };
+            self.controls.iter().position(same)
+        };
+        if plans.len() != self.controls.len() || !plans.iter().all(|plan| known(plan).is_some()) {
+            return Err(ChangeError::OtherDrivers {
+                running: drivers(self.controls.iter().map(|control| &**control.plan())),
+                wanted: drivers(plans.iter()),
+            });
+        }
+        plans.sort_by_key(known);
+        Ok(plans)
+    }
+}
+
+/// `audio at 48000 Hz and servo at 1000 Hz`
+fn drivers<'p>(plans: impl Iterator<Item = &'p Plan>) -> String {
+    let each = plans.map(|plan| format!("{} at {}", plan.driver_name(), plan.driver_rate()));
+    each.collect::<Vec<_>>().join(" and ")
+}
+
+impl Entry {
+    /// The ports of a graph that carry what is written here, if it has them all.
+    fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeIndex, usize)>> {
+        if let Some(sink) = &self.sink {
+            let (index, _) = files(graph).find(|(_, file)| file == sink)?;
+            let ports = file_ports(graph, index);
+            let same = ports.len() == self.streams.len()
+                && ports
+                    .iter()
+                    .zip(&self.streams)
+                    .all(|(port, known)| carries(graph, *port, known));
+            return same.then_some(ports);
+        }
+        self.streams.iter().map(|known| find(graph, known)).collect()
+    }
+}
+
+fn files(graph: &Graph) -> impl Iterator<Item = (NodeIndex, &Path)> {
+    graph
+        .nodes
+        .node_indices()
+        .filter_map(|index| match &graph.nodes[index].work {
+            Work::File(sink) => Some((index, sink.file_name())),
+            _ => None,
+        })
+}
+
+fn find(graph: &Graph, known: &Stream) -> Option<(NodeIndex, usize)> {
+    let ports = graph
+        .nodes
+        .node_indices()
+        .flat_map(|index| (0..graph.nodes[index].outputs.len()).map(move |output| (index, output)));
+    let mut same = ports.filter(|port| carries(graph, *port, known));
+    same.next()
+}
+
+fn carries(graph: &Graph, port: (NodeIndex, usize), known: &Stream) -> bool {
+    let found = stream(graph, port);
+    let simulated = known.simulated;
+    Stream { simulated, ..found } == *known
+}
