@@ -474,3 +474,109 @@ fn what_was_typed_while_it_ran_is_repeated_bit_for_bit() {
         "{kept}"
     );
 }
+
+#[test]
+fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.ron");
+    let text = fs::read_to_string(shipped("two-drivers.ron"))
+        .unwrap()
+        .replace("\"parts/", &format!("\"{}/", shipped("parts")))
+        .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
+    let more = r#""further": Gain(clock: "hand", input: Ring(from: "moves", latency_ms: 14), gain: 2),
+        "more": CsvSink(inputs: ["further"], file: "more.csv"),
+        "crossed":"#;
+    let further = text.replace("\"crossed\":", more);
+    fs::write(&path, &text).unwrap();
+    let common = ["run", "two.ron", "--endpoints", "simulated"];
+    let live = [&common[..], &["--live", "--watch", "--out", "out"]].concat();
+    let mut run = Running::start(folder.path(), &live);
+    let renamed = further
+        .replace("\"servo\"", "\"timer\"")
+        .replace("more.csv", "never.csv");
+    fs::write(&path, renamed).unwrap();
+    run.wait_for("audio at 48000 Hz and timer at 1000 Hz now");
+    assert!(run.said().contains("that needs a new run"), "{}", run.said());
+    fs::write(&path, further).unwrap();
+    run.wait_for("more.csv begins");
+    std::thread::sleep(Duration::from_millis(300));
+    fs::write(&path, &text).unwrap();
+    run.wait_for("more.csv is complete");
+    std::thread::sleep(Duration::from_millis(300));
+    let told = run.stop();
+    assert!(
+        told.contains("the graph changed, through zero as there are several drivers"),
+        "{told}"
+    );
+    let out = folder.path().join("out");
+    assert!(!out.join("never.csv").exists());
+    let facts = facts(&out);
+    let audio_frames = facts["driver_frames"].as_u64().unwrap();
+    let rows = |file: &str| fs::read_to_string(out.join(file)).unwrap().lines().count() as u64 - 1;
+    assert_eq!(rows("crossed.csv"), audio_frames.div_ceil(48));
+    assert_eq!(
+        samples(&out.join("texture.wav")).len() as u64,
+        (audio_frames * 10).div_ceil(48)
+    );
+    assert!((100..rows("crossed.csv")).contains(&rows("more.csv")), "{told}");
+    assert_eq!(facts["rings"].as_object().unwrap().len(), 2);
+    // It is repeated up to the first change.
+    let replay = succeed(
+        folder.path(),
+        &[&common[..], &["--replay", "out", "--out", "replay"]].concat(),
+    );
+    let told = String::from_utf8_lossy(&replay.stderr);
+    assert!(told.contains("took over while it ran, times: 2"), "{told}");
+    for file in ["crossed.csv", "hand.csv"] {
+        let of = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+        assert!(
+            of("replay").len() > 400 && of("out").starts_with(&of("replay")),
+            "{file}"
+        );
+    }
+}
+
+#[test]
+fn a_file_by_another_name_takes_over_from_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    fs::write(&path, TONE).unwrap();
+    let mut run = Running::start(
+        folder.path(),
+        &["run", "tone.ron", "--live", "--watch", "--out", "out"],
+    );
+    fs::write(&path, TONE.replace("loud.wav", "later.wav")).unwrap();
+    run.wait_for("later.wav begins; loud.wav is complete");
+    std::thread::sleep(Duration::from_millis(300));
+    run.stop();
+    let out = folder.path().join("out");
+    let (before, after) = (samples(&out.join("loud.wav")), samples(&out.join("later.wav")));
+    assert!(!before.is_empty() && after.len() > 100);
+    // Not a frame is lost between them.
+    assert_eq!(facts(&out)["driver_frames"], before.len() + after.len());
+}
+
+#[test]
+fn a_device_stays_with_its_driver() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("g.ron");
+    let graph = |driver: &str, other: &str| {
+        format!(
+            r#"Graph(format: 1, clocks: {{ "a": Driver(rate_hz: 1000), "b": Driver(rate_hz: 1000) }},
+            nodes: {{
+                "c": Constant(clock: "{driver}", value: 0.1, quantity: "current"),
+                "out": ActuatorSink(current: "c", endpoint: "h", limit: (peak_a: 1, continuous_a: 1)),
+                "d": Constant(clock: "{other}", value: 1, quantity: "number"),
+            }},
+            endpoints: {{ "simulated": {{ "h": SimulatedHaptuator() }} }})"#
+        )
+    };
+    fs::write(&path, graph("a", "b")).unwrap();
+    let mut run = Running::start(
+        folder.path(),
+        &["run", "g.ron", "--live", "--watch", "--out", "out"],
+    );
+    fs::write(&path, graph("b", "a")).unwrap();
+    run.wait_for("`h` is driven by b now, and was not; that needs a new run");
+    run.stop();
+}

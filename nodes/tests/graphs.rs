@@ -9,7 +9,7 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, Fleet, LiveOptions, Outlets, Run, Session, live};
+use haptograph_engine::run::{AtZero, Change, Fleet, LiveOptions, Outlets, Run, Session, live};
 use petgraph::graph::NodeIndex;
 use realtime::allocations;
 use std::convert::Infallible;
@@ -167,7 +167,17 @@ fn no_callback_of_a_swap_allocates() {
     assert!(faded >= 3, "{faded} graphs faded into another");
 }
 
-/// Every driver's callback, with its looks at the rings, what it keeps for a replay, and a setting that glides.
+/// With other rings between its drivers.
+fn with_other_rings(path: &Path) -> Graph {
+    let longer = CheckOptions {
+        set: vec![("latency_ms".into(), "14".into())],
+        ..CheckOptions::default()
+    };
+    graph_with(path, &longer).unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+/// Every driver's callback, with its looks at the rings, what it keeps for a replay, a setting that glides, and graphs
+/// that take over: one with the same rings and one with others.
 #[test]
 fn no_callback_of_several_drivers_allocates() {
     let folder = tempfile::tempdir().unwrap();
@@ -186,6 +196,15 @@ fn no_callback_of_several_drivers_allocates() {
             if wake == 300 {
                 session.set_by_name(&setting, 0.5).unwrap();
             }
+            let next = match wake {
+                100 => Some(another_graph(&path)),
+                200 => Some(with_other_rings(&path)),
+                _ => None,
+            };
+            if let Some(next) = next {
+                let changed = session.change(&next, folder.path()).unwrap();
+                assert_eq!(changed.change, Change::AtZero(AtZero::Drivers));
+            }
             for (driver, live) in lives.iter_mut().enumerate() {
                 let frames = (live.run().rate_hz() / 1000.0) as usize;
                 // At the end each of them alone: rings run dry, and over.
@@ -195,6 +214,8 @@ fn no_callback_of_several_drivers_allocates() {
                 }
             }
         }
+        session.poll();
+        assert_eq!(session.freed(), 2 * lives.len() as u64);
         let ended = session.finish_all(lives);
         assert!(
             ended

@@ -264,6 +264,12 @@ impl Plan {
             && device_keys(self) == device_keys(other)
     }
 
+    /// The devices that its nodes read or drive; it lists those of all drivers.
+    pub(crate) fn used_devices(&self) -> impl Iterator<Item = &str> {
+        let used = |device: &&DevicePlan| !device.reads.is_empty() || !device.driven_by.is_empty();
+        self.devices.iter().filter(used).map(|device| &*device.name)
+    }
+
     pub(crate) fn inputs(&self, step: &Step) -> &[Binding] {
         &self.bindings[step.inputs.start as usize..step.inputs.end as usize]
     }

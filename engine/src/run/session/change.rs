@@ -44,6 +44,14 @@ pub enum ChangeError {
         /// Its own.
         wanted: String,
     },
+    /// A device would be in two plans for a while.
+    #[error("`{device}` is driven by {driver} now, and was not; that needs a new run")]
+    MovedDevice {
+        /// Its name.
+        device: String,
+        /// The driver that it hangs from in the new graph.
+        driver: String,
+    },
 }
 
 /// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
@@ -183,6 +191,7 @@ impl Session {
                 .iter()
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
             let rings = tap_rings(&plan, own.collect(), &mut outs);
+            self.keeps_devices(control, &plan)?;
             plans.push(control.prepare(Arc::new(plan), rings)?);
         }
         let before: Vec<Arc<Plan>> = self
@@ -193,6 +202,24 @@ impl Session {
         let mut next: Vec<&mut Next> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
         let rings = rejoin(&before, &self.rings, &mut next);
         Ok(Ready { plans, rings, outs })
+    }
+
+    /// Refuses a plan that has a device of another driver's.
+    fn keeps_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
+        let others = self
+            .controls
+            .iter()
+            .filter(|other| !std::ptr::eq(*other, control));
+        let theirs = others.flat_map(|other| other.plan().used_devices());
+        for device in theirs {
+            if plan.used_devices().any(|own| own == device) {
+                return Err(ChangeError::MovedDevice {
+                    device: device.to_owned(),
+                    driver: plan.driver_name().to_owned(),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The plans of a new graph in the order of the drivers that run.
