@@ -223,3 +223,31 @@ fn what_is_refused_changes_nothing() {
     driven.run(100);
     assert!(plain.end() == driven.end());
 }
+
+#[test]
+fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
+    let (seed, mut graph) = quiet_graphs().next().unwrap();
+    let own = graph
+        .nodes
+        .node_indices()
+        .filter(|node| graph.driver_of(*node) == graph.drivers().last().copied());
+    let last = own.last().unwrap();
+    graph.nodes[last].live.push((0, 0.7));
+    let name = format!("{}.gain", graph.nodes[last].path);
+    let everything: Vec<String> = graph.nodes.node_weights().map(|node| node.path.clone()).collect();
+    let heard = [false, true].map(|changes| {
+        let mut driven = Driven::new(&graph);
+        driven.run(100);
+        while driven.session.set_by_name(&name, 0.5).is_ok() {}
+        if changes {
+            let refused = driven.change(&with_other_weights(seed, &everything)).unwrap_err();
+            assert!(
+                matches!(refused, ChangeError::Control(ControlError::Full)),
+                "{refused}"
+            );
+        }
+        driven.run(100);
+        driven.end()
+    });
+    assert!(heard[0] == heard[1]);
+}
