@@ -33,6 +33,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..arguments.clone()
     };
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    // What is saved from here on is seen.
+    let watch = arguments.watch.then(|| Watch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
     let wanted = wanted(&graph).map_err(message)?;
     let mut network = Connections::default();
@@ -75,7 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments: arguments.graph.clone(),
         seed: arguments.seed,
         folder: made.kept.folder.path().to_owned(),
-        watch: arguments.watch.then(|| Watch::of(&graph)),
+        watch,
         session,
         network,
         changes: 0,
@@ -342,6 +344,7 @@ impl Attended {
                 return false;
             }
         };
+        let watch = self.watch.as_ref().map(|_| Watch::of(&graph));
         if says == Says::Everything {
             show(&warnings(&graph), says);
         }
@@ -368,7 +371,8 @@ impl Attended {
                 if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
                     remark(&told(&changed, began.elapsed()));
                 }
-                self.look_at(&graph);
+                // A changed graph may read other files.
+                self.watch = watch;
                 self.limits = limits;
                 true
             }
@@ -376,13 +380,6 @@ impl Attended {
                 says.refusal(&format!("the graph stays as it was: {error}\n"));
                 false
             }
-        }
-    }
-
-    /// A changed graph may read other files.
-    fn look_at(&mut self, graph: &Graph) {
-        if let Some(watch) = &mut self.watch {
-            *watch = Watch::of(graph);
         }
     }
 }
