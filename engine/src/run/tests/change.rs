@@ -227,11 +227,9 @@ fn what_is_refused_changes_nothing() {
 #[test]
 fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
     let (seed, mut graph) = quiet_graphs().next().unwrap();
-    let own = graph
-        .nodes
-        .node_indices()
-        .filter(|node| graph.driver_of(*node) == graph.drivers().last().copied());
-    let last = own.last().unwrap();
+    let driver = graph.drivers().last().copied();
+    let mut nodes = graph.nodes.node_indices();
+    let last = nodes.rfind(|node| graph.driver_of(*node) == driver).unwrap();
     graph.nodes[last].live.push((0, 0.7));
     let name = format!("{}.gain", graph.nodes[last].path);
     let everything: Vec<String> = graph.nodes.node_weights().map(|node| node.path.clone()).collect();
