@@ -1,4 +1,5 @@
 use super::*;
+use crate::simulated::orientation::from_rotation_vector;
 use crate::vector::{norm, sub};
 use haptograph_signal::time::Rate;
 
