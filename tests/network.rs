@@ -75,4 +75,12 @@ fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
         "{facts}"
     );
     assert_eq!(facts["simulated"], false);
+    let latency = &facts["latencies_ms"]["arm to out"];
+    let age_ms = latency["age_when_read"]["p50"].as_f64().unwrap();
+    // Older than 2 s it counts as gone. How long the device takes to be driven is not known here.
+    assert!(
+        age_ms < 2000.0 && latency["until_played"].is_null(),
+        "{latency:#}"
+    );
+    assert!(latency["transport"]["max"].as_f64().unwrap() >= age_ms);
 }

@@ -5,7 +5,7 @@
 
 use crate::frame::Kind;
 use crate::node::{BuildContext, BuildError};
-use crate::run::SharedHistogram;
+use crate::run::AgeMeter;
 use crate::settings::{SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 use std::any::Any;
@@ -62,7 +62,7 @@ pub trait Device: CloneDevice + Send + Sync {
         DeviceLatency::default()
     }
     /// How old what it senses is when it is read, if somebody measures that.
-    fn ages(&self) -> Option<Arc<SharedHistogram>> {
+    fn ages(&self) -> Option<Arc<AgeMeter>> {
         None
     }
 }

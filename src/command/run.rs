@@ -5,6 +5,7 @@ mod console;
 mod driver;
 mod drivers;
 pub mod folder;
+mod latency;
 mod live;
 mod outputs;
 mod replay;

@@ -287,13 +287,18 @@ const LOOP: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000)
         "out": ActuatorSink(current: "tone", endpoint: "haptuator", limit: (peak_a: 1, continuous_a: 1)),
         "felt": Accelerometer(clock: "audio", endpoint: "haptuator"),
         "kept": WavSink(input: "felt", file: "felt.wav", full_scale: 1),
+        "echo": Calibrate(input: "felt", from: "acceleration", to: "current", factor: 0.01),
+        "shake": ActuatorSink(current: "echo", endpoint: "shaker", limit: (peak_a: 1, continuous_a: 1)),
     },
     endpoints: {
-        "simulated": { "haptuator": SimulatedHaptuator() },
-        "live": { "haptuator": SoundcardHaptuator(
-            amperes_full_scale: 2.0, buffer_frames: 2048,
-            accelerometer: (m_s2_full_scale: 50.0, buffer_frames: 2048, latency_ms: 200),
-        ) },
+        "simulated": { "haptuator": SimulatedHaptuator(), "shaker": SimulatedHaptuator() },
+        "live": {
+            "haptuator": SoundcardHaptuator(
+                amperes_full_scale: 2.0, buffer_frames: 2048,
+                accelerometer: (m_s2_full_scale: 50.0, buffer_frames: 2048, latency_ms: 200),
+            ),
+            "shaker": Soundcard(amperes_full_scale: 2.0, buffer_frames: 2048, channels: [2]),
+        },
     })"#;
 
 #[test]
@@ -323,6 +328,14 @@ fn what_one_endpoint_plays_another_hears() {
         ring["latency_ms"] == 200.0 && ring["fill_ms"].is_number(),
         "{facts:#}"
     );
+    assert!(told.contains("latency felt -> shake: transport "), "{told}");
+    let latency = &facts["latencies_ms"]["felt to shake"];
+    let at = |part: &str, quantile: &str| latency[part][quantile].as_f64().unwrap();
+    assert!(
+        at("age_when_read", "p50") > 20.0 && latency["held_by_the_graph"] == 0.0,
+        "{latency:#}"
+    );
+    assert!(at("transport", "p99") >= at("age_when_read", "p99") + at("until_played", "p50") - 0.01);
     let heard = samples(&home.path().join("out/felt.wav"));
     // 0.6 A of 2 A at full scale, of 50 m/s2 at full scale; not where the daemon or the machine stood still.
     let right = heard.chunks_exact(4800).filter(|part| {

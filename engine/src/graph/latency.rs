@@ -15,6 +15,8 @@ pub struct PathLatency {
     pub source: String,
     /// Path of the sink.
     pub sink: String,
+    /// Both nodes.
+    pub ends: [NodeIndex; 2],
     /// Whole samples held back: bridges that wait, delays, look-ahead, buffers of devices.
     pub transport_s: f64,
     /// The part of it that the graph itself holds back, between what was read and what is written.
@@ -39,6 +41,7 @@ impl Graph {
                     found.push(PathLatency {
                         source: self.nodes[source].path.clone(),
                         sink: self.nodes[sink].path.clone(),
+                        ends: [source, sink],
                         transport_s: sensing_s + latency.transport_s + driving_s,
                         held_s: latency.transport_s,
                         group_delay_s: latency.group_delay_s,

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Instant;
 
 /// One wake-up of a driver, as the real-time thread reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -111,6 +112,50 @@ impl SharedHistogram {
             counts,
             max_ns: self.max_ns.load(Relaxed),
         }
+    }
+}
+
+/// How old what comes from outside is when it is read, by the clock of the computer. One thread brings news, another
+/// reads them.
+#[derive(Debug)]
+pub struct AgeMeter {
+    since: Instant,
+    newest_ns: AtomicU64,
+    ages: SharedHistogram,
+}
+
+impl Default for AgeMeter {
+    fn default() -> Self {
+        Self {
+            since: Instant::now(),
+            newest_ns: AtomicU64::new(0),
+            ages: SharedHistogram::default(),
+        }
+    }
+}
+
+impl AgeMeter {
+    /// The newest of what has arrived is of this moment. To be called when it can be read already, so that no age is
+    /// taken for less than it is.
+    pub fn news(&self, of: Instant) {
+        self.newest_ns.store(self.ns_at(of), Relaxed);
+    }
+
+    /// Something was read at this moment that is `older_s` older than the newest.
+    pub fn read(&self, now: Instant, older_s: f64) {
+        let newest_ns = self.newest_ns.load(Relaxed);
+        let older_ns = (1e9 * older_s).max(0.0) as u64;
+        self.ages
+            .record(self.ns_at(now).saturating_sub(newest_ns) + older_ns);
+    }
+
+    /// The ages of what was read so far.
+    pub fn ages(&self) -> Histogram {
+        self.ages.read()
+    }
+
+    fn ns_at(&self, at: Instant) -> u64 {
+        at.saturating_duration_since(self.since).as_nanos() as u64
     }
 }
 
@@ -224,6 +269,23 @@ mod tests {
             }
             ns *= 2;
         }
+    }
+
+    #[test]
+    fn ages_are_counted_from_the_newest() {
+        let meter = AgeMeter::default();
+        let begun = Instant::now();
+        let after = |ms| begun + std::time::Duration::from_millis(ms);
+        meter.news(after(10));
+        meter.read(after(15), 0.002);
+        meter.news(after(20));
+        // Read before it came, as far as the clock tells.
+        meter.read(after(19), 0.0);
+        let ages = meter.ages();
+        assert_eq!(
+            (ages.total(), ages.quantile_ns(0.5), ages.max_ns()),
+            (2, 0, 7_000_000)
+        );
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub use link::{
     DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, RingSpec, least_ring_latency_s, link,
 };
 pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
-pub use meter::{Histogram, Meters, SharedHistogram, Wake};
+pub use meter::{AgeMeter, Histogram, Meters, SharedHistogram, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};

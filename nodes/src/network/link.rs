@@ -1,6 +1,9 @@
 //! What a network thread and a ticking thread share: the latest news each way, without locks or waiting.
 
+use haptograph_engine::run::AgeMeter;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
+use std::time::Instant;
 
 /// The latest of something that is N numbers: one thread puts, others look. A look that meets a put is told nothing.
 #[derive(Debug)]
@@ -71,6 +74,8 @@ pub struct Counts {
 pub(super) struct Link {
     pub sensed: Latest<SENSED>,
     pub driven: Latest<DRIVEN>,
+    /// How old what is sensed is when it is read.
+    pub ages: Arc<AgeMeter>,
     counts: [AtomicU64; 6],
 }
 
@@ -90,8 +95,15 @@ impl Link {
         Self {
             sensed: Latest::new(),
             driven: Latest::new(),
+            ages: Arc::default(),
             counts: std::array::from_fn(|_| AtomicU64::new(0)),
         }
+    }
+
+    /// News of what is sensed: known from now on.
+    pub fn tell(&self, sensed: &[f64; SENSED]) {
+        self.sensed.put(sensed);
+        self.ages.news(Instant::now());
     }
 
     pub fn count(&self, what: Count, times: u64) {
@@ -115,7 +127,6 @@ impl Link {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
 
     #[test]
     fn a_look_never_sees_half_of_a_put() {

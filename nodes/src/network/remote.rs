@@ -7,10 +7,11 @@ use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError};
+use haptograph_engine::run::AgeMeter;
 use haptograph_signal::quantity::Quantity;
 use std::net::SocketAddr;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Drives fall to zero in this time when the device is silent or jumps, and rise in it when it is back, s.
 const RAMP_S: f64 = 0.01;
@@ -174,6 +175,8 @@ pub(super) struct Remote {
     /// How much of a force or a drive passes.
     reach: f64,
     driven: [f64; DRIVEN],
+    /// When the driver of a live run woke.
+    woke: Option<Instant>,
 }
 
 impl Remote {
@@ -196,6 +199,7 @@ impl Remote {
             held: 0,
             reach: 0.0,
             driven: [0.0; DRIVEN],
+            woke: None,
         }
     }
 
@@ -222,6 +226,9 @@ impl Device for Remote {
                 self.held = self.timeout_ticks;
             }
             (self.seen, self.latest, self.age) = (version, sensed, 0);
+        }
+        if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
+            self.link.ages.read(woke, 0.0);
         }
         let step = self.period_s / RAMP_S;
         let step = if self.is_silent() || self.held > 0 {
@@ -254,6 +261,14 @@ impl Device for Remote {
         }
         self.link.driven.put(&self.driven);
     }
+
+    fn look(&mut self, now: Instant) {
+        self.woke = Some(now);
+    }
+
+    fn ages(&self) -> Option<Arc<AgeMeter>> {
+        Some(Arc::clone(&self.link.ages))
+    }
 }
 
 #[cfg(test)]
@@ -284,7 +299,7 @@ mod tests {
     fn news(remote: &mut Remote, x_m: f64) {
         let mut sensed = [0.0; SENSED];
         (sensed[0], sensed[8]) = (x_m, 1.5);
-        remote.link.sensed.put(&sensed);
+        remote.link.tell(&sensed);
         remote.advance();
     }
 
@@ -311,6 +326,22 @@ mod tests {
             before = now;
         }
         assert!((before - 2.0).abs() < 1e-9 && (force(&mut remote) - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn ages_are_measured_while_it_speaks() {
+        let mut remote = remote();
+        remote.look(Instant::now());
+        remote.advance();
+        assert_eq!(remote.ages().unwrap().ages().total(), 0);
+        news(&mut remote, 0.0);
+        remote.look(Instant::now() + Duration::from_millis(8));
+        remote.advance();
+        let ages = remote.ages().unwrap().ages();
+        assert!(
+            ages.total() == 2 && (8_000_000..1_000_000_000).contains(&ages.max_ns()),
+            "{ages:?}"
+        );
     }
 
     #[test]

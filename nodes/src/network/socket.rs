@@ -293,7 +293,7 @@ impl<'a> Conversation<'a> {
     fn accept(&mut self, from: SocketAddr) {
         self.device = Some(from);
         self.heard = Some(Instant::now());
-        self.plug.link.sensed.put(&self.sensed);
+        self.plug.link.tell(&self.sensed);
         self.plug.link.count(Count::Accepted, 1);
     }
 

@@ -4,9 +4,8 @@ use super::Request;
 use haptograph_engine::device::{Device, DeviceLatency};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
-use haptograph_engine::run::{LinkReader, LinkWriter, RingSpec, SharedHistogram, least_ring_latency_s, link};
+use haptograph_engine::run::{AgeMeter, LinkReader, LinkWriter, RingSpec, least_ring_latency_s, link};
 use haptograph_signal::time::Rate;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -86,7 +85,7 @@ impl Device for Card {
         }
     }
 
-    fn ages(&self) -> Option<Arc<SharedHistogram>> {
+    fn ages(&self) -> Option<Arc<AgeMeter>> {
         self.input.as_ref().map(|input| Arc::clone(&input.ages))
     }
 }
@@ -184,8 +183,7 @@ pub(crate) struct Input {
     reader: Reader,
     /// The last sample that was taken, in the unit of the sensor.
     latest: f64,
-    captured: Arc<Captured>,
-    ages: Arc<SharedHistogram>,
+    ages: Arc<AgeMeter>,
 }
 
 /// The end of a ring that a running device holds. Its copies hold none: only one may.
@@ -208,26 +206,6 @@ impl Reader {
     /// Nothing is locked: who holds it holds it alone.
     fn get(&mut self) -> Option<&mut LinkReader> {
         self.0.as_mut()?.get_mut().ok()
-    }
-}
-
-/// When the newest sample that has arrived was captured, by the clock of the computer.
-#[derive(Debug)]
-pub(super) struct Captured {
-    since: Instant,
-    ns: AtomicU64,
-}
-
-impl Captured {
-    /// The newest sample is of this moment.
-    pub fn note(&self, at: Instant) {
-        let ns = at.saturating_duration_since(self.since).as_nanos();
-        self.ns.store(ns as u64, Relaxed);
-    }
-
-    fn age_ns(&self, now: Instant) -> u64 {
-        let now_ns = now.saturating_duration_since(self.since).as_nanos() as u64;
-        now_ns.saturating_sub(self.ns.load(Relaxed))
     }
 }
 
@@ -284,10 +262,6 @@ impl Input {
             full_scale,
             reader: Reader::default(),
             latest: 0.0,
-            captured: Arc::new(Captured {
-                since: Instant::now(),
-                ns: AtomicU64::new(0),
-            }),
             ages: Arc::default(),
         })
     }
@@ -300,17 +274,16 @@ impl Input {
             channel: self.channel as usize - 1,
             full_scale: self.full_scale,
             writer,
-            captured: Arc::clone(&self.captured),
+            ages: Arc::clone(&self.ages),
         }
     }
 
     fn look(&mut self, now: Instant) {
-        let captured_ns = self.captured.age_ns(now);
-        let Some(reader) = self.reader.get() else { return };
-        reader.look(reader.arrivals());
-        if reader.is_running() {
-            let waited_ns = 1e9 * reader.fill_s();
-            self.ages.record(captured_ns + waited_ns.max(0.0) as u64);
+        if let Some(reader) = self.reader.get() {
+            reader.look(reader.arrivals());
+            if reader.is_running() {
+                self.ages.read(now, reader.fill_s());
+            }
         }
     }
 
@@ -334,7 +307,7 @@ pub(super) struct Ear {
     pub channel: usize,
     pub full_scale: f64,
     pub writer: LinkWriter,
-    pub captured: Arc<Captured>,
+    pub ages: Arc<AgeMeter>,
 }
 
 fn whole_hz(rate: Rate) -> Option<u32> {

@@ -43,7 +43,7 @@ impl Listener {
                 }
                 ear.writer.write(&heard[..count]);
             }
-            ear.captured.note(began.checked_sub(age).unwrap_or(began));
+            ear.ages.news(began.checked_sub(age).unwrap_or(began));
         }
         self.shared.clipped.fetch_add(clipped, Relaxed);
         self.due.note(began, data.len() / channels, &self.shared);
@@ -250,11 +250,11 @@ mod tests {
         let mut world = World::accelerometer(48_000);
         let ages = world.device.ages().unwrap();
         world.pass(None);
-        assert_eq!(ages.read().total(), 0);
+        assert_eq!(ages.ages().total(), 0);
         for _ in 0..20 {
             world.pass(Some(&sine));
         }
-        let ages = ages.read();
+        let ages = ages.ages();
         // The ring alone holds back nearly as much as declared.
         assert!(ages.total() > 10 && ages.quantile_ns(0.5) > 4_000_000, "{ages:?}");
         assert_eq!(world.shared.counts(0).clipped, 0);

@@ -157,6 +157,7 @@ pub fn quantiles_ms(histogram: &Histogram) -> Value {
     json!({ "p50": at(0.5), "p99": at(0.99), "max": ms(histogram.max_ns()) })
 }
 
-fn ms(ns: u64) -> f64 {
+/// Milliseconds.
+pub fn ms(ns: u64) -> f64 {
     (ns as f64 / 1e3).round() / 1e3
 }

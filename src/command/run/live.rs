@@ -4,6 +4,7 @@
 use super::super::{Failure, GraphArguments, remark, warnings};
 use super::console::{self, Asked, HELP, Typed};
 use super::drivers::Drivers;
+use super::latency;
 use super::summary::Summary;
 use super::watch::Watch;
 use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
@@ -92,6 +93,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
     let heard: Vec<RingReport> = driver.rings().collect();
+    let latencies = latency::measured(&graph, &driver);
+    facts.push((
+        "latencies_ms",
+        "Latencies, measured (ms)",
+        latency::to_json(&latencies),
+    ));
     let lives = driver.join()?;
     facts.push(("changes", "Changed while running", json!(attended.changes)));
     facts.push(("swaps", "Other graphs that took over", json!(attended.swaps)));
@@ -113,6 +120,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
     remark(&format!("{}\n", ended.meters));
+    if !latencies.is_empty() {
+        remark(&format!("{}:\n", latency::BY_WHOSE_CLOCK));
+    }
+    for latency in &latencies {
+        remark(&format!("{}\n", latency.shown()));
+    }
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
     facts.extend(facts_of(&ended));
     notes.extend(warnings_of(&ended));

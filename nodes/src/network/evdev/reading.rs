@@ -194,7 +194,7 @@ pub(in crate::network) fn begin(
                     Ok(news) => {
                         quiet = if news { 0 } else { quiet + 1 };
                         if quiet % ALIVE == 0 {
-                            input.link.sensed.put(&this.tip.sensed);
+                            input.link.tell(&this.tip.sensed);
                         }
                         std::thread::sleep(PAUSE);
                     }
