@@ -4,7 +4,7 @@ use super::Request;
 use haptograph_engine::device::{Device, DeviceLatency};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
-use haptograph_engine::run::{AgeMeter, LinkReader, LinkWriter, RingSpec, least_ring_latency_s, link};
+use haptograph_engine::run::{AgeMeter, LinkReader, RingSpec, least_ring_latency_s};
 use haptograph_signal::time::Rate;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -180,15 +180,15 @@ pub(crate) struct Input {
     pub full_scale: f64,
     /// From the card's clock to that of the graph.
     pub ring: RingSpec,
-    reader: Reader,
+    pub(super) reader: Reader,
     /// The last sample that was taken, in the unit of the sensor.
     latest: f64,
-    ages: Arc<AgeMeter>,
+    pub(super) ages: Arc<AgeMeter>,
 }
 
 /// The end of a ring that a running device holds. Its copies hold none: only one may.
 #[derive(Default)]
-struct Reader(Option<Box<Mutex<LinkReader>>>);
+pub(super) struct Reader(pub Option<Box<Mutex<LinkReader>>>);
 
 impl Clone for Reader {
     fn clone(&self) -> Self {
@@ -266,18 +266,6 @@ impl Input {
         })
     }
 
-    /// Begins to listen; returns where the card's stream puts what it hears.
-    pub fn listen(&mut self) -> Ear {
-        let (writer, reader) = link(&self.ring);
-        self.reader = Reader(Some(Box::new(Mutex::new(reader))));
-        Ear {
-            channel: self.channel as usize - 1,
-            full_scale: self.full_scale,
-            writer,
-            ages: Arc::clone(&self.ages),
-        }
-    }
-
     fn look(&mut self, now: Instant) {
         if let Some(reader) = self.reader.get() {
             reader.look(reader.arrivals());
@@ -299,15 +287,6 @@ impl Input {
     fn is_heard(&mut self) -> bool {
         self.reader.get().is_some_and(|reader| reader.is_running())
     }
-}
-
-/// The far end: in the callback of the card's stream.
-pub(super) struct Ear {
-    /// Counted from 0.
-    pub channel: usize,
-    pub full_scale: f64,
-    pub writer: LinkWriter,
-    pub ages: Arc<AgeMeter>,
 }
 
 fn whole_hz(rate: Rate) -> Option<u32> {

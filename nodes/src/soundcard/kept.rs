@@ -37,6 +37,7 @@ impl<P: Plugged> Kept<P> {
         let plug = Plug {
             home: Home::of(it),
             shared: Arc::default(),
+            health: Arc::default(),
             told: sender,
             start,
         };
@@ -61,12 +62,12 @@ impl<P: Plugged> Kept<P> {
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
             self.heard = (now, callbacks);
-            self.shared().troubled.store(false, Relaxed);
+            self.plug.health.troubled.store(false, Relaxed);
         }
-        let troubled = self.shared().troubled.load(Relaxed);
+        let troubled = self.plug.health.troubled.load(Relaxed);
         let patience = if troubled { TROUBLED } else { SILENT };
         let silent = now.saturating_duration_since(self.heard.0) > patience;
-        if self.stream.is_some() && (silent || self.shared().lost.load(Relaxed)) {
+        if self.stream.is_some() && (silent || self.plug.health.lost.load(Relaxed)) {
             self.stream = None;
             self.vanished += 1;
             self.tried = now;
@@ -82,8 +83,8 @@ impl<P: Plugged> Kept<P> {
     }
 
     fn reopen(&mut self, anew: impl FnOnce(&mut P)) -> Option<String> {
-        self.shared().lost.store(false, Relaxed);
-        self.shared().troubled.store(false, Relaxed);
+        self.plug.health.lost.store(false, Relaxed);
+        self.plug.health.troubled.store(false, Relaxed);
         if let Some(it) = self.plug.home.open().as_mut() {
             anew(it);
         }

@@ -1,13 +1,37 @@
 //! What happens in the callback of a card that listens: real-time code, and nothing of the soundcard's system in it.
 
-use super::card::Ear;
+use super::card::{Input, Reader};
 use super::shared::{Away, Due, Home, Shared};
-use std::sync::Arc;
+use haptograph_engine::run::{AgeMeter, LinkWriter, link};
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Samples that are sent at a time.
 const AT_ONCE: usize = 64;
+
+impl Input {
+    /// Begins to listen; returns where the card's stream puts what it hears.
+    pub fn listen(&mut self) -> Ear {
+        let (writer, reader) = link(&self.ring);
+        self.reader = Reader(Some(Box::new(Mutex::new(reader))));
+        Ear {
+            channel: self.channel as usize - 1,
+            full_scale: self.full_scale,
+            writer,
+            ages: Arc::clone(&self.ages),
+        }
+    }
+}
+
+/// The far end of an input's ring: in the callback of the card's stream.
+pub(super) struct Ear {
+    /// Counted from 0.
+    pub channel: usize,
+    pub full_scale: f64,
+    pub writer: LinkWriter,
+    pub ages: Arc<AgeMeter>,
+}
 
 /// Sends what a card hears to all endpoints that listen to it.
 pub(super) struct Listener {

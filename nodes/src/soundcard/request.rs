@@ -75,9 +75,9 @@ pub struct Played {
 /// # Errors
 /// [`SoundcardError`] where those that play do not go together.
 pub fn wanted(graph: &Graph) -> Result<Wanted, SoundcardError> {
-    let inputs = cards(graph).filter_map(|(device, card)| Some((device, card.input.as_ref()?)));
-    let heard = |(device, input): (&GraphDevice, &Input)| Heard {
-        endpoint: device.name.clone(),
+    let inputs = cards(graph).filter_map(|(_, card)| card.input.as_ref());
+    let heard = |input: &Input| Heard {
+        endpoint: input.endpoint.clone(),
         stream: input.stream.clone(),
         channel: input.channel,
         full_scale: input.full_scale,

@@ -18,10 +18,6 @@ pub(super) struct Shared {
     pub after_xrun: AtomicBool,
     /// Times between callback and converter that the system stated.
     pub latency: SharedHistogram,
-    /// The card has gone.
-    pub lost: AtomicBool,
-    /// Something is wrong with the stream; it may recover.
-    pub troubled: AtomicBool,
     /// The run is over and nothing is driven any more.
     pub at_rest: AtomicBool,
 }

@@ -1,9 +1,9 @@
 //! Streams of cards: one that drives a live run, and those that it listens to.
 
-use super::card::{Card, Ear};
+use super::card::Card;
 use super::fill::Filler;
 use super::kept::Kept;
-use super::listen::Listener;
+use super::listen::{Ear, Listener};
 use super::system::{OPENING, Plug, Plugged, Way};
 use super::{CardCounts, Got, Request, SoundcardError};
 use cpal::traits::DeviceTrait;

@@ -9,7 +9,7 @@ use cpal::{
 };
 use haptograph_engine::run::Timer;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
@@ -142,9 +142,19 @@ pub(super) trait Plugged: Sized {
 pub(super) struct Plug<P> {
     pub home: Home<P>,
     pub shared: Arc<Shared>,
+    pub health: Arc<Health>,
     /// What a callback has to say; only its first call and errors speak.
     pub told: SyncSender<String>,
     pub start: Instant,
+}
+
+/// What the errors of a stream say of it.
+#[derive(Debug, Default)]
+pub(super) struct Health {
+    /// The card has gone.
+    pub lost: AtomicBool,
+    /// Something is wrong; it may recover.
+    pub troubled: AtomicBool,
 }
 
 /// Finds the card that is asked for and starts a stream.
@@ -282,16 +292,17 @@ impl<P> Plug<P> {
 
     /// What hears of the errors of a stream.
     pub fn failed(&self) -> impl FnMut(Error) + Send + use<P> {
-        let (shared, told) = (Arc::clone(&self.shared), self.told.clone());
+        let (shared, health) = (Arc::clone(&self.shared), Arc::clone(&self.health));
+        let told = self.told.clone();
         move |error| match error.kind() {
             // One of these can bring thousands: they are counted only.
             ErrorKind::Xrun => {
                 shared.xruns.fetch_add(1, Relaxed);
                 shared.after_xrun.store(true, Relaxed);
             }
-            ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => shared.lost.store(true, Relaxed),
+            ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => health.lost.store(true, Relaxed),
             _ => {
-                shared.troubled.store(true, Relaxed);
+                health.troubled.store(true, Relaxed);
                 // Where nobody reads, one more is not needed.
                 let _ = told.try_send(error.to_string());
             }
