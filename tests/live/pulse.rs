@@ -294,10 +294,10 @@ const LOOP: &str = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000)
         "simulated": { "haptuator": SimulatedHaptuator(), "shaker": SimulatedHaptuator() },
         "live": {
             "haptuator": SoundcardHaptuator(
-                amperes_full_scale: 2.0, buffer_frames: 2048,
-                accelerometer: (m_s2_full_scale: 50.0, buffer_frames: 2048, latency_ms: 200),
+                amperes_full_scale: 2.0, buffer_frames: 2048, channels: [2],
+                accelerometer: (m_s2_full_scale: 50.0, buffer_frames: 2048, channel: 2, latency_ms: 200),
             ),
-            "shaker": Soundcard(amperes_full_scale: 2.0, buffer_frames: 2048, channels: [2]),
+            "shaker": Soundcard(amperes_full_scale: 2.0, buffer_frames: 2048, channels: [1]),
         },
     })"#;
 
