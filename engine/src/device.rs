@@ -4,8 +4,8 @@
 //! delivered up to tick k - 1, so that a loop through a body always has one device tick of delay.
 
 use crate::frame::Kind;
+use crate::histogram::AgeMeter;
 use crate::node::{BuildContext, BuildError};
-use crate::run::AgeMeter;
 use crate::settings::{SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 use std::any::Any;

@@ -10,6 +10,7 @@ pub mod diagnostic;
 pub mod document;
 pub mod frame;
 pub mod graph;
+pub mod histogram;
 mod io;
 pub mod limiter;
 pub mod node;

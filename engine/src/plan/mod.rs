@@ -14,7 +14,6 @@ use crate::device::Device;
 use crate::graph::{Graph, LiveSetting};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
-use crate::run::RingSpec;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use std::ops::Range;
@@ -178,6 +177,23 @@ pub(crate) struct DelayPlan {
     pub frames: u64,
     pub initial: f64,
     pub width: usize,
+}
+
+/// What a ring joins.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RingSpec {
+    /// For people: `force.output to drive.current`.
+    pub name: String,
+    /// Lanes of a frame, at most those of a wrench.
+    pub width: usize,
+    /// Frames a second at the end that is written.
+    pub from: Rate,
+    /// And at the end that is read.
+    pub to: Rate,
+    /// What the delay is kept at, s.
+    pub latency_s: f64,
+    /// Most frames that are read at once.
+    pub max_to: usize,
 }
 
 /// An end of a connection between two drivers.

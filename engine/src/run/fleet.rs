@@ -4,11 +4,11 @@
 //! rings and then runs what is due; so neither their order nor the blocks they run in change a bit. A driver that is
 //! alone waits for nobody: its rounds are whole blocks.
 
-use super::link::{RingMeter, RingSpec, link, reserve_s};
+use super::link::{RingMeter, link, reserve_s};
 use super::swap::Next;
 use super::{Faults, Run};
 use crate::graph::Graph;
-use crate::plan::{MAX_BLOCK, Plan};
+use crate::plan::{MAX_BLOCK, Plan, RingSpec};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 

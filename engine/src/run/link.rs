@@ -12,6 +12,7 @@ mod meter;
 
 pub use meter::{RingCounts, RingMeter};
 
+use crate::plan::RingSpec;
 use haptograph_signal::resample::{MAX_CORRECTION_PPM, Quality, ResampleError, SteeredResampler};
 use haptograph_signal::time::Rate;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -28,23 +29,6 @@ const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
 /// Lanes of a wrench, the widest frame that can be resampled.
 const LANES: usize = 6;
-
-/// What a ring joins.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RingSpec {
-    /// For people: `force.output to drive.current`.
-    pub name: String,
-    /// Lanes of a frame, at most those of a wrench.
-    pub width: usize,
-    /// Frames a second at the end that is written.
-    pub from: Rate,
-    /// And at the end that is read.
-    pub to: Rate,
-    /// What the delay is kept at, s.
-    pub latency_s: f64,
-    /// Most frames that are read at once.
-    pub max_to: usize,
-}
 
 /// The resampling of one lane; also tells beforehand whether two rates can be joined.
 pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, ResampleError> {

@@ -24,17 +24,17 @@ mod timer;
 mod walk;
 mod window;
 
+pub use crate::histogram::{AgeMeter, Histogram, SharedHistogram};
+pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arrivals::{ARRIVALS, ReplayError};
 pub use bridge::resampler;
 pub use fault::Faults;
 pub use fleet::Fleet;
 pub use glide::GLIDE_S;
-pub use link::{
-    DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, RingSpec, least_ring_latency_s, link,
-};
+pub use link::{DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, least_ring_latency_s, link};
 pub use live::{Change, Control, ControlError, FADE_S, Live, LiveState, live};
-pub use meter::{AgeMeter, Histogram, Meters, SharedHistogram, Wake};
+pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};

@@ -3,9 +3,9 @@
 use super::Builder;
 use crate::graph::{Bridge, Input, Node};
 use crate::io::Form;
+use crate::plan::RingSpec;
 use crate::plan::order::Group;
 use crate::plan::{RingPlan, StepWork};
-use crate::run::RingSpec;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 

@@ -1,6 +1,6 @@
 //! What is counted of a ring while it runs.
 
-use super::RingSpec;
+use crate::plan::RingSpec;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// What is known of a ring while it runs; both ends write it, anybody may read it.
