@@ -1,7 +1,6 @@
 //! Settings that change while a plan runs go to their new values in straight lines, in steps too short to feel.
 
 use super::Run;
-use petgraph::graph::NodeIndex;
 
 /// How long a setting takes to its new value.
 pub const GLIDE_S: f64 = 0.02;
@@ -16,8 +15,8 @@ pub(super) struct Glides {
 /// A change of a setting, as it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Glide {
-    pub node: NodeIndex,
-    pub setting: usize,
+    /// The setting's place among the live ones of the plan.
+    pub place: usize,
     pub from: f64,
     pub to: f64,
     /// Driver frame at which it left, and frames that it takes; 0 for a setting that jumps.
@@ -37,17 +36,14 @@ impl Glides {
         let now = run.driver_frames();
         glide.begin = now;
         let room = self.list.len() < self.list.capacity();
-        let on_its_way = self
-            .list
-            .iter_mut()
-            .find(|known| (known.node, known.setting) == (glide.node, glide.setting));
+        let on_its_way = self.list.iter_mut().find(|known| known.place == glide.place);
         match on_its_way {
             Some(known) => {
                 glide.from = known.at(now);
                 *known = glide;
             }
             None if glide.frames > 0 && room => self.list.push(glide),
-            None => run.set(glide.node, glide.setting, glide.to),
+            None => run.set_live(glide.place, glide.to),
         }
     }
 
@@ -60,7 +56,7 @@ impl Glides {
         self.list.retain(|glide| {
             let passed = now.saturating_sub(glide.begin);
             if passed.is_multiple_of(step) || passed >= glide.frames {
-                run.set(glide.node, glide.setting, glide.at(now));
+                run.set_live(glide.place, glide.at(now));
             }
             let left = glide.frames.saturating_sub(passed);
             if left > 0 {
@@ -79,7 +75,7 @@ impl Glides {
     /// Lets everything arrive: the plan is about to go.
     pub fn arrive(&mut self, run: &mut Run) {
         for glide in self.list.drain(..) {
-            run.set(glide.node, glide.setting, glide.to);
+            run.set_live(glide.place, glide.to);
         }
     }
 }

@@ -435,8 +435,7 @@ impl Control {
         }
         let glide_s = if live.whole { 0.0 } else { GLIDE_S };
         let glide = Glide {
-            node: live.node,
-            setting: live.setting,
+            place,
             from: live.value,
             to: value,
             begin: 0,

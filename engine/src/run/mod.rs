@@ -196,6 +196,14 @@ impl Run {
         &mut self.state.memory.all_mut()[self.program.range(slot)]
     }
 
+    /// Sets one of the plan's live settings.
+    fn set_live(&mut self, place: usize, value: f64) {
+        if let Some(live) = self.plan.live.get(place) {
+            let (node, setting) = (live.node, live.setting);
+            self.set(node, setting, value);
+        }
+    }
+
     /// Sets a live setting of a node, by the setting's place in the node's list.
     pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) {
         let plan = &self.plan;

@@ -13,7 +13,7 @@ use std::path::Path;
 /// Lines that can be on their way to each file.
 const ROWS: usize = 8192;
 /// Numbers of a change of a setting.
-const SETTING: usize = 6;
+const SETTING: usize = 5;
 
 /// The real-time end of a driver's files.
 pub(in super::super) struct ArrivalLog {
@@ -77,15 +77,13 @@ impl ArrivalLog {
     /// Notes that a setting leaves for another value before frame `frame`.
     pub fn set(&mut self, frame: u64, glide: &Glide) {
         let Glide {
-            node,
-            setting,
+            place,
             from,
             to,
             frames,
             ..
         } = *glide;
-        let which = [node.index() as f64, setting as f64];
-        let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, which[0], which[1]];
+        let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, place as f64];
         if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
             // What comes after it would be another signal.
             self.lost += 1;
@@ -152,30 +150,23 @@ impl FrameWriter for ArrivalWriter {
 /// Writes the file of what was set, with the names of the settings.
 pub(in super::super) struct SettingWriter {
     file: BufWriter<File>,
-    /// Node, place among its settings, and name.
-    names: Vec<([usize; 2], String)>,
+    names: Vec<String>,
 }
 
 impl SettingWriter {
     pub fn create(path: &Path, plan: &Plan) -> std::io::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
         writeln!(file, "{SETTINGS_HEADER}")?;
-        let named = plan
-            .live
-            .iter()
-            .map(|live| ([live.node.index(), live.setting], cell(live)));
-        let names = named.collect();
+        let names = plan.live.iter().map(cell).collect();
         Ok(Self { file, names })
     }
 }
 
 impl FrameWriter for SettingWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        for [frame, from, to, frames, which @ ..] in rows.as_chunks::<SETTING>().0 {
-            let which = which.map(|number| number as usize);
-            let named = self.names.iter().find(|(known, _)| *known == which);
+        for [frame, from, to, frames, place] in rows.as_chunks::<SETTING>().0 {
             // Only live settings of the plan can be set.
-            let name = named.map_or("", |(_, name)| name);
+            let name = self.names.get(*place as usize).map_or("", String::as_str);
             writeln!(self.file, "{frame},{from},{to},{frames},{name}")?;
         }
         Ok(())

@@ -144,11 +144,9 @@ fn changes(path: PathBuf, plan: &Plan) -> Result<Vec<Glide>, ReplayError> {
         let [begin, from, to, frames, name] = cells[..] else {
             return None;
         };
-        let live = &plan.live[known.iter().position(|known| known == name)?];
         let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
         Some(Glide {
-            node: live.node,
-            setting: live.setting,
+            place: known.iter().position(|known| known == name)?,
             from: number(from)?,
             to: number(to)?,
             begin: begin.parse().ok()?,

@@ -2,7 +2,7 @@
 
 use super::Heard;
 use super::fleet::{bits, graphs, listening};
-use super::world::{Leaky, random_graph_with_drivers, with_rings_more};
+use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::{Graph, Work};
 use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
 use petgraph::graph::NodeIndex;
@@ -180,6 +180,38 @@ fn rings_come_and_go_and_those_that_stay_are_not_disturbed() {
         assert_eq!(plain_rings, changed_rings, "seed {seed}");
     }
     assert!(tried >= 5, "rings came to {tried} graphs");
+}
+
+/// Bodies and what drives them too: no driver but that one fades.
+#[test]
+fn a_node_that_comes_to_one_driver_interrupts_no_other() {
+    let (mut driven_by_others, mut interrupted) = (0, 0);
+    for (seed, graph) in graphs() {
+        let body = graph
+            .devices
+            .first()
+            .map(|device| graph.clocks[device.clock].driver);
+        for driver in graph.drivers() {
+            let mut plain = Driven::new(&graph);
+            plain.run(300);
+            let mut changed = Driven::new(&graph);
+            changed.run(150);
+            let more = with_a_node_more(seed, driver);
+            changed.change(&more).unwrap();
+            changed.run(150);
+            let same = plain.end() == changed.end();
+            if body == Some(driver) {
+                interrupted += usize::from(!same);
+            } else {
+                assert!(same, "seed {seed}, driver {driver}");
+                driven_by_others += usize::from(body.is_some());
+            }
+        }
+    }
+    assert!(
+        driven_by_others > 5 && interrupted > 3,
+        "{driven_by_others}, {interrupted}"
+    );
 }
 
 #[test]

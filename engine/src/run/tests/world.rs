@@ -153,13 +153,28 @@ struct World {
 /// A graph from `seed`, its nodes added in an order from `shuffle`.
 pub fn random_graph(seed: u64, shuffle: u64) -> Graph {
     let (world, device_clock) = random_world(seed, 1);
-    world.finish(shuffle, device_clock)
+    let order = world.order(shuffle);
+    world.finish(&order, device_clock)
 }
 
 /// A graph whose clocks hang from up to three drivers, in an order from the seed.
 pub fn random_graph_with_drivers(seed: u64) -> Graph {
     let (world, device_clock) = random_world(seed, 3);
-    world.finish(seed, device_clock)
+    let order = world.order(seed);
+    world.finish(&order, device_clock)
+}
+
+/// The same with a node more, ahead of all others: on a clock of this driver, from nowhere to nowhere.
+pub fn with_a_node_more(seed: u64, driver: usize) -> Graph {
+    let (mut world, device_clock) = random_world(seed, 3);
+    let mut order = world.order(seed);
+    let work = Work::Process(Box::new(Leaky {
+        kept: 0.0,
+        weight: 0.7,
+        held: Vec::new(),
+    }));
+    order.insert(0, world.node(driver, work));
+    world.finish(&order, device_clock)
 }
 
 /// The same with two nodes more, in another order: from any other node a ring leads to the first, from there one to the
@@ -187,7 +202,8 @@ pub fn with_rings_more(seed: u64) -> Option<Graph> {
         world.connect(from, node, ring, false);
         from = node;
     }
-    Some(world.finish(seed + 1, device_clock))
+    let order = world.order(seed + 1);
+    Some(world.finish(&order, device_clock))
 }
 
 fn random_world(seed: u64, most_drivers: usize) -> (World, Option<usize>) {
@@ -395,14 +411,18 @@ impl World {
         Some(clock)
     }
 
-    fn finish(self, shuffle: u64, device_clock: Option<usize>) -> Graph {
+    fn order(&self, shuffle: u64) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.nodes.len()).collect();
         order.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(shuffle));
+        order
+    }
+
+    fn finish(self, order: &[usize], device_clock: Option<usize>) -> Graph {
         let mut nodes = DiGraph::new();
         let mut placed = vec![NodeIndex::new(0); order.len()];
         let mut taken: Vec<Option<Node>> = self.nodes.into_iter().map(Some).collect();
         for old in order {
-            placed[old] = nodes.add_node(taken[old].take().unwrap());
+            placed[*old] = nodes.add_node(taken[*old].take().unwrap());
         }
         for (from, to, edge) in self.edges {
             nodes.add_edge(placed[from], placed[to], edge);
@@ -480,7 +500,8 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
         },
     ));
     let paths: Vec<String> = world.nodes.iter().map(|node| node.path.clone()).collect();
-    let graph = world.finish(0, Some(0));
+    let order = world.order(0);
+    let graph = world.finish(&order, Some(0));
     let find = |path: &String| {
         graph
             .nodes
