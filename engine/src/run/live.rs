@@ -113,6 +113,8 @@ pub enum Change {
     CrossFade,
     /// In more: it is faded out, then the new one in, and this is why they cannot run together.
     AtZero(AtZero),
+    /// In more, and neither drives anything that could fade.
+    AtOnce,
 }
 
 impl Change {
@@ -121,7 +123,8 @@ impl Change {
         match (self, other) {
             (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
             (Self::AtZero(obstacle), _) | (_, Self::AtZero(obstacle)) => Self::AtZero(obstacle),
-            _ => Self::CrossFade,
+            (Self::CrossFade, _) | (_, Self::CrossFade) => Self::CrossFade,
+            _ => Self::AtOnce,
         }
     }
 }
@@ -516,6 +519,8 @@ impl Control {
             changes,
         } = prepared;
         let transfer = next.transfer;
+        let drives = |plan: &Plan| !plan.actuators.is_empty();
+        let fades = drives(&self.plan) || drives(&plan);
         self.send(Command::Swap(next))?;
         (self.plan, self.settings) = (plan, settings);
         for (place, wanted) in &changes {
@@ -524,7 +529,8 @@ impl Control {
         Ok(match transfer {
             Transfer::Everything => Change::Settings(changes.len()),
             Transfer::CrossFade => Change::CrossFade,
-            Transfer::AtZero(obstacle) => Change::AtZero(obstacle),
+            Transfer::AtZero(obstacle) if fades => Change::AtZero(obstacle),
+            Transfer::AtZero(_) => Change::AtOnce,
         })
     }
 

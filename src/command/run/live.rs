@@ -431,6 +431,7 @@ fn told(changed: &Changed, took: Duration) -> String {
         Change::Settings(1) => "a setting changed".to_owned(),
         Change::Settings(count) => format!("{count} settings changed"),
         Change::CrossFade => "the graph changed, cross-faded".to_owned(),
+        Change::AtOnce => "the graph changed".to_owned(),
         Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
     };
     for (paths, what) in [

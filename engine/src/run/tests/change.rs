@@ -197,7 +197,14 @@ fn a_node_that_comes_to_one_driver_interrupts_no_other() {
             let mut changed = Driven::new(&graph);
             changed.run(150);
             let more = with_a_node_more(seed, driver);
-            changed.change(&more).unwrap();
+            let change = changed.change(&more).unwrap();
+            if body != Some(driver) {
+                // Of a driver without rings two plans can run together.
+                assert!(
+                    matches!(change, Change::AtOnce | Change::CrossFade),
+                    "seed {seed}"
+                );
+            }
             changed.run(150);
             let same = plain.end() == changed.end();
             if body == Some(driver) {
