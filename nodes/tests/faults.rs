@@ -282,6 +282,44 @@ fn no_sink_exceeds_what_it_states_in_ten_million_ticks() {
     plague(|sink| if sink == "BrakeSink" { 1_000_000 } else { 3_000_000 });
 }
 
+/// Of a sink that drove another device until now only the name is known here.
+#[test]
+fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {
+    let graph = |sinks: &str| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 10000) }},
+            nodes: {{ "push": Constant(clock: "c", value: 1, quantity: "current"), {sinks} }},
+            endpoints: {{ "simulated": {{ "left": SimulatedHaptuator(), "right": SimulatedHaptuator() }} }})"#
+        );
+        Document::parse("renamed.ron", &text)
+            .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
+            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    };
+    let sink = |name: &str, endpoint: &str| {
+        let limit = "limit: (peak_a: 2, continuous_a: 2, window_s: 1)";
+        format!(r#""{name}": ActuatorSink(current: "push", endpoint: "{endpoint}", {limit}),"#)
+    };
+    let plan = |graph: &Graph, heard: &str| {
+        let mut nodes = graph.nodes().node_indices();
+        let heard = nodes.find(|node| graph.nodes()[*node].path == heard);
+        let taps = vec![(heard.unwrap(), 0)];
+        Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
+    };
+    let old = graph(&sink("out", "left"));
+    let new = graph(&(sink("out", "right") + &sink("more", "left")));
+    for (heard, from) in [("out", 0.0), ("more", 1.0)] {
+        let (mut live, mut control) = live(plan(&old, "out"));
+        live.callback(1000, |_, _| {});
+        assert_eq!(control.swap(plan(&new, heard)), Ok(Change::CrossFade));
+        let mut given = Vec::new();
+        live.callback(200, |run, _| given.extend_from_slice(run.tap(0)));
+        for (frame, given) in given.iter().enumerate() {
+            let expected = f64::max(from, (frame as f64 / 100.0).min(1.0));
+            assert!((given - expected).abs() < 1e-12, "{heard}: {given} at {frame}");
+        }
+    }
+}
+
 #[test]
 fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     let text = r#"Graph(format: 1,

@@ -21,14 +21,13 @@ impl Next {
             new.devices[*to].part = Part::Leads;
         }
         let rise = Drive::Rising { begin, end };
-        for (from, to) in &self.actuators {
+        for actuator in &mut new.actuators {
+            actuator.role = Role::Mixes([0.0; 6], rise);
+        }
+        for (from, to) in &self.drives {
             let (from, to) = (&mut old.actuators[*from], &mut new.actuators[*to]);
             to.limiter.begin_from(&from.limiter.output());
             from.role = Role::Asks([0.0; 6]);
-            to.role = Role::Mixes([0.0; 6], rise);
-        }
-        for stranger in &self.strangers {
-            new.actuators[*stranger].role = Role::Mixes([0.0; 6], rise);
         }
     }
 
@@ -45,7 +44,7 @@ impl Next {
             }
         }
         old.steps(0..old.plan.steps.len());
-        for (from, to) in &self.actuators {
+        for (from, to) in &self.drives {
             let asked = old.state.actuators[*from].role.asked();
             new.state.actuators[*to].role.mix_in(asked);
         }

@@ -18,9 +18,12 @@ pub(super) struct Next {
     bridges: Vec<(usize, usize)>,
     delays: Vec<(usize, usize)>,
     pub(super) devices: Vec<(usize, usize)>,
-    pub(super) actuators: Vec<(usize, usize)>,
+    /// Whose heat goes on as whose.
+    actuators: Vec<(usize, usize)>,
+    /// Those of them that are the same channel of the same device.
+    pub(super) drives: Vec<(usize, usize)>,
     /// Those of the new plan whose device the old one did not drive.
-    pub(super) strangers: Vec<usize>,
+    strangers: Vec<usize>,
     /// Ends of rings to other drivers that go on; the other ends are the new plan's own.
     pub(super) readers: Vec<(usize, usize)>,
     pub(super) writers: Vec<(usize, usize)>,
@@ -91,24 +94,31 @@ impl Next {
             Some((old_at, new_at))
         });
         let devices: Vec<(usize, usize)> = devices.collect();
-        let actuators = plan
-            .actuators
-            .iter()
-            .enumerate()
-            .filter_map(|(new_at, actuator)| {
-                // Heat is the device's, whatever the sink is called.
-                let driven = driven_by(&plan, new_at);
-                let same = |old_at: &usize| driven.is_some() && driven_by(old, *old_at) == driven;
-                let by_name = || old.actuators.iter().position(|was| was.path == actuator.path);
-                let old_at = (0..old.actuators.len()).find(same).or_else(by_name)?;
-                Some((old_at, new_at))
-            });
+        let gone = |old_at: &usize| {
+            let driven = driven_by(old, *old_at);
+            !(0..plan.actuators.len()).any(|new_at| driven_by(&plan, new_at) == driven)
+        };
+        let actuators = plan.actuators.iter().enumerate();
+        let actuators = actuators.filter_map(|(new_at, actuator)| {
+            // Heat is the device's, whatever the sink is called; and a device that is gone may have a new name.
+            let driven = driven_by(&plan, new_at);
+            let same = |old_at: &usize| driven.is_some() && driven_by(old, *old_at) == driven;
+            let renamed = |old_at: &usize| old.actuators[*old_at].path == actuator.path && gone(old_at);
+            let all = 0..old.actuators.len();
+            let old_at = all.clone().find(same).or_else(|| all.clone().find(renamed))?;
+            Some((old_at, new_at))
+        });
         let actuators: Vec<(usize, usize)> = actuators.collect();
         let known = |new_at: &usize| actuators.iter().any(|(_, known)| known == new_at);
+        let same_drive = |(from, to): &&(usize, usize)| {
+            let driven = driven_by(old, *from);
+            driven.is_some() && driven == driven_by(&plan, *to)
+        };
+        let drives: Vec<(usize, usize)> = actuators.iter().filter(same_drive).copied().collect();
         let transfer = if old.is_same_as(&plan) {
             Transfer::Everything
         } else {
-            match obstacle(old, &plan, &devices, &actuators) {
+            match obstacle(old, &plan, &devices, &drives) {
                 Some(obstacle) => Transfer::AtZero(obstacle),
                 None if !has_time => Transfer::AtZero(AtZero::Load),
                 None => Transfer::CrossFade,
@@ -122,6 +132,7 @@ impl Next {
             delays: pairs(old, &plan, delay),
             devices,
             actuators,
+            drives,
             processors,
             rings,
             readers: Vec::new(),
@@ -190,25 +201,21 @@ impl Next {
 }
 
 /// What keeps two plans from running together, one fading into the other.
-fn obstacle(
-    old: &Plan,
-    new: &Plan,
-    devices: &[(usize, usize)],
-    actuators: &[(usize, usize)],
-) -> Option<AtZero> {
+fn obstacle(old: &Plan, new: &Plan, devices: &[(usize, usize)], drives: &[(usize, usize)]) -> Option<AtZero> {
     let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
     if rings(old) || rings(new) {
         return Some(AtZero::Drivers);
     }
-    let same_drive = |(from, to): &(usize, usize)| {
-        let at = |plan: &Plan, actuator| plan.devices.iter().position(|device| device.drives(actuator));
+    let device = |plan: &Plan, actuator| plan.devices.iter().position(|device| device.drives(actuator));
+    let goes_on = |(from, to): &(usize, usize)| {
         let (a, b) = (&old.actuators[*from], &new.actuators[*to]);
-        let moved = at(old, *from).zip(at(new, *to));
+        let moved = device(old, *from).zip(device(new, *to));
         moved.is_some_and(|pair| devices.contains(&pair))
             && (a.limit, a.rate, a.width) == (b.limit, b.rate, b.width)
     };
-    let goes_on = |from: usize| actuators.iter().any(|pair| pair.0 == from && same_drive(pair));
-    if !(0..old.actuators.len()).all(goes_on) {
+    let all_go_on =
+        (0..old.actuators.len()).all(|from| drives.iter().any(|pair| pair.0 == from && goes_on(pair)));
+    if !all_go_on {
         return Some(AtZero::Actuators);
     }
     let fast = |plan: &Plan, device: usize| {
