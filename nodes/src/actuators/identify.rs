@@ -13,6 +13,7 @@ use super::two_mass::{Mode, Response, TwoMass};
 use haptograph_signal::{Complex64, fft};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// What is known of the actuator beside the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,7 +129,7 @@ pub fn sweep_current(peak_a: f64, band_hz: [f64; 2], duration_s: f64, rate_hz: f
 
 /// Fits an actuator to a recorded sweep.
 pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError> {
-    let bands = measure(sweep)?;
+    let (bands, early) = measure(sweep)?;
     let fit = Fit::start(&bands, sweep.rate_hz)
         .ok_or(IdentifyError::NoFit { unexplained: 100.0 })?
         .refine(&bands);
@@ -145,7 +146,7 @@ pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError
     Ok(Identified {
         response,
         modes,
-        delay_s: fit.delay_s(),
+        delay_s: fit.delay_s() + early as f64 / sweep.rate_hz,
         parameters,
         unexplained,
     })
@@ -160,7 +161,8 @@ struct Band {
     weight: f64,
 }
 
-fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
+/// The bands, and by how many samples the acceleration was taken early for them.
+fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     const PER_OCTAVE: f64 = 32.0;
     let (current, acceleration) = (sweep.current_a.len(), sweep.acceleration_m_s2.len());
     if current != acceleration || current < 1000 {
@@ -183,6 +185,8 @@ fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
     }
     let (current, acceleration) = (spectrum(sweep.current_a), spectrum(sweep.acceleration_m_s2));
     let bin_hz = rate_hz / sweep.current_a.len() as f64;
+    let within = (low_hz / bin_hz).ceil() as usize..(high_hz / bin_hz).ceil() as usize;
+    let early = whole_delay(&current, &acceleration, within, rate_hz);
     let mut bands = Vec::new();
     let mut edge_hz = low_hz;
     while edge_hz < high_hz {
@@ -191,7 +195,8 @@ fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
         edge_hz = next_hz;
         let (mut cross, mut power, mut middle) = (Complex64::ZERO, 0.0, 0.0);
         for bin in bins {
-            cross += acceleration[bin] * current[bin].conj();
+            let turn = Complex64::from_polar(1.0, TAU * (bin * early) as f64 / current.len() as f64);
+            cross += acceleration[bin] * turn * current[bin].conj();
             power += current[bin].norm_sqr();
             middle += current[bin].norm_sqr() * bin as f64 * bin_hz;
         }
@@ -206,7 +211,42 @@ fn measure(sweep: &Sweep) -> Result<Vec<Band>, IdentifyError> {
     if bands.len() < 10 {
         Err(IdentifyError::NoSignal)
     } else {
-        Ok(bands)
+        Ok((bands, early))
+    }
+}
+
+/// How many samples the acceleration is taken early, so that what is left of its delay is a few. A soundcard's buffers
+/// are milliseconds, and turn the answer within a band. The answer's largest peak is where it begins: above its
+/// resonances the acceleration follows the current.
+fn whole_delay(
+    current: &[Complex64],
+    acceleration: &[Complex64],
+    within: Range<usize>,
+    rate_hz: f64,
+) -> usize {
+    const LONGEST_S: f64 = 1.0;
+    /// Of the strongest bin's power: where there is less current there is little but noise.
+    const LEAST_POWER: f64 = 1e-4;
+    /// What the fit finds by itself.
+    const LEFT: usize = 5;
+    let strongest = within
+        .clone()
+        .map(|bin| current[bin].norm_sqr())
+        .fold(0.0, f64::max);
+    let mut answer = vec![Complex64::ZERO; current.len()];
+    for bin in within {
+        let power = current[bin].norm_sqr();
+        if power > LEAST_POWER * strongest {
+            answer[bin] = acceleration[bin] * current[bin].conj() / power;
+        }
+    }
+    fft::inverse(answer.len()).process(&mut answer);
+    let longest = ((LONGEST_S * rate_hz) as usize).min(answer.len() / 2);
+    let peak = (0..longest).max_by(|a, b| answer[*a].norm_sqr().total_cmp(&answer[*b].norm_sqr()));
+    match peak.unwrap_or(0) {
+        // The fit has known so much all along.
+        0..=10 => 0,
+        peak => peak - LEFT,
     }
 }
 

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Samples that are sent at a time.
 const AT_ONCE: usize = 64;
+/// The largest sample of the coarsest form: what is no smaller was cut off, or as good as.
+const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 
 impl Input {
     /// Begins to listen; returns where the card's stream puts what it hears.
@@ -62,7 +64,9 @@ impl Listener {
                 let count = samples.len();
                 for (frame, heard) in samples {
                     let sample = frame.get(ear.channel).map_or(0.0, |sample| convert(*sample));
-                    clipped += u64::from(sample.abs() >= FULL);
+                    clipped += u64::from(sample.is_nan() || sample.abs() >= FULL);
+                    // A resampler would not forget what is no number.
+                    let sample = if sample.is_finite() { sample } else { 0.0 };
                     *heard = sample * ear.full_scale;
                 }
                 ear.writer.write(&heard[..count]);
@@ -73,9 +77,6 @@ impl Listener {
         self.due.note(began, data.len() / channels, &self.shared);
     }
 }
-
-/// The largest sample of the coarsest form: what is no smaller was cut off, or as good as.
-const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 
 #[cfg(test)]
 mod tests {
@@ -205,6 +206,19 @@ mod tests {
                 "{rate_hz}: {late_s} s"
             );
         }
+    }
+
+    #[test]
+    fn what_is_no_number_is_heard_as_nothing_and_counted() {
+        let mut world = World::accelerometer(48_000);
+        let broken = |time_s: f64| match (time_s * RATE_HZ).round() as u64 % 3 {
+            0 => f64::NAN,
+            1 => f64::INFINITY,
+            _ => 0.5,
+        };
+        let heard: Vec<f64> = (0..50).flat_map(|_| world.pass(Some(&broken))).collect();
+        assert!(heard.iter().all(|x| x.abs() < 26.0) && heard.iter().any(|x| *x > 1.0));
+        assert!(world.shared.counts(0).clipped >= 50 * 42);
     }
 
     #[test]

@@ -50,10 +50,8 @@ pub struct Wanted {
 /// What an endpoint hears.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heard {
-    /// Name of the endpoint.
-    pub endpoint: String,
-    /// The stream it is part of.
-    pub stream: Request,
+    endpoint: String,
+    stream: Request,
     channel: u32,
     full_scale: f64,
     ring: RingSpec,
@@ -96,15 +94,15 @@ fn output(graph: &Graph) -> Result<Option<Request>, SoundcardError> {
         if graph.clocks()[device.clock].driver != device.clock {
             return Err(SoundcardError::Derived(device.name.clone()));
         }
-        let (name, both) = (device.name.clone(), |other: &str| other.to_owned());
+        let name = || device.name.clone();
         if let Some((first, other)) = found.first()
             && let Some(what) = output.stream.differs_from(&other.stream)
         {
-            return Err(SoundcardError::Differ(both(first), name, what));
+            return Err(SoundcardError::Differ((*first).to_owned(), name(), what));
         }
         for channel in &output.channels {
             if let Some((other, _)) = found.iter().find(|(_, other)| other.channels.contains(channel)) {
-                return Err(SoundcardError::Shared(both(other), name, *channel));
+                return Err(SoundcardError::Shared((*other).to_owned(), name(), *channel));
             }
         }
         found.push((&device.name, output));

@@ -81,6 +81,37 @@ fn a_noisy_sweep_gives_all_parameters_within_5_percent() {
 }
 
 #[test]
+fn the_buffers_of_a_soundcard_change_nothing_but_the_delay() {
+    let truth = TwoMass::PLACEHOLDER;
+    let (current, acceleration) = record(&truth, NOISE_M_S2, 7);
+    for late in [3, 12, 93, 2011] {
+        let delayed: Vec<f64> = std::iter::repeat_n(0.0, late)
+            .chain(acceleration.iter().copied())
+            .take(current.len())
+            .collect();
+        let sweep = Sweep {
+            current_a: &current,
+            acceleration_m_s2: &delayed,
+            rate_hz: RATE_HZ,
+            band_hz: BAND_HZ,
+        };
+        let masses = Known::Masses {
+            magnet_kg: truth.magnet_kg,
+            body_kg: truth.body_kg,
+        };
+        let found = identify(&sweep, masses).unwrap();
+        for (x, y) in values(&found.parameters.unwrap()).iter().zip(values(&truth)) {
+            assert!((x / y - 1.0).abs() < 0.05, "{late}: {found:?}");
+        }
+        assert!(
+            (found.delay_s * RATE_HZ - late as f64).abs() < 0.2,
+            "{late}: {}",
+            found.delay_s
+        );
+    }
+}
+
+#[test]
 fn with_nothing_known_resonance_quality_and_gain_remain() {
     for truth in actuators() {
         let found = fit(&truth, NOISE_M_S2, Known::Nothing).unwrap();
