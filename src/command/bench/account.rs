@@ -235,8 +235,9 @@ impl Account {
             .iter()
             .map(|row| {
                 json!({
-                    "step": row.label, "driver": self.drivers[row.driver].name, "clock": row.clock, "ns_per_tick": row.median_ns, "p99_ns": row.p99_ns,
-                    "worst_ns": row.worst_ns, "samples": row.samples, "core_share": row.load, "share": row.load / all,
+                    "step": row.label, "driver": self.drivers[row.driver].name, "clock": row.clock,
+                    "ns_per_tick": row.median_ns, "p99_ns": row.p99_ns, "worst_ns": row.worst_ns,
+                    "samples": row.samples, "core_share": row.load, "share": row.load / all,
                 })
             })
             .collect();

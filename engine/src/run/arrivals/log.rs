@@ -20,6 +20,7 @@ pub(in super::super) struct ArrivalLog {
     callbacks: Producer<f64>,
     settings: Producer<f64>,
     row: Vec<f64>,
+    columns: usize,
     /// Of each ring that is read: frames that had arrived by the line before.
     before: Vec<u64>,
     /// Callbacks that are missing at the end, from the first line on that found no room.
@@ -43,6 +44,7 @@ impl ArrivalLog {
             callbacks,
             settings,
             row: Vec::with_capacity(columns(plan)),
+            columns: columns(plan),
             before: vec![0; plan.ring_reads.len()],
             lost: 0,
             is_over: false,
@@ -95,9 +97,8 @@ impl ArrivalLog {
         if self.is_over {
             return;
         }
-        let width = self.row.capacity();
         self.row.clear();
-        self.row.resize(width, 0.0);
+        self.row.resize(self.columns, 0.0);
         self.row[1] = REPLACED;
         self.keep_row();
         self.is_over = true;

@@ -1,7 +1,7 @@
 //! Live runs, mostly of several drivers, their callbacks at scripted moments, and their replays.
 
 use super::fleet::{all_bits, graphs, listening};
-use super::world::random_graph;
+use super::world::{random_graph, random_graph_with_drivers};
 use crate::graph::{Bridge, Graph, Work};
 use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
 use petgraph::graph::NodeIndex;
@@ -141,14 +141,17 @@ fn what_was_set_while_it_ran_is_repeated_too() {
 
 #[test]
 fn a_replay_ends_where_another_graph_took_over() {
-    for seed in 0..4 {
-        let graph = settable(random_graph(seed, seed));
-        let mut other = settable(random_graph(seed, seed));
+    let alone = (0..4).map(|seed| (seed, [0, 1].map(|_| random_graph(seed, seed))));
+    let several = graphs()
+        .take(6)
+        .map(|(seed, graph)| (seed, [graph, random_graph_with_drivers(seed)]));
+    for (seed, [graph, other]) in alone.chain(several) {
+        let (graph, mut other) = (settable(graph), settable(other));
         other
             .nodes
             .node_weights_mut()
             .for_each(|node| node.fingerprint += 1);
-        let folder = Folder::new(&format!("ends-{seed}"));
+        let folder = Folder::new(&format!("ends-{}-{seed}", graph.drivers().len()));
         let (outlets, heard) = listening(&graph);
         let (mut lives, mut session) =
             Session::open_all(outlets, &LiveOptions::default(), Some(&folder.0)).unwrap();
@@ -159,7 +162,10 @@ fn a_replay_ends_where_another_graph_took_over() {
                 let changed = session.change(&other, &folder.0).unwrap();
                 assert!(!matches!(changed.change, Change::Settings(_)), "seed {seed}");
             }
-            lives[0].callback(37, |_, _| {});
+            for live in &mut lives {
+                let due = f64::from(wake + 1) * 0.037 * live.run().rate_hz();
+                live.callback((due as u64 - live.frames()) as usize, |_, _| {});
+            }
         }
         session.finish_all(lives);
         let (live, again) = (all_bits(&heard), replay(&graph, 64, &folder.0).unwrap());
