@@ -187,7 +187,8 @@ card_kind! {
     "3.1.2",
     r#""haptuator": SoundcardHaptuator(amperes_full_scale: 1.0, accelerometer: (m_s2_full_scale: 50.0))"#,
     |settings, cx| {
-        let input = settings.accelerometer.clone().input(cx)?;
+        let within = |error| BuildError { field: Some("accelerometer"), ..error };
+        let input = settings.accelerometer.clone().input(cx).map_err(within)?;
         (Some(settings.output(cx)?), Some(input))
     }
 }
