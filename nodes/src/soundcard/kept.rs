@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 /// A card whose callback has not been called for so long has gone.
 const SILENT: Duration = Duration::from_secs(2);
-/// One that something was said to be wrong with since has gone sooner.
-const TROUBLED: Duration = Duration::from_millis(300);
+/// One that something was said to be wrong with since has gone sooner. Some recover by themselves in less.
+const TROUBLED: Duration = Duration::from_secs(1);
 /// How often one that has gone is looked for.
 const RETRY: Duration = Duration::from_millis(500);
 
