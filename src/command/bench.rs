@@ -38,8 +38,9 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Turns that each kind of run takes, so that what disturbs the machine disturbs all.
-const TURNS: usize = 40;
+/// Turns that each kind of run takes, so that what disturbs the machine disturbs all: many, as most of them are then
+/// disturbed by nothing.
+const TURNS: usize = 200;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
@@ -84,8 +85,14 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
     }
     let mut turns = Turns::default();
     for number in 0..TURNS {
-        turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        // In turns, which of them is the first as well.
+        if number % 2 == 0 {
+            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        }
         turns.plain_s.push(a_round_of(rounds, &mut plain_round));
+        if number % 2 == 1 {
+            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        }
         if plans.len() > 1 {
             let mut took_ns = vec![0.0; plans.len()];
             (0..rounds).for_each(|_| profile.round_by_driver(&mut took_ns));

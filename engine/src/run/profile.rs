@@ -28,8 +28,10 @@ impl Watch for Unwatched {
 
 /// The most samples kept of a step; beyond them each new one takes the place of an old one.
 const KEPT: usize = 4096;
-/// Rounds of each kind by which the price of timing is found.
-const TRIAL_ROUNDS: usize = 256;
+/// Stretches of rounds, with one that is timed and with none, by which the price of timing is found: what comes after a
+/// timed round is dearer too.
+const TRIALS: usize = 256;
+const TRIAL_ROUNDS: u64 = 7;
 /// What timing may cost, as a part of the run.
 const PRICE: f64 = 0.01;
 /// The part of a stretch by which the timed round lies further along than in the stretch before: so it falls in with
@@ -105,16 +107,24 @@ impl Profile {
     /// Of the plans of [`Plan::all`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
     /// cost, then starts anew.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
-        let mut this = Self::timing_every(plans, 1);
+        let mut this = Self::timing_every(plans, u64::MAX);
+        // The first one is timed.
+        this.round();
         let mut took = [Vec::new(), Vec::new()];
-        for trial in 0..2 * TRIAL_ROUNDS {
-            this.every = if trial % 2 == 0 { u64::MAX } else { 1 };
+        for trial in 0..2 * TRIALS {
             let before = Instant::now();
-            this.round();
+            for round in 0..TRIAL_ROUNDS {
+                if trial % 2 == 1 && round == 0 {
+                    this.timed_round();
+                } else {
+                    this.round();
+                }
+            }
             took[trial % 2].push(before.elapsed().as_nanos() as f64);
         }
         let [plain, timed] = took.map(|took| median(&took));
-        let every = ((timed - plain).max(0.0) / (PRICE * plain.max(1.0))).ceil() as u64;
+        let a_round = (plain / TRIAL_ROUNDS as f64).max(1.0);
+        let every = ((timed - plain).max(0.0) / (PRICE * a_round)).ceil() as u64;
         Self::timing_every(plans, every.max(1))
     }
 
@@ -156,8 +166,12 @@ impl Profile {
         self.rounds += 1;
         if at != turn as u64 {
             let Ok(()) = self.fleet.round(|_, _| Ok::<(), Infallible>(()));
-            return;
+        } else {
+            self.timed_round();
         }
+    }
+
+    fn timed_round(&mut self) {
         self.timed += 1;
         let books = &mut self.books;
         let Ok(()) = self.fleet.round_by(|driver, run, work| {
