@@ -38,9 +38,9 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Turns that each kind of run takes, so that what disturbs the machine disturbs all: many, as most of them are then
-/// disturbed by nothing.
-const TURNS: usize = 200;
+/// Turns that each kind of run takes at least, so that what disturbs the machine disturbs all: many, as most of them are
+/// then disturbed by nothing.
+const TURNS: u32 = 200;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
@@ -75,7 +75,7 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
     };
     let progress = progress_bar(seconds);
     let kinds = if plans.len() > 1 { 3 } else { 2 };
-    let turn = Duration::from_secs_f64(seconds / (kinds * TURNS) as f64);
+    let turn = Duration::from_secs_f64(seconds / f64::from(kinds * TURNS));
     // One turn of the measured run sets how many rounds all turns have.
     let mut rounds = 0_u32;
     let begun = Instant::now();
@@ -84,7 +84,14 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
         rounds += 1;
     }
     let mut turns = Turns::default();
-    for number in 0..TURNS {
+    let begun = Instant::now();
+    // That turn may have been a slow one.
+    for number in 0.. {
+        let done_s = begun.elapsed().as_secs_f64();
+        progress.set_position((1000.0 * done_s) as u64);
+        if number >= TURNS && done_s >= seconds {
+            break;
+        }
         // In turns, which of them is the first as well.
         if number % 2 == 0 {
             turns.measured_s.push(a_round_of(rounds, || profile.round()));
@@ -99,7 +106,6 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
             let took_s = took_ns.iter().map(|ns| ns * 1e-9 / f64::from(rounds));
             turns.by_driver_s.push(took_s.collect());
         }
-        progress.set_position((1000.0 * seconds * (number + 1) as f64 / TURNS as f64) as u64);
     }
     progress.finish_and_clear();
     turns
