@@ -44,6 +44,26 @@ fn texturepad(folder: &Path, name: &str, arguments: &[&str]) -> PathBuf {
 }
 
 #[test]
+fn a_sink_does_not_write_what_every_run_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["report.html.wav", "report.html"] {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 1000) }}, nodes: {{
+                "x": Constant(clock: "c", value: 1), "file": CsvSink(inputs: ["x"], file: "{name}") }})"#
+        );
+        fs::write(folder.path().join("g.ron"), text).unwrap();
+        let output = haptograph(folder.path(), &["run", "g.ron", "--for", "0.1", "--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        let own = name == "report.html";
+        assert_eq!(output.status.code(), Some(i32::from(own)), "{told}");
+        assert!(
+            !own || told.contains("the sink `file` writes report.html"),
+            "{told}"
+        );
+    }
+}
+
+#[test]
 fn the_texturepad_leaves_sound_facts_and_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let out = texturepad(folder.path(), "run", &[]);

@@ -55,11 +55,16 @@ impl Running {
     }
 
     fn wait_for(&mut self, words: &str) {
+        self.wait_for_times(words, 1);
+    }
+
+    fn wait_for_times(&mut self, words: &str, times: usize) {
         let start = Instant::now();
-        while !self.said().contains(words) {
+        let is_said = |told: &str| told.matches(words).count() >= times;
+        while !is_said(&self.said()) {
             let ended = self.child.try_wait().unwrap().is_some();
             let told = self.said();
-            assert!(told.contains(words) || !ended, "it ended: {told}");
+            assert!(is_said(&told) || !ended, "it ended: {told}");
             assert!(
                 start.elapsed() < Duration::from_secs(60),
                 "no `{words}` in: {told}"
@@ -223,19 +228,25 @@ fn settings_are_told_by_open_sound_control() {
 #[test]
 fn no_limit_is_changed_from_afar() {
     let folder = tempfile::tempdir().unwrap();
-    let graph = r#"Graph(format: 1, parameters: { "most": 0.5 }, clocks: { "audio": Driver(rate_hz: 10000) },
+    let graph = r#"Graph(format: 1, parameters: { "most": 0.5, "strong": 2.9 }, clocks: { "audio": Driver(rate_hz: 10000) },
         nodes: {
             "two": Constant(clock: "audio", value: 2, quantity: "current"),
             "out": ActuatorSink(current: "two", endpoint: "a", limit: (peak_a: Param("most"), continuous_a: Param("most"))),
             "file": CsvSink(inputs: ["out.delivered"], file: "given.csv"),
         },
-        endpoints: { "simulated": { "a": SimulatedHaptuator() } })"#;
+        endpoints: { "simulated": { "a": SimulatedHaptuator(force_n_per_a: Param("strong")) } })"#;
     fs::write(folder.path().join("g.ron"), graph).unwrap();
     let arguments = ["run", "g.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.wait_for("Open Sound Control at 127.0.0.1:");
     teller(&run)(&osc("/most", 2.0));
-    run.wait_for("an actuator's limit would change");
+    run.wait_for("an actuator's limit or device would change");
+    // What the device is set to says what its numbers mean: an amplifier's full scale, here what a coil does of a current.
+    teller(&run)(&osc("/strong", 29.0));
+    run.wait_for_times("an actuator's limit or device would change", 2);
+    // Who sits there may, and is told.
+    run.type_line("set most=0.4");
+    run.wait_for("limit of `out`: peak 0.5 -> 0.4");
     run.stop();
     let given = fs::read_to_string(folder.path().join("out/given.csv")).unwrap();
     let most = given
@@ -279,6 +290,30 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     );
     assert!(some[0] == 0.5 && *some.last().unwrap() == 1.0);
     assert_eq!(facts(&out)["driver_frames"], all.len());
+}
+
+#[test]
+fn what_the_file_says_anew_counts_more_than_what_was_typed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    fs::write(&path, TONE).unwrap();
+    let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.type_line("set loudness=0.75");
+    run.wait_for("a setting changed");
+    // It stays through other changes,
+    fs::write(&path, format!("// Loud.\n{TONE}")).unwrap();
+    run.wait_for("nothing changed");
+    // and a value that no setting can have is no value.
+    run.type_line("set loud.gain=NaN");
+    run.wait_for("choose a finite number");
+    fs::write(&path, TONE.replace("0.25", "0.5")).unwrap();
+    run.wait_for_times("a setting changed", 2);
+    std::thread::sleep(Duration::from_millis(300));
+    run.stop();
+    let heard = samples(&folder.path().join("out/loud.wav"));
+    assert!(heard.contains(&0.75));
+    assert_eq!(heard.last(), Some(&0.5));
 }
 
 #[cfg(all(target_os = "linux", not(feature = "soundcard")))]

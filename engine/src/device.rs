@@ -61,6 +61,12 @@ pub trait Device: CloneDevice + Send + Sync {
     fn latency(&self) -> DeviceLatency {
         DeviceLatency::default()
     }
+    /// The largest magnitude that a driven channel can be given, in the unit of its drive, if it knows one. No sink may
+    /// ask for more.
+    fn most(&self, channel: usize) -> Option<f64> {
+        let _ = channel;
+        None
+    }
     /// How old what it senses is when it is read, if somebody measures that.
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         None

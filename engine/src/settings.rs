@@ -26,6 +26,19 @@ pub struct SettingSpec {
     pub range: Option<(f64, f64)>,
     /// May it be changed while the graph runs?
     pub live: bool,
+    /// What it is made of, where it is more than a number or a word.
+    pub parts: Vec<Part>,
+}
+
+/// The fields of a structure, or one of the choices of an enum with the fields of its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Name of the choice; none for a structure.
+    pub choice: Option<&'static str>,
+    /// From the doc comment.
+    pub doc: String,
+    /// Its fields, in the order of declaration.
+    pub fields: Vec<SettingSpec>,
 }
 
 /// A set of named settings; declared by [`settings!`](crate::settings!).
@@ -44,6 +57,10 @@ pub trait Setting: Sized {
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
     /// As it would be written in RON.
     fn show(&self) -> String;
+    /// What it is made of, for the reference.
+    fn parts() -> Vec<Part> {
+        Vec::new()
+    }
     /// Its number, for the check against a range.
     fn number(&self) -> Option<f64> {
         None
@@ -287,6 +304,7 @@ macro_rules! settings {
                         range
                     },
                     live: [$(stringify!($live)),*].contains(&"live"),
+                    parts: <$type as $crate::settings::Setting>::parts(),
                 }),*]
             }
 
@@ -311,6 +329,14 @@ macro_rules! settings {
             fn expected() -> String {
                 let fields: Vec<&str> = vec![$(stringify!($field)),*];
                 format!("a structure ({})", fields.join(": ..., ") + ": ...")
+            }
+            fn parts() -> Vec<$crate::settings::Part> {
+                let doc: &[&str] = &[$($summary),*];
+                vec![$crate::settings::Part {
+                    choice: None,
+                    doc: doc.concat().trim().to_owned(),
+                    fields: <Self as $crate::settings::Settings>::specs(),
+                }]
             }
             fn read(
                 value: &$crate::document::value::Value,
@@ -365,6 +391,13 @@ macro_rules! choices {
                 let names: Vec<&str> = vec![$(stringify!($variant)),*];
                 format!("one of {}", names.join(", "))
             }
+            fn parts() -> Vec<$crate::settings::Part> {
+                vec![$($crate::settings::Part {
+                    choice: Some(stringify!($variant)),
+                    doc: [$($doc),*].concat().trim().to_owned(),
+                    fields: $crate::choices!(@fields $($payload)?),
+                }),*]
+            }
             fn read(
                 value: &$crate::document::value::Value,
                 reading: &mut $crate::settings::Reading<'_>,
@@ -390,6 +423,8 @@ macro_rules! choices {
             }
         }
     };
+    (@fields) => { Vec::new() };
+    (@fields $payload:ty) => { <$payload as $crate::settings::Settings>::specs() };
     (@read $name:ident $variant:ident $value:ident $reading:ident) => {{
         let fields = $crate::settings::fields_of($value, stringify!($variant), $reading)?;
         fields.finish($reading);

@@ -282,6 +282,52 @@ fn no_sink_exceeds_what_it_states_in_ten_million_ticks() {
     plague(|sink| if sink == "BrakeSink" { 1_000_000 } else { 3_000_000 });
 }
 
+#[test]
+fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
+    let limited = |full_scale_a: f64| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 48000) }},
+            nodes: {{
+                "push": Constant(clock: "c", value: 1, quantity: "current"),
+                "out": ActuatorSink(current: "push", endpoint: "coil", limit: (peak_a: 0.5, continuous_a: 0.2)),
+            }},
+            endpoints: {{ "live": {{ "coil": Soundcard(amperes_full_scale: {full_scale_a}) }} }})"#
+        );
+        let options = CheckOptions {
+            endpoints: "live".into(),
+            ..CheckOptions::default()
+        };
+        let document = Document::parse("weak.ron", &text).unwrap_or_else(|wrong| panic!("{wrong}"));
+        let graph = check(&document, &haptograph_nodes::registry(), &options);
+        graph.unwrap_or_else(|wrong| panic!("{wrong}"))
+    };
+    for (full_scale_a, peak, continuous, said) in [
+        (1.0, 0.5, 0.2, false),
+        (0.3, 0.3, 0.2, true),
+        (0.1, 0.1, 0.1, true),
+    ] {
+        let graph = limited(full_scale_a);
+        let (_, limit) = graph.limits().next().unwrap();
+        assert_eq!((limit.peak, limit.continuous), (peak, continuous));
+        assert_eq!(
+            graph.warnings().iter().any(|warning| warning.code == "W0108"),
+            said
+        );
+        // What is delivered is what the card plays.
+        let nodes = graph.nodes();
+        let taps = vec![(
+            nodes
+                .node_indices()
+                .find(|node| nodes[*node].path == "out")
+                .unwrap(),
+            0,
+        )];
+        let mut run = Run::new(Arc::new(Plan::new(&graph, &PlanOptions { block: 64, taps })));
+        run.advance(64);
+        assert!((run.tap(0)[63] - peak).abs() < 1e-12);
+    }
+}
+
 /// Of a sink that drove another device until now only the name is known here.
 #[test]
 fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {

@@ -16,7 +16,7 @@ mod watch;
 use super::{Failure, GraphArguments, remark, say};
 use folder::RunFolder;
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::{Offline, Outcome, Outlets};
+use haptograph::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 pub use shown::Shown;
 use std::net::SocketAddr;
@@ -123,6 +123,11 @@ fn target(arguments: &Arguments) -> PathBuf {
     })
 }
 
+/// What a run leaves in its folder whatever the graph.
+const OWN_FILES: [&str; 4] = [folder::MARK, PAGE, DRAWING, ARRIVALS];
+const PAGE: &str = "report.html";
+const DRAWING: &str = "graph.svg";
+
 /// A run that is being made: what it writes, and what is kept to complete it.
 struct Making<'a> {
     outlets: Outlets<'a>,
@@ -139,6 +144,15 @@ struct Kept {
 impl<'a> Making<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
         let target = target(arguments);
+        for (node, file) in graph.written_files() {
+            if OWN_FILES.iter().any(|own| file.starts_with(own)) {
+                return Err(Failure::Message(format!(
+                    "the sink `{}` writes {}, which every run writes itself; choose another name",
+                    graph.nodes()[node].path,
+                    file.display()
+                )));
+            }
+        }
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
             if arguments.probe[..number]
@@ -173,15 +187,19 @@ impl<'a> Making<'a> {
 impl Kept {
     /// Writes the page and the facts, puts the folder in its place, and says so.
     fn complete(self, arguments: &Arguments, graph: &Graph, summary: &Summary) -> Result<(), Failure> {
-        self.folder.write("run.json", &summary.to_json())?;
-        self.folder
-            .write("report.html", &summary.page(graph, &self.shown))?;
+        self.folder.write(folder::MARK, &summary.to_json())?;
+        self.folder.write(PAGE, &summary.page(graph, &self.shown))?;
         self.folder.write(
-            "graph.svg",
+            DRAWING,
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
         )?;
         outputs::place_probes(&self.folder, &self.probes)?;
-        self.folder.put_in_place(&self.target)?;
+        if let Some(kept) = self.folder.put_in_place(&self.target)? {
+            remark(&format!(
+                "the live run that was there is kept as {}\n",
+                kept.display()
+            ));
+        }
         summary
             .warnings()
             .iter()

@@ -145,6 +145,11 @@ fn settings(text: &mut String, list: &[SettingSpec]) {
         return;
     }
     *text += "\nSettings:\n\n";
+    fields(text, list, 0);
+}
+
+fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
+    let indent = "  ".repeat(depth);
     for setting in list {
         let default = setting
             .default
@@ -159,7 +164,18 @@ fn settings(text: &mut String, list: &[SettingSpec]) {
             ""
         };
         let (name, expected, doc) = (setting.name, &setting.expected, one_line(&setting.doc));
-        let _ = writeln!(text, "- `{name}` ({expected}{range}, {default}{live}): {doc}");
+        let _ = writeln!(
+            text,
+            "{indent}- `{name}` ({expected}{range}, {default}{live}): {doc}"
+        );
+        for part in &setting.parts {
+            let Some(choice) = part.choice else {
+                fields(text, &part.fields, depth + 1);
+                continue;
+            };
+            let _ = writeln!(text, "{indent}  - `{choice}`: {}", one_line(&part.doc));
+            fields(text, &part.fields, depth + 2);
+        }
     }
 }
 

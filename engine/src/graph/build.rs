@@ -13,6 +13,7 @@ use crate::settings::Fields;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 /// Driver frames that a plan never exceeds in one go.
@@ -44,6 +45,7 @@ pub(super) fn build(
         works.push(work(cx, draft, clocks, declared, &simulated, seed, node));
         files.push(std::mem::take(&mut cx.files));
     }
+    refuse_shared_files(cx, draft, &works);
     Built {
         works,
         files,
@@ -52,6 +54,37 @@ pub(super) fn build(
             .map(|device| body(cx, clocks, device, seed))
             .collect(),
         simulated,
+    }
+}
+
+/// Two sinks cannot write one file, nor one the note that another leaves beside its own.
+fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work>]) {
+    let mut known: HashMap<PathBuf, usize> = HashMap::new();
+    for (node, work) in works.iter().enumerate() {
+        let Some(Work::File(sink)) = work else { continue };
+        let file = sink.file_name();
+        let mut note = file.as_os_str().to_owned();
+        note.push(".ron");
+        for name in [file.to_owned(), note.into()] {
+            let Some(first) = known.insert(name, node) else {
+                continue;
+            };
+            let at = |node: usize| {
+                let fields = &draft.nodes[node].fields;
+                let mut written = fields.remaining().iter();
+                let written = written.find(|(name, _)| name.text == "file");
+                written.map_or(fields.span, |(_, value)| value.span)
+            };
+            let (first_path, path) = (&draft.nodes[first].path, &draft.nodes[node].path);
+            let message =
+                format!("`{first_path}` and `{path}` would write the same file in the run's folder");
+            let diagnostic = Diagnostic::error("E0304", at(node), message);
+            cx.report(
+                diagnostic
+                    .also(at(first), "the other")
+                    .help("give each sink a file of its own"),
+            );
+        }
     }
 }
 
@@ -310,7 +343,7 @@ fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
 
 /// Puts together a graph about which no error was reported.
 pub(super) fn assemble(
-    cx: Context<'_>,
+    mut cx: Context<'_>,
     draft: Draft,
     clocks: Clocks,
     devices: Option<Devices>,
@@ -349,6 +382,9 @@ pub(super) fn assemble(
         if let Work::Source { device, .. } | Work::Actuator { device, .. } = &mut work {
             *device = kept.get(*device).copied()??;
         }
+        if let Some(doubt) = within_the_device(&mut work, node, &graph_devices) {
+            cx.report(doubt);
+        }
         nodes.add_node(Node {
             path: node.path.clone(),
             entry: node.entry,
@@ -384,6 +420,36 @@ pub(super) fn assemble(
         sources: cx.sources,
         warnings: cx.diagnostics,
     })
+}
+
+/// Lowers the limit of a sink to what its device can give, so that what it delivers is true. Says so.
+fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice]) -> Option<Diagnostic> {
+    let Work::Actuator {
+        device,
+        channel,
+        limit,
+        ..
+    } = work
+    else {
+        return None;
+    };
+    let device = devices.get(*device)?;
+    let most = device.device.most(*channel).filter(|most| *most < limit.peak)?;
+    let message = format!(
+        "`{}` may be given {} at its peak, but `{}` gives {most} at most: that is its limit here",
+        node.path, limit.peak, device.name
+    );
+    limit.peak = most;
+    limit.continuous = limit.continuous.min(most);
+    let written = node.fields.remaining().iter();
+    let written = written.clone().find(|(name, _)| name.text == "limit");
+    let span = written.map_or(node.fields.span, |(_, value)| value.span);
+    let warning = Diagnostic::warning("W0108", span, message);
+    Some(
+        warning
+            .also(device.span, "the device")
+            .help("lower the limit, or mend what the device states of itself"),
+    )
 }
 
 /// The live settings of a node and their values, as written or by default.

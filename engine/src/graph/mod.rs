@@ -25,10 +25,11 @@ use crate::device::{Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
 use crate::node::{FileSink, Limit, NodeEntry, Processor};
+use crate::settings::SettingSpec;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A sound graph.
 pub struct Graph {
@@ -219,6 +220,28 @@ impl Graph {
         })
     }
 
+    /// The files that its sinks write in the folder of a run, by the sinks' nodes.
+    pub fn written_files(&self) -> impl Iterator<Item = (NodeIndex, &Path)> {
+        self.nodes
+            .node_indices()
+            .filter_map(|index| match &self.nodes[index].work {
+                Work::File(sink) => Some((index, sink.file_name())),
+                _ => None,
+            })
+    }
+
+    /// The devices that actuator sinks drive.
+    pub fn driven_devices(&self) -> impl Iterator<Item = &GraphDevice> {
+        let driven = |wanted: usize| {
+            let mut works = self.nodes.node_weights().map(|node| &node.work);
+            works.any(|work| matches!(work, Work::Actuator { device, .. } if *device == wanted))
+        };
+        let devices = self.devices.iter().enumerate();
+        devices
+            .filter(move |(at, _)| driven(*at))
+            .map(|(_, device)| device)
+    }
+
     /// The settings that may change while it runs.
     pub fn live_settings(&self) -> Vec<LiveSetting> {
         let mut found = Vec::new();
@@ -232,12 +255,20 @@ impl Graph {
                     setting: *setting,
                     field: spec.name,
                     value: *value,
-                    range: spec.range,
+                    range: self.live_range(node, spec),
                     whole: spec.expected.contains("whole"),
                 })
             }));
         }
         found
+    }
+
+    /// A frequency has to stay below half of the rate of its node too, as when the graph is checked.
+    fn live_range(&self, node: &Node, spec: &SettingSpec) -> Option<(f64, f64)> {
+        let clock = node.clock.filter(|_| spec.name.ends_with("_hz"));
+        let Some(clock) = clock else { return spec.range };
+        let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
+        Some((low, high.min(0.5 * self.clocks[clock].rate.hz())))
     }
 
     /// What the graph is about, as the file tells it.

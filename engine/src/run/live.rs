@@ -102,6 +102,9 @@ pub enum ControlError {
     /// The value is not one that the setting can have.
     #[error("choose a value from {0} to {1}")]
     OutOfRange(f64, f64),
+    /// It is NaN or infinite.
+    #[error("choose a finite number")]
+    NotFinite,
 }
 
 /// How a plan differed from the one in whose place it was put.
@@ -432,8 +435,12 @@ impl Control {
 
     fn set_at(&mut self, place: usize, value: f64) -> Result<(), ControlError> {
         let live = &self.settings[place];
-        let (low, high) = live.range.unwrap_or((f64::MIN, f64::MAX));
-        if !(low..=high).contains(&value) {
+        if !value.is_finite() {
+            return Err(ControlError::NotFinite);
+        }
+        if let Some((low, high)) = live.range
+            && !(low..=high).contains(&value)
+        {
             return Err(ControlError::OutOfRange(low, high));
         }
         let glide_s = if live.whole { 0.0 } else { GLIDE_S };

@@ -1,6 +1,6 @@
 //! The types that settings can have.
 
-use super::{Reading, Setting};
+use super::{Part, Reading, Setting};
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use std::path::PathBuf;
@@ -111,6 +111,9 @@ impl<T: Setting> Setting for Option<T> {
     fn expected() -> String {
         format!("{} or None", T::expected())
     }
+    fn parts() -> Vec<Part> {
+        T::parts()
+    }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         if let Shape::Tagged(Tagged {
             name: Some(name),
@@ -139,6 +142,9 @@ impl<T: Setting> Setting for Vec<T> {
     fn expected() -> String {
         format!("a list [...], each {}", T::expected())
     }
+    fn parts() -> Vec<Part> {
+        T::parts()
+    }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         let Shape::List(values) = &value.shape else {
             reading.mismatch(value, &Self::expected());
@@ -156,6 +162,9 @@ impl<T: Setting> Setting for Vec<T> {
 impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
     fn expected() -> String {
         format!("{N} values in round brackets, each {}", T::expected())
+    }
+    fn parts() -> Vec<Part> {
+        T::parts()
     }
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self> {
         let values = match &value.shape {

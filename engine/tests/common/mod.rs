@@ -407,6 +407,9 @@ impl Device for Still {
     fn advance(&mut self) {}
     fn read(&mut self, _: usize, _: &mut [f64]) {}
     fn write(&mut self, _: usize, _: &[f64]) {}
+    fn most(&self, _: usize) -> Option<f64> {
+        Some(5.0)
+    }
 }
 
 const fn channel(name: &'static str, kind: Kind, quantity: Quantity) -> Channel {

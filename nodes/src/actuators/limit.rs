@@ -14,7 +14,7 @@ macro_rules! limit_settings {
             pub struct $name {
                 #[doc = $peak_doc]
                 $peak: f64, in 1e-9..=1e6;
-                /// Largest root mean square over the window, in the same unit.
+                /// Largest root of the mean square, exponentially weighted over the window, in the same unit: what it bears for good.
                 $continuous: f64, in 1e-9..=1e6;
                 #[doc = $heat_doc]
                 window_s: f64 = 10.0, in 1e-3..=1e6;

@@ -85,6 +85,10 @@ impl Device for Card {
         }
     }
 
+    fn most(&self, _: usize) -> Option<f64> {
+        self.output.as_ref().map(|output| output.full_scale)
+    }
+
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         self.input.as_ref().map(|input| Arc::clone(&input.ages))
     }

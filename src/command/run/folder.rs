@@ -14,7 +14,7 @@ pub struct RunFolder {
 }
 
 /// Every run leaves this file: a folder without it was not made by a run and is not replaced.
-const MARK: &str = "run.json";
+pub const MARK: &str = "run.json";
 
 impl RunFolder {
     /// An empty folder on the same file system as `target`, which must be free, or left by an earlier run.
@@ -55,10 +55,12 @@ impl RunFolder {
         fs::write(&path, text).map_err(|error| Failure::file("write", &path, &error))
     }
 
-    /// Replaces what an earlier run left at `target`.
-    pub fn put_in_place(self, target: &Path) -> Result<(), Failure> {
+    /// Replaces what an earlier run left at `target`; what it recorded of real devices is kept beside it, and where is
+    /// returned.
+    pub fn put_in_place(self, target: &Path) -> Result<Option<PathBuf>, Failure> {
         refuse_foreign(target)?;
-        let old = self.temporary.path().join("old");
+        let kept = holds_what_cannot_be_repeated(target).then(|| free_beside(target));
+        let old = kept.clone().unwrap_or_else(|| self.temporary.path().join("old"));
         let failed = |error| Failure::file("put the run in place at", target, &error);
         if target.exists() {
             fs::rename(target, &old).map_err(failed)?;
@@ -67,8 +69,24 @@ impl RunFolder {
             // Give the earlier run back; if that fails too, the first error is the one to tell.
             let _ = fs::rename(&old, target);
             failed(error)
-        })
+        })?;
+        Ok(kept)
     }
+}
+
+/// A live run of real devices can hold somebody's hour.
+fn holds_what_cannot_be_repeated(target: &Path) -> bool {
+    let facts = fs::read_to_string(target.join(MARK)).ok();
+    let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
+    facts.is_some_and(|facts| facts["live"] == true && facts["simulated"] != true)
+}
+
+/// The folder's name with the first number behind it that is free.
+fn free_beside(target: &Path) -> PathBuf {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let numbered = (1_u64..).map(|number| target.with_file_name(format!("{name}-{number}")));
+    let mut free = numbered.filter(|path| !path.exists());
+    free.next().unwrap_or_else(|| target.with_extension("kept"))
 }
 
 fn refuse_foreign(target: &Path) -> Result<(), Failure> {
@@ -90,4 +108,31 @@ fn refuse_foreign(target: &Path) -> Result<(), Failure> {
         return Err(Failure::Message(message));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
+        let parent = tempfile::tempdir().unwrap();
+        let target = parent.path().join("out");
+        let run = |facts: &str| {
+            let folder = RunFolder::beside(&target).unwrap();
+            folder.write(MARK, facts).unwrap();
+            folder.put_in_place(&target).unwrap()
+        };
+        let real = r#"{"live": true, "simulated": false}"#;
+        assert_eq!(run(r#"{"simulated": true}"#), None);
+        assert_eq!(run(r#"{"live": true, "simulated": true}"#), None);
+        assert_eq!(run(real), None);
+        assert_eq!(run(real), Some(parent.path().join("out-1")));
+        assert_eq!(run("{}"), Some(parent.path().join("out-2")));
+        assert_eq!(run("{}"), None);
+        assert_eq!(
+            fs::read_to_string(parent.path().join("out-2/run.json")).unwrap(),
+            real
+        );
+    }
 }

@@ -9,6 +9,7 @@ use super::summary::Summary;
 use super::watch::Watch;
 use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
 use haptograph::engine::diagnostic::{Diagnostics, render};
+use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::node::Limit;
 use haptograph::engine::run::{
@@ -75,6 +76,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     console::listen(asking.clone());
     let mut attended = Attended {
+        given: arguments.graph.set.clone(),
+        typed: Vec::new(),
         arguments: arguments.graph.clone(),
         seed: arguments.seed,
         folder: made.kept.folder.path().to_owned(),
@@ -85,7 +88,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         swaps: 0,
         history: History::default(),
         refused: Vec::new(),
-        limits: limits(&graph),
+        guards: Guards::of(&graph),
     };
     notes.extend(attended.attend(&mut driver, &asked, &stop));
     // Until here somebody asks, if only this one, so that waiting for it is waiting.
@@ -162,7 +165,12 @@ impl Says {
 
 /// A run and what may happen to it.
 struct Attended {
+    /// With the parameters as they are now.
     arguments: GraphArguments,
+    /// Parameters as the command line gave them.
+    given: Vec<(String, String)>,
+    /// Parameters that were typed or told since, with the default that the file had for each.
+    typed: Vec<(String, Option<String>)>,
     seed: Option<u64>,
     folder: PathBuf,
     watch: Option<Watch>,
@@ -174,13 +182,51 @@ struct Attended {
     history: History,
     /// Names that were told by Open Sound Control and refused; said once each.
     refused: Vec<String>,
-    /// What each actuator may be given.
-    limits: Vec<(String, Limit)>,
+    guards: Guards,
 }
 
-fn limits(graph: &Graph) -> Vec<(String, Limit)> {
-    let limits = graph.limits().map(|(sink, limit)| (sink.to_owned(), limit));
-    limits.collect()
+/// What nobody may change from afar: what each actuator may be given, and what the devices that are driven are set to.
+#[derive(Debug, PartialEq)]
+struct Guards {
+    limits: Vec<(String, Limit)>,
+    driven: Vec<(String, u64)>,
+}
+
+impl Guards {
+    fn of(graph: &Graph) -> Self {
+        let limits = graph.limits().map(|(sink, limit)| (sink.to_owned(), limit));
+        let driven = graph.driven_devices();
+        Self {
+            limits: limits.collect(),
+            driven: driven
+                .map(|device| (device.name.clone(), device.fingerprint))
+                .collect(),
+        }
+    }
+
+    /// The limits that differ from those before.
+    fn changes(&self, before: &Self) -> Vec<String> {
+        let known = |sink: &str| before.limits.iter().find(|(known, _)| known == sink);
+        let mut changes = Vec::new();
+        for (sink, now) in &self.limits {
+            let Some((_, was)) = known(sink) else { continue };
+            for (name, was, now) in [
+                ("peak", was.peak, now.peak),
+                ("continuous", was.continuous, now.continuous),
+                ("window_s", was.window_s, now.window_s),
+                (
+                    "slew",
+                    was.slew_per_s.unwrap_or(f64::INFINITY),
+                    now.slew_per_s.unwrap_or(f64::INFINITY),
+                ),
+            ] {
+                if was != now {
+                    changes.push(format!("limit of `{sink}`: {name} {was} -> {now}"));
+                }
+            }
+        }
+        changes
+    }
 }
 
 /// What was set while it ran.
@@ -293,7 +339,7 @@ impl Attended {
                 }
             }
             if self.watch.as_mut().is_some_and(Watch::has_changed) {
-                self.reload(driver, Says::Everything);
+                self.reload_saved(driver);
             }
         }
         let counted = said.into_iter().map(|(note, times)| match times {
@@ -312,10 +358,40 @@ impl Attended {
         self.arguments.set.retain(|(known, _)| known != name);
         self.arguments.set.push((name.to_owned(), value.to_owned()));
         let set = self.reload(driver, says);
-        if !set {
+        if set {
+            self.typed.retain(|(known, _)| known != name);
+            self.typed.push((name.to_owned(), self.default_of(name)));
+        } else {
             self.arguments.set = before;
         }
         set
+    }
+
+    /// The default that the file has for a parameter now, as it is written.
+    fn default_of(&self, name: &str) -> Option<String> {
+        let document = Document::load(&self.arguments.graph, &LoadOptions::default()).ok()?;
+        let mut parameters = document.parameters();
+        parameters
+            .find(|(known, _)| *known == name)
+            .map(|(_, text)| text.to_owned())
+    }
+
+    /// After a save: a parameter whose default is another now is the file's again, whatever was typed before.
+    fn reload_saved(&mut self, driver: &Drivers) {
+        let before = self.arguments.set.clone();
+        let (same, other): (Vec<_>, Vec<_>) = std::mem::take(&mut self.typed)
+            .into_iter()
+            .partition(|(name, default)| self.default_of(name) == *default);
+        for (name, _) in &other {
+            self.arguments.set.retain(|(known, _)| known != name);
+            let given = self.given.iter().find(|(known, _)| known == name);
+            self.arguments.set.extend(given.cloned());
+        }
+        self.typed = same;
+        if !self.reload(driver, Says::Everything) {
+            self.arguments.set = before;
+            self.typed.extend(other);
+        }
     }
 
     fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
@@ -367,9 +443,11 @@ impl Attended {
             );
             return false;
         }
-        let limits = limits(&graph);
-        if says < Says::Everything && limits != self.limits {
-            says.refusal("the graph stays as it was: an actuator's limit would change, and that is not done from afar\n");
+        let guards = Guards::of(&graph);
+        if says < Says::Everything && guards != self.guards {
+            says.refusal(
+                "the graph stays as it was: an actuator's limit or device would change, and that is not done from afar\n",
+            );
             return false;
         }
         if let Err(error) = self.network.connect(&graph) {
@@ -386,7 +464,10 @@ impl Attended {
                 }
                 // A changed graph may read other files.
                 self.watch = watch;
-                self.limits = limits;
+                for change in guards.changes(&self.guards) {
+                    remark(&format!("{change}\n"));
+                }
+                self.guards = guards;
                 true
             }
             Err(error) => {

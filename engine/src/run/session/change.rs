@@ -6,7 +6,7 @@ use super::super::live::{Change, Control, ControlError, Prepared};
 use super::super::outlets::{Outlets, WriteError, file_ports, stream};
 use super::super::swap::Next;
 use super::{Entry, Session, tap_rings};
-use crate::graph::{Graph, Work};
+use crate::graph::Graph;
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
 use petgraph::graph::NodeIndex;
@@ -160,7 +160,7 @@ impl Session {
         folder: &Path,
     ) -> Result<Vec<PathBuf>, WriteError> {
         let mut left_out = Vec::new();
-        for (index, file) in files(outlets.graph) {
+        for (index, file) in outlets.graph.written_files() {
             let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
             match self.entries.iter().position(known) {
                 None => outlets.open_file(index, folder)?,
@@ -255,7 +255,7 @@ impl Entry {
     /// The ports of a graph that carry what is written here, if it has them all.
     fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeIndex, usize)>> {
         if let Some(sink) = &self.sink {
-            let (index, _) = files(graph).find(|(_, file)| file == sink)?;
+            let (index, _) = graph.written_files().find(|(_, file)| file == sink)?;
             let ports = file_ports(graph, index);
             let same = ports.len() == self.streams.len()
                 && ports
@@ -266,16 +266,6 @@ impl Entry {
         }
         self.streams.iter().map(|known| find(graph, known)).collect()
     }
-}
-
-fn files(graph: &Graph) -> impl Iterator<Item = (NodeIndex, &Path)> {
-    graph
-        .nodes
-        .node_indices()
-        .filter_map(|index| match &graph.nodes[index].work {
-            Work::File(sink) => Some((index, sink.file_name())),
-            _ => None,
-        })
 }
 
 fn find(graph: &Graph, known: &Stream) -> Option<(NodeIndex, usize)> {
