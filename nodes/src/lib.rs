@@ -18,6 +18,12 @@ pub mod tapping;
 pub mod texture;
 mod units;
 
+/// Counts what tests must not allocate.
+#[cfg(test)]
+#[expect(unsafe_code, reason = "an allocator that counts")]
+#[path = "../tests/realtime/mod.rs"]
+mod realtime;
+
 pub(crate) use haptograph_signal::vector;
 
 use haptograph_engine::device::DeviceEntry;

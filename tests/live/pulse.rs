@@ -447,7 +447,10 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
             levels.push((level * 100.0).round() / 100.0);
         }
     }
-    assert!(levels.windows(3).any(|three| three == [2.0, 0.0, 2.0]), "{levels:?}");
+    assert!(
+        levels.windows(3).any(|three| three == [2.0, 0.0, 2.0]),
+        "{levels:?}"
+    );
     let facts = facts(&home.path().join("out"));
     // More often where the machine is too busy for the daemon.
     assert!(facts["inputs"]["line"]["vanished"].as_u64().unwrap() >= 1);

@@ -299,6 +299,38 @@ mod tests {
     }
 
     #[test]
+    fn neither_end_allocates_or_waits_whatever_comes() {
+        let mut world = World::accelerometer(10_000);
+        let data = vec![0.5_f32; 3 * 5000];
+        let mut highest = 0.0_f64;
+        // Buffers of any length, silence, far too much, and time that stands still.
+        let odd = [
+            (0, 500),
+            (64, 13),
+            (480, 100),
+            (5000, 1),
+            (5000, 0),
+            (5000, 2000),
+            (1, 3),
+        ];
+        for (frames, ticks) in odd.into_iter().chain([(480, 100); 20]) {
+            let mut frame = [0.0];
+            let allocated = crate::realtime::allocations(|| {
+                let heard = &data[..3 * frames];
+                world.listener.hear(heard, 3, Duration::ZERO, f64::from);
+                world.device.look(Instant::now());
+                for _ in 0..ticks {
+                    world.device.advance();
+                    world.device.read(0, &mut frame);
+                }
+            });
+            assert_eq!(allocated, 0, "{frames} frames, {ticks} ticks");
+            highest = highest.max(frame[0]);
+        }
+        assert!((highest - 25.0).abs() < 0.01, "{highest}");
+    }
+
+    #[test]
     fn a_latency_that_cannot_be_kept_is_refused() {
         let hasty = SoundcardAccelerometerSettings {
             latency_ms: Some(2.0),
