@@ -6,8 +6,9 @@ mod change;
 pub use change::{ChangeError, Changed};
 
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, SettingWriter};
+use super::control::{Control, ControlError};
 use super::fleet::join;
-use super::live::{Control, ControlError, Live, LiveState, live};
+use super::live::{Live, LiveState, live};
 use super::meter::Meters;
 use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};

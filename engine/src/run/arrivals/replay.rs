@@ -1,10 +1,11 @@
 //! Repeating what drivers saw.
 
 use super::super::Run;
+use super::super::control::COMMANDS;
 use super::super::fleet::Fleet;
 use super::super::glide::{Glide, Glides};
 use super::super::link::{LinkReader, LinkWriter};
-use super::super::live::{COMMANDS, FADE_S};
+use super::super::live::FADE_S;
 use super::{FADING, REPLACED, ReplayError, SETTINGS_HEADER, cell, columns, file, header, settings_file};
 use crate::plan::Plan;
 use std::fs::File;

@@ -1,8 +1,8 @@
 //! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
 
 use super::super::RingMeter;
+use super::super::control::{Change, Control, ControlError, Prepared};
 use super::super::fleet::rejoin;
-use super::super::live::{Change, Control, ControlError, Prepared};
 use super::super::outlets::{Outlets, WriteError, file_ports, stream};
 use super::super::swap::Next;
 use super::{Entry, Session, tap_rings};

@@ -1,0 +1,277 @@
+//! The side of a live run from which it is changed.
+
+use super::glide::{GLIDE_S, Glide};
+use super::meter::{Meters, Wake};
+use super::rings::TapRings;
+use super::swap::{AtZero, Next, Transfer};
+use crate::graph::LiveSetting;
+use crate::plan::Plan;
+use petgraph::graph::NodeIndex;
+use rtrb::{Consumer, Producer};
+use std::sync::Arc;
+
+/// Commands that may wait for the real-time side.
+pub(super) const COMMANDS: usize = 4096;
+/// How much more work two plans together are than one alone, as they run frame by frame.
+const TOGETHER: f64 = 3.0;
+
+/// What the real-time side is told.
+pub(super) enum Command {
+    Set(Glide),
+    Swap(Box<Next>),
+    Stop,
+}
+
+/// What the real-time side sends back.
+pub(super) enum Report {
+    Wake(Wake),
+    /// An old plan, to be freed where freeing is allowed.
+    Old(Box<Next>),
+}
+
+/// The other side of a live run.
+pub struct Control {
+    commands: Producer<Command>,
+    reports: Consumer<Report>,
+    /// The plan that runs, or will when the last swap is done.
+    plan: Arc<Plan>,
+    /// Its live settings as they were set last.
+    settings: Vec<LiveSetting>,
+    meters: Meters,
+    /// Old plans that came home.
+    freed: u64,
+}
+
+/// Why a command was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ControlError {
+    /// The real-time side has not read its commands for a while.
+    #[error("the real-time side does not take commands: {COMMANDS} are waiting")]
+    Full,
+    /// The new graph has another driver rate.
+    #[error("the driver's rate changed; that needs a restart of the run")]
+    OtherRate,
+    /// The node has no such setting, or it cannot change while the graph runs.
+    #[error("there is no live setting of that name")]
+    NotLive,
+    /// The value is not one that the setting can have.
+    #[error("choose a value from {0} to {1}")]
+    OutOfRange(f64, f64),
+    /// It is NaN or infinite.
+    #[error("choose a finite number")]
+    NotFinite,
+}
+
+/// How a plan differed from the one in whose place it was put.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// In at most so many live settings: nothing was interrupted.
+    Settings(usize),
+    /// In more: it fades into the new one.
+    CrossFade,
+    /// In more: it is faded out, then the new one in, and this is why they cannot run together.
+    AtZero(AtZero),
+    /// In more, and neither drives anything that could fade.
+    AtOnce,
+}
+
+impl Change {
+    /// What became of two drivers of a graph, as one.
+    pub(super) fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
+            (Self::AtZero(obstacle), _) | (_, Self::AtZero(obstacle)) => Self::AtZero(obstacle),
+            (Self::CrossFade, _) | (_, Self::CrossFade) => Self::CrossFade,
+            _ => Self::AtOnce,
+        }
+    }
+}
+
+/// A plan that is ready to take over.
+pub(super) struct Prepared {
+    pub next: Box<Next>,
+    plan: Arc<Plan>,
+    /// Its live settings as they will be, and those that glide there: their places, and where to.
+    settings: Vec<LiveSetting>,
+    changes: Vec<(usize, f64)>,
+}
+
+impl Control {
+    pub(super) fn new(plan: Arc<Plan>, commands: Producer<Command>, reports: Consumer<Report>) -> Self {
+        Self {
+            commands,
+            reports,
+            settings: plan.live.clone(),
+            plan,
+            meters: Meters::default(),
+            freed: 0,
+        }
+    }
+
+    /// Sets a live setting of a node; it glides there within [`GLIDE_S`].
+    ///
+    /// # Errors
+    /// [`ControlError`] if it is no live setting, cannot have that value, or the real-time side does not read.
+    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) -> Result<(), ControlError> {
+        let place = self
+            .settings
+            .iter()
+            .position(|live| (live.node, live.setting) == (node, setting));
+        self.set_at(place.ok_or(ControlError::NotLive)?, value)
+    }
+
+    /// Sets a live setting by its name: `out.gain`.
+    ///
+    /// # Errors
+    /// As [`Control::set`].
+    pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
+        let place = self.settings.iter().position(|live| live.name() == name);
+        self.set_at(place.ok_or(ControlError::NotLive)?, value)
+    }
+
+    /// The live settings of the graph that runs, as they were set last.
+    pub fn settings(&self) -> &[LiveSetting] {
+        &self.settings
+    }
+
+    fn set_at(&mut self, place: usize, value: f64) -> Result<(), ControlError> {
+        let live = &self.settings[place];
+        if !value.is_finite() {
+            return Err(ControlError::NotFinite);
+        }
+        if let Some((low, high)) = live.range
+            && !(low..=high).contains(&value)
+        {
+            return Err(ControlError::OutOfRange(low, high));
+        }
+        let glide_s = if live.whole { 0.0 } else { GLIDE_S };
+        let glide = Glide {
+            place,
+            from: live.value,
+            to: value,
+            begin: 0,
+            frames: (glide_s * self.plan.driver_rate().hz()).round() as u64,
+        };
+        self.send(Command::Set(glide))?;
+        self.settings[place].value = value;
+        Ok(())
+    }
+
+    /// Fades out and stops.
+    ///
+    /// # Errors
+    /// [`ControlError::Full`] if the real-time side does not read.
+    pub fn stop(&mut self) -> Result<(), ControlError> {
+        self.send(Command::Stop)
+    }
+
+    /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where
+    /// only live settings differ they glide to their new values. Into another graph it fades while both run, or where
+    /// they cannot, it falls to zero and the other rises from there; the state of the nodes that stayed is carried over.
+    /// What was set by hand stays set where the file still says the same.
+    ///
+    /// # Errors
+    /// [`ControlError`] if the driver's rate differs or the real-time side does not read.
+    pub fn swap(&mut self, plan: Arc<Plan>) -> Result<Change, ControlError> {
+        let prepared = self.prepare(plan, TapRings::default())?;
+        self.put(prepared)
+    }
+
+    /// Lays out how a plan takes over. Nothing that runs knows of it yet; until something else is sent, [`Control::put`]
+    /// finds room for it.
+    pub(super) fn prepare(&self, plan: Arc<Plan>, rings: TapRings) -> Result<Prepared, ControlError> {
+        if plan.driver_rate() != self.plan.driver_rate() {
+            return Err(ControlError::OtherRate);
+        }
+        let mut settings = plan.live.clone();
+        let mut changes = Vec::new();
+        for (place, live) in settings.iter_mut().enumerate() {
+            let Some(was) = self.settings.iter().find(|was| was.is_same_as(live)) else {
+                continue;
+            };
+            let written = self.plan.live.iter().find(|written| written.is_same_as(live));
+            let by_file = written.is_some_and(|written| written.value.to_bits() != live.value.to_bits());
+            let possible = live
+                .range
+                .is_none_or(|(low, high)| (low..=high).contains(&was.value));
+            let wanted = if by_file || !possible {
+                live.value
+            } else {
+                was.value
+            };
+            let in_new_plan = std::mem::replace(&mut live.value, was.value);
+            if wanted.to_bits() != was.value.to_bits() || wanted.to_bits() != in_new_plan.to_bits() {
+                changes.push((place, wanted));
+            }
+        }
+        if self.commands.slots() <= changes.len() {
+            return Err(ControlError::Full);
+        }
+        let load = self.meters.load(plan.driver_rate().hz());
+        let has_time = TOGETHER * load <= 1.0;
+        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        Ok(Prepared {
+            next,
+            plan,
+            settings,
+            changes,
+        })
+    }
+
+    /// Puts what was prepared in the place of the plan that runs.
+    pub(super) fn put(&mut self, prepared: Prepared) -> Result<Change, ControlError> {
+        let Prepared {
+            next,
+            plan,
+            settings,
+            changes,
+        } = prepared;
+        let transfer = next.transfer;
+        let drives = |plan: &Plan| !plan.actuators.is_empty();
+        let fades = drives(&self.plan) || drives(&plan);
+        self.send(Command::Swap(next))?;
+        (self.plan, self.settings) = (plan, settings);
+        for (place, wanted) in &changes {
+            self.set_at(*place, *wanted)?;
+        }
+        Ok(match transfer {
+            Transfer::Everything => Change::Settings(changes.len()),
+            Transfer::CrossFade => Change::CrossFade,
+            Transfer::AtZero(obstacle) if fades => Change::AtZero(obstacle),
+            Transfer::AtZero(_) => Change::AtOnce,
+        })
+    }
+
+    /// The plan that runs, or will when the last swap is done.
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    /// Takes in what the real-time side reported since, frees what came home, and returns what was counted so far.
+    pub fn poll(&mut self) -> &Meters {
+        while let Ok(report) = self.reports.pop() {
+            match report {
+                Report::Wake(wake) => self.meters.record(&wake),
+                Report::Old(old) => {
+                    drop(old);
+                    self.freed += 1;
+                }
+            }
+        }
+        &self.meters
+    }
+
+    /// What was counted by the last [`Control::poll`].
+    pub fn meters(&self) -> &Meters {
+        &self.meters
+    }
+
+    /// Old plans that came home to be freed.
+    pub fn freed(&self) -> u64 {
+        self.freed
+    }
+
+    fn send(&mut self, command: Command) -> Result<(), ControlError> {
+        self.commands.push(command).map_err(|_| ControlError::Full)
+    }
+}
