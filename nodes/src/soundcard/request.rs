@@ -134,3 +134,60 @@ pub fn played(graph: &Graph) -> Vec<Played> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
+
+    fn asked(endpoints: &str, gain: f64) -> Result<Wanted, SoundcardError> {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 48000) }},
+            nodes: {{
+                "felt": Accelerometer(clock: "audio", endpoint: "tool"),
+                "echo": Calibrate(input: "felt", from: "acceleration", to: "current", factor: {gain}),
+                "a": ActuatorSink(current: "echo", endpoint: "tool", limit: (peak_a: 1, continuous_a: 1)),
+                "b": ActuatorSink(current: "echo", endpoint: "other", limit: (peak_a: 1, continuous_a: 1)),
+            }},
+            endpoints: {{ "simulated": {{ {endpoints} }} }})"#
+        );
+        let document = Document::parse("g.ron", &text).unwrap();
+        let graph = check(&document, &crate::registry(), &CheckOptions::default());
+        wanted(&graph.unwrap_or_else(|wrong| panic!("{wrong}")))
+    }
+
+    const BOTH: &str = r#"
+        "tool": SoundcardHaptuator(amperes_full_scale: 1, channels: [3], accelerometer: (m_s2_full_scale: 50)),
+        "other": Soundcard(amperes_full_scale: 1, channels: [1])"#;
+
+    #[test]
+    fn a_run_goes_on_with_graphs_that_ask_for_the_same_streams_only() {
+        let first = asked(BOTH, 0.1).unwrap();
+        assert_eq!(first.output.as_ref().unwrap().channels, 3);
+        assert_eq!(first.inputs.len(), 1);
+        assert_eq!(asked(BOTH, 0.2).unwrap(), first);
+        for (from, to) in [
+            ("m_s2_full_scale: 50", "m_s2_full_scale: 40"),
+            ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 2"),
+            ("m_s2_full_scale: 50", "m_s2_full_scale: 50, latency_ms: 9"),
+            ("channels: [3]", "channels: [4]"),
+        ] {
+            assert_ne!(asked(&BOTH.replace(from, to), 0.1).unwrap(), first, "{to}");
+        }
+    }
+
+    #[test]
+    fn one_stream_drives_a_graph_and_no_channel_is_driven_twice() {
+        let unlike = BOTH.replace("channels: [1]", "channels: [1], buffer_frames: 128");
+        let shared = BOTH.replace("channels: [1]", "channels: [3, 1]");
+        assert!(matches!(
+            asked(&unlike, 0.1),
+            Err(SoundcardError::Differ(_, _, "`buffer_frames`"))
+        ));
+        assert!(matches!(
+            asked(&shared, 0.1),
+            Err(SoundcardError::Shared(_, _, 3))
+        ));
+    }
+}
