@@ -65,8 +65,12 @@ pub struct Counts {
     pub malformed: u64,
     /// With something that is not a finite number.
     pub not_numbers: u64,
+    /// With something beyond [`LARGEST`](super::protocol::LARGEST).
+    pub too_large: u64,
     /// From somebody else than the device.
     pub strangers: u64,
+    /// Taken over, but the tip had moved as no hand moves it.
+    pub jumps: u64,
 }
 
 /// Both ways of a device, and what was counted.
@@ -76,7 +80,7 @@ pub(super) struct Link {
     pub driven: Latest<DRIVEN>,
     /// How old what is sensed is when it is read.
     pub ages: Arc<AgeMeter>,
-    counts: [AtomicU64; 6],
+    counts: [AtomicU64; 8],
 }
 
 /// Which of the counts.
@@ -87,7 +91,9 @@ pub(super) enum Count {
     Outdated,
     Malformed,
     NotNumbers,
+    TooLarge,
     Strangers,
+    Jumps,
 }
 
 impl Link {
@@ -103,6 +109,7 @@ impl Link {
     /// News of what is sensed: known from now on.
     pub fn tell(&self, sensed: &[f64; SENSED]) {
         self.sensed.put(sensed);
+        self.count(Count::Accepted, 1);
         self.ages.news(Instant::now());
     }
 
@@ -111,15 +118,25 @@ impl Link {
     }
 
     pub fn counts(&self) -> Counts {
-        let [accepted, missing, outdated, malformed, not_numbers, strangers] =
-            std::array::from_fn(|i| self.counts[i].load(Ordering::Relaxed));
+        let [
+            accepted,
+            missing,
+            outdated,
+            malformed,
+            not_numbers,
+            too_large,
+            strangers,
+            jumps,
+        ] = std::array::from_fn(|i| self.counts[i].load(Ordering::Relaxed));
         Counts {
             accepted,
             missing,
             outdated,
             malformed,
             not_numbers,
+            too_large,
             strangers,
+            jumps,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Devices that speak Open Sound Control: SuperCollider, Max, Pure Data, TouchOSC.
 
 use super::link::{Count, DRIVEN, SENSED};
+use super::protocol::are_within_reason;
 use super::remote::{DRIVES, Remote, SENSES, Way, address, link_at};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
@@ -107,6 +108,9 @@ impl Addresses {
         let packet = decode(bytes)?;
         let mut news = *sensed;
         let told = self.take(&packet, &mut news)?;
+        if !are_within_reason(&news) {
+            return Err(Count::TooLarge);
+        }
         *sensed = news;
         Ok(told)
     }
@@ -235,6 +239,11 @@ mod tests {
         assert!(matches!(
             addresses.understand(&nan, &mut sensed),
             Err(Count::NotNumbers)
+        ));
+        let far = packet("/pen/xy", vec![OscType::Float(1e30), OscType::Float(0.0)]);
+        assert!(matches!(
+            addresses.understand(&far, &mut sensed),
+            Err(Count::TooLarge)
         ));
         let four = packet("/pen/xy", vec![OscType::Int(1); 4]);
         assert!(matches!(

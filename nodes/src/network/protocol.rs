@@ -12,6 +12,9 @@ pub const MAGIC: [u8; 4] = *b"HGRF";
 /// Of this protocol.
 pub const VERSION: u16 = 1;
 
+/// What no state holds anything beyond, in SI units: 1000 km, 1 MN.
+pub const LARGEST: f64 = 1e6;
+
 const STATE: u16 = 1;
 const COMMAND: u16 = 2;
 const HEADER_BYTES: usize = 24;
@@ -69,6 +72,9 @@ pub enum PacketError {
     /// Something in it is not a finite number.
     #[error("something in the packet is not a finite number")]
     NotFinite,
+    /// Something in it is beyond [`LARGEST`].
+    #[error("something in the packet is beyond {LARGEST:e} in its SI unit")]
+    TooLarge,
 }
 
 impl State {
@@ -78,6 +84,9 @@ impl State {
     /// [`PacketError`] for anything but a whole, sound packet.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PacketError> {
         let (sequence, _, timestamp_ns, numbers) = open::<12>(bytes, STATE, STATE_BYTES)?;
+        if !are_within_reason(&numbers) {
+            return Err(PacketError::TooLarge);
+        }
         let three = |first: usize| std::array::from_fn(|i| numbers[first + i]);
         Ok(Self {
             sequence,
@@ -107,6 +116,11 @@ impl State {
         );
         bytes
     }
+}
+
+/// Is nothing beyond [`LARGEST`]? One absurd number would stay in an integrator for the rest of a run.
+pub(super) fn are_within_reason(numbers: &[f64]) -> bool {
+    numbers.iter().all(|x| x.abs() <= LARGEST)
 }
 
 impl Command {
@@ -242,10 +256,16 @@ mod tests {
             assert_eq!(State::from_bytes(&bytes), Err(PacketError::Header), "{at}");
         }
         for number in 0..12 {
-            for evil in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for (evil, wrong) in [
+                (f64::NAN, PacketError::NotFinite),
+                (f64::INFINITY, PacketError::NotFinite),
+                (f64::NEG_INFINITY, PacketError::NotFinite),
+                (1e308, PacketError::TooLarge),
+                (-LARGEST.next_up(), PacketError::TooLarge),
+            ] {
                 let mut bytes = good;
                 bytes[24 + 8 * number..32 + 8 * number].copy_from_slice(&evil.to_le_bytes());
-                assert_eq!(State::from_bytes(&bytes), Err(PacketError::NotFinite));
+                assert_eq!(State::from_bytes(&bytes), Err(wrong), "{evil}");
             }
         }
         assert!(Command::from_bytes(&good).is_err());

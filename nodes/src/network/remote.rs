@@ -2,7 +2,7 @@
 //! they are not.
 
 use super::evdev::Input;
-use super::link::{DRIVEN, Link, SENSED};
+use super::link::{Count, DRIVEN, Link, SENSED};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
@@ -224,6 +224,7 @@ impl Device for Remote {
         {
             if !self.is_silent() && self.jumps_to(&sensed) {
                 self.held = self.timeout_ticks;
+                self.link.count(Count::Jumps, 1);
             }
             (self.seen, self.latest, self.age) = (version, sensed, 0);
         }
@@ -366,6 +367,7 @@ mod tests {
             news(&mut remote, 0.5);
         }
         assert!(pushes(&mut remote) < 1e-9);
+        assert_eq!(remote.link.counts().jumps, 1);
         (0..30).for_each(|_| news(&mut remote, 0.5));
         assert_eq!(pushes(&mut remote), 2.0);
     }

@@ -102,11 +102,13 @@ impl Connections {
         Ok(())
     }
 
-    /// What was seen of the packets of each device.
+    /// What was seen of the packets of each device, or of what Linux told of it.
     pub fn counts(&self) -> impl Iterator<Item = (&str, Counts)> {
-        self.list
-            .iter()
-            .map(|known| (known.device.as_str(), known.link.counts()))
+        let sockets = self.list.iter().map(|known| (&known.device, &known.link));
+        let inputs = self.inputs.iter().map(|known| (&known.device, &known.input.link));
+        sockets
+            .chain(inputs)
+            .map(|(device, link)| (device.as_str(), link.counts()))
     }
 
     /// Each device, and where it is listened to or read from.
@@ -255,6 +257,7 @@ impl<'a> Conversation<'a> {
             Codec::Protocol => match State::from_bytes(bytes) {
                 Ok(state) => self.take_state(&state, from, silent),
                 Err(PacketError::NotFinite) => self.plug.link.count(Count::NotNumbers, 1),
+                Err(PacketError::TooLarge) => self.plug.link.count(Count::TooLarge, 1),
                 Err(_) => self.plug.link.count(Count::Malformed, 1),
             },
             Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
@@ -294,7 +297,6 @@ impl<'a> Conversation<'a> {
         self.device = Some(from);
         self.heard = Some(Instant::now());
         self.plug.link.tell(&self.sensed);
-        self.plug.link.count(Count::Accepted, 1);
     }
 
     /// The latest drives; zeros once the ticks that make them have stopped.

@@ -566,11 +566,13 @@ fn packets(network: &Connections) -> Option<(&'static str, &'static str, Value)>
             outdated,
             malformed,
             not_numbers,
+            too_large,
             strangers,
+            jumps,
         } = counts;
         let counts = json!({
             "accepted": accepted, "missing": missing, "outdated": outdated, "malformed": malformed,
-            "not_numbers": not_numbers, "strangers": strangers,
+            "not_numbers": not_numbers, "too_large": too_large, "strangers": strangers, "jumps": jumps,
         });
         (device.to_owned(), counts)
     };

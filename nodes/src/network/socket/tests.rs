@@ -120,6 +120,12 @@ fn forged_sizes_foreign_packets_and_what_is_no_number_change_nothing() {
         ..State::default()
     };
     table.device.send_to(&nan.to_bytes(), table.to).unwrap();
+    let far = State {
+        sequence: 2,
+        position_m: [0.0, 0.0, 1e308],
+        ..State::default()
+    };
+    table.device.send_to(&far.to_bytes(), table.to).unwrap();
     let stranger = UdpSocket::bind("127.0.0.1:0").unwrap();
     let state = State {
         sequence: 2,
@@ -129,9 +135,10 @@ fn forged_sizes_foreign_packets_and_what_is_no_number_change_nothing() {
     stranger.send_to(&state.to_bytes(), table.to).unwrap();
     let counts = table.settle(2);
     assert_eq!(
-        (counts.malformed, counts.not_numbers, counts.strangers),
+        (counts.malformed, counts.not_numbers, counts.too_large),
         (7, 1, 1)
     );
+    assert_eq!(counts.strangers, 1);
     assert_eq!((counts.accepted, counts.missing, counts.outdated), (2, 0, 0));
     assert_eq!(table.link.sensed.look().unwrap().1[0], 0.25);
     table.end();
