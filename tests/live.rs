@@ -362,9 +362,34 @@ fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
         "--out",
         "o",
     ];
-    succeed(folder.path(), &offline);
+    let told = succeed(folder.path(), &offline);
+    let told = String::from_utf8_lossy(&told.stderr).into_owned();
+    assert!(told.contains("warning: `tool` is SoundcardAccelerometer"), "{told}");
     let felt = samples(&folder.path().join("o/felt.wav"));
     assert!(felt.len() == 800 && felt.iter().all(|x| *x == 0.0));
+}
+
+#[test]
+fn a_device_that_never_spoke_is_told_of_live_and_offline() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = r#""live": { "tool": UdpDevice(listen: "127.0.0.1:0") }"#;
+    let graph = FELT
+        .replace("Accelerometer(clock", "Tablet(clock")
+        .replace("felt\", file", "felt.force\", file")
+        .replace("SimulatedHaptuator", "SimulatedTablet");
+    let (before, _) = graph.split_once("\"live\"").unwrap();
+    fs::write(folder.path().join("udp.ron"), format!("{before}{live} }})")).unwrap();
+    for (way, words) in [
+        (&["--endpoints", "live"][..], "`tool` is UdpDevice, which is reached by"),
+        (&["--live"][..], "`tool` at 127.0.0.1:0 has not spoken"),
+    ] {
+        let run = ["run", "udp.ron", "--for", "0.1", "--out", "o"];
+        let told = succeed(folder.path(), &[&run[..], way].concat());
+        let told = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert!(told.contains(&format!("warning: {words}")), "{told}");
+        let warnings = facts(&folder.path().join("o"))["warnings"].to_string();
+        assert!(warnings.contains(words), "{warnings}");
+    }
 }
 
 #[cfg(all(target_os = "linux", not(feature = "soundcard")))]

@@ -9,6 +9,7 @@ mod link;
 mod osc;
 pub mod protocol;
 mod remote;
+mod silence;
 mod socket;
 
 pub use control::{OscControl, Told};

@@ -95,8 +95,24 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let offline =
         Offline::new(made.outlets, usize::from(arguments.block)).threads(usize::from(arguments.threads));
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
-    let summary = Summary::of(arguments, &graph, &outcome, took_s);
+    let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
+    summary.add(Vec::new(), unreached(&graph));
     made.kept.complete(arguments, &graph, &summary)
+}
+
+/// Warnings of devices that only a live run hears: offline they sense nothing. What soundcards play is kept.
+pub fn unreached(graph: &Graph) -> Vec<String> {
+    let devices = graph.devices().iter();
+    let silent = devices.filter(|device| {
+        let spec = device.entry.spec;
+        !spec.simulated && !spec.senses.is_empty()
+    });
+    let warning = |name: &str, kind: &str| {
+        format!("`{name}` is {kind}, which is reached by `run --live` only: here it sensed nothing, and nothing was driven")
+    };
+    silent
+        .map(|device| warning(&device.name, device.entry.spec.name))
+        .collect()
 }
 
 /// Refuses a run that ends before it begins.

@@ -170,7 +170,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let shown = Shown::of(&graph, &mut outlets);
         let offline = Offline::new(outlets, usize::from(run_arguments.block));
         let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
-        let summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
+        let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
+        summary.add(Vec::new(), run::unreached(&graph));
         for (file, text) in [
             ("run.json", summary.to_json()),
             ("report.html", summary.page(&graph, &shown)),

@@ -54,16 +54,17 @@ impl DeviceKind for EvdevDevice {
             counts_per_mm: settings.counts_per_mm,
             pressed_n: settings.pressed_n,
         };
-        // It is told of as present ten times as often; a device that was pulled out is gone.
-        let timeout = Duration::from_millis(50);
         Ok(Box::new(Remote::new(
             Way::Input(Arc::new(input)),
-            timeout,
+            TIMEOUT,
             settings.fastest_mm_s * 1e-3,
             cx,
         )))
     }
 }
+
+/// It is told of as present ten times as often; a device that was pulled out is gone.
+pub(super) const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// An event device and how it is understood.
 #[derive(Debug)]

@@ -113,6 +113,11 @@ impl Link {
         self.ages.news(Instant::now());
     }
 
+    /// How often there were any.
+    pub fn news(&self) -> u64 {
+        self.counts[Count::Accepted as usize].load(Ordering::Relaxed)
+    }
+
     pub fn count(&self, what: Count, times: u64) {
         self.counts[what as usize].fetch_add(times, Ordering::Relaxed);
     }

@@ -6,6 +6,7 @@ use super::link::{Count, Counts, DRIVEN, Link, SENSED};
 use super::osc::{Addresses, Teller};
 use super::protocol::{Command, PacketError, State};
 use super::remote::{Remote, Way};
+use super::silence::Listening;
 use haptograph_engine::graph::Graph;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -43,12 +44,13 @@ const MAX_BYTES: usize = 65_536;
 pub struct Connections {
     list: Vec<Connection>,
     inputs: Vec<Reading>,
+    /// All of them.
+    heard: Vec<Listening>,
 }
 
 /// An event device that is being read.
 #[derive(Debug)]
 struct Reading {
-    device: String,
     input: Arc<Input>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -56,9 +58,7 @@ struct Reading {
 
 #[derive(Debug)]
 struct Connection {
-    device: String,
     listen: SocketAddr,
-    link: Arc<Link>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -90,6 +90,8 @@ impl Connections {
                         .any(|known| Arc::ptr_eq(&known.input.link, &input.link))
                     {
                         self.inputs.push(Reading::begin(&device.name, input)?);
+                        let place = input.path.display().to_string();
+                        self.listen(&device.name, place, &input.link, evdev::TIMEOUT);
                     }
                 }
             }
@@ -97,6 +99,7 @@ impl Connections {
         for (device, plug) in plugs {
             if !self.list.iter().any(|known| known.listen == plug.listen) {
                 self.list.push(Connection::open(device, plug)?);
+                self.listen(device, plug.listen.to_string(), &plug.link, plug.timeout);
             }
         }
         Ok(())
@@ -104,21 +107,39 @@ impl Connections {
 
     /// What was seen of the packets of each device, or of what Linux told of it.
     pub fn counts(&self) -> impl Iterator<Item = (&str, Counts)> {
-        let sockets = self.list.iter().map(|known| (&known.device, &known.link));
-        let inputs = self.inputs.iter().map(|known| (&known.device, &known.input.link));
-        sockets
-            .chain(inputs)
-            .map(|(device, link)| (device.as_str(), link.counts()))
+        self.heard
+            .iter()
+            .map(|known| (known.device.as_str(), known.link.counts()))
     }
 
     /// Each device, and where it is listened to or read from.
-    pub fn places(&self) -> impl Iterator<Item = (&str, String)> {
-        let sockets = self
-            .list
+    pub fn places(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.heard
             .iter()
-            .map(|known| (known.device.as_str(), known.listen.to_string()));
-        let inputs = self.inputs.iter();
-        sockets.chain(inputs.map(|known| (known.device.as_str(), known.input.path.display().to_string())))
+            .map(|known| (known.device.as_str(), known.place.as_str()))
+    }
+
+    /// Looks after them; returns what there is to say of who fell silent and who speaks again.
+    pub fn tend(&mut self) -> Vec<String> {
+        let now = Instant::now();
+        let heard = self.heard.iter_mut();
+        heard.filter_map(|known| known.look(now)).collect()
+    }
+
+    /// What is shown of them every second: who is silent.
+    pub fn status(&self) -> String {
+        let silent = self.heard.iter().filter(|known| known.is_missed());
+        silent.map(|known| format!(", `{}` is silent", known.device)).collect()
+    }
+
+    /// What is left to say at the end of a run.
+    pub fn warnings(&self) -> Vec<String> {
+        self.heard.iter().filter_map(Listening::untold).collect()
+    }
+
+    fn listen(&mut self, device: &str, place: String, link: &Arc<Link>, timeout: Duration) {
+        self.heard
+            .push(Listening::new(device, place, link, timeout, Instant::now()));
     }
 }
 
@@ -131,7 +152,6 @@ impl Reading {
             error,
         })?;
         Ok(Self {
-            device: device.to_owned(),
             input: Arc::clone(input),
             stop,
             thread: Some(thread),
@@ -170,9 +190,7 @@ impl Connection {
             .spawn(move || Conversation::new(theirs, &socket).hold(&flag))
             .map_err(failed)?;
         Ok(Self {
-            device: device.to_owned(),
             listen: plug.listen,
-            link: Arc::clone(&plug.link),
             stop,
             thread: Some(thread),
         })

@@ -95,6 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
+    notes.extend(attended.network.warnings());
     let heard: Vec<RingReport> = driver.rings().collect();
     let latencies = latency::measured(&graph, &driver);
     facts.push((
@@ -279,7 +280,7 @@ impl Attended {
         let (mut shown, mut stopping, mut said) = (start, false, Vec::<(String, u64)>::new());
         while !driver.is_finished(stopping) {
             let first = asked.recv_timeout(PAUSE).ok();
-            for note in driver.tend() {
+            for note in driver.tend().into_iter().chain(self.network.tend()) {
                 // A card in trouble says the same a thousand times.
                 if let Some((_, times)) = said.iter_mut().find(|(known, _)| *known == note) {
                     *times += 1;
@@ -292,7 +293,8 @@ impl Attended {
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
                 let seconds = start.elapsed().as_secs_f64();
-                remark(&format!("{seconds:.0} s: {status}{}\n", driver.status()));
+                let (driver, network) = (driver.status(), self.network.status());
+                remark(&format!("{seconds:.0} s: {status}{driver}{network}\n"));
             }
             if driver.is_torn() {
                 stop.store(true, Ordering::Relaxed);
