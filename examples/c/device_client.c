@@ -120,11 +120,24 @@ static uint64_t exchange(int device, uint32_t sequence, const struct sensed *sen
     }
 }
 
+/* The largest of what is driven: the length of the force, N, and both currents, A. */
+static double size(const struct driven *driven)
+{
+    const double *f = driven->force;
+    double force = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    return fmax(force, fmax(fabs(driven->current), fabs(driven->brake)));
+}
+
 int main(int count, char **words)
 {
     const char *host = count > 1 ? words[1] : "127.0.0.1";
     int port = count > 2 ? atoi(words[2]) : 9750;
     double seconds = count > 3 ? atof(words[3]) : 10.0;
+    struct in_addr address;
+    if (inet_pton(AF_INET, host, &address) != 1 || port < 1 || port > 65535) {
+        fprintf(stderr, "usage: %s [ADDRESS [PORT [SECONDS]]], with an address in numbers: 127.0.0.1 9750 10\n", words[0]);
+        return 1;
+    }
     int device = open_device(host, port, 20);
     if (device < 0) {
         perror("cannot open a socket");
@@ -143,15 +156,12 @@ int main(int count, char **words)
                 break;
             if (took > longest)
                 longest = took;
-            if (fabs(driven.current) > largest)
-                largest = fabs(driven.current);
-            if (fabs(driven.force[2]) > largest)
-                largest = fabs(driven.force[2]);
+            largest = fmax(largest, size(&driven));
         }
         struct timespec rest = { 0, 1000000 };
         nanosleep(&rest, NULL);
     }
-    printf("%llu answers, longest round trip %.3f ms, largest drive %g\n", (unsigned long long)answers,
+    printf("%llu answers, longest round trip %.3f ms, largest drive (N or A) %g\n", (unsigned long long)answers,
            1e-6 * (double)longest, largest);
     close(device);
     return answers > 0 ? 0 : 2;
