@@ -106,7 +106,7 @@ fn nine_people_and_six_materials_make_a_map() {
         .iter()
         .zip(found.people_table.unwrap().row_statistics())
     {
-        println!("person {person}: {mean:.2} (sd {deviation:.2})");
+        println!("person {person}: {mean:.2} (sd {deviation:.2?})");
     }
     assert_eq!(map.names.len(), 54);
     assert!(map.tree_purity > 0.5);

@@ -2,6 +2,7 @@
 
 pub mod csv;
 pub mod meter;
+mod note;
 pub mod plots;
 pub mod recording;
 pub mod wav;

@@ -50,6 +50,8 @@ struct Json {
     sd: f64,
     rate_hz: f64,
     windows: usize,
+    /// Is one of the two known to come from simulated devices?
+    simulated: bool,
     /// Why the spectral difference is no number, if it is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
@@ -63,6 +65,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     );
     signal::warn_of_units([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
+    let simulated = match (a.simulated, b.simulated) {
+        (false, false) => None,
+        (true, true) => Some("both".to_owned()),
+        (true, false) => Some(arguments.a.display().to_string()),
+        (false, true) => Some(arguments.b.display().to_string()),
+    };
     let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
     let windows = WindowSettings {
         samples: arguments.window,
@@ -83,10 +91,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             sd: found.sd,
             rate_hz,
             windows: found.windows,
+            simulated: simulated.is_some(),
             reason: unvarying(&found),
         });
     }
-    say(&facts(&[
+    let mut shown = vec![
         ("normalized spectral error (NSE)", significant(found.nse, 4)),
         ("power error (PE)", significant(found.pe, 4)),
         (
@@ -100,7 +109,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 found.windows, arguments.window
             ),
         ),
-    ]))
+    ];
+    shown.extend(simulated.map(|which| ("simulated", which)));
+    say(&facts(&shown))
 }
 
 /// Why the spectral difference is infinite, if it is.

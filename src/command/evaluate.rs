@@ -4,6 +4,7 @@ use super::progress::Progress;
 use super::table::{facts, significant, table};
 use super::{Failure, learn as learning, recording, remark, report_folder, say, say_json};
 use clap::ValueEnum;
+use haptograph::surfaces::Origin;
 use haptograph::surfaces::evaluate::{
     DifferenceTable, Evaluation, MapSettings, RecordingName, StudySettings, TableSettings, Take, evaluate,
 };
@@ -59,11 +60,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(folder) => Some(write_report(folder, arguments, &takes, &found)?),
         None => None,
     };
+    let simulated = takes.iter().filter(|take| is_simulated(take)).count();
     if arguments.json {
-        return say_json(&to_json(&found));
+        return say_json(&to_json(&found, simulated > 0));
     }
     say(&describe(&found))?;
+    if simulated > 0 {
+        say(&format!("\n{simulated} of {} recordings are simulated\n", takes.len()))?;
+    }
     page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+fn is_simulated(take: &Take) -> bool {
+    take.recording.provenance().origin == Origin::Simulated
 }
 
 /// The page, with the surface of each material: from the expert's first drag, and all of the expert's circles, taps and presses.
@@ -93,7 +102,9 @@ fn write_report(
         let recordings: Vec<AnyRecording> = chosen.map(|take| take.recording.clone()).collect();
         let one = learn(material, &recordings, &settings, &|_| ());
         let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
-        learning::warn_of_missing(&one.1);
+        for missing in &one.1.missing {
+            remark(&format!("warning: {missing}\n"));
+        }
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
@@ -266,8 +277,8 @@ fn people_table(differences: &DifferenceTable) -> String {
                 .iter()
                 .map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
             let row = std::iter::once(name.clone()).chain(cells);
-            row.chain([format!("{mean:.2}"), format!("{deviation:.2}")])
-                .collect()
+            let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+            row.chain([format!("{mean:.2}"), deviation]).collect()
         })
         .collect();
     let columns = differences.columns.iter().map(String::as_str);
@@ -275,7 +286,7 @@ fn people_table(differences: &DifferenceTable) -> String {
     table(&header, &rows)
 }
 
-fn to_json(found: &Evaluation) -> serde_json::Value {
+fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
     let materials = |table: &DifferenceTable| {
         json!({
             "rows": table.rows,
@@ -290,6 +301,7 @@ fn to_json(found: &Evaluation) -> serde_json::Value {
         "materials": found.materials,
         "people": found.people,
         "expert": found.expert,
+        "simulated": simulated,
         "table": materials(&found.materials_table),
         "tables": {
             "pooled_over_pair": materials(&found.materials_table.pooled(Pooling::Pair)),

@@ -1,6 +1,6 @@
 //! `haptograph identify`: the parameters of a voice-coil actuator from a recorded sweep.
 
-use super::{Failure, say};
+use super::{Failure, recording, say};
 use clap::ArgGroup;
 use haptograph::engine::settings::Setting;
 use haptograph::nodes::actuators::identify::{Identified, Known, identify};
@@ -71,14 +71,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.known(),
     )
     .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
+    let simulated = recording::is_simulated(&arguments.recording)?;
     say(&if arguments.json {
-        as_json(&found)
+        as_json(&found, simulated)
     } else {
-        as_text(&found)
+        as_text(&found, simulated)
     })
 }
 
-fn as_text(found: &Identified) -> String {
+fn as_text(found: &Identified, simulated: bool) -> String {
     let [high, low] = found.modes;
     let mut text = format!(
         "resonances {:.1} Hz (Q {:.2}) and {:.1} Hz (Q {:.2})\n\
@@ -91,6 +92,9 @@ fn as_text(found: &Identified) -> String {
         found.delay_s * 1e3,
         found.unexplained * 100.0,
     );
+    if simulated {
+        text += "of a simulated actuator\n";
+    }
     text += &match found.parameters {
         Some(model) => format!(
             "\nfor DynamicCompensator(model: ...):\n\n{}\n",
@@ -101,7 +105,7 @@ fn as_text(found: &Identified) -> String {
     text
 }
 
-fn as_json(found: &Identified) -> String {
+fn as_json(found: &Identified, simulated: bool) -> String {
     let modes: Vec<Value> = found
         .modes
         .iter()
@@ -124,6 +128,7 @@ fn as_json(found: &Identified) -> String {
         "delay_s": found.delay_s,
         "unexplained": found.unexplained,
         "parameters": parameters,
+        "simulated": simulated,
     });
     format!("{all:#}\n")
 }

@@ -2,10 +2,13 @@
 
 use super::{Failure, remark, snippet};
 use haptograph::engine::settings::closest;
+use haptograph::surfaces::Origin;
 use haptograph::surfaces::recording::{self, AnyRecording, COLUMNS, CsvHead, LoadError, ReadError, csv_head};
+use ron::extensions::Extensions;
+use serde::Deserialize;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The longest header that columns are looked for in, bytes.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -54,6 +57,36 @@ fn head(path: &Path) -> Option<CsvHead> {
         .read_to_end(&mut bytes)
         .ok()?;
     csv_head(&bytes)
+}
+
+/// What a run writes beside a WAV or CSV file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename = "Recording", default)]
+pub struct Note {
+    /// What a sample of 1.0 in a WAV file stands for.
+    pub full_scale: Option<f64>,
+    /// Unit of a WAV file.
+    pub unit: Option<String>,
+    /// Did simulated devices have a part in it?
+    pub simulated: bool,
+}
+
+/// The note beside a file; says nothing where there is none.
+pub fn note(path: &Path) -> Result<Note, Failure> {
+    let mut note = path.as_os_str().to_owned();
+    note.push(".ron");
+    let note = PathBuf::from(note);
+    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
+    match std::fs::read_to_string(&note) {
+        Ok(text) => options.from_str(&text).map_err(|error| Failure::file("read", &note, &error)),
+        Err(_) => Ok(Note::default()),
+    }
+}
+
+/// Whether a table is known to be simulated: by a line above its header, or by the note beside it.
+pub fn is_simulated(path: &Path) -> Result<bool, Failure> {
+    let origin = head(path).and_then(|head| head.origin);
+    Ok(origin == Some(Origin::Simulated) || note(path)?.simulated)
 }
 
 /// The failure to read a signal from a CSV file.

@@ -77,6 +77,9 @@ struct Json<'a> {
     breaks: &'a [usize],
     orders: &'a [usize],
     mdl: f64,
+    /// Only where the signal is known to come from simulated devices.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    simulated: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -84,6 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let bytes = read_file(&arguments.file)?;
     let signal = read_column(&bytes, &arguments.column)
         .map_err(|error| recording::unreadable(&arguments.file, &bytes, &error))?;
+    let simulated = recording::is_simulated(&arguments.file)?;
     warn_of_offset(&signal);
     let settings = SegmentationSettings {
         min_span: arguments.min_span,
@@ -108,9 +112,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             breaks,
             orders,
             mdl: *mdl,
+            simulated,
         });
     }
-    say(&describe(&found, signal.len()))
+    say(&describe(&found, signal.len(), simulated))
 }
 
 /// What means nothing to the exact search is a misunderstanding.
@@ -129,7 +134,7 @@ fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
     )))
 }
 
-fn describe(found: &Segmentation, samples: usize) -> String {
+fn describe(found: &Segmentation, samples: usize, simulated: bool) -> String {
     let rows = found.segments(samples).zip(&found.orders).map(|(range, order)| {
         vec![
             range.start.to_string(),
@@ -138,11 +143,13 @@ fn describe(found: &Segmentation, samples: usize) -> String {
         ]
     });
     let rows: Vec<_> = rows.collect();
-    let head = facts(&[
+    let mut head = vec![
         ("samples", samples.to_string()),
         ("segments", found.orders.len().to_string()),
         ("description length", significant(found.mdl, 8)),
-    ]);
+    ];
+    head.extend(simulated.then(|| ("simulated", "yes".to_owned())));
+    let head = facts(&head);
     format!("{head}\n{}", table(&["first sample", "samples", "order"], &rows))
 }
 

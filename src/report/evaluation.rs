@@ -118,8 +118,9 @@ fn people_table(table: &DifferenceTable) -> String {
                     cell.map_or_else(|| "<td>–</td>".to_owned(), |value| format!("<td>{value:.2}</td>"))
                 })
                 .collect();
+            let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
             format!(
-                "<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation:.2}</td></tr>",
+                "<tr><td>{}</td>{cells}<td>{mean:.2}</td><td>{deviation}</td></tr>",
                 escape(name)
             )
         },

@@ -17,6 +17,7 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
         (&same["NSE"], &same["PE"], &same["SD"]),
         (&0.0.into(), &0.0.into(), &0.0.into())
     );
+    assert_eq!(same["simulated"], false);
     let other = json(
         folder.path(),
         &["compare", "a.csv", "b.csv", "--rate", "10000", "--json"],
@@ -38,7 +39,7 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     writer.finalize().unwrap();
     fs::write(
         folder.path().join("a.wav.ron"),
-        "Recording(unit: \"m/s2\", full_scale: 8.0)",
+        "Recording(unit: \"m/s2\", full_scale: 8.0, simulated: true)",
     )
     .unwrap();
     let kept = json(
@@ -49,6 +50,9 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
         kept["NSE"].as_f64().unwrap() < 1e-6 && kept["PE"].as_f64().unwrap() < 1e-5,
         "{kept}"
     );
+    assert_eq!(kept["simulated"], true);
+    let text = succeed(folder.path(), &["compare", "a.csv", "a.wav", "--rate", "10000"]);
+    assert!(text.contains("simulated                        a.wav"), "{text}");
     // Both are brought down to a tenth of the rate, with the same windows of the same moments.
     let slow = json(
         folder.path(),
@@ -66,11 +70,15 @@ fn an_evaluation_prints_the_tables_of_the_thesis() {
         text.contains("virtual T1")
             && text.contains("baseline")
             && text.contains("anna")
-            && text.contains("ben"),
+            && text.contains("ben")
+            && text.contains("6 of 6 recordings are simulated"),
         "{text}"
     );
     let found = json(folder, &["evaluate", "study", "--json", "--report", "evaluation"]);
-    assert_eq!(found["expert"], "anna");
+    assert_eq!(
+        (&found["expert"], &found["simulated"]),
+        (&"anna".into(), &true.into())
+    );
     let cells = found["table"]["sd"].as_array().unwrap();
     assert!(cells.len() == 2 && cells.iter().all(|row| row.as_array().unwrap().len() == 2));
     let row = &found["people_table"]["sd"][0];

@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::inside_the_run;
+use super::{inside_the_run, note};
 use crate::units;
 
 haptograph_engine::settings! {
@@ -30,7 +30,8 @@ impl FileKind for CsvSink {
         name: "CsvSink",
         group: "sinks",
         doc: "Writes signals of one rate to a CSV file: a column `time_s`, then one for each lane of each signal, \
-              named after its port with its SI unit: `stylus.force_n`. Every number is written with all its digits.",
+              named after its port with its SI unit: `stylus.force_n`. Every number is written with all its digits. Beside it, `<file>.ron` says what \
+              the columns are and whether they were simulated.",
         source: "",
         inputs: &[InputSpec {
             name: "inputs",
@@ -74,6 +75,11 @@ impl FileSink for Table {
         let columns = streams.iter().flat_map(columns_of);
         let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(columns).collect();
         writer.write_record(&header).map_err(io::Error::other)?;
+        note::write(
+            path,
+            "What the columns of the CSV file of this name hold.",
+            &facts(streams),
+        )?;
         Ok(Box::new(Rows {
             writer,
             waiting: streams
@@ -84,6 +90,18 @@ impl FileSink for Table {
             row: 0,
         }))
     }
+}
+
+/// For the note: rate and origin, then every column.
+fn facts(streams: &[Stream]) -> Vec<String> {
+    let described = streams.iter().flat_map(|stream| {
+        let meaning = note::meaning(stream).join(", ");
+        let simulated = stream.simulated;
+        let described = move |name| format!("        (name: {name:?}, {meaning}, simulated: {simulated}),\n");
+        columns_of(stream).into_iter().map(described)
+    });
+    let columns = format!("columns: [\n{}    ]", described.collect::<String>());
+    note::origin(streams).into_iter().chain([columns]).collect()
 }
 
 /// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: lanes of a linear kind carry its unit.
@@ -161,7 +179,7 @@ mod tests {
             kind,
             quantity,
             rate: Rate::parse(rate).unwrap(),
-            simulated: false,
+            simulated: name.starts_with("stylus"),
         }
     }
 
@@ -179,6 +197,12 @@ mod tests {
         writer.write(1, &[1.5]).unwrap();
         writer.write(1, &[1e-7]).unwrap();
         writer.finish().unwrap();
+        let note = std::fs::read_to_string(folder.path().join("x.csv.ron")).unwrap();
+        let force = r#"(name: "stylus.force_n", quantity: "force", unit: "N", simulated: true)"#;
+        assert!(
+            note.contains("    simulated: true,\n") && note.contains(force),
+            "{note}"
+        );
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(
             text,

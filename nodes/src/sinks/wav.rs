@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
-use super::inside_the_run;
+use super::{inside_the_run, note};
 
 haptograph_engine::settings! {
     /// Settings of [`WavSink`].
@@ -81,30 +81,19 @@ impl FileSink for Recording {
             sample_format: SampleFormat::Float,
         };
         let writer = WavWriter::create(path, spec).map_err(io::Error::other)?;
-        let mut note = path.as_os_str().to_owned();
-        note.push(".ron");
-        std::fs::write(note, self.note(stream))?;
+        let [quantity, unit] = note::meaning(stream);
+        let [rate, simulated] = note::origin(streams);
+        let signal = format!("signal: {:?}", stream.name);
+        let full_scale = format!("full_scale: {:?}", self.full_scale);
+        note::write(
+            path,
+            "What the samples of the WAV file of this name stand for.",
+            &[signal, quantity, unit, full_scale, rate, simulated],
+        )?;
         Ok(Box::new(Writing {
             writer,
             scale: 1.0 / self.full_scale,
         }))
-    }
-}
-
-impl Recording {
-    /// What the numbers in the file mean.
-    fn note(&self, stream: &Stream) -> String {
-        format!(
-            "// What the samples of the WAV file of this name stand for.\n\
-             Recording(\n    signal: {:?},\n    quantity: {:?},\n    unit: {:?},\n    full_scale: {:?},\n    \
-             rate_hz: {},\n    simulated: {},\n)\n",
-            stream.name,
-            stream.quantity.name().unwrap_or("unnamed"),
-            stream.quantity.unit(),
-            self.full_scale,
-            stream.rate.hz(),
-            stream.simulated,
-        )
     }
 }
 

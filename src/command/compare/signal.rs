@@ -3,10 +3,10 @@
 use crate::command::{Failure, read_file, recording as recordings, remark};
 use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
+use haptograph::surfaces::Origin;
 use haptograph::surfaces::learning::processing::{combined, processed};
 use haptograph::surfaces::recording::read_signal;
 use hound::{SampleFormat, WavReader};
-use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
 /// A vibration. Its rate is unknown where a CSV file does not say it.
@@ -17,31 +17,26 @@ pub struct Signal {
     rate_hz: Option<f64>,
     /// Of the samples, where the file says it.
     unit: Option<String>,
+    /// Is it known to come from simulated devices?
+    pub simulated: bool,
 }
 
-/// Samples, their rate, their unit.
-type Read = (Vec<f64>, Option<f64>, Option<String>);
-
-/// What a run writes beside a WAV file.
-#[derive(Debug, Deserialize)]
-#[serde(rename = "Recording")]
-struct Note {
-    full_scale: f64,
-    unit: String,
-}
+/// Samples, their rate, their unit, and whether they are known to be simulated.
+type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 
 impl Signal {
     /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
         let bytes = read_file(path)?;
-        let (samples, rate_hz, unit) = match &bytes {
+        let (samples, rate_hz, unit, simulated) = match &bytes {
             bytes if bytes.starts_with(b"RIFF") => wav(path, bytes, column)?,
             bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path)?,
             bytes if column.is_none() && is_recording(bytes) => recording(path)?,
             bytes => {
                 let column = read_signal(bytes, column)
                     .map_err(|error| recordings::unreadable(path, bytes, &error))?;
-                (column.values, column.rate_hz, column.unit.map(str::to_owned))
+                let unit = column.unit.map(str::to_owned);
+                (column.values, column.rate_hz, unit, recordings::is_simulated(path)?)
             }
         };
         Ok(Self {
@@ -49,6 +44,7 @@ impl Signal {
             samples,
             rate_hz,
             unit,
+            simulated,
         })
     }
 
@@ -142,6 +138,7 @@ fn recording(path: &Path) -> Result<Read, Failure> {
         signals.acceleration_m_s2.clone(),
         Some(signals.rate_hz),
         Some("m/s2".to_owned()),
+        recording.provenance().origin == Origin::Simulated,
     ))
 }
 
@@ -156,8 +153,8 @@ fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<Read, Failure
     })?;
     let spec = reader.spec();
     let (channels, rate_hz) = (usize::from(spec.channels), f64::from(spec.sample_rate));
-    let note = note(path)?;
-    let full_scale = note.as_ref().map_or(1.0, |note| note.full_scale);
+    let note = recordings::note(path)?;
+    let full_scale = note.full_scale.unwrap_or(1.0);
     let announced = reader.len();
     let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
         SampleFormat::Float => reader
@@ -202,17 +199,5 @@ fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<Read, Failure
             )));
         }
     };
-    Ok((chosen, Some(rate_hz), note.map(|note| note.unit)))
-}
-
-/// What the samples stand for, if a note beside the file says it.
-fn note(path: &Path) -> Result<Option<Note>, Failure> {
-    let mut note = path.as_os_str().to_owned();
-    note.push(".ron");
-    let note = PathBuf::from(note);
-    let Ok(text) = std::fs::read_to_string(&note) else {
-        return Ok(None);
-    };
-    let parsed = ron::from_str(&text).map_err(|error| Failure::file("read", &note, &error))?;
-    Ok(Some(parsed))
+    Ok((chosen, Some(rate_hz), note.unit, note.simulated))
 }

@@ -278,11 +278,12 @@ impl DifferenceTable {
         (0..count).all(|i| self.is_least_of_row(i, i) && self.is_least_of_column(i, i))
     }
 
-    /// Mean and sample standard deviation of each row, as Table 2.2 has them.
-    pub fn row_statistics(&self) -> Vec<(f64, f64)> {
+    /// Mean and sample standard deviation of each row, as Table 2.2 has them; one value has no deviation.
+    pub fn row_statistics(&self) -> Vec<(f64, Option<f64>)> {
         let statistics = |row: &Vec<Option<f64>>| {
             let values: Vec<f64> = row.iter().copied().flatten().collect();
-            (mean(&values), standard_deviation(&values))
+            let deviation = (values.len() > 1).then(|| standard_deviation(&values));
+            (mean(&values), deviation)
         };
         self.differences.iter().map(statistics).collect()
     }
@@ -400,7 +401,12 @@ mod tests {
             ..table
         };
         let (mean, deviation) = people.row_statistics()[0];
-        assert!((mean - 4.155).abs() < 1e-3 && (deviation - 0.282).abs() < 1e-3);
+        assert!((mean - 4.155).abs() < 1e-3 && (deviation.unwrap() - 0.282).abs() < 1e-3);
+        let alone = DifferenceTable {
+            differences: vec![vec![Some(4.0), None]],
+            ..people
+        };
+        assert_eq!(alone.row_statistics(), [(4.0, None)]);
     }
 
     #[test]

@@ -62,6 +62,8 @@ pub struct CsvHead {
     pub ignored: Vec<String>,
     /// Whether a line `# gesture: ...` says what the hand did.
     pub says_gesture: bool,
+    /// Where it comes from, by a line `# origin: ...`.
+    pub origin: Option<Origin>,
 }
 
 /// The head of a file from its first bytes; `None` where these are no CSV's.
@@ -72,9 +74,11 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     }
     let (names, _) = header(bytes).ok()?;
     let unknown = |name: &&String| !name.is_empty() && parse_name(&name.to_ascii_lowercase()).is_none();
+    let notes = notes(bytes);
     Some(CsvHead {
         ignored: names.iter().filter(unknown).cloned().collect(),
-        says_gesture: notes(bytes).contains_key("gesture"),
+        says_gesture: notes.contains_key("gesture"),
+        origin: notes.get("origin").and_then(|word| Origin::from_word(word)),
     })
 }
 
