@@ -62,6 +62,18 @@ pub fn of_header(name: &str) -> (Quantity, f64) {
         })
 }
 
+/// Why a header is none of a table: nothing is there, or its cells are not separated by commas.
+pub fn no_header(header: &csv::StringRecord) -> Option<&'static str> {
+    let mut cells = header.iter();
+    match (cells.next().unwrap_or_default(), cells.next()) {
+        ("", None) => Some("the file is empty: it needs a header, and rows below it"),
+        (one, None) if one.contains(';') => {
+            Some("the header has semicolons: separate the columns by commas, and write decimals with a point")
+        }
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

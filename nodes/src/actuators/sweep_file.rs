@@ -27,6 +27,14 @@ pub enum SweepFileError {
         /// What is wrong with it.
         error: csv::Error,
     },
+    /// It has no header of a table.
+    #[error("{}: {problem}", path.display())]
+    NoHeader {
+        /// The file.
+        path: PathBuf,
+        /// What there is instead.
+        problem: &'static str,
+    },
     /// There is not exactly one column of a quantity.
     #[error(
         "{} has {} of {quantity}; it needs one whose name ends in {ending}, such as `felt{ending}`", path.display(),
@@ -85,6 +93,10 @@ impl SweepFile {
             .from_path(path)
             .map_err(failed)?;
         let header = reader.headers().map_err(failed)?.clone();
+        if let Some(problem) = units::no_header(&header) {
+            let path = path.to_owned();
+            return Err(SweepFileError::NoHeader { path, problem });
+        }
         let column = |quantity: &'static str, of: Quantity, ending: &'static str| {
             let fitting = |name: &str| match ending {
                 "time_s" => name == ending,
@@ -186,6 +198,8 @@ mod tests {
     #[test]
     fn what_is_no_sweep_is_refused_where_it_is() {
         let message = |text| read(text).unwrap_err().to_string();
+        assert!(message("").contains("the file is empty") && message("\n\n").contains("the file is empty"));
+        assert!(message("time_s;x_m_s2;i_a\n0;1;1\n").contains("semicolons"));
         assert!(message("time_s,x_m_s2\n0,1\n").contains("has no column of current"));
         assert!(message("time_s,x_m_s2,i_a\n0,1,1\n1,x,1\n").contains("line 3: 'x'"));
         assert!(message("time_s,x_m_s2,i_a\n0,1,1\n1,1,1\n5,1,1\n6,1,1\n").contains("line 3"));

@@ -110,6 +110,9 @@ impl Table {
             .headers()
             .map_err(|error| failed(error.to_string()))?
             .clone();
+        if let Some(problem) = units::no_header(&headers) {
+            return Err(failed(problem.to_owned()));
+        }
         let place = |name: &str| headers.iter().position(|header| header == name);
         let Some(column) = place(&settings.column) else {
             let message = format!("{file} has no column {}", settings.column);
@@ -228,6 +231,16 @@ mod tests {
                 between: Between::Linear,
                 repeat: false,
             }
+        }
+    }
+
+    #[test]
+    fn what_is_no_table_says_why() {
+        for (text, why) in [("", "the file is empty"), ("time_s;x_n\n0;1\n", "semicolons")] {
+            let file = File::new(text);
+            let settings = file.settings("x_n", "force");
+            let refused = Bench::new::<CsvSource>(settings, 10.0, &[]).err().unwrap();
+            assert!(refused.to_string().contains(why), "{refused}");
         }
     }
 

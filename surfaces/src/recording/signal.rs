@@ -238,6 +238,10 @@ mod tests {
             error(b"# note\na,c\n1,2\n"),
             "line 2: there is no column \"b\"; there are a, c"
         );
+        for nothing in [&b""[..], b"\n", b"# a note\n"] {
+            let told = error(nothing);
+            assert!(told.ends_with("the file is empty"), "{told}");
+        }
     }
 
     #[test]

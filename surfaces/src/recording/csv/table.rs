@@ -51,6 +51,12 @@ pub(in crate::recording) fn header(bytes: &[u8]) -> Result<(Vec<String>, u64), R
         .iter()
         .map(|name| unquoted(&String::from_utf8_lossy(name)).to_owned())
         .collect();
+    if names.iter().all(String::is_empty) {
+        return Err(ReadError::Csv {
+            line,
+            message: "there is no header: the file is empty".to_owned(),
+        });
+    }
     for (index, name) in names.iter().enumerate() {
         let first = names[..index].iter().position(|earlier| earlier == name);
         if let Some(first) = first.filter(|_| !name.is_empty()) {
