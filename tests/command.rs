@@ -116,6 +116,10 @@ fn a_probe_writes_any_port_and_names_the_unit() {
     // 125 Hz for 0.7 s.
     assert_eq!(table.lines().count(), 1 + 88);
     assert!(folder.path().join("a.wav").exists());
+    for note in ["speed.csv.ron", "a.wav.ron", "run/hand.csv.ron"] {
+        let note = fs::read_to_string(folder.path().join(note)).unwrap();
+        assert!(note.contains("    simulated: true,\n"), "{note}");
+    }
 }
 
 #[test]
@@ -203,6 +207,10 @@ fn every_node_kind_is_told_about() {
 fn what_cannot_be_meant_is_refused_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let graph = texturepad_graph();
+    let rates = r#"Graph(format: 1, clocks: { "a": Driver(rate_hz: 1000), "b": Derived(of: "a", rate_hz: 500) }, nodes: {
+        "x": Sine(clock: "a", frequency_hz: 5), "y": Sine(clock: "b", frequency_hz: 5),
+        "file": CsvSink(inputs: ["x", "y"], file: "x.csv") })"#;
+    fs::write(folder.path().join("rates.ron"), rates).unwrap();
     for (arguments, told) in [
         (
             &["run", &graph, "--for", "1e-9"][..],
@@ -219,6 +227,7 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
             "--over gives `gain` twice",
         ),
         (&["draw", &graph, "-o", "no/such.svg"], "there is no folder no"),
+        (&["check", "rates.ron"], "the rows of a table have one rate"),
         (
             &["bench", &graph, "--svg", "no/such.svg"],
             "there is no folder no",
@@ -227,6 +236,9 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
         let said = fail(folder.path(), arguments, 1);
         assert!(said.contains(told), "{arguments:?}: {said}");
     }
+    let said = fail(folder.path(), &["check", "rates.ron"], 1);
+    assert!(!said.contains("by the default"), "inputs were given: {said}");
+    fs::remove_file(folder.path().join("rates.ron")).unwrap();
     let many: Vec<String> = (0..15).map(|value| value.to_string()).collect();
     let over = |name: &str| format!("{name}={}", many.join(","));
     let said = fail(
@@ -249,6 +261,10 @@ fn a_wrong_command_line_ends_with_2() {
     ] {
         fail(folder.path(), arguments, 2);
     }
+    let told = fail(folder.path(), &["draw", "x.ron", "-o", "x.png"], 2);
+    assert!(told.contains("rsvg-convert x.svg -o x.png"), "{told}");
+    let told = fail(folder.path(), &["sweep", "x.ron"], 2);
+    assert!(told.contains("--over") && told.contains("--case"), "{told}");
     let told = fail(folder.path(), &["run", "missing.ron"], 1);
     assert!(told.contains("missing.ron"), "{told}");
 }

@@ -10,8 +10,22 @@ pub struct Arguments {
     #[command(flatten)]
     graph: GraphArguments,
     /// The SVG file to write; standard output where it is not given
-    #[arg(short, long, value_name = "FILE.svg")]
+    #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
     output: Option<PathBuf>,
+}
+
+fn svg_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
+        return Ok(path);
+    }
+    let svg = path.with_extension("svg");
+    let png = path.with_extension("png");
+    Err(format!(
+        "drawings are written as .svg; for a PNG, write {0} and then `rsvg-convert {0} -o {1}`",
+        svg.display(),
+        png.display()
+    ))
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {

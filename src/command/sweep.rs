@@ -5,6 +5,7 @@ use super::run::folder::RunFolder;
 use super::run::summary::{self, Summary};
 use super::run::{self, Shown, message, timed};
 use super::{Failure, GraphArguments, remark, say, warnings};
+use clap::ArgGroup;
 use haptograph::engine::diagnostic::render;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Offline, Outlets};
@@ -22,11 +23,12 @@ use std::sync::atomic::Ordering;
 /// `--over gain=0.5,1,2` runs it for each value. Given twice, it runs for every combination. `--case gain=2,seed=3` adds
 /// one run with these settings; where only cases are given, the graph as it is comes first.
 #[derive(Debug, clap::Args)]
+#[command(group = ArgGroup::new("varied").args(["over", "case"]).required(true).multiple(true))]
 pub struct Arguments {
     #[command(flatten)]
     pub graph: GraphArguments,
     /// A parameter of the graph and its values; can be repeated
-    #[arg(long, value_name = "NAME=VALUE,...", value_parser = values, required_unless_present = "case")]
+    #[arg(long, value_name = "NAME=VALUE,...", value_parser = values)]
     pub over: Vec<(String, Vec<String>)>,
     /// Settings of one run; can be repeated
     #[arg(long, value_name = "NAME=VALUE,...", value_parser = case)]

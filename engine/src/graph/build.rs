@@ -124,7 +124,7 @@ fn work(
 ) -> Option<Work> {
     let target = &draft.nodes[node];
     let mut fields = target.fields.clone();
-    let places = Places::of(&fields);
+    let places = Places::of(&fields).and_inputs(target);
     let before = cx.diagnostics.len();
     let sound = !target.broken && !target.has_broken_input();
     let work = match target.entry.build {
@@ -290,6 +290,16 @@ impl Places {
                 .map(|(name, value)| (name.text.clone(), value.span))
                 .collect(),
         }
+    }
+
+    /// Inputs are where their first connection is.
+    fn and_inputs(mut self, node: &DraftNode) -> Self {
+        let wires = node.wires().map(|(slot, wire)| {
+            let port = &node.entry.spec.inputs[node.inputs[slot].port];
+            (port.name.to_owned(), wire.span)
+        });
+        self.fields.extend(wires);
+        self
     }
 
     fn or_report<T>(&self, cx: &mut Context<'_>, built: Result<T, BuildError>) -> Option<T> {
