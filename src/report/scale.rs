@@ -36,12 +36,17 @@ impl Scale {
         self.from + part * (self.to - self.from)
     }
 
-    /// Round values, about `most` of them with a text.
+    /// Round values, about `most` of them with a text; two at least, as one alone gives no scale.
     pub fn ticks(&self, most: usize) -> Vec<Tick> {
-        match self.spread {
+        let of = |most| match self.spread {
             Spread::Linear => linear_ticks(self.low, self.high, most),
             Spread::Log => log_ticks(self.low, self.high, most),
-        }
+        };
+        let suffices = |ticks: &Vec<Tick>| ticks.iter().filter(|tick| !tick.text.is_empty()).count() > 1;
+        let finer = [1, 2, 4, 8].map(|times| times * most.max(1));
+        let found = finer.into_iter().map(of).find(suffices);
+        // Within less than a decade there may be no round multiples of its power.
+        found.unwrap_or_else(|| linear_ticks(self.low, self.high, 8 * most.max(1)))
     }
 }
 
@@ -177,6 +182,10 @@ mod tests {
     use super::*;
 
     fn texts(low: f64, high: f64, spread: Spread) -> Vec<String> {
+        texts_of(low, high, spread, 5)
+    }
+
+    fn texts_of(low: f64, high: f64, spread: Spread, most: usize) -> Vec<String> {
         let scale = Scale {
             low,
             high,
@@ -185,7 +194,7 @@ mod tests {
             spread,
         };
         scale
-            .ticks(5)
+            .ticks(most)
             .into_iter()
             .map(|t| t.text)
             .filter(|t| !t.is_empty())
@@ -204,6 +213,23 @@ mod tests {
             ["0", "1×10⁻⁵", "2×10⁻⁵", "3×10⁻⁵"]
         );
         assert_eq!(texts(10.0, 5000.0, Spread::Log), ["10", "100", "1000"]);
+    }
+
+    #[test]
+    fn no_axis_is_left_with_a_single_value() {
+        assert_eq!(
+            texts_of(-0.17, 0.17, Spread::Linear, 2),
+            ["\u{2212}0.1", "0", "0.1"]
+        );
+        for most in 1..12 {
+            for step in 1..200 {
+                let (low, high) = (0.013 * f64::from(step), 0.9 + 0.02 * f64::from(step));
+                for (from, spread) in [(-high, Spread::Linear), (low, Spread::Linear), (low, Spread::Log)] {
+                    let texts = texts_of(from, high + low, spread, most);
+                    assert!(texts.len() > 1, "{from}..{}: {texts:?} of {most}", high + low);
+                }
+            }
+        }
     }
 
     #[test]
