@@ -8,7 +8,7 @@ use haptograph::surfaces::Surface;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
 use haptograph::surfaces::learning::segmentation::SegmentationSettings;
 use haptograph::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
-use haptograph::surfaces::learning::{LearnSettings, LearningReport, learn};
+use haptograph::surfaces::learning::{LearnError, LearnSettings, LearningReport, learn};
 use haptograph::surfaces::recording::{AnyRecording, Gesture};
 use std::path::{Path, PathBuf};
 
@@ -164,7 +164,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let name = arguments.name.as_deref().unwrap_or(&stem);
     let progress = Progress::of("learning");
     let (mut learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
-        .map_err(|error| Failure::Message(error.to_string()))?;
+        .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &files, &recordings)))?;
     drop(progress);
     for (index, (path, _)) in files.iter().enumerate() {
         // Without its folder: the same recordings give the same surface wherever they lie.
@@ -174,7 +174,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .with_setting(format!("recording {} file", index + 1), file);
     }
     surface::save(&learned, &arguments.output)?;
-    warn_of_missing(&report);
+    for missing in &report.missing {
+        let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
+        remark(&format!("warning: {said}\n"));
+    }
     let mut text = describe(&learned, &report, &arguments.output);
     if let Some(folder) = &arguments.report {
         let page = super::report_page(folder, &haptograph::report::learning::page(&learned, &report))?;
@@ -183,11 +186,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     say(&text)
 }
 
-/// Says which parts the surface lacks although there was a recording for them.
-pub fn warn_of_missing(report: &LearningReport) {
-    for missing in &report.missing {
-        remark(&format!("warning: {missing}\n"));
-    }
+/// What is said of a recording by its number, by its file.
+fn by_file(
+    said: &str,
+    error: &LearnError,
+    files: &[(&Path, Option<Gesture>)],
+    recordings: &[AnyRecording],
+) -> String {
+    let named = error.recording(recordings).and_then(|recording| {
+        let (before, rest) = said.split_once("recording ")?;
+        let (_, after) = rest.split_once(" (from 0)")?;
+        let (path, _) = files.get(recording)?;
+        Some(format!("{before}{}{after}", path.display()))
+    });
+    named.unwrap_or_else(|| said.to_owned())
 }
 
 /// All recordings, with the gestures that the command line gives them.

@@ -8,6 +8,7 @@ use std::fs;
 fn what_a_user_got_wrong_is_said_before_the_work() {
     let folder = workshop();
     fs::write(folder.join("file"), "").unwrap();
+    fs::write(folder.join("empty.csv"), "").unwrap();
     for (arguments, said) in [
         (
             &["learn", "tap.npz", "-o", "x.ron", "--report", "file"][..],
@@ -22,6 +23,13 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
             &["learn", "tap.npz", "./tap.npz", "-o", "x.ron"],
             "are the same recording",
         ),
+        (&["surface", "convert", "t1.ron", "t1.ron"], "would be written over"),
+        (
+            &["learn", "tap.npz", "study/T1.anna.1.npz", "-o", "x.ron", "--rate", "1"],
+            "study/T1.anna.1.npz cannot be processed",
+        ),
+        (&["segment", "empty.csv", "--column", "x"], "the file is empty"),
+        (&["learn", "empty.csv", "-o", "x.ron"], "the file is empty"),
         (
             &[
                 "surface", "resample", "t1.ron", "--rate", "45", "--method", "spectral", "-o", "x.ron",

@@ -1,7 +1,7 @@
 //! `haptograph surface convert`: between haptograph's files and the toolkit's.
 
 use super::{Failure, load, save};
-use crate::command::say;
+use crate::command::{say, spare};
 use haptograph::surfaces::files::merge;
 use std::path::PathBuf;
 
@@ -18,6 +18,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    spare(&arguments.input, &arguments.output)?;
     let mut surface = None;
     for path in &arguments.input {
         let next = load(path)?;

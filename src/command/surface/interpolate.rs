@@ -16,8 +16,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// The surface file
     file: PathBuf,
-    /// Print one JSON object a line: speed_mm_s and force_n (after saturation), triangle (three 0-based vertex numbers), weights, ar, ma,
-    /// gain, variance
+    /// Print one JSON object a line: speed_mm_s and force_n (after saturation; asked_speed_mm_s and asked_force_n too where they differ),
+    /// triangle (three 0-based vertex numbers), weights, ar, ma, gain, variance
     #[arg(long)]
     json: bool,
 }
@@ -26,6 +26,10 @@ pub struct Arguments {
 struct Json<'a> {
     speed_mm_s: f64,
     force_n: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    asked_speed_mm_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    asked_force_n: Option<f64>,
     triangle: [u32; 3],
     weights: [f64; 3],
     ar: &'a [f64],
@@ -52,10 +56,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         let spot = interpolator.interpolate(asked.speed_m_s, asked.force_n, &mut coefficients);
         let at = asked.saturated(&most);
+        let beyond = asked.differs_from(&at).then_some(asked);
         let text = if arguments.json {
-            json(&at, &spot, &coefficients)?
+            json(&at, beyond, &spot, &coefficients)?
         } else {
-            describe(&at, &spot, &coefficients)
+            describe(&at, beyond, &spot, &coefficients)
         };
         say(&(text + "\n"))?;
     }
@@ -79,6 +84,12 @@ impl Asked {
             speed_m_s: within(self.speed_m_s, most.speed_m_s),
             force_n: within(self.force_n, most.force_n),
         }
+    }
+
+    /// By more than the last bits, which a conversion to mm/s may cost.
+    fn differs_from(&self, other: &Self) -> bool {
+        let apart = |a: f64, b: f64| (a - b).abs() > 1e-9 * a.abs().max(b.abs());
+        apart(self.speed_mm_s, other.speed_mm_s) || apart(self.force_n, other.force_n)
     }
 }
 
@@ -151,10 +162,18 @@ fn mm_s(speed_m_s: f64) -> f64 {
         .unwrap_or(speed_m_s * 1000.0)
 }
 
-fn json(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> Result<String, Failure> {
+/// `beyond` is what was asked for, where that lies outside of what is modelled.
+fn json(
+    at: &Asked,
+    beyond: Option<Asked>,
+    spot: &Spot,
+    coefficients: &Coefficients,
+) -> Result<String, Failure> {
     let line = Json {
         speed_mm_s: at.speed_mm_s,
         force_n: at.force_n,
+        asked_speed_mm_s: beyond.map(|asked| asked.speed_mm_s),
+        asked_force_n: beyond.map(|asked| asked.force_n),
         triangle: spot.vertices,
         weights: spot.weights,
         ar: coefficients.ar(),
@@ -165,7 +184,7 @@ fn json(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> Result<String, 
     serde_json::to_string(&line).map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))
 }
 
-fn describe(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> String {
+fn describe(at: &Asked, beyond: Option<Asked>, spot: &Spot, coefficients: &Coefficients) -> String {
     let list = |values: &[f64]| {
         values
             .iter()
@@ -174,8 +193,11 @@ fn describe(at: &Asked, spot: &Spot, coefficients: &Coefficients) -> String {
             .join(" ")
     };
     let [a, b, c] = spot.vertices;
+    let asked = beyond.map_or_else(String::new, |asked| {
+        format!(" in place of {} mm/s, {} N", asked.speed_mm_s, asked.force_n)
+    });
     let mut text = format!(
-        "{} mm/s, {} N: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
+        "{} mm/s, {} N{asked}: models {a}, {b}, {c} by {}; variance {:e}, gain {}, ar {}",
         at.speed_mm_s,
         at.force_n,
         list(&spot.weights),

@@ -88,6 +88,24 @@ pub enum LearnError {
     SecondPress { recording: usize },
 }
 
+impl LearnError {
+    /// Which of the recordings that should be learned from it is about.
+    pub fn recording(&self, recordings: &[AnyRecording]) -> Option<usize> {
+        let (gesture, number) = match self {
+            Self::Processing { recording, .. }
+            | Self::ProcessedPress { recording }
+            | Self::SecondPress { recording } => return Some(*recording),
+            Self::Texture(
+                LearnTextureError::Rates { recording, .. } | LearnTextureError::Segmentation { recording, .. },
+            ) => (Gesture::Drag, *recording),
+            Self::Taps(TapError::Rates { recording, .. }) => (Gesture::Tap, *recording),
+            _ => return None,
+        };
+        let of_gesture = |index: &usize| recordings[*index].gesture() == gesture;
+        (0..recordings.len()).filter(of_gesture).nth(number)
+    }
+}
+
 /// Learns a surface called `name` from recordings, each of which teaches what its gesture can: drags the texture (and friction where there
 /// is no circle), circles friction, taps taps, a press stiffness. Parts without a recording stay out. So do friction, taps and stiffness that
 /// cannot be learned, and the report says why; a texture that cannot is an error, as it is if nothing is left.
