@@ -46,18 +46,19 @@ fn the_picture_in_the_readme_is_current() {
     );
 }
 
+/// Blocks of RON.
+fn blocks(text: &str) -> impl Iterator<Item = &str> {
+    let begun = text.split("```ron\n").skip(1);
+    begun.filter_map(|rest| rest.split_once("\n```")).map(|(block, _)| block)
+}
+
 /// Every block of RON that is a whole graph is sound.
 #[test]
 fn every_graph_in_the_book_is_sound() {
     let mut seen = 0;
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();
-        for block in text
-            .split("```ron\n")
-            .skip(1)
-            .filter_map(|rest| rest.split_once("\n```"))
-            .map(|(b, _)| b)
-        {
+        for block in blocks(&text) {
             if !block.lines().any(|line| line.starts_with("Graph(")) {
                 continue;
             }
@@ -77,6 +78,30 @@ fn every_graph_in_the_book_is_sound() {
         }
     }
     assert!(seen > 0);
+}
+
+/// Nodes and devices in pieces of graphs exist, as those of whole graphs do.
+#[test]
+fn every_kind_in_the_book_exists() {
+    let registry = haptograph::nodes::registry();
+    let mut seen = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        let parts = |block| str::split(block, "\": ").skip(1).map(move |part| (block, part));
+        for (block, part) in blocks(&text).flat_map(parts) {
+            let part = part.trim_start();
+            let kind = part.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+            let is_kind = kind.starts_with(char::is_uppercase) && part[kind.len()..].starts_with('(');
+            if !is_kind || ["Template", "Driver", "Derived"].contains(&kind) {
+                continue;
+            }
+            seen += 1;
+            let known = registry.node(kind).is_some() || registry.device(kind).is_some();
+            let is_template = block.contains(&format!("\"{kind}\": Template("));
+            assert!(known || is_template, "{}: there is no `{kind}`", page.display());
+        }
+    }
+    assert!(seen > 20);
 }
 
 #[test]
