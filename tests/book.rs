@@ -49,7 +49,9 @@ fn the_picture_in_the_readme_is_current() {
 /// Blocks of RON.
 fn blocks(text: &str) -> impl Iterator<Item = &str> {
     let begun = text.split("```ron\n").skip(1);
-    begun.filter_map(|rest| rest.split_once("\n```")).map(|(block, _)| block)
+    begun
+        .filter_map(|rest| rest.split_once("\n```"))
+        .map(|(block, _)| block)
 }
 
 /// Every block of RON that is a whole graph is sound.
@@ -90,7 +92,10 @@ fn every_kind_in_the_book_exists() {
         let parts = |block| str::split(block, "\": ").skip(1).map(move |part| (block, part));
         for (block, part) in blocks(&text).flat_map(parts) {
             let part = part.trim_start();
-            let kind = part.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+            let kind = part
+                .split(|c: char| !c.is_alphanumeric())
+                .next()
+                .unwrap_or_default();
             let is_kind = kind.starts_with(char::is_uppercase) && part[kind.len()..].starts_with('(');
             if !is_kind || ["Template", "Driver", "Derived"].contains(&kind) {
                 continue;

@@ -364,7 +364,10 @@ fn offline_nothing_is_heard_of_a_soundcard_and_check_counts_its_latency() {
     ];
     let told = succeed(folder.path(), &offline);
     let told = String::from_utf8_lossy(&told.stderr).into_owned();
-    assert!(told.contains("warning: `tool` is SoundcardAccelerometer"), "{told}");
+    assert!(
+        told.contains("warning: `tool` is SoundcardAccelerometer"),
+        "{told}"
+    );
     let felt = samples(&folder.path().join("o/felt.wav"));
     assert!(felt.len() == 800 && felt.iter().all(|x| *x == 0.0));
 }
@@ -380,7 +383,10 @@ fn a_device_that_never_spoke_is_told_of_live_and_offline() {
     let (before, _) = graph.split_once("\"live\"").unwrap();
     fs::write(folder.path().join("udp.ron"), format!("{before}{live} }})")).unwrap();
     for (way, words) in [
-        (&["--endpoints", "live"][..], "`tool` is UdpDevice, which is reached by"),
+        (
+            &["--endpoints", "live"][..],
+            "`tool` is UdpDevice, which is reached by",
+        ),
         (&["--live"][..], "`tool` at 127.0.0.1:0 has not spoken"),
     ] {
         let run = ["run", "udp.ron", "--for", "0.1", "--out", "o"];

@@ -16,7 +16,10 @@ pub struct Arguments {
 
 fn svg_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg")) {
+    if path
+        .extension()
+        .is_some_and(|end| end.eq_ignore_ascii_case("svg"))
+    {
         return Ok(path);
     }
     let svg = path.with_extension("svg");

@@ -66,7 +66,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     say(&describe(&found))?;
     if simulated > 0 {
-        say(&format!("\n{simulated} of {} recordings are simulated\n", takes.len()))?;
+        say(&format!(
+            "\n{simulated} of {} recordings are simulated\n",
+            takes.len()
+        ))?;
     }
     page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
 }

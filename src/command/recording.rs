@@ -78,7 +78,9 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
     let note = PathBuf::from(note);
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     match std::fs::read_to_string(&note) {
-        Ok(text) => options.from_str(&text).map_err(|error| Failure::file("read", &note, &error)),
+        Ok(text) => options
+            .from_str(&text)
+            .map_err(|error| Failure::file("read", &note, &error)),
         Err(_) => Ok(Note::default()),
     }
 }

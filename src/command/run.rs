@@ -108,7 +108,9 @@ pub fn unreached(graph: &Graph) -> Vec<String> {
         !spec.simulated && !spec.senses.is_empty()
     });
     let warning = |name: &str, kind: &str| {
-        format!("`{name}` is {kind}, which is reached by `run --live` only: here it sensed nothing, and nothing was driven")
+        format!(
+            "`{name}` is {kind}, which is reached by `run --live` only: here it sensed nothing, and nothing was driven"
+        )
     };
     silent
         .map(|device| warning(&device.name, device.entry.spec.name))

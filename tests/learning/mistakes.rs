@@ -23,9 +23,20 @@ fn what_a_user_got_wrong_is_said_before_the_work() {
             &["learn", "tap.npz", "./tap.npz", "-o", "x.ron"],
             "are the same recording",
         ),
-        (&["surface", "convert", "t1.ron", "t1.ron"], "would be written over"),
         (
-            &["learn", "tap.npz", "study/T1.anna.1.npz", "-o", "x.ron", "--rate", "1"],
+            &["surface", "convert", "t1.ron", "t1.ron"],
+            "would be written over",
+        ),
+        (
+            &[
+                "learn",
+                "tap.npz",
+                "study/T1.anna.1.npz",
+                "-o",
+                "x.ron",
+                "--rate",
+                "1",
+            ],
             "study/T1.anna.1.npz cannot be processed",
         ),
         (&["segment", "empty.csv", "--column", "x"], "the file is empty"),

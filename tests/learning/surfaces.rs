@@ -84,12 +84,18 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
         .collect();
     assert_eq!(lines.len(), models.len() + 2);
     assert_eq!(
-        (&lines[models.len()]["asked_force_n"], &lines[models.len() + 1]["asked_speed_mm_s"]),
+        (
+            &lines[models.len()]["asked_force_n"],
+            &lines[models.len() + 1]["asked_speed_mm_s"]
+        ),
         (&1e9.into(), &(-1.0).into())
     );
     let output = haptograph(folder, &["surface", "interpolate", "t1.ron"], "-1 1\n");
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(said.starts_with("0 mm/s, 1 N in place of -1 mm/s, 1 N: models"), "{said}");
+    assert!(
+        said.starts_with("0 mm/s, 1 N in place of -1 mm/s, 1 N: models"),
+        "{said}"
+    );
     for (line, model) in lines.iter().zip(models) {
         let keys: Vec<&String> = line.as_object().unwrap().keys().collect();
         assert_eq!(

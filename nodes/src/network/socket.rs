@@ -129,7 +129,9 @@ impl Connections {
     /// What is shown of them every second: who is silent.
     pub fn status(&self) -> String {
         let silent = self.heard.iter().filter(|known| known.is_missed());
-        silent.map(|known| format!(", `{}` is silent", known.device)).collect()
+        silent
+            .map(|known| format!(", `{}` is silent", known.device))
+            .collect()
     }
 
     /// What is left to say at the end of a run.

@@ -36,7 +36,12 @@ impl Signal {
                 let column = read_signal(bytes, column)
                     .map_err(|error| recordings::unreadable(path, bytes, &error))?;
                 let unit = column.unit.map(str::to_owned);
-                (column.values, column.rate_hz, unit, recordings::is_simulated(path)?)
+                (
+                    column.values,
+                    column.rate_hz,
+                    unit,
+                    recordings::is_simulated(path)?,
+                )
             }
         };
         Ok(Self {

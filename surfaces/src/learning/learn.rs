@@ -96,7 +96,8 @@ impl LearnError {
             | Self::ProcessedPress { recording }
             | Self::SecondPress { recording } => return Some(*recording),
             Self::Texture(
-                LearnTextureError::Rates { recording, .. } | LearnTextureError::Segmentation { recording, .. },
+                LearnTextureError::Rates { recording, .. }
+                | LearnTextureError::Segmentation { recording, .. },
             ) => (Gesture::Drag, *recording),
             Self::Taps(TapError::Rates { recording, .. }) => (Gesture::Tap, *recording),
             _ => return None,
