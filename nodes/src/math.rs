@@ -6,4 +6,5 @@ pub mod products;
 pub mod routing;
 pub mod scaling;
 pub mod sums;
+pub mod threshold;
 pub mod vectors;

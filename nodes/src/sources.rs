@@ -2,6 +2,7 @@
 
 pub mod csv;
 pub mod noise;
+pub mod one_shot;
 pub mod steps;
 pub mod wav;
 pub mod waves;

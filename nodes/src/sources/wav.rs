@@ -39,7 +39,12 @@ impl NodeKind for WavSource {
     };
 
     fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let samples = read(&settings, cx.rate.hz())?;
+        let channel = Channel {
+            file: &settings.file,
+            channel: settings.channel,
+            full_scale: settings.full_scale,
+        };
+        let samples = read(&channel, cx.rate.hz())?;
         Ok(Box::new(Playback {
             samples: samples.into(),
             repeat: settings.repeat,
@@ -47,9 +52,17 @@ impl NodeKind for WavSource {
     }
 }
 
-fn read(settings: &WavSourceSettings, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
-    let failed = |error: hound::Error| unreadable(&settings.file, &error);
-    let mut reader = WavReader::open(&settings.file).map_err(failed)?;
+/// One channel of a WAV file, from 0, and what a sample of 1.0 stands for.
+pub(super) struct Channel<'a> {
+    pub file: &'a Path,
+    pub channel: u32,
+    pub full_scale: f64,
+}
+
+/// All its samples.
+pub(super) fn read(wanted: &Channel<'_>, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
+    let failed = |error: hound::Error| unreadable(wanted.file, &error);
+    let mut reader = WavReader::open(wanted.file).map_err(failed)?;
     let spec = reader.spec();
     if f64::from(spec.sample_rate) != rate_hz {
         let message = format!(
@@ -62,7 +75,7 @@ fn read(settings: &WavSourceSettings, rate_hz: f64) -> Result<Vec<f64>, BuildErr
         );
         return Err(BuildError::at("file", message).help(help));
     }
-    let (channel, channels) = (settings.channel as usize, usize::from(spec.channels));
+    let (channel, channels) = (wanted.channel as usize, usize::from(spec.channels));
     if channel >= channels {
         let message = format!("the file has {channels} channels, counted from 0");
         return Err(BuildError::at("channel", message));
@@ -78,7 +91,7 @@ fn read(settings: &WavSourceSettings, rate_hz: f64) -> Result<Vec<f64>, BuildErr
         }
     };
     let picked = all.map_err(failed)?.into_iter().skip(channel).step_by(channels);
-    Ok(picked.map(|sample| sample * settings.full_scale).collect())
+    Ok(picked.map(|sample| sample * wanted.full_scale).collect())
 }
 
 fn unreadable(file: &Path, error: &dyn std::error::Error) -> BuildError {

@@ -1,0 +1,144 @@
+//! Events out of a signal.
+
+use crate::successor;
+use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
+    QuantityRule, Tick, any_input,
+};
+
+haptograph_engine::settings! {
+    /// Settings of [`Threshold`].
+    pub struct ThresholdSettings {
+        /// Fires when the signal rises to this or above it, in the SI unit of the signal.
+        [live] rises_to: f64;
+        /// Can fire again when it has fallen to this or below; none: to anything below `rises_to`.
+        falls_to: Option<f64> = None;
+    }
+}
+
+/// An event where a signal rises to a value.
+pub struct Threshold;
+
+impl NodeKind for Threshold {
+    type Settings = ThresholdSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Threshold",
+        group: "math",
+        doc: "An event at the tick at which a scalar rises to a value, and not again before it has fallen (hysteresis). What \
+              begins above the value has not risen.",
+        source: "",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Scalar),
+            ..any_input("input", "The signal.")
+        }],
+        outputs: &[OutputSpec {
+            name: "event",
+            kind: KindRule::Is(Kind::Event),
+            quantity: QuantityRule::Same("input"),
+            doc: "Fires with the signal's value.",
+        }],
+        example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,
+    };
+
+    fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        if let Some(falls_to) = settings.falls_to.filter(|falls_to| *falls_to > settings.rises_to) {
+            let message = format!("falls to {falls_to}, which is above {}", settings.rises_to);
+            return Err(BuildError::at("falls_to", message).help("give a value at most that of `rises_to`"));
+        }
+        Ok(Box::new(Rising {
+            rises_to: settings.rises_to,
+            falls_to: settings.falls_to,
+            armed: false,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Rising {
+    rises_to: f64,
+    falls_to: Option<f64>,
+    armed: bool,
+}
+
+impl Rising {
+    /// What is no number neither fires nor arms.
+    fn fires(&mut self, x: f64) -> bool {
+        let fires = self.armed && x >= self.rises_to;
+        let falls = x < self.rises_to && self.falls_to.is_none_or(|falls_to| x <= falls_to);
+        self.armed = (self.armed && !fires) || falls;
+        fires
+    }
+}
+
+impl Processor for Rising {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        for (event, x) in io.out_frames::<{ Event::WIDTH }>(0).iter_mut().zip(x) {
+            let fired = self.fires(*x);
+            let value = if fired { *x } else { 0.0 };
+            *event = Event { fired, value }.to_lanes();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.rises_to = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.armed = self.armed;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    fn fired(falls_to: Option<f64>, x: &[f64]) -> Vec<usize> {
+        let settings = ThresholdSettings {
+            rises_to: 0.5,
+            falls_to,
+        };
+        let mut bench = Bench::new::<Threshold>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        let events = bench.run_in_blocks(&[x], &[1, 3, 64]);
+        let frames = events[0].as_chunks::<{ Event::WIDTH }>().0.iter().enumerate();
+        let fired = frames.filter(|(_, lanes)| Event::from_lanes(lanes).fired);
+        fired.map(|(tick, _)| tick).collect()
+    }
+
+    #[test]
+    fn it_fires_once_each_time_the_signal_has_risen() {
+        let x = [
+            0.9,
+            0.6,
+            0.4,
+            0.5,
+            0.45,
+            0.7,
+            0.2,
+            0.3,
+            f64::NAN,
+            0.8,
+            0.9,
+            0.1,
+            0.5,
+        ];
+        assert_eq!(fired(None, &x), [3, 5, 9, 12]);
+        // It shakes about the value after tick 3.
+        assert_eq!(fired(Some(0.4), &x), [3, 9, 12]);
+    }
+
+    #[test]
+    fn it_cannot_have_to_fall_to_above_what_it_rises_to() {
+        let settings = ThresholdSettings {
+            rises_to: 0.5,
+            falls_to: Some(0.6),
+        };
+        assert!(Bench::new::<Threshold>(settings, 1000.0, &[Kind::Scalar]).is_err());
+    }
+}

@@ -1,0 +1,135 @@
+//! A recording that an event starts.
+
+use super::made;
+use super::wav::{Channel, read};
+use crate::successor;
+use haptograph_engine::frame::{Event, Kind};
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, Processor, Tick, any_input,
+};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+haptograph_engine::settings! {
+    /// Settings of [`OneShot`].
+    pub struct OneShotSettings {
+        /// The WAV file, relative to the graph file.
+        file: PathBuf;
+        /// Which channel, from 0.
+        channel: u32 = 0;
+        /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
+        full_scale: f64 = 1.0;
+        /// What it is, by name.
+        quantity: String = "number".into();
+        /// A factor by the event's value, which is divided by this, in the SI unit of the event; none: always the same.
+        per_value: Option<f64> = None, in 1e-12..=1e12;
+    }
+}
+
+/// Plays one channel of a WAV file when an event fires.
+pub struct OneShot;
+
+impl NodeKind for OneShot {
+    type Settings = OneShotSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "OneShot",
+        group: "sources",
+        doc: "Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own \
+              tick. An event while it plays begins it anew. Its rate has to be that of the node's clock.",
+        source: "",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Event),
+            ..any_input("start", "Begins it.")
+        }],
+        outputs: &[made("The recording; zero before it and after.")],
+        example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#,
+    };
+
+    fn build(settings: OneShotSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let channel = Channel {
+            file: &settings.file,
+            channel: settings.channel,
+            full_scale: settings.full_scale,
+        };
+        Ok(Box::new(Playing {
+            samples: read(&channel, cx.rate.hz())?.into(),
+            per_value: settings.per_value,
+            at: usize::MAX,
+            factor: 1.0,
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Playing {
+    samples: Arc<[f64]>,
+    per_value: Option<f64>,
+    /// The next sample.
+    at: usize,
+    factor: f64,
+}
+
+impl Processor for Playing {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let events = io.frames_of::<{ Event::WIDTH }>(0);
+        for (y, event) in io.out(0).iter_mut().zip(events) {
+            let event = Event::from_lanes(event);
+            if event.fired {
+                let factor = self.per_value.map_or(1.0, |unit| event.value / unit);
+                self.factor = if factor.is_finite() { factor } else { 0.0 };
+                self.at = 0;
+            }
+            *y = self
+                .samples
+                .get(self.at)
+                .map_or(0.0, |sample| self.factor * sample);
+            self.at = self.at.saturating_add(1);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.at, new.factor) = (self.at, self.factor);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn it_plays_from_the_event_on_and_begins_anew_at_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("click.wav");
+        let spec = hound::WavSpec {
+            channels: 1,
+            sample_rate: 1000,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        let mut writer = hound::WavWriter::create(&file, spec).unwrap();
+        for sample in [1.0_f32, 0.5, 0.25] {
+            writer.write_sample(sample).unwrap();
+        }
+        writer.finalize().unwrap();
+        let heard = |per_value| {
+            let settings = OneShotSettings {
+                file: file.clone(),
+                channel: 0,
+                full_scale: 2.0,
+                quantity: "current".into(),
+                per_value,
+            };
+            let mut bench = Bench::new::<OneShot>(settings, 1000.0, &[Kind::Event]).unwrap();
+            let mut events = vec![[0.0, 0.0]; 12];
+            (events[2], events[7], events[9]) = ([1.0, 3.0], [1.0, 0.5], [1.0, f64::NAN]);
+            bench.run_in_blocks(&[events.as_flattened()], &[1, 5])[0].clone()
+        };
+        let same = [0.0, 0.0, 2.0, 1.0, 0.5, 0.0, 0.0, 2.0, 1.0, 2.0, 1.0, 0.5];
+        assert_eq!(heard(None), same);
+        let by_value = [0.0, 0.0, 6.0, 3.0, 1.5, 0.0, 0.0, 1.0, 0.5, 0.0, 0.0, 0.0];
+        assert_eq!(heard(Some(1.0)), by_value);
+    }
+}
