@@ -387,7 +387,7 @@ fn a_device_that_never_spoke_is_told_of_live_and_offline() {
             &["--endpoints", "live"][..],
             "`tool` is UdpDevice, which is reached by",
         ),
-        (&["--live"][..], "`tool` at 127.0.0.1:0 has not spoken"),
+        (&["--live"][..], "`tool` at 127.0.0.1:0 never spoke"),
     ] {
         let run = ["run", "udp.ron", "--for", "0.1", "--out", "o"];
         let told = succeed(folder.path(), &[&run[..], way].concat());

@@ -52,11 +52,12 @@ impl Listening {
             return None;
         }
         self.missed = true;
-        Some(if self.heard == 0 {
-            self.never()
+        let said = if self.heard == 0 {
+            "has said nothing yet: what it senses is zero, and nothing is driven"
         } else {
-            format!("{} fell silent: forces and drives are at zero", self.name())
-        })
+            "fell silent: forces and drives are at zero"
+        };
+        Some(format!("{} {said}", self.name()))
     }
 
     /// Does it say nothing, as was told?
@@ -64,16 +65,10 @@ impl Listening {
         self.missed
     }
 
-    /// What to say at the end of one that never spoke, if that was not said yet.
-    pub fn untold(&self) -> Option<String> {
-        (self.link.news() == 0 && !self.missed).then(|| self.never())
-    }
-
-    fn never(&self) -> String {
-        format!(
-            "{} has not spoken: what it senses is zero, and nothing is driven",
-            self.name()
-        )
+    /// What to say at the end of one that never spoke.
+    pub fn never(&self) -> Option<String> {
+        let never = self.link.news() == 0;
+        never.then(|| format!("{} never spoke: what it sensed was zero, and nothing was driven", self.name()))
     }
 
     fn name(&self) -> String {
@@ -105,7 +100,7 @@ mod tests {
         };
         let told = [
             (1000, false, ""),
-            (3050, false, "has not spoken"),
+            (3050, false, "has said nothing yet"),
             (3100, false, ""),
             (3150, true, "speaks"),
             (3200, true, ""),
@@ -120,10 +115,11 @@ mod tests {
     }
 
     #[test]
-    fn one_that_never_spoke_is_told_of_once() {
-        let (link, start) = (Arc::new(Link::new()), Instant::now());
-        let mut arm = Listening::new("arm", "x".to_owned(), &link, Duration::ZERO, start);
-        assert!(arm.untold().is_some());
-        assert!(arm.look(start + PATIENCE + SHORTEST).is_some() && arm.untold().is_none());
+    fn only_one_that_never_spoke_is_told_of_in_the_end() {
+        let link = Arc::new(Link::new());
+        let arm = Listening::new("arm", "x".to_owned(), &link, Duration::ZERO, Instant::now());
+        assert!(arm.never().is_some());
+        link.tell(&[0.0; SENSED]);
+        assert!(arm.never().is_none());
     }
 }
