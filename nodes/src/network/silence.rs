@@ -68,7 +68,12 @@ impl Listening {
     /// What to say at the end of one that never spoke.
     pub fn never(&self) -> Option<String> {
         let never = self.link.news() == 0;
-        never.then(|| format!("{} never spoke: what it sensed was zero, and nothing was driven", self.name()))
+        never.then(|| {
+            format!(
+                "{} never spoke: what it sensed was zero, and nothing was driven",
+                self.name()
+            )
+        })
     }
 
     fn name(&self) -> String {
