@@ -123,7 +123,7 @@ mod tests {
                 per_value,
             };
             let mut bench = Bench::new::<OneShot>(settings, 1000.0, &[Kind::Event]).unwrap();
-            let mut events = vec![[0.0, 0.0]; 12];
+            let mut events = [[0.0, 0.0]; 12];
             (events[2], events[7], events[9]) = ([1.0, 3.0], [1.0, 0.5], [1.0, f64::NAN]);
             bench.run_in_blocks(&[events.as_flattened()], &[1, 5])[0].clone()
         };
