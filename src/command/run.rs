@@ -1,9 +1,11 @@
 //! `haptograph run`: a graph runs, as fast as the processor allows or against the clock, and leaves a folder: the
 //! files of its sinks, a page to look at, and `run.json`.
 
+mod attended;
 mod console;
 mod driver;
 mod drivers;
+mod facts;
 pub mod folder;
 mod latency;
 mod live;
@@ -142,7 +144,7 @@ fn target(arguments: &Arguments) -> PathBuf {
 }
 
 /// What a run leaves in its folder whatever the graph.
-const OWN_FILES: [&str; 4] = [folder::MARK, PAGE, DRAWING, ARRIVALS];
+const OWN_FILES: [&str; 5] = [folder::MARK, PAGE, DRAWING, ARRIVALS, attended::CHANGES];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
