@@ -293,7 +293,10 @@ fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     assert_eq!(facts["driver_frames"], all.len());
     // What ran when can be told afterwards.
     let saved = facts["saved_while_running"].as_array().unwrap();
-    assert_eq!((saved.len(), &saved[0]["graph"]), (2, &serde_json::json!("changes/1")));
+    assert_eq!(
+        (saved.len(), &saved[0]["graph"]),
+        (2, &serde_json::json!("changes/1"))
+    );
     assert_eq!(saved[0]["what"], "the graph changed, cross-faded");
     let kept = fs::read_to_string(out.join("changes/1/tone.ron")).unwrap();
     assert!(kept.contains("more.wav"), "{kept}");
