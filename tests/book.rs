@@ -109,6 +109,32 @@ fn every_kind_in_the_book_exists() {
     assert!(seen > 20);
 }
 
+/// The template on the page about the format is one, in a graph that gives it what it reads.
+#[test]
+fn the_template_in_the_book_is_sound() {
+    let page = fs::read_to_string(root().join("docs/format.md")).unwrap();
+    let template = blocks(&page)
+        .find(|block| block.starts_with("templates:"))
+        .unwrap();
+    let sources = r#"nodes: {
+    "stylus": Tablet(clock: "tablet", endpoint: "stylus"),
+    "speed": SpeedEstimator(position: "stylus.position"),
+    "texture""#;
+    let template = template
+        .replace("nodes: {\n    \"texture\"", sources)
+        .replace("canvas.ron", "surfaces/t2-canvas.ron");
+    let graph = format!(
+        r#"Graph(format: 1, clocks: {{ "synth": Driver(rate_hz: 10000), "tablet": Derived(of: "synth", rate_hz: 125) }},
+        endpoints: {{ "simulated": {{ "stylus": SimulatedTablet() }} }},
+        {template})"#
+    );
+    let place = root().join("graphs/format.ron");
+    let registry = haptograph::nodes::registry();
+    Document::parse(place, &graph)
+        .and_then(|document| check(&document, &registry, &CheckOptions::default()))
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+}
+
 #[test]
 fn links_between_pages_lead_somewhere() {
     for page in pages() {

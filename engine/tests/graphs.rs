@@ -388,26 +388,3 @@ fn every_code_is_documented() {
     let never: Vec<&String> = used.difference(&shown).collect();
     assert_eq!(never, ["E0702"], "codes that no wrong graph shows");
 }
-
-/// The template in the documentation is right. Its graph is made of shipped kinds: the root package checks it.
-#[test]
-fn the_page_about_the_format_is_true() {
-    let page = std::fs::read_to_string("../docs/format.md").expect("docs/format.md");
-    let examples: Vec<&str> = page
-        .split("```ron\n")
-        .skip(1)
-        .filter_map(|rest| rest.split("```").next())
-        .collect();
-    let template = examples[2];
-    let around = format!(
-        "Graph(format: 1, clocks: {{ \"synth\": Driver(rate_hz: 10000), \"tablet\": Derived(of: \"synth\", rate_hz: 125) }},
-         endpoints: {{ \"simulated\": {{ \"stylus\": Tablet() }} }},\n{template})"
-    );
-    let around = around.replace(
-        "nodes: {\n    \"texture\"",
-        "nodes: {\n \"stylus\": Stylus(clock: \"tablet\", endpoint: \"stylus\"), \"speed\": SpeedMeter(position: \"stylus.position\"),\n    \"texture\"",
-    );
-    let around = around.replace("canvas.ron", "surface.txt");
-    let document = Document::parse("tests/right/page.ron", &around).unwrap_or_else(|d| panic!("{d}"));
-    check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
-}
