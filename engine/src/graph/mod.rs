@@ -268,7 +268,7 @@ impl Graph {
         let clock = node.clock.filter(|_| spec.name.ends_with("_hz"));
         let Some(clock) = clock else { return spec.range };
         let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
-        Some((low, high.min(0.5 * self.clocks[clock].rate.hz())))
+        Some((low, high.min((0.5 * self.clocks[clock].rate.hz()).next_down())))
     }
 
     /// What the graph is about, as the file tells it.

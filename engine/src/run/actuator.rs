@@ -62,11 +62,12 @@ impl Role {
         }
     }
 
-    /// Takes what the other plan asks for; what is no number is nothing.
-    pub(super) fn mix_in(&mut self, asked: [f64; 6]) {
+    /// Takes what the other plan asks for; what is no number is nothing. Was it one?
+    pub(super) fn mix_in(&mut self, asked: [f64; 6]) -> bool {
         if let Self::Mixes(other, _) = self {
             *other = asked.map(|x| if x.is_finite() { x } else { 0.0 });
         }
+        asked.iter().all(|x| x.is_finite())
     }
 
     /// From `time` on, does the plan have the actuator to itself?
@@ -99,7 +100,8 @@ impl ActuatorState {
             Role::Asks(asked) => {
                 let factor = gain * when.drive.factor(when.time(0));
                 asked.iter_mut().zip(x).for_each(|(asked, x)| *asked = x * factor);
-                y.fill(0.0);
+                // Who reads what is delivered does not see the change.
+                y.iter_mut().zip(asked).for_each(|(y, asked)| *y = *asked);
             }
             Role::Mixes(other, rise) => {
                 let share = rise.factor(when.time(0));
@@ -108,8 +110,9 @@ impl ActuatorState {
                     .iter_mut()
                     .zip(x)
                     .for_each(|(mixed, x)| *mixed += x * gain * share);
+                let width = x.len().min(mixed.len());
                 self.limiter
-                    .apply(&mixed[..x.len()], y, |_| when.drive.factor(when.time(0)));
+                    .apply(&mixed[..width], y, |_| when.drive.factor(when.time(0)));
             }
         }
         self.limiter.counts().fault - faults

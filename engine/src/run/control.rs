@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 /// Commands that may wait for the real-time side.
 pub(super) const COMMANDS: usize = 4096;
-/// How much more work two plans together are than one alone, as they run frame by frame.
-const TOGETHER: f64 = 3.0;
+/// How much more work a plan is frame by frame, as two run together, than in blocks. Steps count as alike.
+const FRAME_BY_FRAME: f64 = 1.5;
 
 /// What the real-time side is told.
 pub(super) enum Command {
@@ -208,8 +208,13 @@ impl Control {
             return Err(ControlError::Full);
         }
         let load = self.meters.load(plan.driver_rate().hz());
-        let has_time = TOGETHER * load <= 1.0;
-        let next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        let more = plan.step_count() as f64 / self.plan.step_count().max(1) as f64;
+        let has_time = FRAME_BY_FRAME * load * (1.0 + more) <= 1.0;
+        let mut next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        // It begins with what was set by hand, and what the file says otherwise glides from there.
+        for live in &settings {
+            next.run.set(live.node, live.setting, live.value);
+        }
         Ok(Prepared {
             next,
             plan,
@@ -236,9 +241,9 @@ impl Control {
         }
         Ok(match transfer {
             Transfer::Everything => Change::Settings(changes.len()),
+            _ if !fades => Change::AtOnce,
             Transfer::CrossFade => Change::CrossFade,
-            Transfer::AtZero(obstacle) if fades => Change::AtZero(obstacle),
-            Transfer::AtZero(_) => Change::AtOnce,
+            Transfer::AtZero(obstacle) => Change::AtZero(obstacle),
         })
     }
 

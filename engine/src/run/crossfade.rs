@@ -46,7 +46,8 @@ impl Next {
         old.steps(0..old.plan.steps.len());
         for (from, to) in &self.drives {
             let asked = old.state.actuators[*from].role.asked();
-            new.state.actuators[*to].role.mix_in(asked);
+            let is_number = new.state.actuators[*to].role.mix_in(asked);
+            new.state.faults.ticks += u64::from(!is_number);
         }
         new.steps(0..new.plan.steps.len());
         let time = new.state.windows.block().1;

@@ -2,15 +2,15 @@
 //! straight lines between, ahead of the limiters.
 
 /// The factor on every actuator's request as a function of time, in units of the plan's time base.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) enum Drive {
     /// All of it.
     #[default]
     Full,
     /// From nothing at `begin` to everything at `end`.
     Rising { begin: u64, end: u64 },
-    /// From everything at `begin` to nothing at `end`, and nothing after.
-    Falling { begin: u64, end: u64 },
+    /// From a part of it at `begin` to nothing at `end`, and nothing after.
+    Falling { begin: u64, end: u64, from: f64 },
 }
 
 impl Drive {
@@ -26,7 +26,7 @@ impl Drive {
         match self {
             Self::Full => 1.0,
             Self::Rising { begin, end } => along(begin, end),
-            Self::Falling { begin, end } => 1.0 - along(begin, end),
+            Self::Falling { begin, end, from } => from * (1.0 - along(begin, end)),
         }
     }
 

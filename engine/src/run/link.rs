@@ -110,7 +110,8 @@ impl LinkWriter {
         };
         self.room -= sent;
         self.accepted += sent;
-        if sent < frames {
+        // What comes before the other end first looks was never wanted.
+        if sent < frames && self.meter.is_read() {
             self.meter.lose(frames - sent);
         }
     }

@@ -219,11 +219,8 @@ impl Live {
 
     /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
     pub fn resume(&mut self) {
-        let falling = self.next.as_ref();
-        let falling = falling.is_some_and(|next| next.transfer != Transfer::CrossFade);
-        if self.state == LiveState::Running && !self.stopping && !falling {
-            self.run.begin_at_rest();
-            self.run.fade_in(FADE_S);
+        if self.state == LiveState::Running {
+            self.run.go_on_from_nothing(FADE_S);
         }
     }
 
@@ -287,8 +284,6 @@ impl Live {
             next.cross_fade(&mut self.run, FADE_S);
             next.rings.take_over(&mut self.rings);
             self.former = Some(next);
-            // What was set by hand is on its way behind it.
-            self.take_commands();
         }
         if !self.run.is_silent() {
             return;
@@ -321,11 +316,27 @@ impl Run {
         self.state.drive = Drive::Rising { begin, end };
     }
 
-    /// Lets the outputs fall to nothing, from now on.
+    /// Lets the outputs fall to nothing, from now on and from where they are.
     pub(crate) fn fade_out(&mut self, seconds: f64) {
         if !matches!(self.state.drive, Drive::Falling { .. }) {
             let (begin, end) = self.fade_span(seconds);
-            self.state.drive = Drive::Falling { begin, end };
+            let from = self.state.drive.factor(begin);
+            self.state.drive = Drive::Falling { begin, end, from };
+        }
+    }
+
+    /// After time stood still and nothing was driven: the outputs rise again, or stay at nothing if they were falling.
+    pub(crate) fn go_on_from_nothing(&mut self, seconds: f64) {
+        self.begin_at_rest();
+        if let Drive::Falling { .. } = self.state.drive {
+            let (begin, end) = self.fade_span(0.0);
+            self.state.drive = Drive::Falling {
+                begin,
+                end,
+                from: 0.0,
+            };
+        } else {
+            self.fade_in(seconds);
         }
     }
 

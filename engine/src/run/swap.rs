@@ -222,7 +222,8 @@ fn obstacle(old: &Plan, new: &Plan, devices: &[(usize, usize)], drives: &[(usize
         plan.base.period(plan.devices[device].clock) < plan.base.period(plan.driver)
     };
     let too_fast = |(from, to): &(usize, usize)| fast(old, *from) || fast(new, *to);
-    devices.iter().any(too_fast).then_some(AtZero::FastDevice)
+    let mut driven = (0..new.devices.len()).filter(|device| !new.devices[*device].driven_by.is_empty());
+    (devices.iter().any(too_fast) || driven.any(|device| fast(new, device))).then_some(AtZero::FastDevice)
 }
 
 /// The places in both plans of what `of` finds at steps that do the same.

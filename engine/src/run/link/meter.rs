@@ -66,6 +66,11 @@ impl RingMeter {
         }
     }
 
+    /// Has the reader ever looked?
+    pub(super) fn is_read(&self) -> bool {
+        !f64::from_bits(self.fill.load(Relaxed)).is_nan()
+    }
+
     pub(super) fn count_underrun(&self) {
         self.underruns.fetch_add(1, Relaxed);
     }

@@ -5,8 +5,10 @@ use super::naive;
 use super::world::{LIMIT, Leaky, random_graph, with_processor};
 use crate::graph::{Graph, Work};
 use crate::node::{Io, Processor, Tick};
+use crate::plan::Plan;
 use crate::run::actuator::AnyLimiter;
 use crate::run::{AtZero, Change, Control, ControlError, FADE_S, Live, LiveState, Run, Wake, live};
+use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 
 #[test]
@@ -71,7 +73,7 @@ fn another_graph_rises_over_the_one_that_runs_as_the_definition_says() {
     for seed in 0..80 {
         let (old, new) = (random_graph(seed, seed), with_other_weights(seed));
         let (change, heard) = swapped(&old, &new, 203, 400);
-        if change != Change::CrossFade {
+        if !matches!(change, Change::CrossFade | Change::AtOnce) {
             continue;
         }
         faded += 1;
@@ -320,6 +322,79 @@ fn a_device_that_ticks_faster_than_the_driver_is_not_shared() {
         .for_each(|node| node.fingerprint += 1);
     let (change, _) = swapped(&random_graph(seed, 0), &new, 50, 100);
     assert_eq!(change, Change::AtZero(AtZero::FastDevice));
+    // Nor does it begin beside a graph that drives nothing.
+    let nothing = (0..)
+        .map(|seed| random_graph(seed, 0))
+        .find(|graph| sink(graph).is_none());
+    let (change, _) = swapped(&nothing.unwrap(), &new, 50, 100);
+    assert_eq!(change, Change::AtZero(AtZero::FastDevice));
+}
+
+/// A hundred, and a tenth of it for a body, within another limit each time.
+fn limited(peak: f64) -> (Arc<Plan>, NodeIndex) {
+    let (mut graph, _, sink) = with_processor(Box::new(constant(100.0)));
+    let Work::Actuator { limit, .. } = &mut graph.nodes[sink].work else {
+        panic!("a sink");
+    };
+    limit.peak = peak;
+    limit.continuous = peak;
+    (plan(&graph, 1), sink)
+}
+
+/// No frame differs from the one before by more than a fade's.
+fn assert_no_step(given: &[f64]) {
+    let mut pairs = given.windows(2);
+    assert!(
+        pairs.all(|pair| (pair[1] - pair[0]).abs() <= 1.0 + 1e-9),
+        "{given:?}"
+    );
+}
+
+#[test]
+fn a_fall_begins_where_a_rise_has_come_to() {
+    for again in 20..60 {
+        let (mut live, mut control) = live(limited(50.0).0);
+        let mut given = Vec::new();
+        for frame in 0..120 {
+            for (at, peak) in [(20, 40.0), (again, 45.0)] {
+                if frame == at {
+                    assert_eq!(
+                        control.swap(limited(peak).0),
+                        Ok(Change::AtZero(AtZero::Actuators))
+                    );
+                }
+            }
+            live.callback(1, |run, _| {
+                given.extend_from_slice(run.tap(limited(50.0).1.index()))
+            });
+        }
+        assert_no_step(&given);
+        assert!(given.contains(&0.0) && given[119] == 10.0, "{given:?}");
+    }
+}
+
+#[test]
+fn after_a_pause_of_the_driver_nothing_begins_at_once() {
+    // The change was asked for before the pause, in it, or is under way.
+    for asked in [0, 16, 20] {
+        let (mut live, mut control) = live(limited(50.0).0);
+        let mut given = Vec::new();
+        for frame in 0..80 {
+            if frame == asked {
+                control.swap(limited(40.0).0).unwrap();
+            }
+            if frame == 20 {
+                live.resume();
+                given.clear();
+                given.push(0.0);
+            }
+            live.callback(1, |run, _| {
+                given.extend_from_slice(run.tap(limited(50.0).1.index()))
+            });
+        }
+        assert_no_step(&given);
+        assert_eq!(given.last(), Some(&10.0));
+    }
 }
 
 #[test]
