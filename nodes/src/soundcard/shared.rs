@@ -36,6 +36,9 @@ impl Shared {
     }
 }
 
+/// The part of a callback's earliness that the ones after it are expected earlier.
+const FOLLOWS: u32 = 64;
+
 /// When the callbacks of a stream are due.
 pub(super) struct Due {
     rate_hz: f64,
@@ -55,11 +58,12 @@ impl Due {
     /// Notes a callback; returns how late it began and how long its frames last.
     pub fn note(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
         let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
-        let late = self
-            .next
-            .map_or(Duration::ZERO, |due| began.saturating_duration_since(due));
-        // A callback that is early is due again a buffer after it would have been on time.
-        self.next = Some(self.next.map_or(began, |due| due.max(began)) + lasts);
+        let due = self.next.unwrap_or(began);
+        let late = began.saturating_duration_since(due);
+        // A callback that is early is due again a buffer after it would have been on time, or a little earlier: a card that is
+        // faster than this computer's clock would seem ever earlier, and hide how late one is.
+        let early = due.saturating_duration_since(began);
+        self.next = Some(due.max(began) - early / FOLLOWS + lasts);
         if shared.after_xrun.swap(false, Relaxed) {
             let late_ns = late.as_nanos() as u64;
             shared.xrun_delay_max_ns.fetch_max(late_ns, Relaxed);
@@ -116,5 +120,25 @@ impl<T> Drop for Away<T> {
         if let Some(it) = self.it.take() {
             *self.home.open() = Some(it);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lateness_is_seen_though_the_card_is_faster_than_the_clock() {
+        let (start, shared) = (Instant::now(), Shared::default());
+        let mut due = Due::new(48_000, start);
+        // 200 s by a card that is 100 parts per million fast.
+        let callback =
+            |number: u32| start + Duration::from_secs_f64(f64::from(number) * 64.0 / 48_000.0 * (1.0 - 1e-4));
+        for number in 0..150_000 {
+            let (late, _) = due.note(callback(number), 64, &shared);
+            assert!(late < Duration::from_micros(1), "{late:?}");
+        }
+        let (late, _) = due.note(callback(150_000) + Duration::from_millis(5), 64, &shared);
+        assert!((late.as_secs_f64() - 5e-3).abs() < 2e-5, "{late:?}");
     }
 }
