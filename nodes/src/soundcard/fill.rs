@@ -91,42 +91,54 @@ mod tests {
     use haptograph_engine::settings::NoSettings;
     use haptograph_signal::quantity::Quantity;
 
-    /// Two endpoints on one card: 0.25 of full scale on channel 2, twice full scale on 1 and 3.
+    /// Two endpoints on one card: 0.25 of full scale on channel 2, half of it on 1 and 3.
     fn graph() -> Graph {
         let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
             nodes: {
                 "half": Constant(clock: "audio", value: 0.5, quantity: "current"),
                 "four": Constant(clock: "audio", value: 4.0, quantity: "current"),
                 "a": ActuatorSink(current: "half", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
-                "b": ActuatorSink(current: "four", endpoint: "b", limit: (peak_a: 9, continuous_a: 9)),
+                "b": ActuatorSink(current: "four", endpoint: "b", limit: (peak_a: 8, continuous_a: 8)),
             },
             endpoints: { "simulated": {
                 "a": Soundcard(amperes_full_scale: 2.0, channels: [2]),
-                "b": Soundcard(amperes_full_scale: 2.0, channels: [1, 3]),
+                "b": Soundcard(amperes_full_scale: 8.0, channels: [1, 3]),
             } })"#;
         let document = Document::parse("g.ron", text).unwrap();
         check(&document, &crate::registry(), &CheckOptions::default())
             .unwrap_or_else(|wrong| panic!("{wrong}"))
     }
 
-    fn filler(graph: &Graph, seconds: f64) -> (Filler, Arc<Shared>, Session) {
+    fn open(graph: &Graph, seconds: f64) -> (Live, Session) {
         let options = LiveOptions {
             block: 64,
             seconds: Some(seconds),
         };
-        let (live, session) = Session::open(Outlets::new(graph), &options).unwrap();
+        Session::open(Outlets::new(graph), &options).unwrap()
+    }
+
+    fn filler(graph: &Graph, seconds: f64) -> (Filler, Arc<Shared>, Session) {
+        let (live, session) = open(graph, seconds);
+        let (filler, shared) = filler_of(live);
+        (filler, shared, session)
+    }
+
+    fn filler_of(live: Live) -> (Filler, Arc<Shared>) {
         let home = Home::of(live);
         let shared = Arc::default();
-        (
-            Filler::new(&home, &shared, 48_000, Instant::now()),
-            shared,
-            session,
-        )
+        (Filler::new(&home, &shared, 48_000, Instant::now()), shared)
     }
 
     #[test]
     fn every_endpoint_plays_on_its_channels_in_buffers_of_any_length() {
-        let (mut filler, shared, _session) = filler(&graph(), 1.0);
+        let (mut live, _session) = open(&graph(), 1.0);
+        // No limit lets a graph ask for more than a card states: a card that has a quarter of it.
+        for device in live.devices_mut() {
+            let card = device.as_any_mut().downcast_mut::<Card>().unwrap();
+            let output = card.output.as_mut().unwrap();
+            output.full_scale = output.full_scale.min(2.0);
+        }
+        let (mut filler, shared) = filler_of(live);
         for frames in [1, 64, 170, 5000, 7] {
             let mut data = vec![9.0; frames * 4];
             filler.fill(&mut data, 4, 0.0, |x| x);
