@@ -176,6 +176,10 @@ impl Output {
 
 /// What an endpoint hears, from where the card's stream puts it.
 #[derive(Debug, Clone)]
+#[cfg_attr(
+    not(any(test, feature = "soundcard", target_os = "macos", windows)),
+    allow(dead_code, reason = "read by what listens to a card")
+)]
 pub(crate) struct Input {
     pub endpoint: String,
     pub stream: Request,

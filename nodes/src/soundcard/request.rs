@@ -1,9 +1,8 @@
 //! What a graph asks of soundcards: what it plays there and what it hears.
 
 use super::SoundcardError;
-use super::card::{Card, CardFormat, Input, Output};
+use super::card::{Card, CardFormat, Output};
 use haptograph_engine::graph::{Graph, GraphDevice, NodeIndex};
-use haptograph_engine::run::RingSpec;
 
 /// A stream to a card or from it, as endpoints ask for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,10 +50,9 @@ pub struct Wanted {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heard {
     endpoint: String,
-    stream: Request,
-    channel: u32,
-    full_scale: f64,
-    ring: RingSpec,
+    /// Of its settings as they are written: a run carries a device over to another graph by it, and with the device the
+    /// end of the ring from the card.
+    fingerprint: u64,
 }
 
 /// What an endpoint plays: the output that drives it, and what a sample of 1 stands for.
@@ -73,13 +71,10 @@ pub struct Played {
 /// # Errors
 /// [`SoundcardError`] where those that play do not go together.
 pub fn wanted(graph: &Graph) -> Result<Wanted, SoundcardError> {
-    let inputs = cards(graph).filter_map(|(_, card)| card.input.as_ref());
-    let heard = |input: &Input| Heard {
-        endpoint: input.endpoint.clone(),
-        stream: input.stream.clone(),
-        channel: input.channel,
-        full_scale: input.full_scale,
-        ring: input.ring.clone(),
+    let inputs = cards(graph).filter(|(_, card)| card.input.is_some());
+    let heard = |(device, _): (&GraphDevice, &Card)| Heard {
+        endpoint: device.name.clone(),
+        fingerprint: device.fingerprint,
     };
     Ok(Wanted {
         output: output(graph)?,
@@ -172,6 +167,12 @@ mod tests {
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 2"),
             ("m_s2_full_scale: 50", "m_s2_full_scale: 50, latency_ms: 9"),
             ("channels: [3]", "channels: [4]"),
+            // What is heard stays as it is here, but the device would be another, that nobody speaks to.
+            (
+                "Haptuator(amperes_full_scale: 1,",
+                "Haptuator(amperes_full_scale: 2,",
+            ),
+            ("m_s2_full_scale: 50", "m_s2_full_scale: 50, channel: 1"),
         ] {
             assert_ne!(asked(&BOTH.replace(from, to), 0.1).unwrap(), first, "{to}");
         }

@@ -379,10 +379,14 @@ impl Attended {
         if says == Says::Everything {
             show(&warnings(&graph), says);
         }
-        if !wanted(&graph).is_ok_and(|wanted| driver.suits(&wanted)) {
-            says.refusal(
-                "the graph stays as it was: it asks for another soundcard now, and that needs a new run\n",
-            );
+        let lack = match wanted(&graph) {
+            Ok(wanted) => driver
+                .lack(&wanted)
+                .map(|what| format!("it asks for {what} now, and that needs a new run")),
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(lack) = lack {
+            says.refusal(&format!("the graph stays as it was: {lack}\n"));
             return None;
         }
         let guards = Guards::of(&graph);

@@ -25,7 +25,7 @@ pub struct Drivers {
 impl Drivers {
     /// Starts a driver for each of `lives`: the soundcard where the graph wants it, timers else.
     pub fn start(graph: &Graph, wanted: Wanted, mut lives: Vec<Live>) -> Result<Self, Failure> {
-        let inputs = Inputs::open(&mut lives).map_err(message)?;
+        let inputs = Inputs::open(graph, &mut lives).map_err(message)?;
         let played = played(graph);
         let card = played.first().and_then(|played| graph.driver_of(played.sink));
         let mut waiting: Vec<(usize, Live)> = graph.drivers().into_iter().zip(lives).collect();
@@ -50,9 +50,13 @@ impl Drivers {
         self.list.iter().map(|(_, driver)| driver)
     }
 
-    /// Could they drive this graph too?
-    pub fn suits(&self, wanted: &Wanted) -> bool {
-        self.wanted == *wanted
+    /// What keeps them from driving this graph too.
+    pub fn lack(&self, wanted: &Wanted) -> Option<&'static str> {
+        match () {
+            () if self.wanted.output != wanted.output => Some("another soundcard"),
+            () if self.wanted.inputs != wanted.inputs => Some("another soundcard input"),
+            () => None,
+        }
     }
 
     /// What they are, in words.
