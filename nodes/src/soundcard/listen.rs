@@ -1,8 +1,9 @@
 //! What happens in the callback of a card that listens: real-time code, and nothing of the soundcard's system in it.
 
-use super::card::{Input, Reader};
+use super::card::{Card, Input, Reader};
 use super::shared::{Away, Due, Home, Shared};
-use haptograph_engine::run::{AgeMeter, LinkWriter, link};
+use haptograph_engine::graph::Graph;
+use haptograph_engine::run::{AgeMeter, LinkWriter, Live, link};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -24,6 +25,22 @@ impl Input {
             ages: Arc::clone(&self.ages),
         }
     }
+}
+
+/// What a live run hears: each input in the driver that its device hangs from. The others have copies that nobody reads.
+pub(super) fn heard<'l>(graph: &'l Graph, lives: &'l mut [Live]) -> impl Iterator<Item = &'l mut Input> {
+    let own = move |(driver, live): (usize, &'l mut Live)| {
+        let devices = graph.devices().iter().zip(live.devices_mut());
+        devices
+            .filter(move |(known, _)| graph.clocks()[known.clock].driver == driver)
+            .map(|(_, device)| device)
+    };
+    graph
+        .drivers()
+        .into_iter()
+        .zip(lives)
+        .flat_map(own)
+        .filter_map(|device| device.as_any_mut().downcast_mut::<Card>()?.input.as_mut())
 }
 
 /// The far end of an input's ring: in the callback of the card's stream.
@@ -81,13 +98,15 @@ impl Listener {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::soundcard::card::Card;
     use crate::soundcard::{
         CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
         SoundcardHaptuatorSettings,
     };
     use haptograph_engine::device::{Device, DeviceKind};
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
     use haptograph_engine::node::{BuildContext, BuildError};
+    use haptograph_engine::run::{LiveOptions, Outlets, Session};
     use haptograph_signal::time::Rate;
     use std::f64::consts::TAU;
 
@@ -353,5 +372,37 @@ mod tests {
             panic!("taken");
         };
         assert_eq!(error.field, Some("rate_hz"));
+    }
+
+    #[test]
+    fn of_two_drivers_each_hears_what_hangs_from_it() {
+        let text = r#"Graph(format: 1,
+            clocks: { "audio": Driver(rate_hz: 48000), "servo": Driver(rate_hz: 8000) },
+            nodes: {
+                "fast": SoundcardSource(clock: "audio", endpoint: "line"),
+                "slow": SoundcardSource(clock: "servo", endpoint: "sensor"),
+            },
+            endpoints: { "simulated": {
+                "line": SoundcardInput(volts_full_scale: 1, rate_hz: 48000),
+                "sensor": SoundcardInput(volts_full_scale: 1, rate_hz: 48000, channel: 2),
+            } })"#;
+        let document = Document::parse("g.ron", text).unwrap();
+        let graph = check(&document, &crate::registry(), &CheckOptions::default())
+            .unwrap_or_else(|wrong| panic!("{wrong}"));
+        let options = LiveOptions::default();
+        let (mut lives, _session) = Session::open_all(Outlets::new(&graph), &options, None).unwrap();
+        let ears: Vec<Ear> = heard(&graph, &mut lives).map(Input::listen).collect();
+        let mut channels: Vec<usize> = ears.iter().map(|ear| ear.channel).collect();
+        channels.sort_unstable();
+        assert_eq!(channels, [0, 1]);
+        for (driver, live) in graph.drivers().into_iter().zip(&mut lives) {
+            let driver = &*graph.clocks()[driver].name;
+            for device in live.devices_mut() {
+                let card = device.as_any_mut().downcast_mut::<Card>().unwrap();
+                let input = card.input.as_ref().unwrap();
+                let here = (driver == "audio") == (input.endpoint == "line");
+                assert_eq!(input.reader.0.is_some(), here, "{} by {driver}", input.endpoint);
+            }
+        }
     }
 }

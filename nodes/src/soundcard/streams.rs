@@ -1,13 +1,13 @@
 //! Streams of cards: one that drives a live run, and those that it listens to.
 
-use super::card::Card;
 use super::fill::Filler;
 use super::kept::Kept;
-use super::listen::{Ear, Listener};
+use super::listen::{Ear, Listener, heard};
 use super::system::{OPENING, Plug, Plugged, Way};
 use super::{CardCounts, Got, Request, SoundcardError};
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
+use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Live, RingMeter};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -100,19 +100,15 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Opens what the endpoints of a live run listen to: `lives` has its drivers. Endpoints that ask for one stream
-    /// share it.
+    /// Opens what the endpoints of a live run listen to: `lives` has the graph's drivers, in its order. Endpoints that
+    /// ask for one stream share it.
     ///
     /// # Errors
     /// [`SoundcardError`] where there is no such card, or it cannot do what is asked for.
-    pub fn open(lives: &mut [Live]) -> Result<Self, SoundcardError> {
+    pub fn open(graph: &Graph, lives: &mut [Live]) -> Result<Self, SoundcardError> {
         let mut inputs = Self::default();
         let mut asked: Vec<(Request, Vec<String>, Vec<Ear>)> = Vec::new();
-        for device in lives.iter_mut().flat_map(Live::devices_mut) {
-            let card = device.as_any_mut().downcast_mut::<Card>();
-            let Some(input) = card.and_then(|card| card.input.as_mut()) else {
-                continue;
-            };
+        for input in heard(graph, lives) {
             let ear = input.listen();
             inputs.rings.push(Arc::clone(ear.writer.meter()));
             let (endpoint, stream) = (input.endpoint.clone(), &input.stream);

@@ -1,7 +1,7 @@
 //! A build without soundcards: every request says how to get one with them.
 
-use super::card::Card;
-use super::{CardCounts, Got, Listed, Request, SoundcardError};
+use super::{CardCounts, Got, Listed, Request, SoundcardError, wanted};
+use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Live, RingMeter};
 
 /// There is none in this build.
@@ -65,12 +65,10 @@ impl Inputs {
     ///
     /// # Errors
     /// [`SoundcardError::NotBuilt`] where one does.
-    pub fn open(lives: &mut [Live]) -> Result<Self, SoundcardError> {
-        let mut devices = lives.iter_mut().flat_map(Live::devices_mut);
-        let listens = |card: &Card| card.input.is_some();
-        match devices.any(|device| device.as_any().downcast_ref().is_some_and(listens)) {
-            true => Err(SoundcardError::NotBuilt),
-            false => Ok(Self {}),
+    pub fn open(graph: &Graph, _: &mut [Live]) -> Result<Self, SoundcardError> {
+        match wanted(graph)?.inputs.is_empty() {
+            true => Ok(Self {}),
+            false => Err(SoundcardError::NotBuilt),
         }
     }
 
