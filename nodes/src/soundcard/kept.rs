@@ -42,6 +42,8 @@ impl<P: Plugged> Kept<P> {
             start,
         };
         let (stream, got) = open(&request, &plug)?;
+        // That may have taken seconds.
+        let opened = Instant::now();
         Ok(Self {
             request,
             got,
@@ -49,8 +51,8 @@ impl<P: Plugged> Kept<P> {
             plug,
             told,
             vanished: 0,
-            heard: (start, 0),
-            tried: start,
+            heard: (opened, 0),
+            tried: opened,
         })
     }
 
