@@ -17,7 +17,7 @@ pub use evdev::{EvdevDevice, EvdevDeviceSettings};
 pub use link::Counts;
 pub use osc::{OscDevice, OscDeviceSettings};
 pub use remote::{UdpDevice, UdpDeviceSettings};
-pub use socket::Connections;
+pub use socket::{Connected, Connections};
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

@@ -22,6 +22,8 @@ pub(super) struct Listening {
     since: Instant,
     /// Was it said that nothing comes?
     missed: bool,
+    /// Has the graph that runs no such device?
+    parted: bool,
 }
 
 impl Listening {
@@ -35,11 +37,28 @@ impl Listening {
             heard: link.news(),
             since: now,
             missed: false,
+            parted: false,
         }
+    }
+
+    /// Whether the graph that runs from now on has it, and by which name.
+    pub fn expect(&mut self, device: Option<&str>) {
+        if let Some(device) = device {
+            if self.parted {
+                // What was not said meanwhile is not said now.
+                (self.heard, self.since) = (self.link.news(), Instant::now());
+            }
+            device.clone_into(&mut self.device);
+        }
+        self.parted = device.is_none();
+        self.missed &= !self.parted;
     }
 
     /// Looks whether anything came; says so when that changes.
     pub fn look(&mut self, now: Instant) -> Option<String> {
+        if self.parted {
+            return None;
+        }
         let news = self.link.news();
         if news != self.heard {
             let first = self.heard == 0;
@@ -67,7 +86,7 @@ impl Listening {
 
     /// What to say at the end of one that never spoke.
     pub fn never(&self) -> Option<String> {
-        let never = self.link.news() == 0;
+        let never = self.link.news() == 0 && !self.parted;
         never.then(|| {
             format!(
                 "{} never spoke: what it sensed was zero, and nothing was driven",
@@ -126,5 +145,22 @@ mod tests {
         assert!(arm.never().is_some());
         link.tell(&[0.0; SENSED]);
         assert!(arm.never().is_none());
+    }
+
+    #[test]
+    fn of_one_that_the_graph_has_no_more_nothing_is_said() {
+        let (link, start) = (Arc::new(Link::new()), Instant::now());
+        let mut arm = Listening::new("arm", "x".to_owned(), &link, Duration::ZERO, start);
+        let later = |s: u64| start + Duration::from_secs(s);
+        assert!(arm.look(later(4)).is_some() && arm.is_missed());
+        arm.expect(None);
+        assert!(arm.look(later(8)).is_none() && !arm.is_missed() && arm.never().is_none());
+        arm.expect(Some("other arm"));
+        let told = arm.look(later(12)).unwrap();
+        assert!(
+            told.starts_with("`other arm` at x has said nothing yet"),
+            "{told}"
+        );
+        assert!(arm.never().is_some());
     }
 }

@@ -63,24 +63,65 @@ struct Connection {
     thread: Option<JoinHandle<()>>,
 }
 
+/// How many of each there were.
+#[derive(Debug, Clone, Copy)]
+pub struct Connected {
+    list: usize,
+    inputs: usize,
+    heard: usize,
+}
+
 impl Connections {
-    /// Connects the network devices of a graph that are not connected yet.
+    /// Connects the network devices of a graph that are not connected yet. What was connected before is returned, for
+    /// [`Self::let_go`] if the graph is not run after all.
     ///
     /// # Errors
-    /// [`NetworkError`]; those that were connected before stay so.
-    pub fn connect(&mut self, graph: &Graph) -> Result<(), NetworkError> {
+    /// [`NetworkError`]; those that were connected before stay so, and no other is.
+    pub fn connect(&mut self, graph: &Graph) -> Result<Connected, NetworkError> {
+        let before = Connected {
+            list: self.list.len(),
+            inputs: self.inputs.len(),
+            heard: self.heard.len(),
+        };
+        if let Err(error) = self.open(graph) {
+            self.let_go(before);
+            return Err(error);
+        }
+        Ok(before)
+    }
+
+    /// Lets go of what was connected since.
+    pub fn let_go(&mut self, before: Connected) {
+        self.list.truncate(before.list);
+        self.inputs.truncate(before.inputs);
+        self.heard.truncate(before.heard);
+    }
+
+    /// From now on nothing is said of the silence of devices that this graph, which runs, does not have. Their packets
+    /// are counted on, and they are there when a graph has them again.
+    pub fn miss_only_those_of(&mut self, graph: &Graph) {
+        let places: Vec<(&str, String)> = remotes(graph)
+            .map(|(device, way)| match way {
+                Way::Socket(plug) => (device, plug.listen.to_string()),
+                Way::Input(input) => (device, input.path.display().to_string()),
+            })
+            .collect();
+        for known in &mut self.heard {
+            let place = places.iter().find(|(_, place)| *place == known.place);
+            known.expect(place.map(|(device, _)| *device));
+        }
+    }
+
+    fn open(&mut self, graph: &Graph) -> Result<(), NetworkError> {
         let mut plugs: Vec<(&str, &Plug)> = Vec::new();
-        for device in graph.devices() {
-            let Some(remote) = device.device().as_any().downcast_ref::<Remote>() else {
-                continue;
-            };
-            match &remote.way {
+        for (device, way) in remotes(graph) {
+            match way {
                 Way::Socket(plug) => {
                     if let Some((other, _)) = plugs.iter().find(|(_, known)| known.listen == plug.listen) {
-                        let (one, two) = ((*other).to_owned(), device.name.clone());
+                        let (one, two) = ((*other).to_owned(), device.to_owned());
                         return Err(NetworkError::Shared(one, two, plug.listen));
                     }
-                    plugs.push((&device.name, plug));
+                    plugs.push((device, plug));
                 }
                 Way::Input(input) => {
                     // What is read already goes on, for whoever has its link.
@@ -89,9 +130,9 @@ impl Connections {
                         .iter()
                         .any(|known| Arc::ptr_eq(&known.input.link, &input.link))
                     {
-                        self.inputs.push(Reading::begin(&device.name, input)?);
+                        self.inputs.push(Reading::begin(device, input)?);
                         let place = input.path.display().to_string();
-                        self.listen(&device.name, place, &input.link, evdev::TIMEOUT);
+                        self.listen(device, place, &input.link, evdev::TIMEOUT);
                     }
                 }
             }
@@ -143,6 +184,15 @@ impl Connections {
         self.heard
             .push(Listening::new(device, place, link, timeout, Instant::now()));
     }
+}
+
+/// The devices of a graph that this program does not own.
+fn remotes(graph: &Graph) -> impl Iterator<Item = (&str, &Way)> {
+    let devices = graph.devices().iter();
+    devices.filter_map(|device| {
+        let remote = device.device().as_any().downcast_ref::<Remote>()?;
+        Some((&*device.name, &remote.way))
+    })
 }
 
 impl Reading {

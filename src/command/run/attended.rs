@@ -396,12 +396,16 @@ impl Attended {
             );
             return None;
         }
-        if let Err(error) = self.network.connect(&graph) {
-            says.refusal(&format!("the graph stays as it was: {error}\n"));
-            return None;
-        }
+        let connected = match self.network.connect(&graph) {
+            Ok(connected) => connected,
+            Err(error) => {
+                says.refusal(&format!("the graph stays as it was: {error}\n"));
+                return None;
+            }
+        };
         match self.session.change(&graph, &self.folder) {
             Ok(changed) => {
+                self.network.miss_only_those_of(&graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
                 // The file may have been edited meanwhile, so another graph is always told of.
@@ -417,6 +421,7 @@ impl Attended {
                 Some((graph, changed.change))
             }
             Err(error) => {
+                self.network.let_go(connected);
                 says.refusal(&format!("the graph stays as it was: {error}\n"));
                 None
             }

@@ -167,3 +167,45 @@ fn drives_that_nobody_renews_are_not_told_again() {
     );
     table.end();
 }
+
+#[test]
+fn a_graph_that_is_not_run_after_all_leaves_no_socket_behind() {
+    use haptograph_engine::document::Document;
+    use haptograph_engine::graph::{CheckOptions, check};
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let busy = socket.local_addr().unwrap();
+    // The first is free as long as nobody else takes it.
+    let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let graph = |names: &[(&str, SocketAddr)]| {
+        let (mut nodes, mut endpoints) = (String::new(), String::new());
+        for (name, listen) in names {
+            nodes += &format!(r#""{name}": Tablet(clock: "servo", endpoint: "{name}"), "#);
+            endpoints += &format!(r#""{name}": UdpDevice(listen: "{listen}"), "#);
+        }
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{ {nodes} }},
+            endpoints: {{ "simulated": {{ {endpoints} }} }})"#
+        );
+        let document = Document::parse("g.ron", &text).unwrap();
+        check(&document, &crate::registry(), &CheckOptions::default())
+            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    };
+    let any = SocketAddr::from(([127, 0, 0, 1], 0));
+    let mut connections = Connections::default();
+    connections.connect(&graph(&[("a", any)])).unwrap();
+    let names = |connections: &Connections| {
+        let places = connections.places().map(|(device, _)| device.to_owned());
+        places.collect::<Vec<_>>()
+    };
+    assert!(
+        connections
+            .connect(&graph(&[("a", any), ("b", free), ("c", busy)]))
+            .is_err()
+    );
+    assert_eq!(names(&connections), ["a"]);
+    let before = connections.connect(&graph(&[("a", any), ("b", free)])).unwrap();
+    assert_eq!(names(&connections), ["a", "b"]);
+    connections.let_go(before);
+    assert_eq!(names(&connections), ["a"]);
+    assert!(UdpSocket::bind(free).is_ok(), "its address is free again");
+}
