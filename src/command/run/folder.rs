@@ -78,7 +78,7 @@ impl RunFolder {
 fn holds_what_cannot_be_repeated(target: &Path) -> bool {
     let facts = fs::read_to_string(target.join(MARK)).ok();
     let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
-    facts.is_some_and(|facts| facts["live"] == true && facts["simulated"] != true)
+    facts.is_some_and(|facts| facts["live"] == true && facts["real_devices"] == true)
 }
 
 /// The folder's name with the first number behind it that is free.
@@ -123,9 +123,18 @@ mod tests {
             folder.write(MARK, facts).unwrap();
             folder.put_in_place(&target).unwrap()
         };
-        let real = r#"{"live": true, "simulated": false}"#;
-        assert_eq!(run(r#"{"simulated": true}"#), None);
-        assert_eq!(run(r#"{"live": true, "simulated": true}"#), None);
+        // A real stylus and a simulated actuator.
+        let real = r#"{"live": true, "simulated": true, "real_devices": true}"#;
+        assert_eq!(run(r#"{"simulated": false, "real_devices": true}"#), None);
+        assert_eq!(
+            run(r#"{"live": true, "simulated": true, "real_devices": false}"#),
+            None
+        );
+        // No device at all.
+        assert_eq!(
+            run(r#"{"live": true, "simulated": false, "real_devices": false}"#),
+            None
+        );
         assert_eq!(run(real), None);
         assert_eq!(run(real), Some(parent.path().join("out-1")));
         assert_eq!(run("{}"), Some(parent.path().join("out-2")));

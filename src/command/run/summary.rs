@@ -45,6 +45,7 @@ impl Summary {
             .collect::<Vec<_>>();
         let rings: serde_json::Map<String, Value> = outcome.rings.iter().map(ring).collect();
         let simulated = graph.devices().iter().any(|device| device.entry.spec.simulated);
+        let real = graph.devices().iter().any(|device| !device.entry.spec.simulated);
         let mut facts = vec![
             ("graph", "Graph", json!(arguments.graph.graph)),
             ("set", "Set", json!(set)),
@@ -57,6 +58,7 @@ impl Summary {
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
             ("simulated", "Simulated", json!(simulated)),
+            ("real_devices", "Real devices", json!(real)),
             ("block", "Block (driver frames)", json!(arguments.block)),
             ("threads", "Threads", json!(arguments.threads)),
             ("took_s", "Time taken (s)", json!((took_s * 1e4).round() / 1e4)),
