@@ -22,7 +22,7 @@ use haptograph::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 pub use shown::Shown;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -148,6 +148,22 @@ const OWN_FILES: [&str; 5] = [folder::MARK, PAGE, DRAWING, ARRIVALS, attended::C
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
+/// Refuses a graph with a sink that writes what the run writes itself.
+fn spare_own_files(graph: &Graph, record: bool) -> Result<(), String> {
+    let played = outputs::played_files(graph).into_iter().map(|(_, file)| file);
+    let own = OWN_FILES.into_iter().chain(record.then_some(outputs::RECORD));
+    let own: Vec<String> = own.map(str::to_owned).chain(played).collect();
+    let is_own = |file: &Path| own.iter().any(|own| file.starts_with(own));
+    match graph.written_files().find(|(_, file)| is_own(file)) {
+        Some((node, file)) => Err(format!(
+            "the sink `{}` writes {}, which the run writes itself; choose another name",
+            graph.nodes()[node].path,
+            file.display()
+        )),
+        None => Ok(()),
+    }
+}
+
 /// A run that is being made: what it writes, and what is kept to complete it.
 struct Making<'a> {
     outlets: Outlets<'a>,
@@ -164,15 +180,7 @@ struct Kept {
 impl<'a> Making<'a> {
     fn begin(arguments: &Arguments, graph: &'a Graph) -> Result<Self, Failure> {
         let target = target(arguments);
-        for (node, file) in graph.written_files() {
-            if OWN_FILES.iter().any(|own| file.starts_with(own)) {
-                return Err(Failure::Message(format!(
-                    "the sink `{}` writes {}, which every run writes itself; choose another name",
-                    graph.nodes()[node].path,
-                    file.display()
-                )));
-            }
-        }
+        spare_own_files(graph, arguments.record).map_err(message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
             if arguments.probe[..number]

@@ -8,10 +8,13 @@ use haptograph::engine::run::{Outlets, Probe};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use haptograph::nodes::sinks::wav::{WavSink, WavSinkSettings};
-use haptograph::nodes::soundcard::played;
+use haptograph::nodes::soundcard::{Played, played};
 use haptograph::report::record::{Watch, watch};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+/// Where all signals go.
+pub const RECORD: &str = "record";
 
 /// `NODE.PORT=FILE` as given.
 #[derive(Debug, Clone)]
@@ -85,10 +88,11 @@ fn move_file(from: &Path, to: &Path) -> std::io::Result<()> {
 
 /// Writes every output into `record/`: WAV where that can hold it, CSV where not.
 pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
-    let place = folder.path().join("record");
+    let place = folder.path().join(RECORD);
     fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    let mut names = Vec::new();
     for watch in outputs(graph) {
-        let name = watch.stream.name.replace('/', ".");
+        let name = unlike(&mut names, &watch.stream.name);
         let wav = writer(&place.join(format!("{name}.wav")), &watch.stream);
         let writer = match wav {
             Ok(writer) if watch.stream.kind.is_linear() => writer,
@@ -105,11 +109,10 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) 
 
 /// Writes what soundcards play, in their full scale: what they get live, they would get offline.
 pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
-    for played in played(graph) {
+    for (played, name) in played_files(graph) {
         let Some(watch) = watch(graph, played.sink, 0) else {
             continue;
         };
-        let name = format!("{}.soundcard.wav", played.endpoint.replace('/', "."));
         let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
         outlets.probe(Probe {
             node: watch.node,
@@ -118,6 +121,30 @@ pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut Outlets<'_>) -> R
         });
     }
     Ok(())
+}
+
+/// What soundcards play, and the file of each.
+pub fn played_files(graph: &Graph) -> Vec<(Played, String)> {
+    let mut names = Vec::new();
+    let file = |played: Played| {
+        let name = unlike(&mut names, &played.endpoint);
+        (played, format!("{name}.soundcard.wav"))
+    };
+    played(graph).into_iter().map(file).collect()
+}
+
+/// A name as that of a file, with a number where another has it already.
+fn unlike(names: &mut Vec<String>, name: &str) -> String {
+    let plain = name.replace('/', ".");
+    let mut free = plain.clone();
+    for number in 2.. {
+        if !names.contains(&free) {
+            break;
+        }
+        free = format!("{plain}-{number}");
+    }
+    names.push(free.clone());
+    free
 }
 
 fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
@@ -163,4 +190,16 @@ fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
             };
             Failure::Message(format!("the graph has no output `{name}`; {help}"))
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_signals_go_to_one_file() {
+        let mut names = Vec::new();
+        let files = ["a/b", "a.b", "a.b-2", "c", "a/b"].map(|name| unlike(&mut names, name));
+        assert_eq!(files, ["a.b", "a.b-2", "a.b-2-2", "c", "a.b-3"]);
+    }
 }
