@@ -326,6 +326,63 @@ fn what_the_file_says_anew_counts_more_than_what_was_typed() {
     assert_eq!(heard.last(), Some(&0.5));
 }
 
+#[test]
+fn a_file_that_is_saved_just_before_something_is_typed_is_taken_over_as_a_save() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    let file = r#""more": Gain(input: "loud", gain: Param("more")), "file": WavSink(input: "more""#;
+    let graph = TONE
+        .replace("\"loudness\": 0.25", "\"loudness\": 0.25, \"more\": 1")
+        .replace(r#""file": WavSink(input: "loud""#, file);
+    fs::write(&path, &graph).unwrap();
+    let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.type_line("set loudness=0.75");
+    run.wait_for("a setting changed");
+    fs::write(&path, graph.replace("0.25", "0.5")).unwrap();
+    run.type_line("set more=2");
+    run.wait_for_times("setting", 3);
+    std::thread::sleep(Duration::from_millis(500));
+    let told = run.stop();
+    let out = folder.path().join("out");
+    // The file's new default counts more than what was typed before; what was typed after it counts on.
+    assert_eq!(samples(&out.join("loud.wav")).last(), Some(&1.0), "{told}");
+    let kept = fs::read_to_string(out.join("changes/1/tone.ron")).unwrap();
+    assert!(kept.contains("\"loudness\": 0.5"), "{kept}");
+}
+
+#[test]
+fn no_graph_writes_what_its_run_writes_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    let played = r#""amperes": Constant(clock: "audio", value: 0, quantity: "current"),
+        "out": ActuatorSink(current: "amperes", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+        "file""#;
+    let endpoint = r#"}, endpoints: { "simulated": { "coil": Soundcard(amperes_full_scale: 1) } })"#;
+    let played = TONE
+        .replace("servo", "audio")
+        .replace("1000", "48000")
+        .replace("\"file\"", played)
+        .replace("})", endpoint);
+    for (graph, file, more) in [
+        (TONE, "run.json", None),
+        (TONE, "record/loud.wav", Some("--record")),
+        (&*played, "coil.soundcard.wav", None),
+    ] {
+        fs::write(&path, graph.replace("loud.wav", file)).unwrap();
+        let run = ["run", "tone.ron", "--for", "0.1"];
+        let told = command(folder.path(), &run).args(more).output().unwrap();
+        let told = String::from_utf8_lossy(&told.stderr).into_owned();
+        assert!(told.contains("which the run writes itself"), "{file}: {told}");
+    }
+    // Nor one that is saved while it runs.
+    fs::write(&path, TONE).unwrap();
+    let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--watch"]);
+    fs::write(&path, TONE.replace("loud.wav", "run.json")).unwrap();
+    run.wait_for("the graph stays as it was: the sink `file` writes run.json");
+    run.stop();
+}
+
 #[cfg(all(target_os = "linux", not(feature = "soundcard")))]
 #[test]
 fn without_soundcards_a_live_run_says_what_to_install() {

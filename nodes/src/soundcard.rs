@@ -86,6 +86,15 @@ pub enum SoundcardError {
     System(String),
 }
 
+/// What there is to say of a card while it runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CardNote {
+    /// It went or came.
+    Turn(String),
+    /// The system complains of it: the same may come a thousand times.
+    Complaint(String),
+}
+
 /// A soundcard as it is listed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {

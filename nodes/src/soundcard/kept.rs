@@ -2,7 +2,7 @@
 
 use super::shared::{Home, Shared};
 use super::system::{Plug, Plugged, open};
-use super::{CardCounts, Got, Request, SoundcardError};
+use super::{CardCounts, CardNote, Got, Request, SoundcardError};
 use cpal::Stream;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -58,8 +58,8 @@ impl<P: Plugged> Kept<P> {
 
     /// Looks after the stream: where its card has gone, it is looked for now and then until it is back, each time
     /// with what it works with as `anew` makes it. Returns what there is to say; `without` says what happens meanwhile.
-    pub fn tend(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<String> {
-        let mut said: Vec<String> = self.told.try_iter().collect();
+    pub fn tend(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<CardNote> {
+        let mut said: Vec<CardNote> = self.told.try_iter().map(CardNote::Complaint).collect();
         let now = Instant::now();
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
@@ -73,13 +73,13 @@ impl<P: Plugged> Kept<P> {
             self.stream = None;
             self.vanished += 1;
             self.tried = now;
-            said.push(format!(
+            said.push(CardNote::Turn(format!(
                 "soundcard {} has gone; {without} until it is back",
                 self.got.card
-            ));
+            )));
         } else if self.stream.is_none() && now.saturating_duration_since(self.tried) > RETRY {
             self.tried = now;
-            said.extend(self.reopen(anew));
+            said.extend(self.reopen(anew).map(CardNote::Turn));
         }
         said
     }

@@ -4,7 +4,7 @@ use super::fill::Filler;
 use super::kept::Kept;
 use super::listen::{Ear, Listener, heard};
 use super::system::{OPENING, Plug, Plugged, Way};
-use super::{CardCounts, Got, Request, SoundcardError};
+use super::{CardCounts, CardNote, Got, Request, SoundcardError};
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
 use haptograph_engine::graph::Graph;
@@ -37,7 +37,7 @@ impl CardDriver {
     }
 
     /// Looks after the stream: reopens it where the card has gone and come back. Returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         if self.kept.shared().at_rest.load(Relaxed) && self.rested.is_none() {
             self.rested = Some(Instant::now());
         }
@@ -142,7 +142,7 @@ impl Inputs {
     }
 
     /// Looks after the streams; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         // What hung on the card fell to nothing when its ring ran dry, and rises when that is filled again.
         let streams = self.streams.iter_mut();
         streams

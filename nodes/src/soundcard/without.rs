@@ -1,6 +1,6 @@
 //! A build without soundcards: every request says how to get one with them.
 
-use super::{CardCounts, Got, Listed, Request, SoundcardError, wanted};
+use super::{CardCounts, CardNote, Got, Listed, Request, SoundcardError, wanted};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Live, RingMeter};
 
@@ -31,7 +31,7 @@ impl CardDriver {
     }
 
     /// Looks after the stream; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         match *self {}
     }
 
@@ -83,7 +83,7 @@ impl Inputs {
     }
 
     /// Looks after the streams; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         Vec::new()
     }
 }

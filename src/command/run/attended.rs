@@ -1,10 +1,10 @@
 //! A live run that is looked after: what is typed, told and saved while it runs.
 
 use super::super::{GraphArguments, remark, warnings};
-use super::Arguments;
 use super::console::{Asked, HELP, Typed};
 use super::drivers::Drivers;
 use super::watch::Watch;
+use super::{Arguments, spare_own_files};
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::Graph;
@@ -12,7 +12,7 @@ use haptograph::engine::node::Limit;
 use haptograph::engine::run::{Change, Changed, RingReport, Session};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Told};
-use haptograph::nodes::soundcard::wanted;
+use haptograph::nodes::soundcard::{CardNote, wanted};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::IsTerminal;
@@ -63,6 +63,7 @@ pub struct Attended {
     /// Parameters that were typed or told since, with the default that the file had for each.
     typed: Vec<(String, Option<String>)>,
     seed: Option<u64>,
+    record: bool,
     folder: PathBuf,
     watch: Option<Watch>,
     pub session: Session,
@@ -77,6 +78,8 @@ pub struct Attended {
     /// Names that were told by Open Sound Control and refused; said once each.
     refused: Vec<String>,
     guards: Guards,
+    /// Texts of the files of the graph that runs.
+    texts: Vec<String>,
 }
 
 /// What nobody may change from afar: what each actuator may be given, and what the devices that are driven are set to.
@@ -123,6 +126,44 @@ impl Guards {
     }
 }
 
+/// What was said of cards and devices, and how often.
+#[derive(Debug, Default)]
+struct Notes {
+    list: Vec<(String, u64)>,
+}
+
+impl Notes {
+    /// Something went or came: that is said each time.
+    fn turn(&mut self, note: String) {
+        remark(&format!("note: {note}\n"));
+        self.count(note);
+    }
+
+    /// A card in trouble says the same a thousand times: it is said once.
+    fn complaint(&mut self, note: String) {
+        if self.list.iter().any(|(known, _)| *known == note) {
+            self.count(note);
+        } else {
+            self.turn(note);
+        }
+    }
+
+    fn count(&mut self, note: String) {
+        match self.list.iter_mut().find(|(known, _)| *known == note) {
+            Some((_, times)) => *times += 1,
+            None => self.list.push((note, 1)),
+        }
+    }
+
+    fn counted(self) -> Vec<String> {
+        let counted = self.list.into_iter().map(|(note, times)| match times {
+            1 => note,
+            _ => format!("{note} ({times} times)"),
+        });
+        counted.collect()
+    }
+}
+
 /// What was set while it ran.
 #[derive(Debug, Default)]
 pub struct History {
@@ -165,6 +206,7 @@ impl Attended {
             typed: Vec::new(),
             arguments: arguments.graph.clone(),
             seed: arguments.seed,
+            record: arguments.record,
             folder: folder.to_owned(),
             watch,
             session,
@@ -176,6 +218,7 @@ impl Attended {
             history: History::default(),
             refused: Vec::new(),
             guards: Guards::of(graph),
+            texts: texts(graph),
         }
     }
 
@@ -187,18 +230,16 @@ impl Attended {
         stop: &AtomicBool,
     ) -> Vec<String> {
         let start = self.start;
-        let (mut shown, mut stopping, mut said) = (start, false, Vec::<(String, u64)>::new());
+        let (mut shown, mut stopping, mut notes) = (start, false, Notes::default());
         while !driver.is_finished(stopping) {
             let first = asked.recv_timeout(PAUSE).ok();
-            for note in driver.tend().into_iter().chain(self.network.tend()) {
-                // A card in trouble says the same a thousand times.
-                if let Some((_, times)) = said.iter_mut().find(|(known, _)| *known == note) {
-                    *times += 1;
-                } else {
-                    remark(&format!("note: {note}\n"));
-                    said.push((note, 1));
+            for note in driver.tend() {
+                match note {
+                    CardNote::Turn(note) => notes.turn(note),
+                    CardNote::Complaint(note) => notes.complaint(note),
                 }
             }
+            self.network.tend().into_iter().for_each(|note| notes.turn(note));
             let status = status(&mut self.session, driver.rings());
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
@@ -254,11 +295,7 @@ impl Attended {
                 self.reload_saved(driver);
             }
         }
-        let counted = said.into_iter().map(|(note, times)| match times {
-            1 => note,
-            _ => format!("{note} ({times} times)"),
-        });
-        counted.collect()
+        notes.counted()
     }
 
     /// A parameter of the graph, or a live setting of a node. Was it set?
@@ -269,14 +306,21 @@ impl Attended {
         let before = self.arguments.set.clone();
         self.arguments.set.retain(|(known, _)| known != name);
         self.arguments.set.push((name.to_owned(), value.to_owned()));
-        let set = self.reload(driver, says).is_some();
-        if set {
-            self.typed.retain(|(known, _)| known != name);
-            self.typed.push((name.to_owned(), self.default_of(name)));
-        } else {
+        let Some(taken) = self.reload(driver, says) else {
             self.arguments.set = before;
+            return false;
+        };
+        self.typed.retain(|(known, _)| known != name);
+        self.typed.push((name.to_owned(), self.default_of(name)));
+        // A file that was saved just before is still seen by the watch, for what else follows from that; it may find
+        // that this graph runs already.
+        if let Some(watch) = &mut self.watch {
+            watch.also(&taken.graph);
         }
-        set
+        if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
+            self.keep(&taken.graph, taken.change);
+        }
+        true
     }
 
     /// The default that the file has for a parameter now, as it is written.
@@ -305,8 +349,13 @@ impl Attended {
                 self.arguments.set = before;
                 self.typed.extend(other);
             }
-            Some((_, Change::Settings(0))) => {}
-            Some((graph, change)) => self.keep(&graph, change),
+            Some(taken) => {
+                // A changed graph may read other files.
+                self.watch = taken.watch;
+                if taken.change != Change::Settings(0) {
+                    self.keep(&taken.graph, taken.change);
+                }
+            }
         }
     }
 
@@ -365,7 +414,7 @@ impl Attended {
     }
 
     /// Loads the graph again and puts it in place of the one that runs; a wrong one is shown and changes nothing.
-    fn reload(&mut self, driver: &Drivers, says: Says) -> Option<(Graph, Change)> {
+    fn reload(&mut self, driver: &Drivers, says: Says) -> Option<Taken> {
         let began = Instant::now();
         let graph = match self.arguments.load(self.seed) {
             Ok(graph) => graph,
@@ -387,6 +436,10 @@ impl Attended {
         };
         if let Some(lack) = lack {
             says.refusal(&format!("the graph stays as it was: {lack}\n"));
+            return None;
+        }
+        if let Err(own) = spare_own_files(&graph, self.record) {
+            says.refusal(&format!("the graph stays as it was: {own}\n"));
             return None;
         }
         let guards = Guards::of(&graph);
@@ -412,13 +465,17 @@ impl Attended {
                 if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
                     remark(&told(&changed, began.elapsed()));
                 }
-                // A changed graph may read other files.
-                self.watch = watch;
                 for change in guards.changes(&self.guards) {
                     remark(&format!("{change}\n"));
                 }
                 self.guards = guards;
-                Some((graph, changed.change))
+                let before = std::mem::replace(&mut self.texts, texts(&graph));
+                Some(Taken {
+                    is_saved: before != self.texts,
+                    graph,
+                    change: changed.change,
+                    watch,
+                })
             }
             Err(error) => {
                 self.network.let_go(connected);
@@ -427,6 +484,23 @@ impl Attended {
             }
         }
     }
+}
+
+/// A graph that took over.
+struct Taken {
+    graph: Graph,
+    change: Change,
+    /// Of its files, as they were when it was loaded.
+    watch: Option<Watch>,
+    /// Are its texts others than those of the graph before?
+    is_saved: bool,
+}
+
+/// The texts of a graph's files; what was given on the command line has no file.
+fn texts(graph: &Graph) -> Vec<String> {
+    let sources = graph.sources().iter();
+    let files = sources.filter(|source| source.path != Path::new("--set"));
+    files.map(|source| source.text.to_string()).collect()
 }
 
 /// How time is kept, by driver where there are several, and how the rings between them are.
@@ -480,5 +554,25 @@ fn what(change: Change) -> String {
         Change::CrossFade => "the graph changed, cross-faded".to_owned(),
         Change::AtOnce => "the graph changed".to_owned(),
         Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_and_complaints_are_counted_by_their_words() {
+        let mut notes = Notes::default();
+        for _ in 0..2 {
+            notes.complaint("broken pipe".to_owned());
+            notes.turn("gone".to_owned());
+            notes.turn("back".to_owned());
+        }
+        notes.turn("gone".to_owned());
+        assert_eq!(
+            notes.counted(),
+            ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
+        );
     }
 }

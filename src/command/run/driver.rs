@@ -3,7 +3,7 @@
 use super::super::Failure;
 use super::message;
 use haptograph::engine::run::{Histogram, Live, Timer, TimerThread};
-use haptograph::nodes::soundcard::{CardCounts, CardDriver, Got, Request};
+use haptograph::nodes::soundcard::{CardCounts, CardDriver, CardNote, Got, Request};
 use serde_json::{Value, json};
 
 /// What to start, and then what runs.
@@ -41,7 +41,7 @@ impl Driver {
     }
 
     /// Looks after it; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         match self {
             Self::Timer(_) => Vec::new(),
             Self::Card(card, _) => card.tend(),

@@ -5,7 +5,7 @@ use super::driver::{self, Driver};
 use super::message;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Histogram, Live, RingReport};
-use haptograph::nodes::soundcard::{Inputs, Wanted, played};
+use haptograph::nodes::soundcard::{CardNote, Inputs, Wanted, played};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -103,9 +103,9 @@ impl Drivers {
     }
 
     /// Looks after them; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<String> {
+    pub fn tend(&mut self) -> Vec<CardNote> {
         let drivers = self.list.iter_mut();
-        let mut said: Vec<String> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
+        let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
         said.extend(self.inputs.tend());
         said
     }

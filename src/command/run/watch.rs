@@ -31,6 +31,15 @@ impl Watch {
         }
     }
 
+    /// Also looks at the other files of a graph; of those that it looks at already, what is new is still to be seen.
+    pub fn also(&mut self, graph: &Graph) {
+        for (path, stamp) in Self::of(graph).files {
+            if !self.files.iter().any(|(known, _)| *known == path) {
+                self.files.push((path, stamp));
+            }
+        }
+    }
+
     /// True once for each change.
     pub fn has_changed(&mut self) -> bool {
         let (mut new, mut gone) = (false, false);
@@ -80,5 +89,9 @@ mod tests {
         assert!(!watch.has_changed(), "it may still be being written");
         assert!(watch.has_changed());
         assert!(!watch.has_changed());
+        std::fs::write(&path, format!("{text}  ")).unwrap();
+        watch.also(&graph);
+        assert!(!watch.has_changed());
+        assert!(watch.has_changed(), "it was saved before");
     }
 }
