@@ -216,6 +216,31 @@ fn gaps_are_counted() {
     assert_eq!(gaps(&heard, &played), 2);
 }
 
+/// The machine stands still, and the daemon with it: it runs dry, and who records it misses some.
+const GAPS_OF_A_STALL: u64 = 2;
+
+/// Callbacks that came nearly a buffer late, at most: that is how a run reports that the machine stood still.
+fn late_callbacks(facts: &serde_json::Value) -> u64 {
+    let late = &facts["late_us"];
+    let is_late = |quantile: &str| late[quantile].as_f64().unwrap() > 40_000.0;
+    let wakes = facts["wakes"].as_u64().unwrap();
+    let beyond = [("p50", 1), ("p99", 2), ("p99.9", 100), ("max", 1000)];
+    let first = beyond.into_iter().find(|(quantile, _)| is_late(quantile));
+    first.map_or(0, |(_, part)| wakes.div_ceil(part))
+}
+
+#[test]
+fn late_callbacks_are_bounded() {
+    let of = |p99: f64, max: f64| {
+        let late = serde_json::json!({ "p50": 10.0, "p99": p99, "p99.9": p99, "max": max });
+        late_callbacks(&serde_json::json!({ "wakes": 1406, "late_us": late }))
+    };
+    assert_eq!(
+        [of(20.0, 30.0), of(20.0, 50_000.0), of(41_000.0, 50_000.0)],
+        [0, 2, 703]
+    );
+}
+
 fn play(seconds: u32) {
     let Some(home) = Home::new() else { return };
     let recorder = home.record();
@@ -246,11 +271,15 @@ fn play(seconds: u32) {
         heard.len(),
         played.len()
     );
-    // A callback that came so late says that the machine stood still, and the daemon with it.
-    let late_ms = facts["late_us"]["max"].as_f64().unwrap() / 1e3;
+    let stood_still = late_callbacks(&facts);
     let count = played.len();
-    println!("{count} samples played, {gaps} gaps, {reported} reported, {late_ms} ms late at most");
-    assert!(gaps <= reported || late_ms > 40.0, "{gaps} gaps: {facts:#}");
+    println!(
+        "{count} samples played, {gaps} gaps, {reported} reported, at most {stood_still} callbacks late"
+    );
+    assert!(
+        gaps <= reported + GAPS_OF_A_STALL * stood_still,
+        "{gaps} gaps: {facts:#}"
+    );
 }
 
 #[test]
