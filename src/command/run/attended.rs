@@ -361,6 +361,10 @@ impl Attended {
 
     /// Keeps the files of a graph that was saved, so that the run can be understood.
     fn keep(&mut self, graph: &Graph, change: Change) {
+        // A fader may change the graph a hundred times a second.
+        if self.saved.len() >= History::MOST {
+            return;
+        }
         let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
         let folder = self.folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
