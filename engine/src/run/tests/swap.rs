@@ -405,8 +405,8 @@ fn where_there_is_no_time_for_both_one_waits_for_the_other() {
         .for_each(|node| node.fingerprint += 1);
     // A millisecond for each frame.
     for (work_ns, wanted) in [
-        (200_000, Change::CrossFade),
-        (400_000, Change::AtZero(AtZero::Load)),
+        (50_000, Change::CrossFade),
+        (100_000, Change::AtZero(AtZero::Load)),
     ] {
         let (mut live, mut control) = live(plan(&old, 8));
         live.report(Wake {
