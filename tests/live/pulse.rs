@@ -78,6 +78,18 @@ impl Home {
         command
     }
 
+    /// What a run told that went well; none where it could not reach the daemon.
+    fn run(&self, arguments: &[&str]) -> Option<String> {
+        let mut command = self.haptograph(arguments);
+        let output = command.stderr(Stdio::piped()).output().unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if is_without_plug(&told) {
+            return None;
+        }
+        assert!(output.status.success(), "{told}");
+        Some(told)
+    }
+
     /// False where it is not installed.
     fn start_daemon(&mut self) -> bool {
         let socket = self.path().join("native");
@@ -247,16 +259,9 @@ fn play(seconds: u32) {
     fs::write(home.path().join("noise.ron"), NOISE).unwrap();
     let seconds = seconds.to_string();
     let arguments = ["run", "noise.ron", "--live", "--for", &seconds, "--out", "out"];
-    let output = home
-        .haptograph(&arguments)
-        .stderr(Stdio::piped())
-        .output()
-        .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    if is_without_plug(&told) {
+    if home.run(&arguments).is_none() {
         return;
     }
-    assert!(output.status.success(), "{told}");
     let (heard, home) = (recorder.finish(), home.path());
     let played = samples(&home.join("out/haptuator.soundcard.wav"));
     let facts = facts(&home.join("out"));
@@ -340,16 +345,7 @@ fn what_one_endpoint_plays_another_hears() {
         .status();
     assert!(simulated.unwrap().success());
     let arguments = ["run", "loop.ron", "--live", "--for", "6", "--out", "out"];
-    let output = home
-        .haptograph(&arguments)
-        .stderr(Stdio::piped())
-        .output()
-        .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    if is_without_plug(&told) {
-        return;
-    }
-    assert!(output.status.success(), "{told}");
+    let Some(told) = home.run(&arguments) else { return };
     assert!(told.contains("listening to `haptuator` by soundcard"), "{told}");
     let facts = facts(&home.path().join("out"));
     let ring = &facts["rings"]["soundcard to haptuator"];
