@@ -246,7 +246,7 @@ fn no_limit_is_changed_from_afar() {
     run.wait_for_times("an actuator's limit or device would change", 2);
     // Who sits there may, and is told.
     run.type_line("set most=0.4");
-    run.wait_for("limit of `out`: peak 0.5 -> 0.4");
+    run.wait_for("limit of `out`: peak 0.5 -> 0.4 A");
     run.stop();
     let given = fs::read_to_string(folder.path().join("out/given.csv")).unwrap();
     let most = given

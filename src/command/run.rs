@@ -7,6 +7,8 @@ mod driver;
 mod drivers;
 mod facts;
 pub mod folder;
+mod guards;
+mod history;
 mod latency;
 mod live;
 mod outputs;

@@ -3,12 +3,13 @@
 use super::super::{GraphArguments, remark, warnings};
 use super::console::{Asked, HELP, Typed};
 use super::drivers::Drivers;
+use super::guards::Guards;
+use super::history::{History, Notes};
 use super::watch::Watch;
 use super::{Arguments, spare_own_files};
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::Graph;
-use haptograph::engine::node::Limit;
 use haptograph::engine::run::{Change, Changed, RingReport, Session};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Told};
@@ -80,115 +81,6 @@ pub struct Attended {
     guards: Guards,
     /// Texts of the files of the graph that runs.
     texts: Vec<String>,
-}
-
-/// What nobody may change from afar: what each actuator may be given, and what the devices that are driven are set to.
-#[derive(Debug, PartialEq)]
-struct Guards {
-    limits: Vec<(String, Limit)>,
-    driven: Vec<(String, u64)>,
-}
-
-impl Guards {
-    fn of(graph: &Graph) -> Self {
-        let limits = graph.limits().map(|(sink, limit)| (sink.to_owned(), limit));
-        let driven = graph.driven_devices();
-        Self {
-            limits: limits.collect(),
-            driven: driven
-                .map(|device| (device.name.clone(), device.fingerprint))
-                .collect(),
-        }
-    }
-
-    /// The limits that differ from those before.
-    fn changes(&self, before: &Self) -> Vec<String> {
-        let known = |sink: &str| before.limits.iter().find(|(known, _)| known == sink);
-        let mut changes = Vec::new();
-        for (sink, now) in &self.limits {
-            let Some((_, was)) = known(sink) else { continue };
-            for (name, was, now) in [
-                ("peak", was.peak, now.peak),
-                ("continuous", was.continuous, now.continuous),
-                ("window_s", was.window_s, now.window_s),
-                (
-                    "slew",
-                    was.slew_per_s.unwrap_or(f64::INFINITY),
-                    now.slew_per_s.unwrap_or(f64::INFINITY),
-                ),
-            ] {
-                if was != now {
-                    changes.push(format!("limit of `{sink}`: {name} {was} -> {now}"));
-                }
-            }
-        }
-        changes
-    }
-}
-
-/// What was said of cards and devices, and how often.
-#[derive(Debug, Default)]
-struct Notes {
-    list: Vec<(String, u64)>,
-}
-
-impl Notes {
-    /// Something went or came: that is said each time.
-    fn turn(&mut self, note: String) {
-        remark(&format!("note: {note}\n"));
-        self.count(note);
-    }
-
-    /// A card in trouble says the same a thousand times: it is said once.
-    fn complaint(&mut self, note: String) {
-        if self.list.iter().any(|(known, _)| *known == note) {
-            self.count(note);
-        } else {
-            self.turn(note);
-        }
-    }
-
-    fn count(&mut self, note: String) {
-        match self.list.iter_mut().find(|(known, _)| *known == note) {
-            Some((_, times)) => *times += 1,
-            None => self.list.push((note, 1)),
-        }
-    }
-
-    fn counted(self) -> Vec<String> {
-        let counted = self.list.into_iter().map(|(note, times)| match times {
-            1 => note,
-            _ => format!("{note} ({times} times)"),
-        });
-        counted.collect()
-    }
-}
-
-/// What was set while it ran.
-#[derive(Debug, Default)]
-pub struct History {
-    list: Vec<String>,
-    more: u64,
-}
-
-impl History {
-    /// A fader can be moved for hours.
-    const MOST: usize = 200;
-
-    fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
-        if self.list.len() < Self::MOST {
-            self.list.push(format!("{at_s:.2} s {name}={value} ({by})"));
-        } else {
-            self.more += 1;
-        }
-    }
-
-    pub fn into_json(mut self) -> Value {
-        if self.more > 0 {
-            self.list.push(format!("and {} more", self.more));
-        }
-        json!(self.list)
-    }
 }
 
 impl Attended {
@@ -558,25 +450,5 @@ fn what(change: Change) -> String {
         Change::CrossFade => "the graph changed, cross-faded".to_owned(),
         Change::AtOnce => "the graph changed".to_owned(),
         Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn turns_and_complaints_are_counted_by_their_words() {
-        let mut notes = Notes::default();
-        for _ in 0..2 {
-            notes.complaint("broken pipe".to_owned());
-            notes.turn("gone".to_owned());
-            notes.turn("back".to_owned());
-        }
-        notes.turn("gone".to_owned());
-        assert_eq!(
-            notes.counted(),
-            ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
-        );
     }
 }

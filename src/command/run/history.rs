@@ -1,0 +1,89 @@
+//! What was said and what was set while a graph ran live.
+
+use super::super::remark;
+use serde_json::{Value, json};
+
+/// What was said of cards and devices, and how often.
+#[derive(Debug, Default)]
+pub struct Notes {
+    list: Vec<(String, u64)>,
+}
+
+impl Notes {
+    /// Something went or came: that is said each time.
+    pub fn turn(&mut self, note: String) {
+        remark(&format!("note: {note}\n"));
+        self.count(note);
+    }
+
+    /// A card in trouble says the same a thousand times: it is said once.
+    pub fn complaint(&mut self, note: String) {
+        if self.list.iter().any(|(known, _)| *known == note) {
+            self.count(note);
+        } else {
+            self.turn(note);
+        }
+    }
+
+    fn count(&mut self, note: String) {
+        match self.list.iter_mut().find(|(known, _)| *known == note) {
+            Some((_, times)) => *times += 1,
+            None => self.list.push((note, 1)),
+        }
+    }
+
+    pub fn counted(self) -> Vec<String> {
+        let counted = self.list.into_iter().map(|(note, times)| match times {
+            1 => note,
+            _ => format!("{note} ({times} times)"),
+        });
+        counted.collect()
+    }
+}
+
+/// What was set while it ran.
+#[derive(Debug, Default)]
+pub struct History {
+    list: Vec<String>,
+    more: u64,
+}
+
+impl History {
+    /// A fader can be moved for hours.
+    pub const MOST: usize = 200;
+
+    pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
+        if self.list.len() < Self::MOST {
+            self.list.push(format!("{at_s:.2} s {name}={value} ({by})"));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    pub fn into_json(mut self) -> Value {
+        if self.more > 0 {
+            self.list.push(format!("and {} more", self.more));
+        }
+        json!(self.list)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_and_complaints_are_counted_by_their_words() {
+        let mut notes = Notes::default();
+        for _ in 0..2 {
+            notes.complaint("broken pipe".to_owned());
+            notes.turn("gone".to_owned());
+            notes.turn("back".to_owned());
+        }
+        notes.turn("gone".to_owned());
+        assert_eq!(
+            notes.counted(),
+            ["broken pipe (2 times)", "gone (3 times)", "back (2 times)"]
+        );
+    }
+}
