@@ -20,6 +20,7 @@ mod snippet;
 pub mod surface;
 pub mod sweep;
 mod table;
+mod written;
 
 use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};
@@ -259,15 +260,17 @@ pub fn folder_of(path: &Path) -> Result<&Path, Failure> {
 
 /// Writes a file whole or not at all.
 pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
-    let folder = folder_of(path)?;
-    let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
-        file.write_all(text.as_bytes())?;
-        make_readable(file.path())?;
-        file.persist(path).map_err(|error| error.error)
-    });
-    written
-        .map(|_| ())
-        .map_err(|error| Failure::file("write", path, &error))
+    folder_of(path)?;
+    write_whole(path, text.as_bytes()).map_err(|error| Failure::file("write", path, &error))
+}
+
+/// Writes a file whole or not at all, into a folder that is there.
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
+    file.write_all(bytes)?;
+    make_readable(file.path())?;
+    file.persist(path).map(|_| ()).map_err(|error| error.error)
 }
 
 /// Temporary files are private; results are as readable as other files.

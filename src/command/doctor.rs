@@ -1,5 +1,6 @@
 //! `haptograph doctor`: what this machine lacks for low latency, and how to give it.
 
+use super::run::folder::dead_in;
 use super::{Failure, say};
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
@@ -45,6 +46,7 @@ pub fn run(_: &Arguments) -> Result<(), Failure> {
         findings.push(headers());
     }
     findings.push(feature());
+    findings.push(leftovers());
     findings.push(timer()?);
     let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
     let text: String = findings.iter().map(shown).collect();
@@ -90,6 +92,23 @@ fn limits(text: &str) -> [Finding; 2] {
             "write `@audio - memlock unlimited` to /etc/security/limits.d/haptograph.conf, and log in again",
         ),
     ]
+}
+
+/// Folders of runs that died, here and where runs go.
+fn leftovers() -> Finding {
+    let mut found = dead_in(Path::new("."));
+    found.extend(dead_in(Path::new("out")));
+    let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
+    let shown = match names.as_slice() {
+        [] => "none here and in out".to_owned(),
+        names => names.join(", "),
+    };
+    Finding::new(
+        "left by runs that died",
+        shown,
+        names.is_empty(),
+        "`haptograph recover FOLDER` makes its files whole; remove what you do not need",
+    )
 }
 
 fn kernel(version: &str) -> Finding {

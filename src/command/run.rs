@@ -12,6 +12,7 @@ mod history;
 mod latency;
 mod live;
 mod outputs;
+mod placing;
 mod replay;
 mod shown;
 pub mod summary;
@@ -93,8 +94,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let graph = arguments.graph.load_and_warn(arguments.seed)?;
     lasts_a_frame(&graph, arguments.duration_s)?;
-    let made = Making::begin(arguments, &graph)?;
+    let mut made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
+    made.kept.folder.begin();
     let duration_s = arguments.duration_s.unwrap_or(DURATION_S);
     let offline =
         Offline::new(made.outlets, usize::from(arguments.block)).threads(usize::from(arguments.threads));
@@ -146,7 +148,17 @@ fn target(arguments: &Arguments) -> PathBuf {
 }
 
 /// What a run leaves in its folder whatever the graph.
-const OWN_FILES: [&str; 5] = [folder::MARK, PAGE, DRAWING, ARRIVALS, attended::CHANGES];
+const OWN_FILES: [&str; 9] = [
+    folder::MARK,
+    folder::MANIFEST,
+    folder::MARKER,
+    folder::PROBES,
+    folder::REPLACED,
+    PAGE,
+    DRAWING,
+    ARRIVALS,
+    attended::CHANGES,
+];
 const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
@@ -224,12 +236,11 @@ impl Kept {
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
         )?;
         outputs::place_probes(&self.folder, &self.probes)?;
-        if let Some(kept) = self.folder.put_in_place(&self.target)? {
-            remark(&format!(
-                "the live run that was there is kept as {}\n",
-                kept.display()
-            ));
-        }
+        let placed = self.folder.put_in_place()?;
+        placed
+            .lines()
+            .iter()
+            .for_each(|line| remark(&format!("note: {line}\n")));
         summary
             .warnings()
             .iter()

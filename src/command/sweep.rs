@@ -161,8 +161,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let name = format!("{}-sweep", arguments.graph.name());
         PathBuf::from("out").join(name)
     });
-    let folder = RunFolder::beside(&target)?;
+    let mut folder = RunFolder::beside(&target)?;
     let stop = run::stop_on_interrupt()?;
+    folder.begin();
     let mut done = Vec::new();
     for (number, (name, run_arguments, graph)) in graphs.into_iter().enumerate() {
         let place = folder.path().join(format!("{:02}", number + 1));
@@ -192,7 +193,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     folder.write("report.html", &page(arguments, &done))?;
     folder.write("run.json", &facts(arguments, &done))?;
-    folder.put_in_place(&target)?;
+    let placed = folder.put_in_place()?;
+    placed
+        .lines()
+        .iter()
+        .for_each(|line| remark(&format!("note: {line}\n")));
     say(&format!(
         "ran {} {} times; look at {}\n",
         arguments.graph.name(),
@@ -282,7 +287,7 @@ fn facts(arguments: &Arguments, done: &[Done]) -> String {
         .map(|(i, run)| json!({ "name": run.name, "folder": format!("{:02}", i + 1) }))
         .collect();
     let facts = json!({
-        "graph": arguments.graph.graph,
+        "graph": arguments.graph.graph.to_string_lossy(),
         "seconds": arguments.duration_s,
         "runs": runs,
         "haptograph": env!("CARGO_PKG_VERSION"),

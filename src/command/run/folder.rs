@@ -1,40 +1,83 @@
-//! The folder of a run: made beside its target and put in its place when it is complete, so that what is found there
-//! is always whole.
+//! The folder of a run: filled beside its target and put in its place when the run is complete. Whatever fails, what was
+//! recorded stays: in a folder `NAME.partial-1` beside the target, with a marker that tells dead runs from running ones.
 
-use super::super::Failure;
-use std::fs;
+use super::super::{Failure, remark};
+use super::placing::{self, Placed};
+use serde_json::{Value, json};
+use std::ffi::OsString;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
-/// A folder that is being filled; removed if it is not put in place.
+/// The facts of a run, in its folder.
+pub const MARK: &str = "run.json";
+/// The list of a run's files and their hashes, in its folder: see [`Written`](super::super::written::Written).
+pub const MANIFEST: &str = "manifest.json";
+/// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked while the run lives.
+pub const MARKER: &str = ".haptograph-partial";
+/// Stands between the target's name and a number in the name of such a folder: `identify.partial-1`.
+pub const PARTIAL: &str = ".partial-";
+/// Where probes wait in such a folder, one folder each.
+pub const PROBES: &str = ".probes";
+/// Where an earlier run's files wait in such a folder while it is put in its place.
+pub const REPLACED: &str = ".replaced";
+
+/// A folder that is being filled.
 #[derive(Debug)]
 pub struct RunFolder {
-    temporary: TempDir,
     content: PathBuf,
+    /// As it was given.
+    target: PathBuf,
+    /// The same without links: a link stays one.
+    place: PathBuf,
+    /// Holds the marker's lock.
+    _marker: File,
+    has_begun: bool,
 }
 
-/// Every run leaves this file: a folder without it was not made by a run and is not replaced.
-pub const MARK: &str = "run.json";
-
 impl RunFolder {
-    /// An empty folder on the same file system as `target`, which must be free, or left by an earlier run.
+    /// An empty folder for a run that is to be put at `target`, which must be free, empty or left by an earlier run.
     pub fn beside(target: &Path) -> Result<Self, Failure> {
-        refuse_foreign(target)?;
-        let parent = match target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-            _ => PathBuf::from("."),
-        };
-        fs::create_dir_all(&parent).map_err(|error| Failure::file("make the folder", &parent, &error))?;
-        let made = tempfile::Builder::new()
-            .prefix(".haptograph-")
-            .tempdir_in(&parent)
-            .and_then(|temporary| {
-                let content = temporary.path().join("run");
-                fs::create_dir(&content)?;
-                fs::create_dir(temporary.path().join("probes"))?;
-                Ok(Self { temporary, content })
-            });
-        made.map_err(|error| Failure::file("make a folder in", &parent, &error))
+        let place = resolved(target)?;
+        placing::refuse_foreign(target, &place)?;
+        let folder = Self::make(target, place)?;
+        for leftover in leftovers_of(&folder.place) {
+            if leftover == folder.content {
+                continue;
+            }
+            if is_alive(&leftover) {
+                let (target, other) = (target.display(), leftover.display());
+                let message = format!(
+                    "another run is being written for {target} now, in {other}; give another folder by --out"
+                );
+                return Err(Failure::Message(message));
+            }
+            remark(&format!("note: {}\n", about(&leftover)));
+        }
+        Ok(folder)
+    }
+
+    fn make(target: &Path, place: PathBuf) -> Result<Self, Failure> {
+        let failed = |error: &dyn std::fmt::Display| Failure::file("make a folder beside", target, error);
+        let mut made = None;
+        for near in homes(&place) {
+            fs::create_dir_all(&near).map_err(|error| failed(&error))?;
+            made = Some(made_in(&near, &place));
+            if made.as_ref().is_some_and(Result::is_ok) {
+                break;
+            }
+        }
+        let content = made
+            .unwrap_or_else(|| Err(io::ErrorKind::NotFound.into()))
+            .map_err(|error| failed(&error))?;
+        let marker = mark(&content, &place).map_err(|error| failed(&error))?;
+        Ok(Self {
+            content,
+            target: target.to_owned(),
+            place,
+            _marker: marker,
+            has_begun: false,
+        })
     }
 
     /// Where the run's files go.
@@ -42,9 +85,14 @@ impl RunFolder {
         &self.content
     }
 
+    /// From here on something is recorded: it is kept whatever happens.
+    pub fn begin(&mut self) {
+        self.has_begun = true;
+    }
+
     /// Where probes wait until the run is complete; one folder each.
     pub fn probe(&self, number: usize) -> Result<PathBuf, Failure> {
-        let path = self.temporary.path().join("probes").join(number.to_string());
+        let path = self.content.join(PROBES).join(number.to_string());
         fs::create_dir_all(&path).map_err(|error| Failure::file("make the folder", &path, &error))?;
         Ok(path)
     }
@@ -55,93 +103,150 @@ impl RunFolder {
         fs::write(&path, text).map_err(|error| Failure::file("write", &path, &error))
     }
 
-    /// Replaces what an earlier run left at `target`; what it recorded of real devices is kept beside it, and where is
-    /// returned.
-    pub fn put_in_place(self, target: &Path) -> Result<Option<PathBuf>, Failure> {
-        refuse_foreign(target)?;
-        let kept = holds_what_cannot_be_repeated(target).then(|| free_beside(target));
-        let old = kept.clone().unwrap_or_else(|| self.temporary.path().join("old"));
-        let failed = |error| Failure::file("put the run in place at", target, &error);
-        if target.exists() {
-            fs::rename(target, &old).map_err(failed)?;
-        }
-        fs::rename(&self.content, target).map_err(|error| {
-            // Give the earlier run back; if that fails too, the first error is the one to tell.
-            let _ = fs::rename(&old, target);
-            failed(error)
-        })?;
-        Ok(kept)
+    /// Puts the files in their place. What an earlier run wrote there and nobody changed is replaced, all else is kept.
+    pub fn put_in_place(mut self) -> Result<Placed, Failure> {
+        self.has_begun = true;
+        placing::refuse_foreign(&self.target, &self.place)?;
+        let placed = placing::place(&self.content, &self.place)
+            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))?;
+        // It holds nothing any more that is not in its place.
+        self.has_begun = false;
+        Ok(placed)
     }
 }
 
-/// A live run of real devices can hold somebody's hour.
-fn holds_what_cannot_be_repeated(target: &Path) -> bool {
-    let facts = fs::read_to_string(target.join(MARK)).ok();
-    let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
-    facts.is_some_and(|facts| facts["live"] == true && facts["real_devices"] == true)
-}
-
-/// The folder's name with the first number behind it that is free.
-fn free_beside(target: &Path) -> PathBuf {
-    let name = target.file_name().unwrap_or_default().to_string_lossy();
-    let numbered = (1_u64..).map(|number| target.with_file_name(format!("{name}-{number}")));
-    let mut free = numbered.filter(|path| !path.exists());
-    free.next().unwrap_or_else(|| target.with_extension("kept"))
-}
-
-fn refuse_foreign(target: &Path) -> Result<(), Failure> {
-    let Ok(mut entries) = fs::read_dir(target) else {
-        return if target.exists() {
-            Err(Failure::Message(format!(
-                "{} is not a folder; give another one by --out",
-                target.display()
-            )))
+impl Drop for RunFolder {
+    fn drop(&mut self) {
+        if self.has_begun {
+            let (content, target) = (self.content.display(), self.target.display());
+            remark(&format!(
+                "note: the run is not at {target}; what it recorded stays in {content}\n"
+            ));
         } else {
-            Ok(())
-        };
-    };
-    if entries.next().is_some() && !target.join(MARK).is_file() {
-        let message = format!(
-            "{} holds files that no run made; give another folder by --out",
-            target.display()
-        );
-        return Err(Failure::Message(message));
+            // Nothing was recorded; what cannot be removed is named by the next run.
+            let _ = fs::remove_dir_all(&self.content);
+        }
     }
-    Ok(())
+}
+
+/// The folder that a path means, without links; it need not exist.
+fn resolved(target: &Path) -> Result<PathBuf, Failure> {
+    if let Ok(place) = target.canonicalize() {
+        return Ok(place);
+    }
+    if fs::symlink_metadata(target).is_ok() {
+        let message =
+            "it is a link that leads nowhere; make the folder it leads to, or give another one by --out";
+        return Err(Failure::file("write into", target, &message));
+    }
+    let named = std::path::absolute(target).map_err(|error| Failure::file("write into", target, &error))?;
+    if named.file_name().is_none() {
+        let message = "it names no folder; give another one by --out";
+        return Err(Failure::file("write into", target, &message));
+    }
+    Ok(named)
+}
+
+/// Where the folder can wait so that its files are moved and not copied: beside the place, or in it where that lies on another
+/// file system or nothing may be written beside it.
+fn homes(place: &Path) -> Vec<PathBuf> {
+    let parent = place.parent();
+    let inside = place.is_dir().then(|| place.to_owned());
+    let near = parent.filter(|parent| inside.is_none() || are_on_one_file_system(parent, place));
+    near.map(Path::to_owned).into_iter().chain(inside).collect()
+}
+
+#[cfg(unix)]
+fn are_on_one_file_system(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let device = |path: &Path| fs::metadata(path).map(|found| found.dev());
+    matches!((device(a), device(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+#[cfg(not(unix))]
+fn are_on_one_file_system(_: &Path, _: &Path) -> bool {
+    true
+}
+
+/// The beginning of the names of folders that wait for `place`.
+fn prefix(place: &Path) -> OsString {
+    let mut name = place.file_name().unwrap_or("run".as_ref()).to_owned();
+    name.push(PARTIAL);
+    name
+}
+
+/// The first such folder that is free.
+fn made_in(near: &Path, place: &Path) -> io::Result<PathBuf> {
+    let mut number = 0_u64;
+    loop {
+        number += 1;
+        let mut name = prefix(place);
+        name.push(number.to_string());
+        let path = near.join(name);
+        match fs::create_dir(&path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => return made.map(|()| path),
+        }
+    }
+}
+
+fn mark(content: &Path, place: &Path) -> io::Result<File> {
+    let mut marker = File::create_new(content.join(MARKER))?;
+    // Where files cannot be locked, a leftover is never taken for a running one; nothing is ever removed for that.
+    let _ = marker.try_lock();
+    let facts = json!({
+        "target": place.to_string_lossy(),
+        "pid": std::process::id(),
+        "haptograph": env!("CARGO_PKG_VERSION"),
+    });
+    writeln!(marker, "{facts:#}")?;
+    Ok(marker)
+}
+
+/// Is the run of such a folder still going on?
+fn is_alive(leftover: &Path) -> bool {
+    let locked = File::open(leftover.join(MARKER)).map(|marker| marker.try_lock());
+    matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+}
+
+/// What runs left that wait for `place`, dead and running.
+fn leftovers_of(place: &Path) -> Vec<PathBuf> {
+    let prefix = prefix(place);
+    let is_its = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default();
+        name.as_encoded_bytes().starts_with(prefix.as_encoded_bytes())
+    };
+    let near = place.parent().into_iter().chain([place]);
+    near.flat_map(leftovers_in).filter(is_its).collect()
+}
+
+/// All folders of runs that are not in their places.
+fn leftovers_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let paths = entries.map(|entry| entry.path());
+    let mut found: Vec<PathBuf> = paths.filter(|path| path.join(MARKER).is_file()).collect();
+    found.sort();
+    found
+}
+
+/// The folders in `folder` that dead runs left.
+pub fn dead_in(folder: &Path) -> Vec<PathBuf> {
+    let mut found = leftovers_in(folder);
+    found.retain(|path| !is_alive(path));
+    found
+}
+
+/// What is said of a folder that a dead run left.
+fn about(leftover: &Path) -> String {
+    let facts = fs::read_to_string(leftover.join(MARKER)).unwrap_or_default();
+    let facts: Value = serde_json::from_str(&facts).unwrap_or_default();
+    let process = facts["pid"].as_u64();
+    let process = process.map_or_else(String::new, |id| format!(" (process {id})"));
+    let leftover = leftover.display();
+    format!(
+        "{leftover} is left of a run that did not end{process}; `haptograph recover {leftover}` makes its files whole"
+    )
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
-        let parent = tempfile::tempdir().unwrap();
-        let target = parent.path().join("out");
-        let run = |facts: &str| {
-            let folder = RunFolder::beside(&target).unwrap();
-            folder.write(MARK, facts).unwrap();
-            folder.put_in_place(&target).unwrap()
-        };
-        // A real stylus and a simulated actuator.
-        let real = r#"{"live": true, "simulated": true, "real_devices": true}"#;
-        assert_eq!(run(r#"{"simulated": false, "real_devices": true}"#), None);
-        assert_eq!(
-            run(r#"{"live": true, "simulated": true, "real_devices": false}"#),
-            None
-        );
-        // No device at all.
-        assert_eq!(
-            run(r#"{"live": true, "simulated": false, "real_devices": false}"#),
-            None
-        );
-        assert_eq!(run(real), None);
-        assert_eq!(run(real), Some(parent.path().join("out-1")));
-        assert_eq!(run("{}"), Some(parent.path().join("out-2")));
-        assert_eq!(run("{}"), None);
-        assert_eq!(
-            fs::read_to_string(parent.path().join("out-2/run.json")).unwrap(),
-            real
-        );
-    }
-}
+mod tests;

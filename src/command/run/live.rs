@@ -31,7 +31,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     network.connect(&graph).map_err(message)?;
     let (asking, asked) = sync_channel(MOST_ASKED);
     let osc = listen_for_settings(&arguments, &asking)?;
-    let made = Making::begin(&arguments, &graph)?;
+    let mut made = Making::begin(&arguments, &graph)?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
         seconds: arguments.duration_s,
@@ -41,6 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
     let start = Instant::now();
     let mut driver = Drivers::start(&graph, wanted, lives)?;
+    made.kept.folder.begin();
     let mut notes = driver.notes();
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
     let ends = match arguments.duration_s {

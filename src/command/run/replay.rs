@@ -30,8 +30,9 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
             )));
         }
     }
-    let made = Making::begin(arguments, &graph)?;
+    let mut made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
+    made.kept.folder.begin();
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
     let offline = Offline::new(made.outlets, usize::from(arguments.block));
@@ -42,7 +43,7 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     bar.finish_and_clear();
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
     summary.add(
-        vec![("replay", "Repeats", json!(folder))],
+        vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
         differs(&graph, &facts),
     );
     made.kept.complete(arguments, &graph, &summary)

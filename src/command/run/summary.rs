@@ -32,6 +32,7 @@ impl Summary {
             .collect();
         files.sort();
         files.dedup();
+        let files: Vec<_> = files.iter().map(|path| path.to_string_lossy()).collect();
         let clocks = graph
             .clocks()
             .iter()
@@ -47,7 +48,7 @@ impl Summary {
         let simulated = graph.devices().iter().any(|device| device.entry.spec.simulated);
         let real = graph.devices().iter().any(|device| !device.entry.spec.simulated);
         let mut facts = vec![
-            ("graph", "Graph", json!(arguments.graph.graph)),
+            ("graph", "Graph", json!(arguments.graph.graph.to_string_lossy())),
             ("set", "Set", json!(set)),
             ("endpoints", "Endpoints", json!(arguments.graph.endpoints())),
             ("seed", "Seed", json!(graph.seed())),

@@ -1,0 +1,136 @@
+//! What becomes of folders that runs find.
+
+use super::*;
+
+fn run(target: &Path, files: &[(&str, &str)]) -> Result<Placed, Failure> {
+    let folder = RunFolder::beside(target)?;
+    for (name, text) in files {
+        fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+        folder.write(name, text).unwrap();
+    }
+    folder.put_in_place()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    let run = |facts: &str| run(&target, &[(MARK, facts)]).unwrap().earlier;
+    let kept = |name: &str| Some(parent.path().canonicalize().unwrap().join(name));
+    // A real stylus and a simulated actuator.
+    let real = r#"{"live": true, "simulated": true, "real_devices": true}"#;
+    assert_eq!(run(r#"{"simulated": false, "real_devices": true}"#), None);
+    assert_eq!(
+        run(r#"{"live": true, "simulated": true, "real_devices": false}"#),
+        None
+    );
+    // No device at all.
+    assert_eq!(
+        run(r#"{"live": true, "simulated": false, "real_devices": false}"#),
+        None
+    );
+    assert_eq!(run(real), None);
+    assert_eq!(run(real), kept("out-1"));
+    assert_eq!(run("{}"), kept("out-2"));
+    assert_eq!(run("{}"), None);
+    assert_eq!(
+        fs::read_to_string(parent.path().join("out-2/run.json")).unwrap(),
+        real
+    );
+    assert_eq!(names(parent.path()), ["out", "out-1", "out-2"]);
+}
+
+#[test]
+fn files_of_others_stay_and_changed_ones_are_kept_beside() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    run(
+        &target,
+        &[
+            (MARK, "{}"),
+            ("a.csv", "1"),
+            ("gone.csv", "1"),
+            ("record/b.csv", "1"),
+        ],
+    )
+    .unwrap();
+    fs::write(target.join("analysis.py"), "mine").unwrap();
+    fs::write(target.join("a.csv"), "edited").unwrap();
+    let placed = run(&target, &[(MARK, "{}"), ("a.csv", "2")]).unwrap();
+    assert_eq!(
+        names(&target),
+        ["a-1.csv", "a.csv", "analysis.py", MANIFEST, MARK]
+    );
+    assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "2");
+    assert_eq!(fs::read_to_string(target.join("a-1.csv")).unwrap(), "edited");
+    let place = target.canonicalize().unwrap();
+    assert_eq!(placed.left, [place.join("analysis.py")]);
+    assert_eq!(placed.moved, [(place.join("a.csv"), place.join("a-1.csv"))]);
+    assert_eq!(placed.lines().len(), 2);
+    assert_eq!(names(parent.path()), ["out"]);
+}
+
+#[test]
+fn nothing_is_lost_where_a_step_fails() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    run(&target, &[(MARK, "{}"), ("a.csv", "1")]).unwrap();
+    let mut folder = RunFolder::beside(&target).unwrap();
+    folder.begin();
+    folder.write("a.csv", "2").unwrap();
+    // Where the second of the earlier run's files would wait there is something.
+    fs::create_dir(folder.path().join(REPLACED)).unwrap();
+    fs::write(folder.path().join(REPLACED).join(MARK), "").unwrap();
+    let waiting = folder.path().to_owned();
+    assert!(folder.put_in_place().is_err());
+    assert_eq!(fs::read_to_string(waiting.join("a.csv")).unwrap(), "2");
+    assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "1");
+    assert_eq!(names(&target), ["a.csv", MANIFEST, MARK]);
+}
+
+#[test]
+fn runs_that_died_are_told_from_those_that_live() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    let living = RunFolder::beside(&target).unwrap();
+    assert!(RunFolder::beside(&target).is_err(), "two runs into one folder");
+    assert_eq!(dead_in(parent.path()), Vec::<PathBuf>::new());
+    let waiting = living.path().to_owned();
+    drop(living);
+    assert!(!waiting.exists(), "nothing was recorded");
+    let mut dead = RunFolder::beside(&target).unwrap();
+    dead.begin();
+    drop(dead);
+    assert_eq!(names(parent.path()), ["out.partial-1"]);
+    assert_eq!(dead_in(parent.path()).len(), 1);
+    run(&target, &[(MARK, "{}")]).unwrap();
+    assert_eq!(names(parent.path()), ["out", "out.partial-1"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_not_followed_out_of_the_folder_and_the_folder_may_be_one() {
+    let parent = tempfile::tempdir().unwrap();
+    let (real, target) = (parent.path().join("real"), parent.path().join("out"));
+    let elsewhere = parent.path().join("elsewhere");
+    fs::create_dir(&real).unwrap();
+    fs::create_dir(&elsewhere).unwrap();
+    std::os::unix::fs::symlink(&real, &target).unwrap();
+    run(&target, &[(MARK, "{}"), ("record/a", "1")]).unwrap();
+    fs::rename(real.join("record"), parent.path().join("moved")).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, real.join("record")).unwrap();
+    run(&target, &[(MARK, "{}"), ("record/a", "2")]).unwrap();
+    assert!(target.is_symlink());
+    assert_eq!(names(&real), [MANIFEST, "record", "record-1", MARK]);
+    assert_eq!(fs::read_to_string(real.join("record/a")).unwrap(), "2");
+    assert!(real.join("record-1").is_symlink() && names(&elsewhere).is_empty());
+}
