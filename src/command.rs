@@ -26,6 +26,7 @@ use clap::Args;
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::{CheckOptions, Graph, check};
+use haptograph::signal::files;
 use std::collections::HashSet;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -205,7 +206,7 @@ pub fn warnings(graph: &Graph) -> Diagnostics {
 
 /// All bytes of a file.
 pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
-    std::fs::read(path).map_err(|error| Failure::file("read", path, &error))
+    files::read(path, files::MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))
 }
 
 /// Makes the folder for a page, if need be: before the work, so that none is lost for a name.

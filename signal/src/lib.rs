@@ -1,10 +1,11 @@
 //! The words and mathematics that all of haptograph shares: quantities and units, exact time, seeded noise,
-//! filters, resampling and spectra. Knows nothing of graphs or of surfaces.
+//! filters, resampling and spectra, and the reading of files within bounds. Knows nothing of graphs or of surfaces.
 
 pub mod arma;
 pub mod delay;
 pub mod elementwise;
 pub mod fft;
+pub mod files;
 pub mod filter;
 pub mod noise;
 pub mod prediction;

@@ -6,6 +6,7 @@ use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::run::{LiveOptions, Meters, Outlets, Session, Timer};
 use haptograph::nodes::soundcard::{SoundcardError, list};
+use haptograph::signal::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -66,7 +67,7 @@ fn shown(finding: &Finding) -> String {
 }
 
 fn read(path: &Path) -> String {
-    fs::read_to_string(path).unwrap_or_default()
+    files::read_text(path, 1 << 20).unwrap_or_default()
 }
 
 fn limits(text: &str) -> [Finding; 2] {

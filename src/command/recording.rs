@@ -2,16 +2,18 @@
 
 use super::{Failure, remark, snippet};
 use haptograph::engine::settings::closest;
+use haptograph::signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph::surfaces::Origin;
 use haptograph::surfaces::recording::{self, AnyRecording, COLUMNS, CsvHead, LoadError, ReadError, csv_head};
 use ron::extensions::Extensions;
 use serde::Deserialize;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The longest header that columns are looked for in, bytes.
 const HEAD_BYTES: u64 = 1 << 16;
+/// The longest note beside a file, bytes.
+const MAX_NOTE_BYTES: u64 = 1 << 20;
 
 /// A recording from a file.
 #[derive(Debug)]
@@ -36,7 +38,7 @@ pub fn load(path: &Path) -> Result<Loaded, Failure> {
         ));
     }
     let loaded = recording::load(path).map_err(|error| match &error {
-        LoadError::Read { path, source } => match std::fs::read(path) {
+        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
             Ok(bytes) => wrong(path, &bytes, source, &error.to_string()),
             Err(_) => Failure::Message(error.to_string()),
         },
@@ -51,7 +53,7 @@ pub fn load(path: &Path) -> Result<Loaded, Failure> {
 /// What a CSV file says before its rows; `None` for other kinds of files.
 fn head(path: &Path) -> Option<CsvHead> {
     let mut bytes = vec![];
-    File::open(path)
+    files::open(path, MAX_RECORDING_BYTES)
         .ok()?
         .take(HEAD_BYTES)
         .read_to_end(&mut bytes)
@@ -77,7 +79,7 @@ pub fn note(path: &Path) -> Result<Note, Failure> {
     note.push(".ron");
     let note = PathBuf::from(note);
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
-    match std::fs::read_to_string(&note) {
+    match files::read_text(&note, MAX_NOTE_BYTES) {
         Ok(text) => options
             .from_str(&text)
             .map_err(|error| Failure::file("read", &note, &error)),

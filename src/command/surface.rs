@@ -8,6 +8,7 @@ mod show;
 
 use super::{Failure, remark, snippet};
 use clap::Subcommand;
+use haptograph::signal::files as bounded;
 use haptograph::surfaces::{Surface, TextureModel, files};
 use std::path::Path;
 
@@ -40,21 +41,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// A surface from a file; what is wrong in the file is shown at its place.
 pub fn load(path: &Path) -> Result<Surface, Failure> {
     files::load(path).map_err(|error| match &error {
-        files::FileError::Read { path, error: read } => match (read.place, std::fs::read(path)) {
-            (Some(place), Ok(bytes)) => {
-                let text = String::from_utf8_lossy(&bytes);
-                let line = text.lines().nth(place.line - 1).unwrap_or_default();
-                let name = path.display().to_string();
-                Failure::Shown(snippet::at(
-                    &name,
-                    line,
-                    place.line,
-                    place.column,
-                    &read.problem.to_string(),
-                ))
+        files::FileError::Read { path, error: read } => {
+            match (read.place, bounded::read(path, files::MAX_FILE_BYTES)) {
+                (Some(place), Ok(bytes)) => {
+                    let text = String::from_utf8_lossy(&bytes);
+                    let line = text.lines().nth(place.line - 1).unwrap_or_default();
+                    let name = path.display().to_string();
+                    Failure::Shown(snippet::at(
+                        &name,
+                        line,
+                        place.line,
+                        place.column,
+                        &read.problem.to_string(),
+                    ))
+                }
+                _ => Failure::Message(error.to_string()),
             }
-            _ => Failure::Message(error.to_string()),
-        },
+        }
         _ => Failure::Message(error.to_string()),
     })
 }

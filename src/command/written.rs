@@ -2,10 +2,11 @@
 //!
 //! A run's folder has its list in `manifest.json`; single files have theirs in `.haptograph.json` beside them.
 
+use haptograph::signal::files;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
@@ -26,12 +27,10 @@ impl Written {
     pub fn read(path: &Path) -> Option<Self> {
         // Not followed: a link could lead to what blocks.
         let found = fs::symlink_metadata(path).ok()?;
-        if !found.is_file() || found.len() > MOST_BYTES {
+        if !found.is_file() {
             return None;
         }
-        let mut text = String::new();
-        let file = File::open(path).ok()?;
-        file.take(MOST_BYTES).read_to_string(&mut text).ok()?;
+        let text = files::read_text(path, MOST_BYTES).ok()?;
         serde_json::from_str(&text).ok()
     }
 
@@ -69,7 +68,9 @@ impl Written {
 
 /// The SHA-256 hash of a file's bytes, in hexadecimal digits.
 fn hash(path: &Path) -> io::Result<String> {
-    let (mut file, mut hasher, mut chunk) = (File::open(path)?, Sha256::new(), vec![0; CHUNK]);
+    // However long: runs last hours.
+    let mut file = files::open(path, u64::MAX)?;
+    let (mut hasher, mut chunk) = (Sha256::new(), vec![0; CHUNK]);
     loop {
         match file.read(&mut chunk)? {
             0 => break,

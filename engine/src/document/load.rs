@@ -4,8 +4,8 @@ use super::value::{Body, Name, Shape, Tagged, Value};
 use super::{Document, LoadOptions, Template, folder, text as ron_text};
 use crate::diagnostic::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 use crate::settings::{Fields, Reading, Setting, closest};
+use haptograph_signal::files::{self, Refusal};
 use std::collections::{HashMap, HashSet};
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ const FORMAT: u64 = 1;
 const MAX_INCLUDE_DEPTH: usize = 32;
 
 pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagnostics> {
-    match read(path, options) {
+    match files::read_text(path, options.max_bytes) {
         Ok(text) => self::text(path, &text, options),
         Err(error) => {
             let mut diagnostic = Diagnostic::error(
@@ -32,18 +32,6 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
     }
 }
 
-fn read(path: &Path, options: &LoadOptions) -> Result<String, String> {
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
-    let mut text = String::new();
-    file.take(options.max_bytes + 1)
-        .read_to_string(&mut text)
-        .map_err(|error| error.to_string())?;
-    if text.len() as u64 > options.max_bytes {
-        return Err(format!("it is larger than {} bytes", options.max_bytes));
-    }
-    Ok(text)
-}
-
 pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Document, Diagnostics> {
     let mut sources = Sources::default();
     let mut findings = Vec::new();
@@ -55,7 +43,8 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
         });
     };
     let mut loader = Loader {
-        options,
+        max_bytes: options.max_bytes,
+        left_bytes: options.max_bytes.saturating_sub(text.len() as u64),
         document: Document {
             sources,
             about: String::new(),
@@ -83,8 +72,10 @@ fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }
 
-struct Loader<'a> {
-    options: &'a LoadOptions,
+struct Loader {
+    max_bytes: u64,
+    /// What files yet to be included may hold together.
+    left_bytes: u64,
     document: Document,
     /// Files being read, outermost first.
     open: Vec<PathBuf>,
@@ -92,7 +83,7 @@ struct Loader<'a> {
     loaded: HashSet<PathBuf>,
 }
 
-impl Loader<'_> {
+impl Loader {
     fn report(&mut self, diagnostic: Diagnostic) {
         self.document.findings.push(diagnostic);
     }
@@ -278,17 +269,6 @@ impl Loader<'_> {
 
     fn include(&mut self, path: &Path, span: Span) {
         let shown = path.display();
-        let text = match read(path, self.options) {
-            Ok(text) => text,
-            Err(error) => {
-                self.report(
-                    Diagnostic::error("E0108", span, format!("cannot read `{shown}`: {error}"))
-                        .label("included here")
-                        .help("paths are relative to the file in which they are written"),
-                );
-                return;
-            }
-        };
         let key = canonical(path);
         if self.open.contains(&key) {
             self.report(
@@ -306,6 +286,11 @@ impl Loader<'_> {
         if !self.loaded.insert(key.clone()) {
             return;
         }
+        let text = match files::read_text(path, self.left_bytes) {
+            Ok(text) => text,
+            Err(error) => return self.not_included(path, span, &error),
+        };
+        self.left_bytes -= text.len() as u64;
         let id: SourceId = self
             .document
             .sources
@@ -315,6 +300,21 @@ impl Loader<'_> {
             self.parts(value);
             self.open.pop();
         }
+    }
+
+    fn not_included(&mut self, path: &Path, span: Span, error: &std::io::Error) {
+        let shown = path.display();
+        let diagnostic = match Refusal::of(error) {
+            Some(Refusal::TooLong { .. }) => {
+                let most = self.max_bytes;
+                let message =
+                    format!("a graph and what it includes have more than {most} bytes with `{shown}`");
+                Diagnostic::error("E0108", span, message).help("include less, or split the graph")
+            }
+            _ => Diagnostic::error("E0108", span, format!("cannot read `{shown}`: {error}"))
+                .help("paths are relative to the file in which they are written"),
+        };
+        self.report(diagnostic.label("included here"));
     }
 
     fn templates(&mut self, fields: &mut Fields) {

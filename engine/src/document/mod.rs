@@ -41,7 +41,7 @@ pub(crate) struct Template {
 /// How documents are read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// Larger files are refused, bytes.
+    /// What a graph file and all that it includes may have together, bytes.
     pub max_bytes: u64,
 }
 

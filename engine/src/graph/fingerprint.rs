@@ -9,6 +9,7 @@ use crate::document::folder;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use crate::frame::Kind;
 use crate::settings::Fields;
+use haptograph_signal::files;
 use petgraph::graph::NodeIndex;
 use petgraph::visit::EdgeRef;
 use std::collections::BTreeMap;
@@ -107,7 +108,9 @@ fn file(path: &Path, state: &mut DefaultHasher) {
         return;
     }
     // One that cannot be read is refused by the node that needs it.
-    std::fs::read(path).unwrap_or_default().hash(state);
+    files::read(path, files::MAX_RECORDING_BYTES)
+        .unwrap_or_default()
+        .hash(state);
 }
 
 /// Of everything that a graph's samples come from, live settings included, by what it is called. Nodes that only

@@ -29,6 +29,7 @@ pub(super) use replay::Arrivals;
 use crate::graph::fingerprint::of_graph;
 use crate::graph::{Graph, LiveSetting};
 use crate::plan::Plan;
+use haptograph_signal::files;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -124,7 +125,7 @@ pub(super) fn keep_graph(graph: &Graph, folder: &Path) -> std::io::Result<()> {
 pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<(), ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
-    let text = match std::fs::read_to_string(&path) {
+    let text = match files::read_text(&path, 1 << 28) {
         Ok(text) => text,
         Err(error) => return Err(ReplayError::Read { path, error }),
     };

@@ -2,6 +2,7 @@
 
 use super::identify::Sweep;
 use crate::units;
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
@@ -88,10 +89,8 @@ impl SweepFile {
             path: path.to_owned(),
             error,
         };
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(failed)?;
+        let source = files::open(path, MAX_RECORDING_BYTES).map_err(|error| failed(error.into()))?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
         let header = reader.headers().map_err(failed)?.clone();
         if let Some(problem) = units::no_header(&header) {
             let path = path.to_owned();

@@ -10,9 +10,13 @@ use haptograph_engine::node::{
     BuildContext, BuildError, InputSpec, Io, NodeKind, NodeSpec, OutputSpec, Processor, Tick, input, output,
 };
 use haptograph_engine::settings::NoSettings;
+use haptograph_signal::files;
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The longest mesh file that is read, bytes: some five million triangles.
+const MAX_MESH_BYTES: u64 = 256 << 20;
 
 const POSITION: &[InputSpec] = &[input(
     "position",
@@ -127,7 +131,7 @@ pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, Build
     };
     let failed =
         |error: &dyn std::error::Error| BuildError::at("file", format!("{}: {error}", file.display()));
-    let bytes = std::fs::read(file).map_err(|error| failed(&error))?;
+    let bytes = files::read(file, MAX_MESH_BYTES).map_err(|error| failed(&error))?;
     TriangleMesh::from_bytes(&bytes, format, unit_mm * 1e-3).map_err(|error| failed(&error))
 }
 

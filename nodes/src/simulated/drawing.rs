@@ -2,7 +2,7 @@
 
 use super::stroke::{StrokeSettings, StrokeShape, Trajectory};
 use haptograph_engine::node::BuildError;
-use std::fs::File;
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -131,7 +131,7 @@ fn shape(stroke: &Drawing) -> Result<StrokeShape, BuildError> {
                 let message = format!("{}: {error}", file.display());
                 BuildError::at("stroke", message).help("give a CSV file with time_s, x_mm, y_mm and force_n")
             };
-            let source = File::open(file).map_err(|error| failed(&error))?;
+            let source = files::open(file, MAX_RECORDING_BYTES).map_err(|error| failed(&error))?;
             StrokeShape::Recorded(Arc::new(
                 Trajectory::from_csv(source).map_err(|error| failed(&error))?,
             ))

@@ -1,6 +1,7 @@
 //! A signal from a column of a table.
 
 use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::quantity::Quantity;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -102,10 +103,9 @@ impl Table {
     fn read(settings: &CsvSourceSettings, scale: f64) -> Result<Self, BuildError> {
         let file = settings.file.display();
         let failed = |problem: String| BuildError::at("file", format!("{file}: {problem}"));
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(&settings.file)
-            .map_err(|error| failed(error.to_string()))?;
+        let source =
+            files::open(&settings.file, MAX_RECORDING_BYTES).map_err(|error| failed(error.to_string()))?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
         let headers = reader
             .headers()
             .map_err(|error| failed(error.to_string()))?

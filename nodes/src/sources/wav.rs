@@ -1,7 +1,9 @@
 //! A recording from a WAV file.
 
 use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use hound::{SampleFormat, WavReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -62,7 +64,9 @@ pub(super) struct Channel<'a> {
 /// All its samples.
 pub(super) fn read(wanted: &Channel<'_>, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
     let failed = |error: hound::Error| unreadable(wanted.file, &error);
-    let mut reader = WavReader::open(wanted.file).map_err(failed)?;
+    let file =
+        files::open(wanted.file, MAX_RECORDING_BYTES).map_err(|error| unreadable(wanted.file, &error))?;
+    let mut reader = WavReader::new(BufReader::new(file)).map_err(failed)?;
     let spec = reader.spec();
     if f64::from(spec.sample_rate) != rate_hz {
         let message = format!(

@@ -6,12 +6,14 @@ use haptograph::engine::plan::Plan;
 use haptograph::engine::run::{Profile, StepCost};
 use haptograph::report::plot::{Axis, Mark, Plot, Style};
 use haptograph::report::theme::Ink;
+use haptograph::signal::files;
 use haptograph::signal::statistics::median;
 use petgraph::graph::NodeIndex;
 use petgraph::visit::EdgeRef;
 use serde_json::json;
 use std::collections::HashMap;
 use std::fmt::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What the runs took, turn by turn, in seconds a round.
@@ -401,7 +403,7 @@ fn bytes(count: u64) -> String {
 
 /// The most memory that this process has had, where the system tells.
 fn peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let status = files::read_text(Path::new("/proc/self/status"), 1 << 16).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)

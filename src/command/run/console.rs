@@ -1,7 +1,7 @@
 //! What is typed while a graph runs, or told by Open Sound Control.
 
 use haptograph::nodes::network::Told;
-use std::io::BufRead;
+use haptograph::signal::files::{self, Refusal};
 use std::sync::mpsc::SyncSender;
 
 /// A line that was typed.
@@ -47,10 +47,16 @@ pub enum Asked {
 /// nothing.
 pub fn listen(asked: SyncSender<Asked>) {
     std::thread::spawn(move || {
-        for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
-            // What is no text is told of like any other line that is not understood.
-            let line = String::from_utf8_lossy(&line);
-            if Typed::parse(&line).is_some_and(|typed| asked.send(Asked::Typed(typed)).is_err()) {
+        for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
+            let typed = match line {
+                // What is no text is told of like any other line that is not understood.
+                Ok(line) => Typed::parse(&String::from_utf8_lossy(&line)),
+                Err(error) if Refusal::of(&error).is_some() => {
+                    Some(Typed::Unknown(format!("a line: {error}")))
+                }
+                Err(_) => break,
+            };
+            if typed.is_some_and(|typed| asked.send(Asked::Typed(typed)).is_err()) {
                 break;
             }
         }

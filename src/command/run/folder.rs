@@ -3,6 +3,7 @@
 
 use super::super::{Failure, remark};
 use super::placing::{self, Placed};
+use haptograph::signal::files;
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
@@ -11,6 +12,8 @@ use std::path::{Path, PathBuf};
 
 /// The facts of a run, in its folder.
 pub const MARK: &str = "run.json";
+/// The longest file of facts that is read, bytes.
+pub const MAX_FACTS_BYTES: u64 = 64 << 20;
 /// The list of a run's files and their hashes, in its folder: see [`Written`](super::super::written::Written).
 pub const MANIFEST: &str = "manifest.json";
 /// Marks the folder of a run that is not in its place. JSON with `target`, `pid` and `haptograph`; locked while the run lives.
@@ -205,7 +208,8 @@ fn mark(content: &Path, place: &Path) -> io::Result<File> {
 
 /// Is the run of such a folder still going on?
 fn is_alive(leftover: &Path) -> bool {
-    let locked = File::open(leftover.join(MARKER)).map(|marker| marker.try_lock());
+    let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES);
+    let locked = marker.map(|marker| marker.as_file().try_lock());
     matches!(locked, Ok(Err(TryLockError::WouldBlock)))
 }
 
@@ -238,7 +242,7 @@ pub fn dead_in(folder: &Path) -> Vec<PathBuf> {
 
 /// What is said of a folder that a dead run left.
 fn about(leftover: &Path) -> String {
-    let facts = fs::read_to_string(leftover.join(MARKER)).unwrap_or_default();
+    let facts = files::read_text(&leftover.join(MARKER), MAX_FACTS_BYTES).unwrap_or_default();
     let facts: Value = serde_json::from_str(&facts).unwrap_or_default();
     let process = facts["pid"].as_u64();
     let process = process.map_or_else(String::new, |id| format!(" (process {id})"));

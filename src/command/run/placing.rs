@@ -3,7 +3,8 @@
 
 use super::super::Failure;
 use super::super::written::{Written, free_beside};
-use super::folder::{MANIFEST, MARK, MARKER, PROBES, REPLACED};
+use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
+use haptograph::signal::files;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
@@ -232,7 +233,7 @@ impl Moves {
 
 /// A live run of real devices can hold somebody's hour.
 fn holds_what_cannot_be_repeated(place: &Path) -> bool {
-    let facts = fs::read_to_string(place.join(MARK)).ok();
+    let facts = files::read_text(&place.join(MARK), MAX_FACTS_BYTES).ok();
     let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
     facts.is_some_and(|facts| facts["live"] == true && facts["real_devices"] == true)
 }

@@ -1,12 +1,13 @@
 //! `haptograph run --replay`: a live run again, as its drivers saw it then.
 
 use super::super::Failure;
+use super::folder::MAX_FACTS_BYTES;
 use super::summary::Summary;
 use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
 use haptograph::engine::graph::{Graph, GraphDevice};
 use haptograph::engine::run::{ARRIVALS, Offline};
+use haptograph::signal::files;
 use serde_json::{Value, json};
-use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
@@ -95,7 +96,7 @@ fn differs(graph: &Graph, facts: &Value) -> Vec<String> {
 /// The facts of the run that is to be repeated.
 fn facts(folder: &Path) -> Result<Value, Failure> {
     let path = folder.join(FACTS);
-    let text = fs::read_to_string(&path).map_err(|error| {
+    let text = files::read_text(&path, MAX_FACTS_BYTES).map_err(|error| {
         Failure::Message(format!(
             "cannot read {}: {error}; give the folder of a live run, with `{ARRIVALS}` in it",
             path.display()
@@ -109,6 +110,7 @@ mod tests {
     use super::*;
     use haptograph::engine::document::Document;
     use haptograph::engine::graph::{CheckOptions, check};
+    use std::fs;
 
     #[test]
     fn a_replay_names_what_it_does_not_repeat() {

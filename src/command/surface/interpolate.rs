@@ -2,10 +2,10 @@
 
 use super::{Failure, load, texture};
 use crate::command::{say, snippet};
+use haptograph::signal::files;
 use haptograph::surfaces::files::decimal::{format_thousandfold, parse_thousandth};
 use haptograph::surfaces::{Coefficients, Interpolator, Spot};
 use serde::Serialize;
-use std::io::BufRead;
 use std::path::PathBuf;
 
 /// Interpolate a texture at speeds and forces read from standard input
@@ -48,8 +48,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
-    for (index, line) in std::io::stdin().lock().split(b'\n').enumerate() {
-        let line = line.map_err(|error| Failure::Message(format!("cannot read standard input: {error}")))?;
+    for (index, line) in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES).enumerate() {
+        let line = line.map_err(|error| {
+            let number = index + 1;
+            Failure::Message(format!("cannot read line {number} of standard input: {error}"))
+        })?;
         let line = String::from_utf8_lossy(&line);
         let Some(asked) = parse(&line).map_err(|wrong| wrong.at(&line, index + 1))? else {
             continue;

@@ -9,6 +9,7 @@ pub mod native;
 mod write;
 
 use crate::{ModelError, Origin, Surface, SurfaceError, Taps, TextureError};
+use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
@@ -43,18 +44,10 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
 
 /// A surface from a file.
 pub fn load(path: &Path) -> Result<Surface, FileError> {
-    let failed = |source| FileError::Io {
+    let bytes = files::read(path, MAX_FILE_BYTES).map_err(|source| FileError::Io {
         path: path.to_owned(),
         source,
-    };
-    let bytes_long = std::fs::metadata(path).map_err(failed)?.len();
-    if bytes_long > MAX_FILE_BYTES {
-        return Err(FileError::TooLarge {
-            path: path.to_owned(),
-            bytes: bytes_long,
-        });
-    }
-    let bytes = std::fs::read(path).map_err(failed)?;
+    })?;
     let read = read_surface(&bytes);
     let mut surface = read.map_err(|error| FileError::Read {
         path: path.to_owned(),
@@ -312,14 +305,6 @@ pub enum FileError {
         path: PathBuf,
         /// The system's reason.
         source: std::io::Error,
-    },
-    /// Larger than any surface.
-    #[error("{} has {bytes} bytes; a surface file has at most {MAX_FILE_BYTES}", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Its size.
-        bytes: u64,
     },
     /// Its content is not a surface.
     #[error("{}: {error}", path.display())]

@@ -2,12 +2,9 @@
 
 use super::{AnyRecording, ReadError, read_archive, read_csv, read_hatt, write_archive, write_csv};
 use crate::files::write_atomically;
-use std::fs::File;
+use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-
-/// Larger files are not read, bytes: an hour of raw recording.
-pub const MAX_FILE_BYTES: u64 = 4 << 30;
 
 /// A recording from a file: [our own archive](read_archive), [CSV](read_csv), or any of the three
 /// XML files that the public haptic texture toolkit (HaTT) makes of a recording (the other two must lie beside it).
@@ -78,15 +75,8 @@ fn load_hatt(path: &Path) -> Result<AnyRecording, LoadError> {
         })
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, LoadError> {
-    let file = File::open(path).map_err(|source| io_error(path, source))?;
-    let bytes = file.metadata().map_err(|source| io_error(path, source))?.len();
-    if bytes > MAX_FILE_BYTES {
-        return Err(LoadError::TooLarge {
-            path: path.to_owned(),
-            bytes,
-        });
-    }
+fn open(path: &Path) -> Result<BufReader<Bounded>, LoadError> {
+    let file = files::open(path, MAX_RECORDING_BYTES).map_err(|source| io_error(path, source))?;
     Ok(BufReader::with_capacity(1 << 16, file))
 }
 
@@ -103,8 +93,6 @@ fn io_error(path: &Path, source: std::io::Error) -> LoadError {
 pub enum LoadError {
     #[error("cannot read {}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    #[error("{} is {bytes} bytes long; recordings of more than {MAX_FILE_BYTES} are not read", path.display())]
-    TooLarge { path: PathBuf, bytes: u64 },
     #[error("{} is no recording: {source}", path.display())]
     Read { path: PathBuf, source: ReadError },
 }

@@ -16,7 +16,7 @@ mod signal;
 pub use archive::{read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, csv_head, read_csv, write_csv};
 pub use error::ReadError;
-pub use file::{LoadError, MAX_FILE_BYTES, load, save};
+pub use file::{LoadError, load, save};
 pub use hatt::read_hatt;
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};

@@ -8,7 +8,7 @@ use super::super::link::{LinkReader, LinkWriter};
 use super::super::live::FADE_S;
 use super::{FADING, REPLACED, ReplayError, SETTINGS_HEADER, cell, columns, file, header, settings_file};
 use crate::plan::Plan;
-use std::fs::File;
+use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ impl Arrivals {
             path: path.clone(),
             error,
         };
-        let mut lines = BufReader::new(File::open(&path).map_err(read)?).lines();
+        let mut lines = BufReader::new(files::open(&path, MAX_RECORDING_BYTES).map_err(read)?).lines();
         let found = lines.next().transpose().map_err(read)?.unwrap_or_default();
         let (wanted, columns) = (header(plan), columns(plan));
         if found != wanted {
@@ -135,7 +135,7 @@ impl Arrivals {
 
 /// What is to be set of a driver, as read from its file.
 fn changes(path: PathBuf, plan: &Plan) -> Result<Vec<Glide>, ReplayError> {
-    let text = match std::fs::read_to_string(&path) {
+    let text = match files::read_text(&path, MAX_RECORDING_BYTES) {
         Ok(text) => text,
         Err(error) => return Err(ReplayError::Read { path, error }),
     };

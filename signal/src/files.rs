@@ -1,0 +1,282 @@
+//! Files and lines of which no more is read than is meant to be: the only place where the library opens a file to
+//! read it.
+
+use std::fs::File;
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+/// The longest recording or other table of samples that is read, bytes: an hour of raw recording.
+pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
+/// The longest line that is read where people or other programs type lines, bytes.
+pub const MAX_LINE_BYTES: usize = 64 << 10;
+
+/// Why a file or line is not read on. An [`io::Error`] carries it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Refusal {
+    /// Folders, pipes, sockets and devices.
+    #[error("it is {found}, not a regular file")]
+    NotRegular {
+        /// What it is.
+        found: &'static str,
+    },
+    /// Longer than it may be, whatever the file system says of its length.
+    #[error("it is longer than {max_bytes} bytes")]
+    TooLong {
+        /// What may be read.
+        max_bytes: u64,
+    },
+}
+
+impl Refusal {
+    /// The refusal that an error carries.
+    pub fn of(error: &io::Error) -> Option<Self> {
+        error.get_ref()?.downcast_ref().copied()
+    }
+}
+
+impl From<Refusal> for io::Error {
+    fn from(refusal: Refusal) -> Self {
+        let kind = match refusal {
+            Refusal::NotRegular { .. } => io::ErrorKind::InvalidInput,
+            Refusal::TooLong { .. } => io::ErrorKind::FileTooLarge,
+        };
+        Self::new(kind, refusal)
+    }
+}
+
+/// An open file, which gives an error instead of more bytes than it may have.
+#[derive(Debug)]
+pub struct Bounded {
+    file: File,
+    max_bytes: u64,
+    left: u64,
+}
+
+impl Bounded {
+    /// The file itself, to lock it or to look at its metadata.
+    pub fn as_file(&self) -> &File {
+        &self.file
+    }
+}
+
+impl Read for Bounded {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        // One byte more than is left tells whether there are more.
+        let most = into
+            .len()
+            .min(usize::try_from(self.left).unwrap_or(usize::MAX).saturating_add(1));
+        let read = self.file.read(&mut into[..most])?;
+        let left = self.left.checked_sub(read as u64);
+        let max_bytes = self.max_bytes;
+        self.left = left.ok_or(Refusal::TooLong { max_bytes })?;
+        Ok(read)
+    }
+}
+
+/// Opens a regular file, of which at most so many bytes can be read.
+///
+/// Never waits: what is opened is looked at afterwards, so that nothing can be put in its place in between.
+///
+/// # Errors
+/// Those of the file system, and [`Refusal`].
+pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
+    let mut options = File::options();
+    options.read(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
+    let opened = options.open(path);
+    // Sockets cannot be opened at all, nor can folders everywhere.
+    let metadata = match &opened {
+        Ok(file) => file.metadata()?,
+        Err(_) => match path.metadata() {
+            Ok(metadata) if !metadata.is_file() => metadata,
+            _ => return opened.and_then(|_| Err(io::ErrorKind::Other.into())),
+        },
+    };
+    if !metadata.is_file() {
+        let found = kind(metadata.file_type());
+        return Err(Refusal::NotRegular { found }.into());
+    }
+    if metadata.len() > max_bytes {
+        return Err(Refusal::TooLong { max_bytes }.into());
+    }
+    let left = max_bytes;
+    opened.map(|file| Bounded {
+        file,
+        max_bytes,
+        left,
+    })
+}
+
+#[cfg(unix)]
+fn kind(of: std::fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match of {
+        _ if of.is_dir() => "a folder",
+        _ if of.is_fifo() => "a named pipe",
+        _ if of.is_socket() => "a socket",
+        _ => "a device",
+    }
+}
+
+#[cfg(not(unix))]
+fn kind(of: std::fs::FileType) -> &'static str {
+    if of.is_dir() { "a folder" } else { "something else" }
+}
+
+/// All bytes of a regular file that has at most so many.
+///
+/// # Errors
+/// As [`open`].
+pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
+    let mut file = open(path, max_bytes)?;
+    // Exact where the file says its length and does not grow.
+    let length = file.file.metadata()?.len().min(max_bytes);
+    let mut bytes = Vec::new();
+    let reserved = bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX));
+    reserved.map_err(|_| io::ErrorKind::OutOfMemory)?;
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The text of a regular file that has at most so many bytes.
+///
+/// # Errors
+/// As [`open`]; and [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
+    let not_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text");
+    String::from_utf8(read(path, max_bytes)?).map_err(not_text)
+}
+
+/// The lines of a source, each of at most so many bytes and without its end. Of a longer one the rest is passed over,
+/// and [`Refusal::TooLong`] given in its place.
+pub fn lines(mut source: impl BufRead, max_bytes: usize) -> impl Iterator<Item = io::Result<Vec<u8>>> {
+    std::iter::from_fn(move || line(&mut source, max_bytes).transpose())
+}
+
+fn line(source: &mut impl BufRead, max_bytes: usize) -> io::Result<Option<Vec<u8>>> {
+    let mut line = Vec::new();
+    // Its end does not count.
+    let most = max_bytes as u64 + 1;
+    if source.by_ref().take(most).read_until(b'\n', &mut line)? == 0 {
+        return Ok(None);
+    }
+    if line.pop_if(|last| *last == b'\n').is_none() && line.len() > max_bytes {
+        source.skip_until(b'\n')?;
+        let max_bytes = max_bytes as u64;
+        return Err(Refusal::TooLong { max_bytes }.into());
+    }
+    Ok(Some(line))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(result: io::Result<Vec<u8>>) -> Option<Refusal> {
+        Refusal::of(&result.unwrap_err())
+    }
+
+    #[test]
+    fn files_are_read_up_to_their_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x");
+        std::fs::write(&path, "12345").unwrap();
+        assert_eq!(read(&path, 5).unwrap(), b"12345");
+        assert_eq!(refusal(read(&path, 4)), Some(Refusal::TooLong { max_bytes: 4 }));
+        // A file that grows after it was opened.
+        let mut file = open(&path, 8).unwrap();
+        std::fs::write(&path, "123456789").unwrap();
+        let error = file.read_to_end(&mut Vec::new()).unwrap_err();
+        assert_eq!(Refusal::of(&error), Some(Refusal::TooLong { max_bytes: 8 }));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_regular_file_is_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let (pipe, socket) = (folder.path().join("pipe"), folder.path().join("socket"));
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
+        let _socket = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        for (path, found) in [
+            (folder.path(), "a folder"),
+            (&pipe, "a named pipe"),
+            (&socket, "a socket"),
+            (Path::new("/dev/zero"), "a device"),
+        ] {
+            assert_eq!(refusal(read(path, 9)), Some(Refusal::NotRegular { found }));
+        }
+        assert_eq!(
+            read(&folder.path().join("none"), 9).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_the_file_system_says_of_a_length_is_not_trusted() {
+        let path = Path::new("/proc/self/status");
+        assert_eq!(path.metadata().unwrap().len(), 0);
+        assert!(!read(path, 1 << 20).unwrap().is_empty());
+        assert_eq!(refusal(read(path, 9)), Some(Refusal::TooLong { max_bytes: 9 }));
+    }
+
+    #[test]
+    fn lines_too_long_are_told_of_and_passed_over() {
+        let source = io::Cursor::new("abc\n\nabcdef\nabcd\nlong end");
+        let read: Vec<_> = lines(source, 4).map(|line| line.ok()).collect();
+        let line = |text: &str| Some(text.as_bytes().to_vec());
+        assert_eq!(read, [line("abc"), line(""), None, line("abcd"), None]);
+    }
+
+    /// The sources of a folder that are part of what is shipped.
+    fn sources(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let name = entry.file_name();
+            if path.is_dir() && name != "tests" {
+                sources(&path, found);
+            } else if name.to_string_lossy().ends_with(".rs") && name != "tests.rs" {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn files_and_typed_lines_are_read_here_alone() {
+        const OPENERS: [&str; 7] = [
+            "File::open(",
+            "fs::read(",
+            "fs::read_to_string(",
+            "WavReader::open(",
+            ".from_path(",
+            "lock().split(",
+            "lock().lines(",
+        ];
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let mut found = Vec::new();
+        for part in [
+            "signal/src",
+            "engine/src",
+            "surfaces/src",
+            "nodes/src",
+            "live/src",
+            "report/src",
+            "studio/src",
+            "src",
+        ] {
+            sources(&root.join(part), &mut found);
+        }
+        // Where the crate stands alone there are only its own.
+        assert!(found.len() > 10);
+        for path in found.iter().filter(|path| !path.ends_with("signal/src/files.rs")) {
+            let text = std::fs::read_to_string(path).unwrap();
+            let shipped = text.split("#[cfg(test)]\nmod").next().unwrap_or_default();
+            for opener in OPENERS {
+                assert!(!shipped.contains(opener), "{}: {opener}...", path.display());
+            }
+        }
+    }
+}
