@@ -114,6 +114,7 @@ fn drivers(criterion: &mut Criterion) {
         let options = LiveOptions {
             block: 64,
             seconds: None,
+            rested: true,
         };
         let opened = Session::open_all(Outlets::new(&graph), &options, None);
         let (mut lives, session) = opened.expect("the system gives a thread");

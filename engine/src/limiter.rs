@@ -11,8 +11,35 @@
 //! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
 //! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
 //! (`Rung`); every admissible state has an admissible successor, the next rung down.
+//!
+//! # What is promised over a change of limits
+//!
+//! Let M(t) be the mean square, weighted by the window of the limit that is in force, of **everything** that the actuator
+//! was given since the run began, whatever limits were in force then. At every tick, with k = exp(-1 / (window rate)):
+//!
+//! ```text
+//! M(t) - continuous^2 <= k max(0, M(t - 1) - continuous^2)
+//! ```
+//!
+//! So M never goes above the limit; where a limit is lowered, or its window shortened, below the heat that is there
+//! already, the excess only decays, and what is given since then keeps the limit by itself. Over a rectangle of T
+//! seconds the energy is at most continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
+//!
+//! The proof: a limiter that goes on for another one begins from m >= M, which `Heat` can give for any window. Both
+//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit no heat is left, the outputs
+//! are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M. A change of
+//! limits happens while the output is zero, from where every state is admissible.
+//!
+//! What an actuator was given before anybody looked is counted as the limit in force itself, whichever that is: it
+//! begins with its heat spent, and to raise a limit gives none back. One that left the run, and comes back or might come
+//! back under another name, is as hot as the hottest that ever left besides: nothing is assumed of its cooling meanwhile.
+
+mod heat;
+
+pub(crate) use heat::Hottest;
 
 use haptograph_signal::vector::{add_scaled, dot, norm, scale, sub};
+use heat::Heat;
 
 /// Limits of one actuator, in the unit of its drive (A, N or V).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,8 +114,13 @@ pub struct Limiter<const N: usize> {
     weight: f64,
     ramp: Box<[Rung]>,
     previous: [f64; N],
-    /// Heat that is left: the continuous limit's square less the mean square.
+    /// Heat that is left: the continuous limit's square less the mean square. Below zero where a higher limit, or one
+    /// of another window, let it become hotter than this one would.
     budget: f64,
+    /// What it was given, for limits to come.
+    heat: Heat,
+    window_s: f64,
+    rate_hz: f64,
     counts: ClipCounts,
 }
 
@@ -140,6 +172,9 @@ impl<const N: usize> Limiter<N> {
             ramp: ramp(peak, continuous_square, step, weight, unlimited_slew),
             previous: [0.0; N],
             budget: continuous_square,
+            heat: Heat::cold(rate_hz),
+            window_s: limit.window_s,
+            rate_hz,
             counts: ClipCounts::default(),
         })
     }
@@ -162,21 +197,55 @@ impl<const N: usize> Limiter<N> {
         self.counts
     }
 
-    /// The weighted mean square, in the drive's unit squared: 0 when cold, at most the continuous limit's square.
+    /// At least the weighted mean square, in the drive's unit squared: 0 when cold, above the continuous limit's square
+    /// where another limit was in force before.
     pub fn mean_square(&self) -> f64 {
         self.continuous_square - self.budget
     }
 
-    /// Goes on for another limiter of the same actuator: as warm, and its counts go on. Where that one allowed more
-    /// than this one does, all is spent.
+    /// Goes on for another limiter of the same actuator, as warm as that really is.
     pub fn go_on_for(&mut self, other: &Self) {
-        self.budget = (self.continuous_square - other.mean_square()).clamp(0.0, self.continuous_square);
-        self.counts = other.counts;
+        self.heat.go_on_for(&other.heat);
+        let unknown = self.heat.unknown_part(self.window_s);
+        let mut known = self.heat.mean_square(self.window_s);
+        if (self.window_s, self.rate_hz) == (other.window_s, other.rate_hz) {
+            if self.continuous_square == other.continuous_square {
+                self.budget = other.budget;
+                return;
+            }
+            known = known.min(other.mean_square() - unknown * other.continuous_square);
+        }
+        self.budget = self.continuous_square * (1.0 - unknown) - known;
+    }
+
+    /// Its counts go on from those of another one.
+    pub fn count_on_from(&mut self, counts: ClipCounts) {
+        self.counts = counts;
     }
 
     /// Begins as warm as the limit allows, for an actuator of which nobody knows what drove it before.
-    pub fn begin_spent(&mut self) {
-        self.budget = 0.0;
+    pub fn begin_unrested(&mut self) {
+        self.begin_unknown(None);
+    }
+
+    /// The same for one that may be any of those that left the run.
+    pub(crate) fn begin_as_any_of(&mut self, hottest: &Hottest) {
+        self.begin_unknown(Some(hottest));
+    }
+
+    fn begin_unknown(&mut self, hottest: Option<&Hottest>) {
+        self.heat.begin_unknown(hottest);
+        self.budget = -self.heat.mean_square(self.window_s);
+    }
+
+    /// Does it count a time of which nobody knows what drove its actuator?
+    pub fn is_unrested(&self) -> bool {
+        self.heat.is_partly_unknown()
+    }
+
+    /// The actuator leaves the run.
+    pub(crate) fn leave_to(&self, hottest: &Hottest) {
+        hottest.take_in(&self.heat);
     }
 
     /// Begins from what the actuator was really given last; the heat stays.
@@ -229,13 +298,15 @@ impl<const N: usize> Limiter<N> {
 
     /// The largest magnitude up to `asked` that leaves enough heat to come down again.
     fn most_magnitude(&self, asked: f64) -> f64 {
+        // With a debt of heat from another limit, what is continuous is allowed: the debt decays as it would.
+        let budget = self.budget.max(0.0);
         let above = self.ramp.partition_point(|rung| rung.magnitude < asked);
         let mut most = 0.0_f64;
         for rung in self.ramp.iter().take(above + 1).rev() {
             if most >= rung.magnitude {
                 break;
             }
-            let left = (1.0 - self.weight) * self.budget - rung.budget;
+            let left = (1.0 - self.weight) * budget - rung.budget;
             let square = self.continuous_square + left / self.weight;
             if square > 0.0 {
                 most = most.max(rung.magnitude.min(square.sqrt()));
@@ -245,7 +316,9 @@ impl<const N: usize> Limiter<N> {
     }
 
     fn put_out(&mut self, output: [f64; N]) -> [f64; N] {
-        let excess = dot(output, output) - self.continuous_square;
+        let square = dot(output, output);
+        self.heat.note(square);
+        let excess = square - self.continuous_square;
         self.budget = (1.0 - self.weight) * self.budget - self.weight * excess;
         self.previous = output;
         output

@@ -48,6 +48,9 @@ pub struct Arguments {
     /// Also take settings by Open Sound Control at this address: `/NODE/SETTING value`, `/PARAMETER value`
     #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
     pub osc: Option<SocketAddr>,
+    /// The actuators are cold: unless this is said, real ones begin as warm as their limits allow
+    #[arg(long, requires = "live")]
+    pub rested: bool,
     /// Repeat a live run bit for bit, and what was set meanwhile, from the folder that it left
     #[arg(long, value_name = "DIR", conflicts_with_all = ["live", "duration_s"])]
     pub replay: Option<PathBuf>,

@@ -222,6 +222,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         duration_s: Some(arguments.duration_s),
         live: false,
         watch: false,
+        rested: false,
         osc: None,
         replay: None,
         seed: arguments.seed,

@@ -248,13 +248,16 @@ impl<'a> Builder<'a> {
                 });
                 StepWork::Process((self.plan.processors.len() - 1) as u32)
             }
-            Work::Actuator { gain, limit, .. } => {
+            Work::Actuator {
+                gain, limit, device, ..
+            } => {
                 self.plan.actuators.push(ActuatorPlan {
                     path: node.path.clone(),
                     gain: *gain,
                     limit: *limit,
                     width: widths.first().copied().unwrap_or(0),
                     rate: graph.clocks[clock].rate,
+                    simulated: graph.devices[*device].entry.spec.simulated,
                 });
                 StepWork::Actuator((self.plan.actuators.len() - 1) as u32)
             }

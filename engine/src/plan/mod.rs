@@ -147,6 +147,8 @@ pub(crate) struct ActuatorPlan {
     pub limit: Limit,
     pub width: usize,
     pub rate: Rate,
+    /// Does it drive a body that begins as it is built?
+    pub simulated: bool,
 }
 
 impl ActuatorPlan {

@@ -1,7 +1,7 @@
 //! What stands between a plan and its actuators: the sinks' gains, the fade, and the limiters that nothing gets around.
 
 use super::drive::Drive;
-use crate::limiter::{ClipCounts, Limiter};
+use crate::limiter::{ClipCounts, Hottest, Limiter};
 use crate::plan::ActuatorPlan;
 
 /// What an actuator sink held back.
@@ -170,9 +170,28 @@ impl AnyLimiter {
         self.output() == [0.0; 6]
     }
 
-    /// Begins as warm as the limit allows.
-    pub(super) fn begin_spent(&mut self) {
-        any!(self, limiter => limiter.begin_spent(), closed: ());
+    /// Its counts go on from those of another one.
+    pub(super) fn count_on_from(&mut self, counts: ClipCounts) {
+        any!(self, limiter => limiter.count_on_from(counts), closed: ());
+    }
+
+    /// Begins as warm as the limit allows: nobody knows what its actuator was given before.
+    pub(super) fn begin_unrested(&mut self) {
+        any!(self, limiter => limiter.begin_unrested(), closed: ());
+    }
+
+    /// The same for one that may be any of those that left the run.
+    pub(super) fn begin_as_any_of(&mut self, hottest: &Hottest) {
+        any!(self, limiter => limiter.begin_as_any_of(hottest), closed: ());
+    }
+
+    pub(super) fn is_unrested(&self) -> bool {
+        any!(self, limiter => limiter.is_unrested(), closed: false)
+    }
+
+    /// Its actuator leaves the run.
+    pub(super) fn leave_to(&self, hottest: &Hottest) {
+        any!(self, limiter => limiter.leave_to(hottest), closed: ());
     }
 
     /// Begins from what the actuator was really given last.

@@ -18,7 +18,7 @@
 //! ```
 //!
 //! Beside these stands `graph.txt`: a fingerprint of everything that the samples come from, so that no other graph is
-//! taken for this one.
+//! taken for this one, and whether real actuators began with their heat spent.
 
 mod log;
 mod replay;
@@ -112,17 +112,24 @@ fn graph_file(folder: &Path) -> PathBuf {
     folder.join(ARRIVALS).join("graph.txt")
 }
 
-/// Keeps what a run's graph is known by.
-pub(super) fn keep_graph(graph: &Graph, folder: &Path) -> std::io::Result<()> {
+/// In the file of a run whose real actuators began as warm as their limits allow.
+const UNRESTED: &str = "unrested actuators";
+
+/// Keeps what a run's graph is known by, and how its actuators began.
+pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io::Result<()> {
+    let heat = match rested {
+        true => String::new(),
+        false => format!("{:016x} {UNRESTED}\n", 1),
+    };
     let lines = of_graph(graph)
         .into_iter()
         .map(|(name, fingerprint)| format!("{fingerprint:016x} {name}\n"));
     std::fs::create_dir_all(folder.join(ARRIVALS))?;
-    std::fs::write(graph_file(folder), lines.collect::<String>())
+    std::fs::write(graph_file(folder), lines.collect::<String>() + &heat)
 }
 
-/// Refuses a graph that is not the one of the run.
-pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<(), ReplayError> {
+/// Refuses a graph that is not the one of the run; did its actuators begin rested?
+pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
     let text = match files::read_text(&path, 1 << 28) {
@@ -134,6 +141,7 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<(), ReplayErro
         .filter_map(|line| line.split_once(' '))
         .map(|(fingerprint, name)| (name, fingerprint))
         .collect();
+    let rested = then.remove(UNRESTED).is_none();
     let mut differences = Vec::new();
     for (name, fingerprint) in of_graph(graph) {
         match then.remove(name.as_str()) {
@@ -146,7 +154,7 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<(), ReplayErro
     }
     differences.extend(then.into_keys().map(|name| format!("`{name}` is gone")));
     if differences.is_empty() {
-        return Ok(());
+        return Ok(rested);
     }
     let more = differences.len().saturating_sub(NAMED);
     differences.truncate(NAMED);

@@ -9,11 +9,12 @@ use super::actuator::Role;
 use super::device::Part;
 use super::drive::Drive;
 use super::swap::Next;
+use crate::limiter::Hottest;
 
 impl Next {
     /// Puts the new plan in the place of the running one, to rise over it within `seconds`.
-    pub(super) fn cross_fade(&mut self, running: &mut Run, seconds: f64) {
-        self.take_over(running);
+    pub(super) fn cross_fade(&mut self, running: &mut Run, seconds: f64, hottest: &Hottest) {
+        self.take_over(running, hottest);
         let (begin, end) = running.fade_span(seconds);
         let (old, new) = (&mut self.run.state, &mut running.state);
         for (from, to) in &self.devices {

@@ -13,6 +13,7 @@ use super::rings::TapRings;
 use super::swap::{Next, Transfer};
 use super::{ActuatorReport, Faults, Run};
 use crate::device::Device;
+use crate::limiter::Hottest;
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -41,6 +42,8 @@ pub struct Live {
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
+    /// What the actuators that left the run were given.
+    hottest: Arc<Hottest>,
 }
 
 /// What a live run is doing.
@@ -74,6 +77,7 @@ pub fn live(plan: Arc<Plan>) -> (Live, Control) {
         commands: command_out,
         reports: report_in,
         unreported: 0,
+        hottest: Arc::default(),
     };
     let control = Control::new(plan, command_in, report_out);
     (live, control)
@@ -154,6 +158,11 @@ impl Live {
     /// Ends after so many driver frames from the start.
     pub fn end_after(&mut self, frames: u64) {
         self.ends_after = Some(frames);
+    }
+
+    /// Of several drivers: an actuator may leave one and come to another.
+    pub(super) fn share_heat(&mut self, hottest: Arc<Hottest>) {
+        self.hottest = hottest;
     }
 
     pub(super) fn send_taps_through(&mut self, rings: TapRings) {
@@ -281,7 +290,7 @@ impl Live {
             && self.glides.is_empty()
             && let Some(mut next) = self.next.take_if(|next| next.transfer == Transfer::CrossFade)
         {
-            next.cross_fade(&mut self.run, FADE_S);
+            next.cross_fade(&mut self.run, FADE_S, &self.hottest);
             next.rings.take_over(&mut self.rings);
             self.former = Some(next);
         }
@@ -292,7 +301,7 @@ impl Live {
             self.state = LiveState::Stopped;
         } else if let Some(mut next) = self.next.take() {
             self.glides.arrive(&mut self.run);
-            next.take_over(&mut self.run);
+            next.take_over(&mut self.run, &self.hottest);
             next.rings.take_over(&mut self.rings);
             self.run.fade_in(FADE_S);
             self.retire(next);

@@ -288,6 +288,21 @@ impl Run {
             .all(|actuator| actuator.limiter.rests())
     }
 
+    /// Lets the limiters of real actuators begin as warm as they allow: what drove these before is not known.
+    pub(crate) fn begin_unrested(&mut self) {
+        let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
+        for (_, actuator) in actuators.filter(|(plan, _)| !plan.simulated) {
+            actuator.limiter.begin_unrested();
+        }
+    }
+
+    /// Paths of the actuator sinks that count a time of which nobody knows what drove their actuators.
+    pub fn unrested(&self) -> impl Iterator<Item = &str> {
+        let actuators = self.plan.actuators.iter().zip(&self.state.actuators);
+        let unrested = actuators.filter(|(_, actuator)| actuator.limiter.is_unrested());
+        unrested.map(|(plan, _)| &*plan.path)
+    }
+
     /// Lets every limiter begin from zero, as nothing is driven.
     pub(crate) fn begin_at_rest(&mut self) {
         for actuator in &mut self.state.actuators {

@@ -140,7 +140,7 @@ impl<'a> Offline<'a> {
             .into_iter()
             .map(Arc::new)
             .collect();
-        check_graph(self.outlets.graph, folder)?;
+        let rested = check_graph(self.outlets.graph, folder)?;
         let load = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::load(folder, driver, plan);
         let mut scripts = plans
             .iter()
@@ -149,6 +149,9 @@ impl<'a> Offline<'a> {
             .collect::<Result<Vec<_>, _>>()?;
         let mut files = Files::new(self.outlets.written, plans.iter().map(Arc::as_ref));
         let mut fleet = Fleet::new(&plans);
+        if !rested {
+            fleet.runs_mut().iter_mut().for_each(Run::begin_unrested);
+        }
         let goes_on = || !stop.load(Ordering::Relaxed);
         fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;

@@ -27,6 +27,9 @@ pub struct LiveOptions {
     pub block: usize,
     /// When it ends; until it is stopped if there is none.
     pub seconds: Option<f64>,
+    /// Are the actuators known to be cold? Unless they are, those that are not simulated begin as warm as their limits
+    /// allow.
+    pub rested: bool,
 }
 
 /// A live run.
@@ -108,11 +111,16 @@ impl Session {
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
+        let hottest = Arc::default();
         for plan in Plan::all(outlets.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live(Arc::clone(&plan));
             live.send_taps_through(rings);
+            live.share_heat(Arc::clone(&hottest));
+            if !options.rested {
+                live.run_mut().begin_unrested();
+            }
             if let Some(seconds) = options.seconds {
                 live.end_after((seconds * plan.driver_rate().hz()).round().max(0.0) as u64);
             }
@@ -121,7 +129,7 @@ impl Session {
         }
         session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let Some(folder) = folder {
-            arrivals::keep_graph(outlets.graph, folder)?;
+            arrivals::keep_graph(outlets.graph, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
             }

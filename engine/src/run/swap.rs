@@ -3,7 +3,8 @@
 
 use super::Run;
 use super::rings::TapRings;
-use crate::plan::{BridgeKind, DelayPlan, DevicePlan, Plan, Step, StepWork};
+use crate::limiter::Hottest;
+use crate::plan::{BridgeKind, DelayPlan, DevicePlan, NodeKey, Plan, Step, StepWork};
 use haptograph_signal::time::Rate;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -18,11 +19,12 @@ pub(super) struct Next {
     bridges: Vec<(usize, usize)>,
     delays: Vec<(usize, usize)>,
     pub(super) devices: Vec<(usize, usize)>,
-    /// Whose heat goes on as whose.
+    /// Whose counts go on as whose.
     actuators: Vec<(usize, usize)>,
-    /// Those of them that are the same channel of the same device.
+    /// Those of them that are the same channel of the same device: their heat goes on too.
     pub(super) drives: Vec<(usize, usize)>,
-    /// Those of the new plan whose device the old one did not drive.
+    /// Those of the old plan that the new one does not drive, and of the new one that the old did not.
+    leaving: Vec<usize>,
     strangers: Vec<usize>,
     /// Ends of rings to other drivers that go on; the other ends are the new plan's own.
     pub(super) readers: Vec<(usize, usize)>,
@@ -100,7 +102,7 @@ impl Next {
         };
         let actuators = plan.actuators.iter().enumerate();
         let actuators = actuators.filter_map(|(new_at, actuator)| {
-            // Heat is the device's, whatever the sink is called; and a device that is gone may have a new name.
+            // The device's, whatever the sink is called; or the sink's, if its device is gone.
             let driven = driven_by(&plan, new_at);
             let same = |old_at: &usize| driven.is_some() && driven_by(old, *old_at) == driven;
             let renamed = |old_at: &usize| old.actuators[*old_at].path == actuator.path && gone(old_at);
@@ -109,12 +111,13 @@ impl Next {
             Some((old_at, new_at))
         });
         let actuators: Vec<(usize, usize)> = actuators.collect();
-        let known = |new_at: &usize| actuators.iter().any(|(_, known)| known == new_at);
         let same_drive = |(from, to): &&(usize, usize)| {
             let driven = driven_by(old, *from);
             driven.is_some() && driven == driven_by(&plan, *to)
         };
         let drives: Vec<(usize, usize)> = actuators.iter().filter(same_drive).copied().collect();
+        let leaves = |old_at: &usize| drives.iter().all(|(from, _)| from != old_at);
+        let is_new = |new_at: &usize| drives.iter().all(|(_, to)| to != new_at);
         let transfer = if old.is_same_as(&plan) {
             Transfer::Everything
         } else {
@@ -125,9 +128,8 @@ impl Next {
             }
         };
         Self {
-            strangers: (0..plan.actuators.len())
-                .filter(|new_at| !known(new_at))
-                .collect(),
+            leaving: (0..old.actuators.len()).filter(leaves).collect(),
+            strangers: (0..plan.actuators.len()).filter(is_new).collect(),
             bridges: pairs(old, &plan, bridge),
             delays: pairs(old, &plan, delay),
             devices,
@@ -156,8 +158,9 @@ impl Next {
     }
 
     /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
-    pub(super) fn take_over(&mut self, running: &mut Run) {
+    pub(super) fn take_over(&mut self, running: &mut Run, hottest: &Hottest) {
         let together = self.transfer == Transfer::CrossFade;
+        self.carry_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
         for (from, to, carry) in &self.processors {
             match carry {
@@ -178,15 +181,6 @@ impl Next {
             let (from_plan, to_plan) = (&running.plan.devices[*from], &self.run.plan.devices[*to]);
             new.devices[*to].take_over(&mut old.devices[*from], from_plan, to_plan);
         }
-        for (from, to) in &self.actuators {
-            new.actuators[*to]
-                .limiter
-                .go_on_for(&old.actuators[*from].limiter);
-        }
-        for new_at in &self.strangers {
-            // A plan before the old one may have, or the device has another name now.
-            new.actuators[*new_at].limiter.begin_spent();
-        }
         for (from, to) in &self.readers {
             std::mem::swap(&mut old.links.readers[*from], &mut new.links.readers[*to]);
         }
@@ -197,6 +191,26 @@ impl Next {
         new.windows.start_at(frames);
         new.faults = std::mem::take(&mut old.faults);
         std::mem::swap(&mut self.run, running);
+    }
+}
+
+impl Next {
+    /// Heat is the device's: what a channel was given goes on with the same channel of the same device.
+    fn carry_heat(&mut self, running: &Run, hottest: &Hottest) {
+        let (old, new) = (&running.state.actuators, &mut self.run.state.actuators);
+        for (from, to) in &self.actuators {
+            new[*to].limiter.count_on_from(old[*from].limiter.counts());
+        }
+        for (from, to) in &self.drives {
+            new[*to].limiter.go_on_for(&old[*from].limiter);
+        }
+        for old_at in &self.leaving {
+            old[*old_at].limiter.leave_to(hottest);
+        }
+        for new_at in &self.strangers {
+            // It may be one that left, by another name, now or long ago.
+            new[*new_at].limiter.begin_as_any_of(hottest);
+        }
     }
 }
 
@@ -278,12 +292,12 @@ fn delay(plan: &Plan, step: &Step) -> Option<(usize, DelayPlan)> {
     Some((index, plan.delays[index]))
 }
 
-/// The device that an actuator sink drives, and the channel.
-fn driven_by(plan: &Plan, actuator: usize) -> Option<(&str, usize)> {
+/// The device that an actuator sink drives, with all its settings, and the channel.
+fn driven_by(plan: &Plan, actuator: usize) -> Option<(&NodeKey, usize)> {
     plan.devices.iter().find_map(|device| {
         let mut sinks = device.driven_by.iter();
         let (_, channel, _) = sinks.find(|(sink, ..)| *sink == actuator)?;
-        Some((device.name.as_str(), *channel))
+        Some((&device.key, *channel))
     })
 }
 

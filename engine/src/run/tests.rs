@@ -3,6 +3,7 @@
 mod arrivals;
 mod change;
 mod fleet;
+mod heat;
 mod live;
 mod naive;
 mod swap;

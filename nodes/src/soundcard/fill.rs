@@ -113,6 +113,7 @@ mod tests {
         let options = LiveOptions {
             block: 64,
             seconds: Some(seconds),
+            rested: true,
         };
         Session::open(Outlets::new(graph), &options).unwrap()
     }

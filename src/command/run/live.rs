@@ -35,10 +35,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let options = LiveOptions {
         block: usize::from(arguments.block),
         seconds: arguments.duration_s,
+        rested: arguments.rested,
     };
     let stop = stop_on_interrupt()?;
     let folder = Some(made.kept.folder.path());
     let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
+    let unrested: Vec<String> = lives
+        .iter()
+        .flat_map(|live| live.run().unrested().map(str::to_owned))
+        .collect();
     let start = Instant::now();
     let mut driver = Drivers::start(&graph, wanted, lives)?;
     made.kept.folder.begin();
@@ -54,6 +59,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.graph.endpoints(),
         driver.about()
     ));
+    if !unrested.is_empty() {
+        remark(&format!(
+            "the actuators of `{}` begin as warm as their limits allow, as it is not known how long they have rested; \
+             --rested says that they are cold\n",
+            unrested.join("`, `")
+        ));
+    }
     for listened in driver.listened() {
         remark(&format!("listening to {listened}\n"));
     }
@@ -80,6 +92,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         latency::to_json(&latencies),
     ));
     let lives = driver.join()?;
+    facts.push((
+        "unrested",
+        "Sinks whose actuators began as warm as their limits allow",
+        json!(unrested),
+    ));
     facts.push(("changes", "Changed while running", json!(attended.changes)));
     facts.push(("swaps", "Other graphs that took over", json!(attended.swaps)));
     facts.push((

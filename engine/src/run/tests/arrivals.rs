@@ -43,6 +43,7 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let options = LiveOptions {
         block: 32,
         seconds: None,
+        rested: true,
     };
     let (mut lives, mut session) = Session::open_all(outlets, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);

@@ -154,7 +154,13 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
             hear(&alone, taps, &mut heard[1]);
         }
         for (node, (a, b)) in new.nodes.node_weights().zip(heard[0].iter().zip(&heard[1])) {
-            assert_eq!(a, b, "seed {seed}, {}", node.path);
+            // The new one's actuator begins with its heat spent, which takes a billionth of a limit that is the peak.
+            let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-8 * b.abs().max(1.0);
+            assert!(
+                a.len() == b.len() && a.iter().zip(b).all(close),
+                "seed {seed}, {}",
+                node.path
+            );
         }
     }
     assert!(seen >= 15, "{seen}");
