@@ -170,6 +170,16 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
 }
 
 #[test]
+fn a_graph_of_nothing_is_told_so_by_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("none.ron"), "Graph(format: 1, nodes: {})").unwrap();
+    for command in [&["check"][..], &["run"], &["run", "--live"], &["bench"], &["draw"]] {
+        let told = fail(folder.path(), &[command, &["none.ron"]].concat(), 1);
+        assert!(told.contains("E0506"), "{command:?}: {told}");
+    }
+}
+
+#[test]
 fn a_folder_that_no_run_left_is_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     succeed(folder.path(), &["new", "mine.ron"]);

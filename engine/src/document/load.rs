@@ -47,6 +47,7 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
         left_bytes: options.max_bytes.saturating_sub(text.len() as u64),
         document: Document {
             sources,
+            span: Span::default(),
             about: String::new(),
             seed: 0,
             parameters: Vec::new(),
@@ -102,6 +103,9 @@ impl Loader {
     }
 
     fn graph(&mut self, value: Value) -> Option<()> {
+        if let Shape::Tagged(Tagged { name: Some(name), .. }) = &value.shape {
+            self.document.span = name.span;
+        }
         let mut fields = self.structure(value, "Graph", "a graph file")?;
         self.format(&mut fields, "Graph")?;
         if let Some(about) = self.field::<String>(&mut fields, "about") {

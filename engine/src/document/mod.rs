@@ -18,6 +18,8 @@ pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, re
 #[derive(Debug, Clone)]
 pub struct Document {
     pub(crate) sources: Sources,
+    /// Of the word `Graph`.
+    pub(crate) span: Span,
     pub(crate) about: String,
     pub(crate) seed: u64,
     pub(crate) parameters: Vec<(Name, Value)>,

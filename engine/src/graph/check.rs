@@ -65,6 +65,10 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
 
     let has_errors = |cx: &Context<'_>| cx.diagnostics.iter().any(|d| d.severity == Severity::Error);
     if !has_errors(&cx) {
+        // Nodes without a clock were reported one by one.
+        clocks::refuse_none(&mut cx, &clocks);
+    }
+    if !has_errors(&cx) {
         // With errors about, what seems unused may be what an error hides.
         unused::warn(&mut cx, &draft);
         clocks::warn_unused(&mut cx, &draft, &clocks);

@@ -269,6 +269,17 @@ pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     report_unknown(cx, draft, clocks);
 }
 
+/// Reports that there is no clock at all: nothing would drive the graph.
+pub(super) fn refuse_none(cx: &mut Context<'_>, clocks: &Clocks) {
+    if clocks.list.is_empty() {
+        cx.report(
+            Diagnostic::error("E0506", cx.document.span, "the graph has no clock")
+                .label("nothing says when it runs")
+                .help("declare a driver: `clocks: { \"audio\": Driver(rate_hz: 48000) }`"),
+        );
+    }
+}
+
 fn given_clock(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, node: usize) {
     let target = &mut draft.nodes[node];
     let Some(value) = target.fields.take("clock") else {
