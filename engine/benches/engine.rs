@@ -113,8 +113,8 @@ fn drivers(criterion: &mut Criterion) {
     let pair = || {
         let options = LiveOptions {
             block: 64,
-            seconds: None,
             rested: true,
+            ..LiveOptions::default()
         };
         let opened = Session::open_all(Outlets::new(&graph), &options, None);
         let (mut lives, session) = opened.expect("the system gives a thread");

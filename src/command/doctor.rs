@@ -257,7 +257,7 @@ fn timer() -> Result<Finding, Failure> {
     let options = LiveOptions {
         block: 0,
         seconds: Some(0.5),
-        rested: false,
+        ..LiveOptions::default()
     };
     let (live, session) = Session::open(Outlets::new(&graph), &options).map_err(|error| failed(&error))?;
     let thread = Timer::default().start(live).map_err(|error| failed(&error))?;

@@ -9,6 +9,7 @@ use crate::plan::Plan;
 use petgraph::graph::NodeIndex;
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Commands that may wait for the real-time side.
 pub(super) const COMMANDS: usize = 4096;
@@ -20,7 +21,6 @@ const FRAME_BY_FRAME: f64 = 6.5;
 pub(super) enum Command {
     Set(Glide),
     Swap(Box<Next>),
-    Stop,
 }
 
 /// What the real-time side sends back.
@@ -32,6 +32,7 @@ pub(super) enum Report {
 
 /// The other side of a live run.
 pub struct Control {
+    stop: Arc<AtomicBool>,
     commands: Producer<Command>,
     reports: Consumer<Report>,
     /// The plan that runs, or will when the last swap is done.
@@ -98,8 +99,14 @@ pub(super) struct Prepared {
 }
 
 impl Control {
-    pub(super) fn new(plan: Arc<Plan>, commands: Producer<Command>, reports: Consumer<Report>) -> Self {
+    pub(super) fn new(
+        plan: Arc<Plan>,
+        stop: Arc<AtomicBool>,
+        commands: Producer<Command>,
+        reports: Consumer<Report>,
+    ) -> Self {
         Self {
+            stop,
             commands,
             reports,
             settings: plan.live.clone(),
@@ -158,12 +165,9 @@ impl Control {
         Ok(())
     }
 
-    /// Fades out and stops.
-    ///
-    /// # Errors
-    /// [`ControlError::Full`] if the real-time side does not read.
-    pub fn stop(&mut self) -> Result<(), ControlError> {
-        self.send(Command::Stop)
+    /// Fades out and stops, whatever else is under way.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
     }
 
     /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where

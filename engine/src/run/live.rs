@@ -18,6 +18,7 @@ use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// How long outputs take from nothing to everything and back, unless told otherwise.
@@ -30,6 +31,8 @@ pub struct Live {
     next: Option<Box<Next>>,
     /// The plan before, while this one rises over it.
     former: Option<Box<Next>>,
+    /// Looked at in every callback: a stop waits for nobody.
+    stop: Arc<AtomicBool>,
     stopping: bool,
     state: LiveState,
     /// Driver frames run by the plan, and after how many it ends.
@@ -61,12 +64,18 @@ pub enum LiveState {
 
 /// Both sides of a live run of `plan`. It begins as it does offline, so that the samples are the same.
 pub fn live(plan: Arc<Plan>) -> (Live, Control) {
+    live_until(plan, Arc::default())
+}
+
+/// The same, with the flag that stops it.
+pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Control) {
     let (command_in, command_out) = RingBuffer::new(COMMANDS);
     let (report_in, report_out) = RingBuffer::new(REPORTS);
     let live = Live {
         run: Run::new(Arc::clone(&plan)),
         next: None,
         former: None,
+        stop: Arc::clone(&stop),
         stopping: false,
         state: LiveState::Running,
         frames: 0,
@@ -79,7 +88,7 @@ pub fn live(plan: Arc<Plan>) -> (Live, Control) {
         unreported: 0,
         hottest: Arc::default(),
     };
-    let control = Control::new(plan, command_in, report_out);
+    let control = Control::new(plan, stop, command_in, report_out);
     (live, control)
 }
 
@@ -105,6 +114,10 @@ impl Live {
 
     fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
         self.take_commands();
+        if !self.stopping && self.stop.load(Ordering::Relaxed) {
+            self.run.fade_out(FADE_S);
+            self.stopping = true;
+        }
         if self.state != LiveState::Running {
             return;
         }
@@ -274,10 +287,6 @@ impl Live {
                         self.run.fade_out(FADE_S);
                     }
                     self.next = Some(next);
-                }
-                Ok(Command::Stop) => {
-                    self.run.fade_out(FADE_S);
-                    self.stopping = true;
                 }
                 Err(_) => break,
             }

@@ -8,7 +8,7 @@ pub use change::{ChangeError, Changed};
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, SettingWriter};
 use super::control::{Control, ControlError};
 use super::fleet::join;
-use super::live::{Live, LiveState, live};
+use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
 use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
@@ -19,9 +19,10 @@ use crate::plan::{Plan, PlanOptions};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How a graph runs live.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub struct LiveOptions {
     /// Driver frames of a block at most; 0 stands for the default.
     pub block: usize,
@@ -30,10 +31,13 @@ pub struct LiveOptions {
     /// Are the actuators known to be cold? Unless they are, those that are not simulated begin as warm as their limits
     /// allow.
     pub rested: bool,
+    /// Once it is set, the outputs fade out and the run stops. The real-time sides look at it themselves.
+    pub stop: Arc<AtomicBool>,
 }
 
 /// A live run.
 pub struct Session {
+    stop: Arc<AtomicBool>,
     /// One a driver, in the order of the graph's.
     controls: Vec<Control>,
     /// What is known of the rings between them.
@@ -102,6 +106,7 @@ impl Session {
             taps: outlets.taps.clone(),
         };
         let mut session = Self {
+            stop: Arc::clone(&options.stop),
             controls: Vec::new(),
             rings: Vec::new(),
             writer: WriterThread::start()?,
@@ -115,7 +120,7 @@ impl Session {
         for plan in Plan::all(outlets.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
-            let (mut live, control) = live(Arc::clone(&plan));
+            let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
             live.send_taps_through(rings);
             live.share_heat(Arc::clone(&hottest));
             if !options.rested {
@@ -174,12 +179,9 @@ impl Session {
         self.rings.iter().map(|meter| RingReport::of(meter))
     }
 
-    /// Fades out and stops.
-    ///
-    /// # Errors
-    /// [`ControlError::Full`] if a real-time side does not read.
-    pub fn stop(&mut self) -> Result<(), ControlError> {
-        self.controls.iter_mut().try_for_each(Control::stop)
+    /// Fades out and stops, whatever else is under way.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
     }
 
     /// The live settings, as they were set last.

@@ -114,6 +114,7 @@ mod tests {
             block: 64,
             seconds: Some(seconds),
             rested: true,
+            ..LiveOptions::default()
         };
         Session::open(Outlets::new(graph), &options).unwrap()
     }

@@ -42,8 +42,8 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (outlets, heard) = listening(graph);
     let options = LiveOptions {
         block: 32,
-        seconds: None,
         rested: true,
+        ..LiveOptions::default()
     };
     let (mut lives, mut session) = Session::open_all(outlets, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -56,7 +56,7 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
         // Less than what is on its way to the writing thread may last, however slow that is.
         assert!(wakes < 1000, "it does not stop");
         if wakes == 850 {
-            session.stop().unwrap();
+            session.stop();
         }
         // Often enough that one leaves while it is still on its way.
         if wakes < 700 && !settings.is_empty() && random.random_bool(0.1) {

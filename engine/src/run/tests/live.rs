@@ -35,9 +35,9 @@ fn a_stop_fades_out_and_then_nothing_runs() {
         .find(|graph| sink(graph).is_some())
         .unwrap();
     let sink = sink(&graph).unwrap().index();
-    let (mut live, mut control) = live(plan(&graph, 4));
+    let (mut live, control) = live(plan(&graph, 4));
     live.callback(200, |_, _| {});
-    control.stop().unwrap();
+    control.stop();
     let mut last = f64::INFINITY;
     live.callback(1000, |run, _| {
         last = run.tap(sink).last().copied().unwrap_or(last)
@@ -232,4 +232,15 @@ fn gain_is_set_while_running() {
     assert!(steps.clone().all(|step| (0.0..5.0).contains(&step)), "{heard:?}");
     assert!(heard[19] > 5.0 && heard[20] == 5.0, "{heard:?}");
     assert_eq!(control.set(sink, 1, 0.1), Err(ControlError::NotLive));
+}
+
+#[test]
+fn a_stop_waits_for_no_command() {
+    let graph = random_graph(3, 0);
+    let (mut live, mut control) = live(plan(&graph, 4));
+    // Another plan is on its way, and the ring of commands is full of it.
+    while control.swap(plan(&graph, 4)).is_ok() {}
+    control.stop();
+    live.callback(1000, |_, _| {});
+    assert_eq!(live.state(), LiveState::Stopped);
 }

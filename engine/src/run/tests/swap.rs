@@ -228,9 +228,7 @@ fn from_what_is_no_number_the_new_graph_rises_from_zero() {
 
 #[test]
 fn a_stop_in_the_middle_of_a_cross_fade_is_a_stop() {
-    let (live, given) = faded(constant(100.0), constant(90.0), 25, |control| {
-        control.stop().unwrap()
-    });
+    let (live, given) = faded(constant(100.0), constant(90.0), 25, |control| control.stop());
     assert_eq!((live.state(), given.len()), (LiveState::Stopped, 36));
     assert!(
         given.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= 1.1),
