@@ -7,6 +7,7 @@ pub mod devices;
 pub mod doctor;
 pub mod draw;
 pub mod evaluate;
+pub mod fault;
 pub mod identify;
 pub mod learn;
 pub mod new;
@@ -176,9 +177,7 @@ impl GraphArguments {
     /// The graph, its warnings said on standard error.
     pub fn load_and_warn(&self, seed: Option<u64>) -> Result<Graph, Failure> {
         let graph = self.load(seed).map_err(Failure::Graph)?;
-        if !graph.warnings().is_empty() {
-            remark(&render(&warnings(&graph), std::io::stderr().is_terminal()));
-        }
+        warn(&graph);
         Ok(graph)
     }
 
@@ -193,6 +192,13 @@ impl GraphArguments {
         self.graph
             .file_stem()
             .map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// Says what a sound graph is warned about.
+pub fn warn(graph: &Graph) {
+    if !graph.warnings().is_empty() {
+        remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
     }
 }
 

@@ -38,6 +38,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    command::fault::listen();
     // Usage errors, `--help` and `--version` are clap's: it writes them and exits with 2 or 0.
     let matches = with_negative_numbers(Arguments::command()).get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());

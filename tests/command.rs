@@ -173,7 +173,13 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
 fn a_graph_of_nothing_is_told_so_by_every_command() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("none.ron"), "Graph(format: 1, nodes: {})").unwrap();
-    for command in [&["check"][..], &["run"], &["run", "--live"], &["bench"], &["draw"]] {
+    for command in [
+        &["check"][..],
+        &["run"],
+        &["run", "--live"],
+        &["bench"],
+        &["draw"],
+    ] {
         let told = fail(folder.path(), &[command, &["none.ron"]].concat(), 1);
         assert!(told.contains("E0506"), "{command:?}: {told}");
     }

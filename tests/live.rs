@@ -256,6 +256,129 @@ fn no_limit_is_changed_from_afar() {
     assert!(most.fold(0.0, f64::max) <= 0.5);
 }
 
+/// A text that is told.
+fn osc_text(address: &str, text: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for text in [address, ",s", text] {
+        bytes.extend(text.bytes());
+        bytes.resize(bytes.len() / 4 * 4 + 4, 0);
+    }
+    bytes
+}
+
+/// A ctrl-C, and how long the run then takes. It takes a fraction of a second; machines stall.
+#[cfg(unix)]
+fn interrupt(mut run: Running) -> (String, Duration) {
+    let begun = Instant::now();
+    let pid = run.child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(run.child.wait().unwrap().success(), "{}", run.said());
+    (run.said(), begun.elapsed())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo");
+    assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let (graph, fifo) = (shipped("texturepad.ron"), fifo.display().to_string());
+    let arguments = ["run", &graph, "--live", "--endpoints", "simulated"];
+    let more = ["--osc", "127.0.0.1:0", "--out", "out"];
+    let mut run = Running::start(folder.path(), &[&arguments[..], &more].concat());
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let tell = teller(&run);
+    for path in [&fifo, "fifo", "/dev/zero", "/dev/stdin", "../fifo", "\"fifo\""] {
+        tell(&osc_text("/surface", path));
+    }
+    run.wait_for("`surface` stays: from afar");
+    run.type_line("set surface=/dev/stdin");
+    run.type_line(&format!("set surface={fifo}"));
+    std::thread::sleep(Duration::from_millis(200));
+    let (said, took) = interrupt(run);
+    assert!(took < Duration::from_secs(8), "{took:?}: {said}");
+    let facts = facts(&folder.path().join("out"));
+    assert_eq!((&facts["changes"], &facts["stopped"]), (&0.into(), &true.into()));
+}
+
+#[cfg(unix)]
+#[test]
+fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let arguments = [
+        "run",
+        "tone.ron",
+        "--live",
+        "--osc",
+        "127.0.0.1:0",
+        "--out",
+        "out",
+    ];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let tell = teller(&run);
+    // To look would be to find something wrong.
+    fs::write(folder.path().join("tone.ron"), "Graph(").unwrap();
+    for number in 0..400 {
+        tell(&osc(&format!("/p{number}"), 1.0));
+    }
+    for hostile in [
+        "(((((((",
+        "[1",
+        "Param(\"loudness\")",
+        "1), gain: (9",
+        "\u{202e}x",
+    ] {
+        tell(&osc_text("/loudness", hostile));
+    }
+    for number in [f32::NAN, f32::INFINITY, -1e30] {
+        tell(&osc("/loud/gain", number));
+    }
+    run.wait_for("no parameter `p");
+    let (said, took) = interrupt(run);
+    assert!(took < Duration::from_secs(8), "{took:?}: {said}");
+    assert!(!said.contains("E01"), "{said}");
+    assert_eq!(facts(&folder.path().join("out"))["changes"], 0);
+}
+
+#[test]
+fn a_graph_of_nothing_is_refused_while_another_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tone.ron");
+    fs::write(&path, TONE).unwrap();
+    let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
+    let mut run = Running::start(folder.path(), &arguments);
+    fs::write(&path, "Graph(format: 1, nodes: {})").unwrap();
+    run.wait_for("E0506");
+    run.wait_for("the graph stays as it was");
+    run.stop();
+    assert!(!samples(&folder.path().join("out/loud.wav")).is_empty());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_graph_whose_name_is_no_text_leaves_its_files() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let name = std::ffi::OsStr::from_bytes(b"g\xff.ron");
+    fs::write(folder.path().join(name), TONE).unwrap();
+    let mut run = command(folder.path(), &["run", "--live", "--for", "0.1", "--out", "out"]);
+    let output = run.arg(name).output().unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert_eq!(facts(&folder.path().join("out"))["graph"], "g\u{fffd}.ron");
+}
+
 #[test]
 fn a_saved_graph_takes_over_and_a_wrong_one_is_shown_and_left() {
     let folder = tempfile::tempdir().unwrap();

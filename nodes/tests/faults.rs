@@ -387,7 +387,7 @@ fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     for phase in 0..10 {
         let taps = vec![(out.unwrap(), 0)];
         let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 1, taps }));
-        let (mut live, mut control) = live(plan);
+        let (mut live, control) = live(plan);
         let mut delivered = Vec::new();
         live.callback(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));
         assert_eq!(delivered.last(), Some(&1.5));

@@ -1,6 +1,7 @@
 //! `haptograph run`: a graph runs, as fast as the processor allows or against the clock, and leaves a folder: the
 //! files of its sinks, a page to look at, and `run.json`.
 
+mod afar;
 mod attended;
 mod console;
 mod driver;
@@ -11,6 +12,7 @@ mod guards;
 mod history;
 mod latency;
 mod live;
+mod loading;
 mod outputs;
 mod placing;
 mod replay;

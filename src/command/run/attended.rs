@@ -1,20 +1,22 @@
 //! A live run that is looked after: what is typed, told and saved while it runs.
 
-use super::super::{GraphArguments, remark, warnings};
+use super::super::{GraphArguments, fault, remark, warnings};
+use super::Arguments;
+use super::afar;
 use super::console::{Asked, HELP, Typed};
 use super::drivers::Drivers;
 use super::guards::Guards;
 use super::history::{History, Notes};
+use super::loading::{self, Job, Loaded, Loader, Loading, Ready, Saved, texts};
 use super::watch::Watch;
-use super::{Arguments, spare_own_files};
 use haptograph::engine::diagnostic::{Diagnostics, render};
-use haptograph::engine::document::{Document, LoadOptions};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Change, Changed, RingReport, Session};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Told};
-use haptograph::nodes::soundcard::{CardNote, wanted};
+use haptograph::nodes::soundcard::CardNote;
 use serde_json::{Value, json};
+use std::collections::VecDeque;
 use std::fs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -27,6 +29,8 @@ pub const CHANGES: &str = "changes";
 /// How often the run is looked after, and how often its status is shown.
 const PAUSE: Duration = Duration::from_millis(50);
 const STATUS: Duration = Duration::from_secs(1);
+/// The same while something loads.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// Wishes that wait, and those that are heard between two looks at whether the run should stop.
 pub const MOST_ASKED: usize = 1024;
@@ -55,14 +59,35 @@ impl Says {
     }
 }
 
+/// Who wishes for something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum By {
+    Keyboard,
+    Osc,
+}
+
+/// What waits for the graph to be loaded again.
+#[derive(Debug)]
+enum Wish {
+    Set {
+        name: String,
+        value: String,
+        by: By,
+    },
+    /// What was saved.
+    Saved,
+}
+
 /// A run and what may happen to it.
 pub struct Attended {
     /// With the parameters as they are now.
     arguments: GraphArguments,
     /// Parameters as the command line gave them.
     given: Vec<(String, String)>,
-    /// Parameters that were typed or told since, with the default that the file had for each.
-    typed: Vec<(String, Option<String>)>,
+    /// Those that were typed or told since.
+    typed: loading::Typed,
+    /// Those that the graph has that runs, with their defaults.
+    parameters: loading::Typed,
     seed: Option<u64>,
     record: bool,
     folder: PathBuf,
@@ -81,6 +106,12 @@ pub struct Attended {
     guards: Guards,
     /// Texts of the files of the graph that runs.
     texts: Vec<String>,
+    loader: Loader,
+    loading: Option<(Wish, Loading)>,
+    waiting: VecDeque<Wish>,
+    known: Option<loading::Known>,
+    /// Panics that were told of.
+    pub faults: Vec<String>,
 }
 
 impl Attended {
@@ -89,13 +120,13 @@ impl Attended {
         arguments: &Arguments,
         graph: &Graph,
         folder: &Path,
-        watch: Option<Watch>,
-        session: Session,
-        network: Connections,
+        (session, network): (Session, Connections),
+        (watch, parameters, loader): (Option<Watch>, loading::Typed, Loader),
     ) -> Self {
         Self {
             given: arguments.graph.set.clone(),
             typed: Vec::new(),
+            parameters,
             arguments: arguments.graph.clone(),
             seed: arguments.seed,
             record: arguments.record,
@@ -111,6 +142,11 @@ impl Attended {
             refused: Vec::new(),
             guards: Guards::of(graph),
             texts: texts(graph),
+            loader,
+            loading: None,
+            waiting: VecDeque::new(),
+            known: None,
+            faults: Vec::new(),
         }
     }
 
@@ -121,10 +157,11 @@ impl Attended {
         asked: &Receiver<Asked>,
         stop: &AtomicBool,
     ) -> Vec<String> {
-        let start = self.start;
-        let (mut shown, mut stopping, mut notes) = (start, false, Notes::default());
+        let (mut shown, mut stopping, mut notes) = (self.start, false, Notes::default());
         while !driver.is_finished(stopping) {
-            let first = asked.recv_timeout(PAUSE).ok();
+            let pause = if self.loading.is_some() { LOOK } else { PAUSE };
+            let first = asked.recv_timeout(pause).ok();
+            self.tell_faults();
             for note in driver.tend() {
                 match note {
                     CardNote::Turn(note) => notes.turn(note),
@@ -135,115 +172,206 @@ impl Attended {
             let status = status(&mut self.session, driver.rings());
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
-                let seconds = start.elapsed().as_secs_f64();
+                let seconds = self.start.elapsed().as_secs_f64();
                 let (driver, network) = (driver.status(), self.network.status());
                 remark(&format!("{seconds:.0} s: {status}{driver}{network}\n"));
             }
             if driver.is_torn() {
                 stop.store(true, Ordering::Relaxed);
             }
-            if stop.load(Ordering::Relaxed) && !stopping {
-                // Asked again where the real-time side has not read its commands for a while.
-                stopping = self.session.stop().is_ok();
+            stopping = stop.load(Ordering::Relaxed);
+            let room = MOST_HEARD.min(MOST_ASKED.saturating_sub(self.waiting.len()));
+            self.hear(first.into_iter().chain(asked.try_iter().take(room)));
+            if self.watch.as_mut().is_some_and(Watch::has_changed)
+                && !self.waiting.iter().any(|wish| matches!(wish, Wish::Saved))
+            {
+                self.waiting.push_back(Wish::Saved);
             }
-            let mut told = Vec::new();
-            for asked in first.into_iter().chain(asked.try_iter()).take(MOST_HEARD) {
-                match asked {
-                    Asked::Typed(Typed::Set { name, value }) => {
-                        if self.set(driver, &name, &value, Says::Everything) {
-                            self.history
-                                .note(start.elapsed().as_secs_f64(), &name, &value, "typed");
-                        }
-                    }
-                    Asked::Typed(Typed::List) => self.list(),
-                    Asked::Typed(Typed::Stop) => stop.store(true, Ordering::Relaxed),
-                    Asked::Typed(Typed::Unknown(line)) => {
-                        remark(&format!("`{line}` is not known; type {HELP}\n"));
-                    }
-                    Asked::Told(Told { name, value }) => {
-                        // A fader that moves fast is where it is now.
-                        told.retain(|(known, _)| *known != name);
-                        told.push((name, value));
-                    }
-                }
-            }
-            for (name, value) in told {
-                let full = self.refused.len() >= History::MOST;
-                if full && !name.contains('.') && !self.arguments.set.iter().any(|(known, _)| *known == name)
-                {
-                    // To see whether there is such a parameter the graph would be loaded, each time.
-                    continue;
-                }
-                let known = full || self.refused.contains(&name);
-                let says = if known { Says::Nothing } else { Says::Refusals };
-                if self.set(driver, &name, &value, says) {
-                    self.history
-                        .note(start.elapsed().as_secs_f64(), &name, &value, "OSC");
-                } else if !known {
-                    self.refused.push(name);
-                }
-            }
-            if self.watch.as_mut().is_some_and(Watch::has_changed) {
-                self.reload_saved(driver);
+            if !stopping {
+                self.go_on(driver);
             }
         }
+        self.tell_faults();
         notes.counted()
     }
 
-    /// A parameter of the graph, or a live setting of a node. Was it set?
-    fn set(&mut self, driver: &Drivers, name: &str, value: &str, says: Says) -> bool {
-        if name.contains('.') {
-            return self.set_directly(name, value, says);
+    /// Says what panicked meanwhile.
+    pub fn tell_faults(&mut self) {
+        for text in fault::untold() {
+            remark(&text);
+            self.faults.push(text);
         }
-        let before = self.arguments.set.clone();
-        self.arguments.set.retain(|(known, _)| known != name);
-        self.arguments.set.push((name.to_owned(), value.to_owned()));
-        let Some(taken) = self.reload(driver, says) else {
-            self.arguments.set = before;
-            return false;
-        };
-        self.typed.retain(|(known, _)| known != name);
-        self.typed.push((name.to_owned(), self.default_of(name)));
-        // A file that was saved just before is still seen by the watch, for what else follows from that; it may find
-        // that this graph runs already.
-        if let Some(watch) = &mut self.watch {
-            watch.also(&taken.graph);
-        }
-        if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
-            self.keep(&taken.graph, taken.change);
-        }
-        true
     }
 
-    /// The default that the file has for a parameter now, as it is written.
-    fn default_of(&self, name: &str) -> Option<String> {
-        let document = Document::load(&self.arguments.graph, &LoadOptions::default()).ok()?;
-        let mut parameters = document.parameters();
-        parameters
-            .find(|(known, _)| *known == name)
-            .map(|(_, text)| text.to_owned())
-    }
-
-    /// After a save: a parameter whose default is another now is the file's again, whatever was typed before.
-    fn reload_saved(&mut self, driver: &Drivers) {
-        let before = self.arguments.set.clone();
-        let (same, other): (Vec<_>, Vec<_>) = std::mem::take(&mut self.typed)
-            .into_iter()
-            .partition(|(name, default)| self.default_of(name) == *default);
-        for (name, _) in &other {
-            self.arguments.set.retain(|(known, _)| known != name);
-            let given = self.given.iter().find(|(known, _)| known == name);
-            self.arguments.set.extend(given.cloned());
-        }
-        self.typed = same;
-        match self.reload(driver, Says::Everything) {
-            None => {
-                self.arguments.set = before;
-                self.typed.extend(other);
+    /// Does what can be done at once, and lets wait what the graph is loaded for.
+    fn hear(&mut self, asked: impl Iterator<Item = Asked>) {
+        let mut told = Vec::new();
+        for asked in asked {
+            match asked {
+                Asked::Typed(Typed::Set { name, value }) => self.wish(name, value, By::Keyboard),
+                Asked::Typed(Typed::List) => self.list(),
+                // Acted on where it is read.
+                Asked::Typed(Typed::Stop) => {}
+                Asked::Typed(Typed::Unknown(line)) => {
+                    remark(&format!("`{line}` is not known; type {HELP}\n"));
+                }
+                Asked::Told(Told { name, value }) => {
+                    // A fader that moves fast is where it is now.
+                    told.retain(|(known, _)| *known != name);
+                    told.push((name, value));
+                }
             }
-            Some(taken) => {
+        }
+        for (name, value) in told {
+            self.wish(name, value, By::Osc);
+        }
+    }
+
+    /// A live setting of a node is set now. For a parameter the graph is loaded, if it has it.
+    fn wish(&mut self, name: String, value: String, by: By) {
+        let says = self.says(&name, by);
+        if name.contains('.') {
+            let was_set = self.set_directly(&name, &value, says);
+            return self.note(was_set, name, &value, by);
+        }
+        if !self.parameters.iter().any(|(known, _)| *known == name) {
+            let names = self.parameters.iter().map(|(known, _)| known.as_str());
+            let near = closest(&name, names).map(|near| format!("; did you mean `{near}`?"));
+            let near = near.unwrap_or_default();
+            says.refusal(&format!("the graph has no parameter `{name}`{near}\n"));
+            return self.note(false, name, &value, by);
+        }
+        if by == By::Osc {
+            if let Some(refusal) = afar::refusal(&value, &self.arguments.graph) {
+                says.refusal(&format!("`{name}` stays: {refusal}\n"));
+                return self.note(false, name, &value, by);
+            }
+            let same =
+                |wish: &Wish| matches!(wish, Wish::Set { name: known, by: By::Osc, .. } if *known == name);
+            self.waiting.retain(|wish| !same(wish));
+        }
+        self.waiting.push_back(Wish::Set { name, value, by });
+    }
+
+    /// How much is said of what is done with a wish.
+    fn says(&self, name: &str, by: By) -> Says {
+        let full = self.refused.len() >= History::MOST;
+        match by {
+            By::Keyboard => Says::Everything,
+            By::Osc if full || self.refused.iter().any(|known| known == name) => Says::Nothing,
+            By::Osc => Says::Refusals,
+        }
+    }
+
+    /// Keeps what came of a wish.
+    fn note(&mut self, was_set: bool, name: String, value: &str, by: By) {
+        if was_set {
+            let by = if by == By::Keyboard { "typed" } else { "OSC" };
+            self.history
+                .note(self.start.elapsed().as_secs_f64(), &name, value, by);
+        } else if self.says(&name, by) == Says::Refusals {
+            self.refused.push(name);
+        }
+    }
+
+    /// Looks in on what is loading, and begins with what waits when that is over.
+    fn go_on(&mut self, driver: &Drivers) {
+        if let Some((wish, loading)) = self.loading.take() {
+            let says = match &wish {
+                Wish::Set { name, by, .. } => self.says(name, *by),
+                Wish::Saved => Says::Everything,
+            };
+            match loading.look() {
+                Some(loaded) => self.take(driver, wish, loaded, &loading, says),
+                None if loading.took() < loading::BUDGET => {
+                    self.loading = Some((wish, loading));
+                    return;
+                }
+                None => {
+                    let budget_s = loading::BUDGET.as_secs();
+                    says.refusal(&format!(
+                        "the graph stays as it was: it was not loaded in {budget_s} s\n"
+                    ));
+                    self.give_up(wish);
+                }
+            }
+        }
+        if let Some(wish) = self.waiting.pop_front() {
+            let job = self.job(&wish);
+            match self.loader.begin(job) {
+                Ok(loading) => self.loading = Some((wish, loading)),
+                Err(why) => {
+                    remark(&format!("the graph stays as it was: {why}\n"));
+                    self.give_up(wish);
+                }
+            }
+        }
+    }
+
+    fn give_up(&mut self, wish: Wish) {
+        if let Wish::Set { name, value, by } = wish {
+            self.note(false, name, &value, by);
+        }
+    }
+
+    fn job(&mut self, wish: &Wish) -> Job {
+        let mut arguments = self.arguments.clone();
+        let saved = match wish {
+            Wish::Set { name, value, .. } => {
+                arguments.set.retain(|(known, _)| known != name);
+                arguments.set.push((name.clone(), value.clone()));
+                None
+            }
+            Wish::Saved => Some(Saved {
+                given: self.given.clone(),
+                typed: self.typed.clone(),
+            }),
+        };
+        Job {
+            arguments,
+            seed: self.seed,
+            record: self.record,
+            saved,
+            known: self.known.take(),
+        }
+    }
+
+    /// Puts a graph that was loaded in place of the one that runs, if it can be.
+    fn take(&mut self, driver: &Drivers, wish: Wish, loaded: Loaded, loading: &Loading, says: Says) {
+        self.known = loaded.known;
+        let taken = match loaded.result {
+            Ok(ready) => self.put(driver, ready, loading, says),
+            Err(wrong) => {
+                show(&wrong, says);
+                says.refusal("the graph stays as it was\n");
+                None
+            }
+        };
+        let Some(taken) = taken else {
+            return self.give_up(wish);
+        };
+        self.arguments.set = loaded.set;
+        self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
+        self.parameters = loaded.parameters;
+        match wish {
+            Wish::Set { name, value, by } => {
+                let default = self.parameters.iter().find(|(known, _)| *known == name);
+                let default = default.and_then(|(_, text)| text.clone());
+                self.typed.retain(|(known, _)| *known != name);
+                self.typed.push((name.clone(), default));
+                // A file that was saved just before is still seen by the watch, for what else follows from that; it may
+                // find that this graph runs already.
+                if let Some(watch) = &mut self.watch {
+                    watch.also(taken.watch);
+                }
+                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
+                    self.keep(&taken.graph, taken.change);
+                }
+                self.note(true, name, &value, by);
+            }
+            Wish::Saved => {
                 // A changed graph may read other files.
-                self.watch = taken.watch;
+                self.watch = Some(taken.watch);
                 if taken.change != Change::Settings(0) {
                     self.keep(&taken.graph, taken.change);
                 }
@@ -309,74 +437,60 @@ impl Attended {
         }
     }
 
-    /// Loads the graph again and puts it in place of the one that runs; a wrong one is shown and changes nothing.
-    fn reload(&mut self, driver: &Drivers, says: Says) -> Option<Taken> {
-        let began = Instant::now();
-        let graph = match self.arguments.load(self.seed) {
-            Ok(graph) => graph,
-            Err(wrong) => {
-                show(&wrong, says);
-                says.refusal("the graph stays as it was\n");
-                return None;
-            }
-        };
-        let watch = self.watch.as_ref().map(|_| Watch::of(&graph));
+    /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
+    fn put(&mut self, driver: &Drivers, ready: Ready, loading: &Loading, says: Says) -> Option<Taken> {
+        let graph = ready.graph;
         if says == Says::Everything {
             show(&warnings(&graph), says);
         }
-        let lack = match wanted(&graph) {
-            Ok(wanted) => driver
-                .lack(&wanted)
-                .map(|what| format!("it asks for {what} now, and that needs a new run")),
-            Err(error) => Some(error.to_string()),
+        let lack = ready.wanted.and_then(|wanted| match driver.lack(&wanted) {
+            Some(what) => Err(format!("it asks for {what} now, and that needs a new run")),
+            None => ready.own_files,
+        });
+        let guarded = match says < Says::Everything && ready.guards != self.guards {
+            true => {
+                Err("an actuator's limit or device would change, and that is not done from afar".to_owned())
+            }
+            false => Ok(()),
         };
-        if let Some(lack) = lack {
-            says.refusal(&format!("the graph stays as it was: {lack}\n"));
-            return None;
-        }
-        if let Err(own) = spare_own_files(&graph, self.record) {
-            says.refusal(&format!("the graph stays as it was: {own}\n"));
-            return None;
-        }
-        let guards = Guards::of(&graph);
-        if says < Says::Everything && guards != self.guards {
-            says.refusal(
-                "the graph stays as it was: an actuator's limit or device would change, and that is not done from afar\n",
-            );
-            return None;
-        }
-        let connected = match self.network.connect(&graph) {
-            Ok(connected) => connected,
-            Err(error) => {
-                says.refusal(&format!("the graph stays as it was: {error}\n"));
+        let changed = lack.and(guarded).and_then(|()| self.change(&graph));
+        let changed = match changed {
+            Ok(changed) => changed,
+            Err(why) => {
+                says.refusal(&format!("the graph stays as it was: {why}\n"));
                 return None;
             }
         };
-        match self.session.change(&graph, &self.folder) {
+        // The file may have been edited meanwhile, so another graph is always told of.
+        if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
+            remark(&told(&changed, loading.took()));
+        }
+        for change in ready.guards.changes(&self.guards) {
+            remark(&format!("{change}\n"));
+        }
+        self.guards = ready.guards;
+        let before = std::mem::replace(&mut self.texts, ready.texts);
+        Some(Taken {
+            is_saved: before != self.texts,
+            graph,
+            change: changed.change,
+            watch: ready.watch,
+        })
+    }
+
+    /// Connects what a graph is connected to, and hands it to the drivers.
+    fn change(&mut self, graph: &Graph) -> Result<Changed, String> {
+        let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
+        match self.session.change(graph, &self.folder) {
             Ok(changed) => {
-                self.network.miss_only_those_of(&graph);
+                self.network.miss_only_those_of(graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
-                // The file may have been edited meanwhile, so another graph is always told of.
-                if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
-                    remark(&told(&changed, began.elapsed()));
-                }
-                for change in guards.changes(&self.guards) {
-                    remark(&format!("{change}\n"));
-                }
-                self.guards = guards;
-                let before = std::mem::replace(&mut self.texts, texts(&graph));
-                Some(Taken {
-                    is_saved: before != self.texts,
-                    graph,
-                    change: changed.change,
-                    watch,
-                })
+                Ok(changed)
             }
             Err(error) => {
                 self.network.let_go(connected);
-                says.refusal(&format!("the graph stays as it was: {error}\n"));
-                None
+                Err(error.to_string())
             }
         }
     }
@@ -387,16 +501,9 @@ struct Taken {
     graph: Graph,
     change: Change,
     /// Of its files, as they were when it was loaded.
-    watch: Option<Watch>,
+    watch: Watch,
     /// Are its texts others than those of the graph before?
     is_saved: bool,
-}
-
-/// The texts of a graph's files; what was given on the command line has no file.
-fn texts(graph: &Graph) -> Vec<String> {
-    let sources = graph.sources().iter();
-    let files = sources.filter(|source| source.path != Path::new("--set"));
-    files.map(|source| source.text.to_string()).collect()
 }
 
 /// How time is kept, by driver where there are several, and how the rings between them are.

@@ -2,6 +2,8 @@
 
 use haptograph::nodes::network::Told;
 use haptograph::signal::files::{self, Refusal};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
 /// A line that was typed.
@@ -45,7 +47,7 @@ pub enum Asked {
 
 /// Listens on standard input, on a thread of its own that waits while too much is asked. The end of the input ends
 /// nothing.
-pub fn listen(asked: SyncSender<Asked>) {
+pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>) {
     std::thread::spawn(move || {
         for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
             let typed = match line {
@@ -56,7 +58,11 @@ pub fn listen(asked: SyncSender<Asked>) {
                 }
                 Err(_) => break,
             };
-            if typed.is_some_and(|typed| asked.send(Asked::Typed(typed)).is_err()) {
+            let Some(typed) = typed else { continue };
+            // A stop waits for nobody.
+            if typed == Typed::Stop {
+                stop.store(true, Ordering::Relaxed);
+            } else if asked.send(Asked::Typed(typed)).is_err() {
                 break;
             }
         }

@@ -7,10 +7,16 @@ use haptograph::engine::graph::Graph;
 use haptograph::engine::run::{Histogram, Live, RingReport};
 use haptograph::nodes::soundcard::{CardNote, Inputs, Wanted, played};
 use serde_json::{Value, json};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Drivers of one run end together, but for their last buffers.
 const APART: Duration = Duration::from_secs(1);
+/// How long a stop may take: outputs fall in a hundredth of a second, or as slowly as their limits want it.
+const STOPPING: Duration = Duration::from_secs(5);
+/// How often that is looked at.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// The drivers of a run, by their clocks' names.
 pub struct Drivers {
@@ -20,30 +26,42 @@ pub struct Drivers {
     wanted: Wanted,
     /// When the first of them was seen to have ended.
     first_end: Option<Instant>,
+    /// Stops them.
+    stop: Arc<AtomicBool>,
 }
 
 impl Drivers {
-    /// Starts a driver for each of `lives`: the soundcard where the graph wants it, timers else.
-    pub fn start(graph: &Graph, wanted: Wanted, mut lives: Vec<Live>) -> Result<Self, Failure> {
+    /// Starts a driver for each of `lives`, which `stop` stops: the soundcard where the graph wants it, timers else.
+    pub fn start(
+        graph: &Graph,
+        wanted: Wanted,
+        mut lives: Vec<Live>,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Self, Failure> {
         let inputs = Inputs::open(graph, &mut lives).map_err(message)?;
         let played = played(graph);
         let card = played.first().and_then(|played| graph.driver_of(played.sink));
         let mut waiting: Vec<(usize, Live)> = graph.drivers().into_iter().zip(lives).collect();
         // A card that is not there is found before anything else moves.
         waiting.sort_by_key(|(clock, _)| card != Some(*clock));
-        let mut started = Vec::new();
-        for (clock, live) in waiting {
-            let output = wanted.output.as_ref().filter(|_| card == Some(clock));
-            started.push((clock, Driver::start(output.cloned(), live)?));
-        }
-        started.sort_by_key(|(clock, _)| *clock);
-        let named = |(clock, driver): (usize, Driver)| (graph.clocks()[clock].name.clone(), driver);
-        Ok(Self {
-            list: started.into_iter().map(named).collect(),
+        let mut drivers = Self {
+            list: Vec::new(),
             inputs,
             wanted,
             first_end: None,
-        })
+            stop: Arc::clone(stop),
+        };
+        let mut clocks = Vec::new();
+        for (clock, live) in waiting {
+            let output = drivers.wanted.output.as_ref().filter(|_| card == Some(clock));
+            let driver = Driver::start(output.cloned(), live)?;
+            let place = clocks.partition_point(|known| *known < clock);
+            clocks.insert(place, clock);
+            drivers
+                .list
+                .insert(place, (graph.clocks()[clock].name.clone(), driver));
+        }
+        Ok(drivers)
     }
 
     fn all(&self) -> impl Iterator<Item = &Driver> {
@@ -124,8 +142,18 @@ impl Drivers {
     }
 
     /// Waits for the end.
-    pub fn join(self) -> Result<Vec<Live>, Failure> {
-        self.list.into_iter().map(|(_, driver)| driver.join()).collect()
+    pub fn join(mut self) -> Result<Vec<Live>, Failure> {
+        let list = std::mem::take(&mut self.list);
+        list.into_iter().map(|(_, driver)| driver.join()).collect()
+    }
+
+    /// Stops them, and waits until nothing is driven any more.
+    pub fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let since = Instant::now();
+        while !self.is_finished(true) && since.elapsed() < STOPPING {
+            std::thread::sleep(LOOK);
+        }
     }
 
     /// What is shown of them every second, besides the time they keep.
@@ -165,5 +193,14 @@ impl Drivers {
             list.extend(driver::troubles(&whose, "ran over", &counts));
         }
         list
+    }
+}
+
+/// Whatever happens on the way, nothing is left driven.
+impl Drop for Drivers {
+    fn drop(&mut self) {
+        if !self.list.is_empty() {
+            self.stop();
+        }
     }
 }

@@ -1,12 +1,13 @@
 //! `haptograph run --live`: the graph runs against the clock, can be changed while it runs, and leaves what an
 //! offline run leaves.
 
-use super::super::{Failure, remark};
+use super::super::{Failure, fault, remark, warn};
 use super::attended::{Attended, MOST_ASKED};
 use super::console::{self, Asked, HELP};
 use super::drivers::Drivers;
 use super::facts::{facts_of, packets, warnings_of};
 use super::latency;
+use super::loading::{self, Job, Loader};
 use super::summary::Summary;
 use super::watch::Watch;
 use super::{Arguments, Making, lasts_a_frame, message, stop_on_interrupt};
@@ -14,15 +15,29 @@ use haptograph::engine::run::{LiveOptions, RingReport, Session};
 use haptograph::nodes::network::{Connections, OscControl};
 use haptograph::nodes::soundcard::wanted;
 use serde_json::json;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Instant;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    run_with(arguments, stop_on_interrupt, Loader::new(loading::load))
+}
+
+/// Runs until what `stopping` gives is set, and takes over what `loader` loads.
+fn run_with(
+    arguments: &Arguments,
+    stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
+    loader: Loader,
+) -> Result<(), Failure> {
     let arguments = Arguments {
         graph: arguments.graph.for_live()?,
         ..arguments.clone()
     };
-    let graph = arguments.graph.load_and_warn(arguments.seed)?;
+    let first = loading::load(Job::first(&arguments));
+    let (graph, parameters) = (first.result.map_err(Failure::Graph)?.graph, first.parameters);
+    warn(&graph);
     // What is saved from here on is seen.
     let watch = arguments.watch.then(|| Watch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
@@ -32,12 +47,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (asking, asked) = sync_channel(MOST_ASKED);
     let osc = listen_for_settings(&arguments, &asking)?;
     let mut made = Making::begin(&arguments, &graph)?;
+    let stop = stopping()?;
     let options = LiveOptions {
         block: usize::from(arguments.block),
         seconds: arguments.duration_s,
         rested: arguments.rested,
+        stop: Arc::clone(&stop),
     };
-    let stop = stop_on_interrupt()?;
     let folder = Some(made.kept.folder.path());
     let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;
     let unrested: Vec<String> = lives
@@ -45,40 +61,35 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .flat_map(|live| live.run().unrested().map(str::to_owned))
         .collect();
     let start = Instant::now();
-    let mut driver = Drivers::start(&graph, wanted, lives)?;
+    let quiet = fault::Live::begin();
+    let mut driver = Drivers::start(&graph, wanted, lives, &stop)?;
     made.kept.folder.begin();
     let mut notes = driver.notes();
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
-    let ends = match arguments.duration_s {
-        Some(seconds) => format!("for {seconds} s"),
-        None => "until ctrl-C".to_owned(),
-    };
-    remark(&format!(
-        "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
-        arguments.graph.name(),
-        arguments.graph.endpoints(),
-        driver.about()
-    ));
-    if !unrested.is_empty() {
-        remark(&format!(
-            "the actuators of `{}` begin as warm as their limits allow, as it is not known how long they have rested; \
-             --rested says that they are cold\n",
-            unrested.join("`, `")
-        ));
-    }
-    for listened in driver.listened() {
-        remark(&format!("listening to {listened}\n"));
-    }
-    for (device, place) in network.places() {
-        remark(&format!("listening for `{device}` at {place}\n"));
-    }
-    if let Some(osc) = &osc {
-        remark(&format!("settings by Open Sound Control at {}\n", osc.address()));
-    }
-    console::listen(asking.clone());
+    introduce(&arguments, &driver, &network, osc.as_ref());
+    tell_unrested(&unrested);
+    console::listen(asking.clone(), Arc::clone(&stop));
     let folder = made.kept.folder.path();
-    let mut attended = Attended::begin(&arguments, &graph, folder, watch, session, network);
-    notes.extend(attended.attend(&mut driver, &asked, &stop));
+    let mut attended = Attended::begin(
+        &arguments,
+        &graph,
+        folder,
+        (session, network),
+        (watch, parameters, loader),
+    );
+    let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, &stop));
+    let panicked = match catch_unwind(attending) {
+        Ok(said) => {
+            notes.extend(said);
+            false
+        }
+        Err(_) => {
+            driver.stop();
+            notes.push("haptograph panicked; the run was stopped there".to_owned());
+            true
+        }
+    };
+    attended.tell_faults();
     // Until here somebody asks, if only this one, so that waiting for it is waiting.
     drop(asking);
     let mut facts = driver.facts();
@@ -92,17 +103,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         latency::to_json(&latencies),
     ));
     let lives = driver.join()?;
+    // From here on nothing moves.
+    drop(quiet);
+    facts.extend(changed(&attended));
     facts.push((
         "unrested",
         "Sinks whose actuators began as warm as their limits allow",
         json!(unrested),
-    ));
-    facts.push(("changes", "Changed while running", json!(attended.changes)));
-    facts.push(("swaps", "Other graphs that took over", json!(attended.swaps)));
-    facts.push((
-        "saved_while_running",
-        "Graphs that were saved while it ran",
-        json!(attended.saved),
     ));
     facts.extend(packets(&attended.network));
     facts.push((
@@ -128,11 +135,66 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     for latency in &latencies {
         remark(&format!("{}\n", latency.shown()));
     }
+    let panicked = panicked || ended.panicked || !attended.faults.is_empty();
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
     facts.extend(facts_of(&ended));
+    facts.push(("faults", "Panics of haptograph", json!(attended.faults)));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
-    made.kept.complete(&arguments, &graph, &summary)
+    made.kept.complete(&arguments, &graph, &summary)?;
+    match panicked {
+        false => Ok(()),
+        true => Err(Failure::Message(
+            "haptograph panicked during the run, as said above; the files of the run are complete up to there".to_owned(),
+        )),
+    }
+}
+
+/// Says what runs, and where it listens.
+fn introduce(arguments: &Arguments, driver: &Drivers, network: &Connections, osc: Option<&OscControl>) {
+    let ends = match arguments.duration_s {
+        Some(seconds) => format!("for {seconds} s"),
+        None => "until ctrl-C".to_owned(),
+    };
+    remark(&format!(
+        "running {} with its {} endpoints {ends}, driven by {}; type {HELP}\n",
+        arguments.graph.name(),
+        arguments.graph.endpoints(),
+        driver.about()
+    ));
+    for listened in driver.listened() {
+        remark(&format!("listening to {listened}\n"));
+    }
+    for (device, place) in network.places() {
+        remark(&format!("listening for `{device}` at {place}\n"));
+    }
+    if let Some(osc) = osc {
+        remark(&format!("settings by Open Sound Control at {}\n", osc.address()));
+    }
+}
+
+/// Says which sinks begin as if their actuators were warm.
+fn tell_unrested(unrested: &[String]) {
+    if !unrested.is_empty() {
+        remark(&format!(
+            "the actuators of `{}` begin as warm as their limits allow, as it is not known how long they have rested; \
+             --rested says that they are cold\n",
+            unrested.join("`, `")
+        ));
+    }
+}
+
+/// What was changed while it ran.
+fn changed(attended: &Attended) -> [(&'static str, &'static str, serde_json::Value); 3] {
+    [
+        ("changes", "Changed while running", json!(attended.changes)),
+        ("swaps", "Other graphs that took over", json!(attended.swaps)),
+        (
+            "saved_while_running",
+            "Graphs that were saved while it ran",
+            json!(attended.saved),
+        ),
+    ]
 }
 
 fn listen_for_settings(
@@ -149,4 +211,88 @@ fn listen_for_settings(
     })
     .map(Some)
     .map_err(|error| Failure::Message(format!("cannot listen for settings at {address}: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::run::loading::Loaded;
+    use clap::Parser;
+    use std::fs;
+    use std::sync::atomic::Ordering;
+    use std::time::Duration;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        run: Arguments,
+    }
+
+    const GRAPH: &str = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) }, nodes: {
+        "one": Constant(clock: "servo", value: 1, quantity: "current"),
+        "out": ActuatorSink(current: "one", endpoint: "a", limit: (peak_a: 1.5, continuous_a: 1.5)),
+        "file": CsvSink(inputs: ["out.delivered"], file: "given.csv"),
+    }, endpoints: { "simulated": { "a": SimulatedHaptuator() } })"#;
+
+    static LOADS: AtomicBool = AtomicBool::new(false);
+
+    fn hang(_: Job) -> Loaded {
+        LOADS.store(true, Ordering::Relaxed);
+        loop {
+            std::thread::park();
+        }
+    }
+
+    /// Runs with a loader that does `work`, and saves the graph until `until` is so; then stops if it runs still.
+    /// Returns what came of it, what was delivered at the end, and the facts of the run.
+    fn run_with_saves(
+        work: fn(Job) -> Loaded,
+        until: impl Fn() -> bool + Send + 'static,
+    ) -> (Result<(), Failure>, f64, serde_json::Value) {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("g.ron"), GRAPH).unwrap();
+        let (graph, out) = (at("g.ron").display().to_string(), at("out").display().to_string());
+        let line = ["run", &graph, "--live", "--watch", "--for", "60", "--out", &out];
+        let stop = Arc::new(AtomicBool::new(false));
+        let (stops, saved) = (Arc::clone(&stop), at("g.ron"));
+        let saver = std::thread::spawn(move || {
+            for more in 1..200 {
+                std::thread::sleep(Duration::from_millis(100));
+                if until() || stops.load(Ordering::Relaxed) {
+                    break;
+                }
+                if more % 5 == 0 {
+                    fs::write(&saved, GRAPH.to_owned() + &" ".repeat(more)).unwrap();
+                }
+            }
+            stops.store(true, Ordering::Relaxed);
+        });
+        let ended = run_with(&Line::parse_from(line).run, || Ok(stop), Loader::new(work));
+        saver.join().unwrap();
+        let given = fs::read_to_string(at("out/given.csv")).unwrap();
+        let last = given
+            .lines()
+            .last()
+            .and_then(|line| line.rsplit(',').next()?.parse().ok());
+        let facts = fs::read_to_string(at("out/run.json")).unwrap();
+        (ended, last.unwrap(), serde_json::from_str(&facts).unwrap())
+    }
+
+    #[test]
+    fn a_graph_that_loads_for_ever_holds_up_no_stop() {
+        let (ended, last, facts) = run_with_saves(hang, || LOADS.load(Ordering::Relaxed));
+        assert!(ended.is_ok());
+        assert!(LOADS.load(Ordering::Relaxed));
+        assert!(last < 0.2, "{last} is not what a stop leaves");
+        assert!(facts["stopped"] == true && facts["seconds"].as_f64().unwrap() < 30.0);
+    }
+
+    #[test]
+    fn a_panic_while_a_graph_loads_stops_the_actuators_and_keeps_the_files() {
+        let (ended, last, facts) = run_with_saves(|_| panic!("on purpose"), || false);
+        assert!(matches!(ended, Err(Failure::Message(_))));
+        assert!(last < 0.2, "{last} is not what a stop leaves");
+        assert!(facts["stopped"] == true && facts["seconds"].as_f64().unwrap() < 30.0);
+    }
 }

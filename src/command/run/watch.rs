@@ -2,7 +2,7 @@
 //! system, and a few files looked at ten times a second cost nothing.
 
 use haptograph::engine::graph::Graph;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 /// The files of a graph: itself, what it includes, and what its settings name.
@@ -13,7 +13,7 @@ pub struct Watch {
 }
 
 /// None while the file is gone: some editors write another and rename it.
-type Stamp = Option<(SystemTime, u64)>;
+pub type Stamp = Option<(SystemTime, u64)>;
 
 impl Watch {
     pub fn of(graph: &Graph) -> Self {
@@ -31,9 +31,9 @@ impl Watch {
         }
     }
 
-    /// Also looks at the other files of a graph; of those that it looks at already, what is new is still to be seen.
-    pub fn also(&mut self, graph: &Graph) {
-        for (path, stamp) in Self::of(graph).files {
+    /// Also looks at the other files of another graph; of those that it looks at already, what is new is still to be seen.
+    pub fn also(&mut self, other: Self) {
+        for (path, stamp) in other.files {
             if !self.files.iter().any(|(known, _)| *known == path) {
                 self.files.push((path, stamp));
             }
@@ -57,7 +57,8 @@ impl Watch {
     }
 }
 
-fn stamp(path: &PathBuf) -> Stamp {
+/// When a file was changed last, and its length; none where there is no such file.
+pub fn stamp(path: &Path) -> Stamp {
     let facts = std::fs::metadata(path).ok()?;
     Some((facts.modified().ok()?, facts.len()))
 }
@@ -90,7 +91,7 @@ mod tests {
         assert!(watch.has_changed());
         assert!(!watch.has_changed());
         std::fs::write(&path, format!("{text}  ")).unwrap();
-        watch.also(&graph);
+        watch.also(Watch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved before");
     }
