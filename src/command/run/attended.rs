@@ -371,7 +371,9 @@ impl Attended {
             }
             Wish::Saved => {
                 // A changed graph may read other files.
-                self.watch = Some(taken.watch);
+                if let Some(watch) = &mut self.watch {
+                    watch.turn_to(taken.watch);
+                }
                 if taken.change != Change::Settings(0) {
                     self.keep(&taken.graph, taken.change);
                 }

@@ -40,6 +40,16 @@ impl Watch {
         }
     }
 
+    /// Looks at the files of another graph from now on; what is new of those that it looked at is still to be seen.
+    pub fn turn_to(&mut self, other: Self) {
+        let before = std::mem::replace(&mut self.files, other.files);
+        for (path, stamp) in &mut self.files {
+            if let Some((_, known)) = before.iter().find(|(known, _)| known == path) {
+                *stamp = *known;
+            }
+        }
+    }
+
     /// True once for each change.
     pub fn has_changed(&mut self) -> bool {
         let (mut new, mut gone) = (false, false);
@@ -94,5 +104,9 @@ mod tests {
         watch.also(Watch::of(&graph));
         assert!(!watch.has_changed());
         assert!(watch.has_changed(), "it was saved before");
+        std::fs::write(&path, format!("{text}   ")).unwrap();
+        watch.turn_to(Watch::of(&graph));
+        assert!(!watch.has_changed());
+        assert!(watch.has_changed(), "it was saved while it was loaded");
     }
 }
