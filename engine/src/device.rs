@@ -61,6 +61,11 @@ pub trait Device: CloneDevice + Send + Sync {
     fn latency(&self) -> DeviceLatency {
         DeviceLatency::default()
     }
+    /// Group delay of the filters behind a sensed channel, s.
+    fn group_delay_s(&self, channel: usize) -> f64 {
+        let _ = channel;
+        0.0
+    }
     /// The largest magnitude that a driven channel can be given, in the unit of its drive, if it knows one. No sink may
     /// ask for more.
     fn most(&self, channel: usize) -> Option<f64> {

@@ -31,7 +31,7 @@ impl Graph {
         let mut found = Vec::new();
         for source in self.nodes.externals(petgraph::Incoming) {
             let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
-            self.follow(source, Latency::default(), &mut reached, &mut Vec::new());
+            self.follow(source, self.filtered(source), &mut reached, &mut Vec::new());
             let sensing_s = self.buffers_of(source).sensing_s;
             for (sink, latency) in reached {
                 let ends = self.nodes.edges(sink).next().is_none();
@@ -83,6 +83,19 @@ impl Graph {
             }
         }
         way.pop();
+    }
+
+    /// The delay of the filters behind what a source reads, the slowest of its channels.
+    fn filtered(&self, node: NodeIndex) -> Latency {
+        let Work::Source { device, channels } = &self.nodes[node].work else {
+            return Latency::default();
+        };
+        let device = &self.devices[*device].device;
+        let delays = channels.iter().map(|channel| device.group_delay_s(*channel));
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: delays.fold(0.0, f64::max),
+        }
     }
 
     /// What the buffers of a node's device hold back.
