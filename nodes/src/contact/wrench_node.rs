@@ -9,7 +9,7 @@ use crate::successor;
 use crate::vector::norm;
 use haptograph_engine::frame::{self, Kind};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -71,13 +71,20 @@ impl NodeKind for ContactFromWrench {
                 "uncertainty",
                 Kind::Scalar,
                 Quantity::LENGTH,
-                "Uncertainty of the point, m (Eq. 5.2.4).",
+                "Uncertainty of the line of action, across it, m (Eq. 5.2.4).",
             ),
             output(
                 "miss",
                 Kind::Scalar,
                 Quantity::LENGTH,
                 "By how much the line of action misses the object, m.",
+            ),
+            output(
+                "point_uncertainty",
+                Kind::Scalar,
+                Quantity::LENGTH,
+                "Uncertainty of the point, m: Eq. 5.2.4 with the lever from the sensor to the point, as the direction of \
+                 the force is uncertain too.",
             ),
         ],
         example: r#""touch": ContactFromWrench(wrench: "sensor.wrench", object: Cube(edge_mm: 25.4), height_mm: 8.0)"#,
@@ -108,7 +115,15 @@ struct Locating {
 impl Processor for Locating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let wrenches = io.frames_of::<6>(0);
-        let [contacts, load, friction, residual, uncertainty, miss] = io.outs();
+        let [
+            contacts,
+            load,
+            friction,
+            residual,
+            uncertainty,
+            miss,
+            point_uncertainty,
+        ] = io.outs();
         let (contacts, friction) = (contacts.as_chunks_mut().0, friction.as_chunks_mut().0);
         for (frame, [fx, fy, fz, tx, ty, tz]) in wrenches.iter().enumerate() {
             let at = self.locator.update([*fx, *fy, *fz], [*tx, *ty, *tz]);
@@ -124,8 +139,9 @@ impl Processor for Locating {
             load[frame] = at.normal_force_n;
             friction[frame] = at.friction_n;
             residual[frame] = at.residual_m;
-            uncertainty[frame] = at.point_uncertainty_m;
+            uncertainty[frame] = at.uncertainty_m;
             miss[frame] = at.miss_m;
+            point_uncertainty[frame] = at.point_uncertainty_m;
         }
     }
 
@@ -156,7 +172,7 @@ impl NodeKind for SurfaceSpeed {
         group: "sensing",
         doc: "The speed of a point of contact along a surface, over its edges: two points on faces that meet at an angle are \
               as far apart as when the faces are laid flat. Jitter within the point's uncertainty is no motion.",
-        source: "5.2.4",
+        source: "5.2.3",
         inputs: &[
             input(
                 "contact",
@@ -192,7 +208,7 @@ impl NodeKind for SurfaceSpeed {
                 "Length of the way so far, m.",
             ),
         ],
-        example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.uncertainty")"#,
+        example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#,
     };
 
     fn build(settings: SurfaceSpeedSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -243,6 +259,13 @@ impl Processor for Following {
             new.path.copy_state_from(&self.path);
         }
     }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: self.path.delay_s(),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -278,6 +301,19 @@ mod tests {
             "friction on the tool"
         );
         assert!(out[3][0] < 1e-9 && out[5][0] < 1e-9);
+        // Eq. 5.2.4 by the torque, as printed; and by the whole lever to the point.
+        let (force_n, torque_n_m) = (norm(force), norm(cross(point, force)));
+        let printed = |torque_n_m: f64| {
+            let relative = (1e-3 / 32.0 / torque_n_m).hypot(1.0 / 160.0 / force_n);
+            torque_n_m / force_n * relative
+        };
+        assert!(
+            (out[4][0] / printed(torque_n_m) - 1.0).abs() < 1e-9,
+            "{}",
+            out[4][0]
+        );
+        assert!((out[6][0] / printed(force_n * norm(point)) - 1.0).abs() < 1e-9);
+        assert!(out[6][0] > 2.0 * out[4][0]);
         assert!(!contacts[1].touching && out[1][1] == 0.0);
     }
 
@@ -312,6 +348,36 @@ mod tests {
         for (k, speed) in out[0].iter().enumerate().skip(200) {
             assert!((speed - 0.05).abs() < 1e-6, "{k}: {speed}");
         }
+    }
+
+    #[test]
+    fn the_speed_is_as_late_as_the_node_says() {
+        let settings = SurfaceSpeedSettings {
+            cutoff_hz: 20.0,
+            leash: LEASH,
+        };
+        let mut bench = Bench::new::<SurfaceSpeed>(settings, 1000.0, &[Kind::Contact]).unwrap();
+        // Ever faster by 0.2 m/s2.
+        let contacts: Vec<f64> = (0..600)
+            .flat_map(|k| {
+                let time_s = 1e-3 * f64::from(k);
+                frame::Contact {
+                    touching: true,
+                    ihip_m: [0.1 * time_s * time_s, 0.0, 0.0],
+                    normal: [0.0, 0.0, 1.0],
+                    ..frame::Contact::default()
+                }
+                .to_lanes()
+            })
+            .collect();
+        let speed_m_s = bench.run(&[&contacts])[0][599];
+        let late_s = 0.599 - speed_m_s / 0.2;
+        let stated_s = bench.processor().latency().group_delay_s;
+        assert!(
+            (late_s - stated_s).abs() < 1e-4,
+            "{late_s} s, stated {stated_s} s"
+        );
+        assert!((stated_s - 0.0117).abs() < 2e-4, "{stated_s}");
     }
 
     #[test]

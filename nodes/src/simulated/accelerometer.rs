@@ -47,6 +47,7 @@ pub struct Accelerometer {
     raw_noise_m_s2: f64,
     noise: Gaussian,
     filters: [SectionsState; 3],
+    delay_s: f64,
     settled: bool,
 }
 
@@ -64,8 +65,14 @@ impl Accelerometer {
             raw_noise_m_s2: settings.noise_m_s2 / gain,
             noise: Gaussian::new(seed),
             filters: [(); 3].map(|()| SectionsState::new(&sections)),
+            delay_s: sections.group_delay_s(0.0, rate_hz),
             settled: false,
         })
+    }
+
+    /// Delay of the low-pass, the same up to its corner, s.
+    pub fn delay_s(&self) -> f64 {
+        self.delay_s
     }
 
     /// One sample of what the sensor feels (acceleration less gravity, m/s2): its voltages.
@@ -126,6 +133,20 @@ mod tests {
             .fold(0.0, f64::max);
         // Ten samples a period: the peak is seen to 5 %.
         assert!((20.0 * (peak / 10.0).log10() + 3.0).abs() < 0.5, "{peak}");
+    }
+
+    #[test]
+    fn a_rising_acceleration_is_read_as_late_as_the_sensor_says() {
+        let settings = AccelerometerSettings {
+            noise_m_s2: 0.0,
+            bits: 32,
+            ..AccelerometerSettings::default()
+        };
+        let mut sensor = Accelerometer::new(settings, RATE_HZ, 1).unwrap();
+        let read = (0..500).map(|k| in_m_s2(sensor.sample([0.1 * f64::from(k), 0.0, 0.0])[0]));
+        let late_s = 0.0499 - read.last().unwrap() / (0.1 * RATE_HZ);
+        assert!((late_s - sensor.delay_s()).abs() < 1e-6, "{late_s}");
+        assert!((2e-4..6e-4).contains(&sensor.delay_s()), "{}", sensor.delay_s());
     }
 
     #[test]

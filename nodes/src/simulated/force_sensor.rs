@@ -52,23 +52,31 @@ pub struct ForceSensor {
     settings: ForceSensorSettings,
     noise: Gaussian,
     filters: Option<[SectionsState; 6]>,
+    delay_s: f64,
 }
 
 impl ForceSensor {
     /// A sensor at rest, sampled at `rate_hz`.
     pub fn new(settings: ForceSensorSettings, rate_hz: f64, seed: u64) -> Result<Self, DesignError> {
-        let filters = match settings.cutoff_hz {
+        let (filters, delay_s) = match settings.cutoff_hz {
             Some(cutoff_hz) => {
                 let sections = butterworth_lowpass(2, cutoff_hz, rate_hz)?;
-                Some(std::array::from_fn(|_| SectionsState::new(&sections)))
+                let filters = std::array::from_fn(|_| SectionsState::new(&sections));
+                (Some(filters), sections.group_delay_s(0.0, rate_hz))
             }
-            None => None,
+            None => (None, 0.0),
         };
         Ok(Self {
             settings,
             noise: Gaussian::new(seed),
             filters,
+            delay_s,
         })
+    }
+
+    /// By how much slow changes of the wrench are late, s: the filter's delay.
+    pub fn delay_s(&self) -> f64 {
+        self.delay_s
     }
 
     /// One sample of a true wrench, N and N m: noise, end of scale, steps, filter.
@@ -138,6 +146,20 @@ mod tests {
         assert!((deviation(&mut unfiltered(1.0)) - (1.0 + 1.0 / 12.0_f64).sqrt()).abs() < 0.02);
         let filtered = deviation(&mut ForceSensor::new(ForceSensorSettings::default(), 1000.0, 2).unwrap());
         assert!((filtered - 0.21).abs() < 0.03, "{filtered}");
+    }
+
+    #[test]
+    fn a_rising_force_is_read_as_late_as_the_sensor_says() {
+        let settings = ForceSensorSettings {
+            noise_steps: 0.0,
+            force_step_n: 1e-9,
+            ..ForceSensorSettings::default()
+        };
+        let mut sensor = ForceSensor::new(settings, 1000.0, 3).unwrap();
+        let read_n = (0..500).map(|k| sensor.sample([0.0, 0.0, 0.02 * f64::from(k)], [0.0; 3]).force_n[2]);
+        let late_s = 0.499 - read_n.last().unwrap() / 20.0;
+        assert!((late_s - sensor.delay_s()).abs() < 1e-5, "{late_s}");
+        assert!((sensor.delay_s() - 0.01125).abs() < 1e-4 && unfiltered(0.0).delay_s() == 0.0);
     }
 
     #[test]

@@ -190,6 +190,11 @@ impl PenObject {
         self.reading
     }
 
+    /// By how much slow changes of the reading are late, s.
+    pub fn reading_delay_s(&self) -> f64 {
+        self.sensor.delay_s()
+    }
+
     /// What only a simulation knows of this tick.
     pub fn truth(&self) -> PenTruth {
         self.truth

@@ -9,7 +9,7 @@ use crate::successor;
 use crate::vector::Vec3;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
 
@@ -92,6 +92,13 @@ impl Processor for Accelerometer {
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.0.clone_from(&self.0);
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: self.0.delay_s(),
         }
     }
 }
@@ -272,6 +279,13 @@ impl Processor for ForceSensor {
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.0.clone_from(&self.0);
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            transport_s: 0.0,
+            group_delay_s: self.0.delay_s(),
         }
     }
 }

@@ -108,6 +108,11 @@ impl SurfacePath {
         self.estimator.speed_m_s()
     }
 
+    /// By how much slow changes of speed are late, s.
+    pub fn delay_s(&self) -> f64 {
+        self.estimator.delay_s()
+    }
+
     /// Length of the way so far, m.
     pub fn way_m(&self) -> f64 {
         self.way_m
