@@ -1,8 +1,8 @@
 //! What the pen's friction brake can do (thesis, Fig. 5.22 and 5.23), and how far the friction of simulated pens is from
 //! what is wanted, by the measured line alone and with the slow correction: `cargo run --example brake_range`.
 
-use haptograph::nodes::actuators::brake::solenoid::{MOST_CURRENT_A, most_friction_at, most_normal_force_n};
-use haptograph::nodes::actuators::brake::{BrakeSettings, Reach};
+use haptograph::nodes::actuators::brake::solenoid::MOST_CURRENT_A;
+use haptograph::nodes::actuators::brake::{BrakeSettings, Reach, Solenoid};
 use haptograph::nodes::simulated::pen_brake::{PenConstants, dragged};
 use haptograph::report::plot::{Axis, Mark, Plot, Style, Weight};
 use haptograph::report::theme::Ink;
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let limit = |current_a: f64| {
         let points = (0..=200)
             .map(at)
-            .map(move |mu| (mu, most_normal_force_n(mu, current_a)));
+            .map(move |mu| (mu, Solenoid::THESIS.most_normal_force_n(mu, current_a)));
         points
             .filter(|(_, force_n)| *force_n <= MOST_SHOWN_N)
             .collect::<Vec<_>>()
@@ -49,7 +49,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         size: (0.0, 340.0),
     };
     std::fs::write(&file, plot.to_standalone_svg())?;
-    let table = [1.1, 2.0, 2.75, 4.3].map(|n| format!("{n} N: {:.3}", most_friction_at(n, MOST_CURRENT_A)));
+    let table = [1.1, 2.0, 2.75, 4.3].map(|n| {
+        format!(
+            "{n} N: {:.3}",
+            Solenoid::THESIS.most_friction_at(n, MOST_CURRENT_A)
+        )
+    });
     let mut out = std::io::stdout().lock();
     writeln!(
         out,

@@ -7,4 +7,5 @@ pub mod solenoid;
 mod thermal;
 
 pub use control::{Brake, BrakeCommand, BrakeSettings, Dragging, Reach};
+pub use solenoid::Solenoid;
 pub use thermal::{CoilSettings, CoilThermal};

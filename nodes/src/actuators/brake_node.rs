@@ -1,6 +1,6 @@
 //! The control of the pen's friction brake as a node, and the sink that drives the brake.
 
-use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach};
+use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach, Solenoid};
 use super::limit::CurrentLimitSettings;
 use crate::successor;
 use crate::texture::load_surface;
@@ -29,6 +29,35 @@ haptograph_engine::settings! {
         least_load_n: f64 = BrakeSettings::default().least_normal_n, in 0.0..=100.0;
         /// Speed below which friction is not measured, mm/s.
         least_speed_mm_s: f64 = BrakeSettings::default().least_speed_m_s * 1e3, in 0.0..=10_000.0;
+        /// The pen's experimental line: plunger force by normal force per coefficient of friction (Eq. 5.5.12).
+        line_slope: f64 = Solenoid::THESIS.line_slope, in 1e-3..=1000.0;
+        /// The line at a coefficient of zero (Eq. 5.5.12).
+        line_offset: f64 = Solenoid::THESIS.line_offset, in -100.0..=100.0;
+        /// Force of the solenoid by current squared, N/A2 (Eq. 5.5.10).
+        force_n_per_a2: f64 = Solenoid::THESIS.force_n_per_a2, in 1e-3..=1e6;
+        /// Weight of the plunger, the least force on the ball, N.
+        plunger_n: f64 = Solenoid::THESIS.plunger_n, in 0.0..=100.0;
+        /// The coil's resistance and its thermal model.
+        coil: CoilSettings = CoilSettings::default();
+    }
+}
+
+impl BrakeControllerSettings {
+    fn to_brake(&self) -> BrakeSettings {
+        BrakeSettings {
+            most_current_a: self.most_current_a,
+            trim_per_s: self.trim_per_s,
+            most_trim: self.most_trim,
+            least_normal_n: self.least_load_n,
+            least_speed_m_s: self.least_speed_mm_s * 1e-3,
+            solenoid: Solenoid {
+                line_slope: self.line_slope,
+                line_offset: self.line_offset,
+                force_n_per_a2: self.force_n_per_a2,
+                plunger_n: self.plunger_n,
+            },
+            coil: self.coil,
+        }
     }
 }
 
@@ -91,16 +120,12 @@ impl NodeKind for BrakeController {
     };
 
     fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let brake = BrakeSettings {
-            most_current_a: settings.most_current_a,
-            trim_per_s: settings.trim_per_s,
-            most_trim: settings.most_trim,
-            least_normal_n: settings.least_load_n,
-            least_speed_m_s: settings.least_speed_mm_s * 1e-3,
-            coil: CoilSettings::default(),
-        };
+        if settings.coil.rearm_c > settings.coil.trip_c || settings.coil.ambient_c >= settings.coil.rearm_c {
+            let message = "a coil trips at `trip_c`, and comes back at `rearm_c`, above `ambient_c` and no higher than it";
+            return Err(BuildError::at("coil", message).help("give ambient_c < rearm_c <= trip_c"));
+        }
         Ok(Box::new(Braking {
-            brake: Brake::new(brake, cx.rate.hz()),
+            brake: Brake::new(settings.to_brake(), cx.rate.hz()),
             wanted: wanted(&settings)?,
             measured: 0.0,
         }))
@@ -213,7 +238,6 @@ impl ActuatorKind for BrakeSink {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::brake::solenoid;
     use haptograph_engine::testing::Bench;
 
     fn settings(mu: Option<f64>) -> BrakeControllerSettings {
@@ -223,7 +247,8 @@ mod tests {
             most_trim,
             least_normal_n,
             least_speed_m_s,
-            ..
+            solenoid,
+            coil,
         } = BrakeSettings::default();
         BrakeControllerSettings {
             surface: None,
@@ -233,6 +258,11 @@ mod tests {
             most_current_a,
             least_load_n: least_normal_n,
             least_speed_mm_s: least_speed_m_s * 1e3,
+            line_slope: solenoid.line_slope,
+            line_offset: solenoid.line_offset,
+            force_n_per_a2: solenoid.force_n_per_a2,
+            plunger_n: solenoid.plunger_n,
+            coil,
         }
     }
 
@@ -241,10 +271,41 @@ mod tests {
         let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
         let mut bench = Bench::new::<BrakeController>(settings(Some(0.35)), 1000.0, &kinds).unwrap();
         let out = bench.run(&[&[1.0], &[0.0; 3], &[0.0]]);
-        let wanted = solenoid::current_a(solenoid::experimental_phi(0.35) * 1.0);
+        let pen = Solenoid::THESIS;
+        let wanted = pen.current_a(pen.experimental_phi(0.35) * 1.0);
         assert!((out[0][0] - wanted).abs() < 1e-12 && wanted > 0.05);
         assert_eq!(out[3][0], 0.0);
         assert!((out[4][0] - 298.15).abs() < 1.0);
+    }
+
+    #[test]
+    fn another_pen_is_driven_by_its_own_constants() {
+        let kinds = [Kind::Scalar, Kind::Vector, Kind::Scalar];
+        let other = BrakeControllerSettings {
+            line_slope: 3.1,
+            line_offset: -0.5,
+            force_n_per_a2: 35.0,
+            plunger_n: 0.05,
+            coil: CoilSettings {
+                ambient_c: 20.0,
+                ..CoilSettings::default()
+            },
+            ..settings(Some(0.35))
+        };
+        let mut bench = Bench::new::<BrakeController>(other.clone(), 1000.0, &kinds).unwrap();
+        let out = bench.run(&[&[2.0], &[0.0; 3], &[0.0]]);
+        let by_hand_a = (((3.1 * 0.35 - 0.5) * 2.0 - 0.05) / 35.0_f64).sqrt();
+        assert!((out[0][0] - by_hand_a).abs() < 1e-12, "{}", out[0][0]);
+        assert!((out[4][0] - 293.15).abs() < 0.1, "{}", out[4][0]);
+        let never_back = BrakeControllerSettings {
+            coil: CoilSettings {
+                rearm_c: 130.0,
+                ..CoilSettings::default()
+            },
+            ..other
+        };
+        let refused = Bench::new::<BrakeController>(never_back, 1000.0, &kinds).err();
+        assert_eq!(refused.and_then(|e| e.field), Some("coil"));
     }
 
     #[test]

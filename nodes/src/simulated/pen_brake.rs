@@ -146,7 +146,7 @@ pub fn dragged(pen: &PenConstants, wanted: f64, normal_n: f64, settings: BrakeSe
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::actuators::brake::solenoid::{current_a, experimental_phi};
+    use crate::actuators::brake::Solenoid;
 
     #[test]
     fn a_pen_is_near_the_measured_one_and_no_line() {
@@ -209,8 +209,8 @@ mod tests {
     #[test]
     fn the_plunger_follows_the_current_with_its_lag() {
         let mut pen = PenBrake::new(PenConstants::of_pen(1));
-        let wanted_n = experimental_phi(0.4) * 2.0;
-        (0..100).for_each(|_| pen.advance(current_a(wanted_n), 0.0, 1e-3));
+        let wanted_n = Solenoid::THESIS.experimental_phi(0.4) * 2.0;
+        (0..100).for_each(|_| pen.advance(Solenoid::THESIS.current_a(wanted_n), 0.0, 1e-3));
         assert!((pen.plunger_n / wanted_n - 1.0).abs() < 0.15);
         (0..100).for_each(|_| pen.advance(0.0, 0.0, 1e-3));
         assert!(pen.plunger_n < 0.06);

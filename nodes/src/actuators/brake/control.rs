@@ -1,6 +1,6 @@
 //! Control of the brake (5.5.4): current by the experimental line, corrected slowly by the friction that is measured.
 
-use super::solenoid::{self, experimental_phi};
+use super::solenoid::{self, Solenoid};
 use super::thermal::{CoilSettings, CoilThermal};
 
 /// Settings of the control.
@@ -16,6 +16,8 @@ pub struct BrakeSettings {
     pub least_normal_n: f64,
     /// Speed below which friction is not measured, m/s.
     pub least_speed_m_s: f64,
+    /// The solenoid and the line that it is driven by.
+    pub solenoid: Solenoid,
     /// The coil.
     pub coil: CoilSettings,
 }
@@ -28,6 +30,7 @@ impl Default for BrakeSettings {
             most_trim: 0.2,
             least_normal_n: 0.2,
             least_speed_m_s: 0.005,
+            solenoid: Solenoid::THESIS,
             coil: CoilSettings::default(),
         }
     }
@@ -159,9 +162,10 @@ impl Brake {
     }
 
     fn drive(&mut self, wanted: f64, normal_n: f64) -> (f64, Reach) {
-        let phi = experimental_phi(wanted + self.trim);
+        let solenoid = &self.settings.solenoid;
+        let phi = solenoid.experimental_phi(wanted + self.trim);
         let plunger_n = phi.min(1.0) * normal_n;
-        let asked_a = solenoid::current_a(plunger_n);
+        let asked_a = solenoid.current_a(plunger_n);
         let current_a = asked_a.min(self.settings.most_current_a);
         let reach = if self.coil.is_tripped() {
             Reach::TooHot
@@ -169,7 +173,7 @@ impl Brake {
             Reach::CurrentLimit
         } else if phi > 1.0 {
             Reach::PlungerLimit
-        } else if normal_n > self.settings.least_normal_n && plunger_n < solenoid::PLUNGER_N {
+        } else if normal_n > self.settings.least_normal_n && plunger_n < solenoid.plunger_n {
             Reach::BelowFreePen
         } else if self.trim.abs() >= self.settings.most_trim && self.settings.trim_per_s > 0.0 {
             Reach::TrimLimit

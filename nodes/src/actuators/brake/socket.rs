@@ -3,7 +3,7 @@
 //! The printed second line of Eq. 5.5.5 has the sign of sqrt(2) mu_b wrong; here it is solved anew. The model is a test of
 //! understanding only: above mu = 0.31 its second bearing would have to pull (see [`unloading`]), while the real pen, which
 //! has four bearings and a wall around them, is linear up to 0.52. The brake is driven by the experimental line,
-//! [`super::solenoid::experimental_phi`].
+//! [`super::Solenoid::experimental_phi`].
 
 use std::f64::consts::SQRT_2;
 
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn theory_is_within_a_tenth_of_the_experiment_and_less_steep() {
-        let experiment = super::super::solenoid::experimental_phi;
+        let experiment = |mu| super::super::Solenoid::THESIS.experimental_phi(mu);
         for k in 20..=52 {
             let mu = f64::from(k) / 100.0;
             close(phi(mu, 0.12, 0.6), experiment(mu), 0.1);

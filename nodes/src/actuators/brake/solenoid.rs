@@ -1,9 +1,5 @@
 //! The solenoid and its plunger (5.5.3, 5.5.4): force by current, the experimental line, the range that can be worked in.
 
-/// Force by current squared, N/A2. Eq. 5.5.10
-pub const FORCE_N_PER_A2: f64 = 27.8;
-/// Weight of the plunger, the least force on the ball, N.
-pub const PLUNGER_N: f64 = 0.042;
 /// Largest lasting current, A.
 pub const MOST_CURRENT_A: f64 = 0.3;
 /// Friction of the free pen with the plunger's weight on the ball: the least that was measured.
@@ -13,36 +9,59 @@ pub const MOST_FRICTION: f64 = 0.52;
 /// Magnetic permeability of free space, V s/(A m).
 const PERMEABILITY: f64 = 4e-7 * std::f64::consts::PI;
 
-/// Plunger force by normal force for an effective friction, as measured on the pen. Eq. 5.5.12
-pub fn experimental_phi(mu: f64) -> f64 {
-    2.92 * mu - 0.56
+/// Constants of a pen's brake, as measured on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solenoid {
+    /// Slope of the experimental line: plunger force by normal force, per coefficient of friction. Eq. 5.5.12
+    pub line_slope: f64,
+    /// The experimental line at a coefficient of zero. Eq. 5.5.12
+    pub line_offset: f64,
+    /// Force by current squared, N/A2. Eq. 5.5.10
+    pub force_n_per_a2: f64,
+    /// Weight of the plunger, the least force on the ball, N.
+    pub plunger_n: f64,
 }
 
-/// Current for a plunger force, A; none below the plunger's weight; not limited. Eq. 5.5.10
-pub fn current_a(plunger_n: f64) -> f64 {
-    ((plunger_n - PLUNGER_N).max(0.0) / FORCE_N_PER_A2).sqrt()
-}
+impl Solenoid {
+    /// The pen of the thesis.
+    pub const THESIS: Self = Self {
+        line_slope: 2.92,
+        line_offset: -0.56,
+        force_n_per_a2: 27.8,
+        plunger_n: 0.042,
+    };
 
-/// Plunger force at a current, N.
-pub fn plunger_n(current_a: f64) -> f64 {
-    FORCE_N_PER_A2 * current_a * current_a + PLUNGER_N
-}
-
-/// Largest normal force at which a friction can be displayed, N: the current's limit (Fig. 5.22). Infinite where no current is
-/// needed.
-pub fn most_normal_force_n(mu: f64, most_current_a: f64) -> f64 {
-    let phi = experimental_phi(mu);
-    if phi > 0.0 {
-        plunger_n(most_current_a) / phi
-    } else {
-        f64::INFINITY
+    /// Plunger force by normal force for an effective friction, as measured on the pen. Eq. 5.5.12
+    pub fn experimental_phi(&self, mu: f64) -> f64 {
+        self.line_slope * mu + self.line_offset
     }
-}
 
-/// Most friction that can be displayed at a normal force (Fig. 5.23), between what the pen has and what was measured.
-pub fn most_friction_at(normal_n: f64, most_current_a: f64) -> f64 {
-    let phi = plunger_n(most_current_a) / normal_n;
-    ((phi + 0.56) / 2.92).clamp(LEAST_FRICTION, MOST_FRICTION)
+    /// Current for a plunger force, A; none below the plunger's weight; not limited. Eq. 5.5.10
+    pub fn current_a(&self, plunger_n: f64) -> f64 {
+        ((plunger_n - self.plunger_n).max(0.0) / self.force_n_per_a2).sqrt()
+    }
+
+    /// Plunger force at a current, N.
+    pub fn plunger_n(&self, current_a: f64) -> f64 {
+        self.force_n_per_a2 * current_a * current_a + self.plunger_n
+    }
+
+    /// Largest normal force at which a friction can be displayed, N: the current's limit (Fig. 5.22). Infinite where no
+    /// current is needed.
+    pub fn most_normal_force_n(&self, mu: f64, most_current_a: f64) -> f64 {
+        let phi = self.experimental_phi(mu);
+        if phi > 0.0 {
+            self.plunger_n(most_current_a) / phi
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Most friction that can be displayed at a normal force (Fig. 5.23), between what the pen has and what was measured.
+    pub fn most_friction_at(&self, normal_n: f64, most_current_a: f64) -> f64 {
+        let phi = self.plunger_n(most_current_a) / normal_n;
+        ((phi - self.line_offset) / self.line_slope).clamp(LEAST_FRICTION, MOST_FRICTION)
+    }
 }
 
 /// Field at the open end of a coil, T. Eq. 5.5.6
@@ -60,6 +79,8 @@ pub fn holding_force_n(field_t: f64, radius_m: f64, relative_permeability: f64) 
 mod tests {
     use super::*;
 
+    const PEN: Solenoid = Solenoid::THESIS;
+
     fn close(a: f64, b: f64, within: f64) {
         assert!((a - b).abs() < within, "{a} is not {b}");
     }
@@ -67,41 +88,41 @@ mod tests {
     #[test]
     fn current_and_force_are_each_others_inverse_above_the_plungers_weight() {
         for force_n in [0.05, 0.5, 1.73, 2.5] {
-            close(plunger_n(current_a(force_n)), force_n, 1e-14);
+            close(PEN.plunger_n(PEN.current_a(force_n)), force_n, 1e-14);
         }
         assert_eq!(
-            (current_a(0.042), current_a(0.01), current_a(-1.0)),
+            (PEN.current_a(0.042), PEN.current_a(0.01), PEN.current_a(-1.0)),
             (0.0, 0.0, 0.0)
         );
-        close(plunger_n(MOST_CURRENT_A), 2.544, 1e-12);
+        close(PEN.plunger_n(MOST_CURRENT_A), 2.544, 1e-12);
     }
 
     #[test]
     fn the_operating_range_is_that_of_figures_5_22_and_5_23() {
         for (mu, newtons) in [(0.40, 4.18), (0.45, 3.37), (0.50, 2.83), (0.52, 2.65)] {
-            close(most_normal_force_n(mu, MOST_CURRENT_A), newtons, 0.01);
+            close(PEN.most_normal_force_n(mu, MOST_CURRENT_A), newtons, 0.01);
             close(
-                most_friction_at(most_normal_force_n(mu, MOST_CURRENT_A), MOST_CURRENT_A),
+                PEN.most_friction_at(PEN.most_normal_force_n(mu, MOST_CURRENT_A), MOST_CURRENT_A),
                 mu,
                 1e-12,
             );
         }
-        close(most_friction_at(5.0, MOST_CURRENT_A), 0.366, 5e-4);
-        assert_eq!(most_normal_force_n(0.19, MOST_CURRENT_A), f64::INFINITY);
-        assert_eq!(most_friction_at(0.5, MOST_CURRENT_A), MOST_FRICTION);
+        close(PEN.most_friction_at(5.0, MOST_CURRENT_A), 0.366, 5e-4);
+        assert_eq!(PEN.most_normal_force_n(0.19, MOST_CURRENT_A), f64::INFINITY);
+        assert_eq!(PEN.most_friction_at(0.5, MOST_CURRENT_A), MOST_FRICTION);
     }
 
     #[test]
     fn the_line_of_the_experiment_runs_from_0_192_to_0_534() {
         close((0.0 + 0.56) / 2.92, 0.192, 5e-4);
-        close(experimental_phi(0.534), 1.0, 1e-3);
+        close(PEN.experimental_phi(0.534), 1.0, 1e-3);
     }
 
     #[test]
     fn the_measured_constant_is_a_coil_that_could_be_wound() {
         // 27.8 N/A2 with a permeability of 2780 asks for radius x turns = 142.4, e.g. 2 mm and 71 200 turns/m.
         let field = field_t(1.0, 71_200.0, 1.0, 0.002);
-        close(holding_force_n(field, 0.002, 2780.0), FORCE_N_PER_A2, 0.05);
+        close(holding_force_n(field, 0.002, 2780.0), PEN.force_n_per_a2, 0.05);
         let short = field_t(1.0, 71_200.0, 0.002, 0.002);
         close(short / field, 0.5_f64.sqrt(), 1e-5);
     }

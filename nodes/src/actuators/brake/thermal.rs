@@ -1,33 +1,34 @@
 //! Heat of the solenoid: a coil inside a heat sink. The coil's resistance, and with it its power at a given current, rises as it
 //! warms; above a limit the brake trips until it has cooled.
 
-/// A coil and its heat sink.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CoilSettings {
-    /// Temperature of the air, degrees Celsius.
-    pub ambient_c: f64,
-    /// Resistance of the coil at that temperature, ohm.
-    pub resistance_ohm: f64,
-    /// Relative rise of the resistance, 1/K (copper).
-    pub rise_per_k: f64,
-    /// Heat capacity of the coil, J/K.
-    pub coil_j_per_k: f64,
-    /// Thermal resistance from coil to sink, K/W.
-    pub coil_to_sink_k_per_w: f64,
-    /// Heat capacity of the sink, J/K.
-    pub sink_j_per_k: f64,
-    /// Thermal resistance from sink to air, K/W.
-    pub sink_to_air_k_per_w: f64,
-    /// Coil temperature at which the brake trips, degrees Celsius.
-    pub trip_c: f64,
-    /// Coil temperature below which it comes back, degrees Celsius.
-    pub rearm_c: f64,
+haptograph_engine::settings! {
+    /// A coil and its heat sink. The heat capacities and thermal resistances are placeholders, not measurements: chosen so
+    /// that a lasting 4 W end at 120 degrees and the curve bends near two minutes, as Fig. 5.19 does.
+    pub struct CoilSettings {
+        /// Temperature of the air, degrees Celsius.
+        ambient_c: f64 = CoilSettings::default().ambient_c, in -50.0..=100.0;
+        /// Resistance of the coil at that temperature, ohm: 0.3 A at 4 W.
+        resistance_ohm: f64 = CoilSettings::default().resistance_ohm, in 1e-3..=1e6;
+        /// Relative rise of the resistance, 1/K: copper.
+        rise_per_k: f64 = CoilSettings::default().rise_per_k, in 0.0..=0.1;
+        /// Heat capacity of the coil, J/K.
+        coil_j_per_k: f64 = CoilSettings::default().coil_j_per_k, in 1e-3..=1e6;
+        /// Thermal resistance from coil to sink, K/W.
+        coil_to_sink_k_per_w: f64 = CoilSettings::default().coil_to_sink_k_per_w, in 1e-3..=1e6;
+        /// Heat capacity of the sink, J/K.
+        sink_j_per_k: f64 = CoilSettings::default().sink_j_per_k, in 1e-3..=1e6;
+        /// Thermal resistance from sink to air, K/W.
+        sink_to_air_k_per_w: f64 = CoilSettings::default().sink_to_air_k_per_w, in 1e-3..=1e6;
+        /// Coil temperature at which the brake trips, degrees Celsius.
+        trip_c: f64 = CoilSettings::default().trip_c, in -50.0..=1000.0;
+        /// Coil temperature below which it comes back, degrees Celsius.
+        rearm_c: f64 = CoilSettings::default().rearm_c, in -50.0..=1000.0;
+    }
 }
 
+impl Copy for CoilSettings {}
+
 impl Default for CoilSettings {
-    /// 44.4 ohm (0.3 A at 4 W), copper, rated to 120 degrees. **The heat capacities and thermal resistances are placeholders,
-    /// not measurements**: chosen so that a lasting 4 W end at 120 degrees and the curve bends near two minutes, as
-    /// Fig. 5.19 does.
     fn default() -> Self {
         Self {
             ambient_c: 25.0,
