@@ -1,7 +1,7 @@
 //! Virtual textures on a map: played along one trajectory, compared pair by pair, placed so that alike ones are near (thesis 2.5.4).
 
 use super::clusters::{Merge, cut_tree, hierarchical, k_means, purity};
-use super::scaling::{Scaling, angle_deg, classical_scaling, gradient};
+use super::scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 use super::synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
 use crate::TextureModel;
 use crate::metrics::{
@@ -56,7 +56,7 @@ pub struct PerceptualMap {
     pub names: Vec<(String, String)>,
     /// Spectral differences of all pairs (0, 1), (0, 2), ..., (1, 2), ...
     pub differences: Vec<f64>,
-    /// Places, eigenvalues and stress.
+    /// Places and stress.
     pub scaling: Scaling,
     /// Group of each texture by k-means on the map.
     pub k_means: Vec<usize>,
@@ -111,10 +111,11 @@ pub fn perceptual_map(
     })?;
     let errors = all_pairs(&spectra, &|part| progress(0.5 + 0.5 * part))?;
     let differences = differences(&errors, settings.pooling);
-    let scaling = classical_scaling(
+    let scaling = nonmetric_scaling(
         &differences,
         count,
-        settings.scree_dimensions.max(settings.dimensions),
+        settings.dimensions,
+        settings.scree_dimensions,
     )
     .ok_or(MapError::NotFinite)?;
 
@@ -128,12 +129,8 @@ pub fn perceptual_map(
     };
     let classes: Vec<usize> = textures.iter().map(|(_, material, _)| class(material)).collect();
     let clusters = settings.clusters.unwrap_or(materials.len());
-    let on_map: Vec<Vec<f64>> = scaling
-        .places
-        .iter()
-        .map(|place| place[..settings.dimensions].to_vec())
-        .collect();
-    let k_means = k_means(&on_map, clusters, settings.seed);
+    let on_map = &scaling.places;
+    let k_means = k_means(on_map, clusters, settings.seed);
     let tree = hierarchical(&differences, count);
 
     let power: Vec<f64> = spectra.iter().map(|spectra| mean(spectra.power())).collect();
@@ -141,8 +138,8 @@ pub fn perceptual_map(
         .iter()
         .map(|spectra| mean(&spectra.spectral_centroids_hz()))
         .collect();
-    let roughness_direction = gradient(&on_map, &power, settings.dimensions);
-    let fineness_direction = gradient(&on_map, &spectral_centroid_hz, settings.dimensions);
+    let roughness_direction = gradient(on_map, &power, settings.dimensions);
+    let fineness_direction = gradient(on_map, &spectral_centroid_hz, settings.dimensions);
     Ok(PerceptualMap {
         names: textures
             .iter()

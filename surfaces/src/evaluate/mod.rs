@@ -18,7 +18,7 @@ pub mod tables;
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 pub use conditions::{Condition, centre_for};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
-pub use scaling::{Scaling, angle_deg, classical_scaling, gradient};
+pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};
 pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
 pub use tables::{DifferenceTable, TableError, TableSettings, TestSet, spectral_differences};

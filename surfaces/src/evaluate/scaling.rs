@@ -1,42 +1,57 @@
-//! Multi-dimensional scaling: places whose distances are near to given dissimilarities, and directions in which properties grow.
+//! Multi-dimensional scaling: places whose distances rise and fall with given dissimilarities, and directions in which properties grow.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Places found by classical scaling.
+/// Steps of majorization at most.
+const MOST_STEPS: usize = 1000;
+/// Relative improvement of the stress in a step at which the places have settled.
+const SETTLED: f64 = 1e-6;
+
+/// Places found by non-metric scaling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scaling {
-    /// Coordinates of each item, in all dimensions that were asked for.
+    /// Coordinates of each item along the principal axes of the map, the longest first.
     pub places: Vec<Vec<f64>>,
-    /// Eigenvalues of the doubly centred squared dissimilarities, all of them, descending.
-    pub eigenvalues: Vec<f64>,
-    /// Kruskal's stress-1 of the places in 1, 2, ... dimensions: the scree plot.
+    /// Kruskal's stress-1 in 1, 2, ... dimensions, placed in each by itself: the scree plot.
     pub stress: Vec<f64>,
 }
 
-/// Classical (Torgerson) scaling of `count` items by their dissimilarities (condensed: the pairs (0, 1), (0, 2), ..., (1, 2), ...) into
-/// `dimensions`. Each axis points so that its largest coordinate is positive. `None` if the number of dissimilarities is not that of the
-/// pairs, or one is not finite.
-pub fn classical_scaling(dissimilarities: &[f64], count: usize, dimensions: usize) -> Option<Scaling> {
+/// Non-metric scaling (Kruskal 1964) of `count` items by their dissimilarities (condensed: the pairs (0, 1), (0, 2), ..., (1, 2), ...) into
+/// `dimensions`, with the stress in 1 to `scree` dimensions: distances follow a monotonic transformation of the dissimilarities, fitted by
+/// isotonic regression; places move by majorization (SMACOF) from those of classical scaling. Each axis points so that its largest
+/// coordinate is positive. `None` if the number of dissimilarities is not that of the pairs, or one is not finite.
+pub fn nonmetric_scaling(
+    dissimilarities: &[f64],
+    count: usize,
+    dimensions: usize,
+    scree: usize,
+) -> Option<Scaling> {
+    let start = classical_places(dissimilarities, count, dimensions.max(scree))?;
+    let placed = |dimensions: usize| majorize(start.columns(0, dimensions).into_owned(), dissimilarities);
+    let stress = (1..=scree).map(|d| placed(d).1).collect();
+    let places = along_principal_axes(placed(dimensions).0);
+    Some(Scaling {
+        places: (0..count)
+            .map(|item| places.row(item).iter().copied().collect())
+            .collect(),
+        stress,
+    })
+}
+
+/// Classical (Torgerson) scaling: one row for each item.
+fn classical_places(dissimilarities: &[f64], count: usize, dimensions: usize) -> Option<DMatrix<f64>> {
     if dissimilarities.len() != count * count.saturating_sub(1) / 2
         || !dissimilarities.iter().all(|d| d.is_finite())
     {
         return None;
     }
-    let mut squares = DMatrix::<f64>::zeros(count, count);
-    let mut values = dissimilarities.iter();
-    for a in 0..count {
-        for b in a + 1..count {
-            let d = *values.next()?;
-            squares[(a, b)] = d * d;
-            squares[(b, a)] = d * d;
-        }
-    }
     if count == 0 {
-        return Some(Scaling {
-            places: vec![],
-            eigenvalues: vec![],
-            stress: vec![0.0; dimensions],
-        });
+        return Some(DMatrix::zeros(0, dimensions));
+    }
+    let mut squares = DMatrix::<f64>::zeros(count, count);
+    for ((a, b), d) in pairs(count).zip(dissimilarities) {
+        squares[(a, b)] = d * d;
+        squares[(b, a)] = d * d;
     }
     let row_means: DVector<f64> = squares.column_mean();
     let mean = row_means.mean();
@@ -46,43 +61,129 @@ pub fn classical_scaling(dissimilarities: &[f64], count: usize, dimensions: usiz
     let eigen = SymmetricEigen::new(centred);
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let axis = |rank: usize| {
-        let Some(&index) = order.get(rank) else {
-            return vec![0.0; count];
-        };
-        let vector = eigen.eigenvectors.column(index);
-        let length = eigen.eigenvalues[index].max(0.0).sqrt();
-        let sign = if vector[vector.iamax()] < 0.0 { -1.0 } else { 1.0 };
-        vector.iter().map(|x| sign * length * x).collect()
-    };
-    let axes: Vec<Vec<f64>> = (0..dimensions).map(axis).collect();
-    let places: Vec<Vec<f64>> = (0..count)
-        .map(|item| axes.iter().map(|axis| axis[item]).collect())
-        .collect();
-    let stress = (1..=dimensions)
-        .map(|d| stress(dissimilarities, &places, d))
-        .collect();
-    Some(Scaling {
-        places,
-        eigenvalues: order.iter().map(|&i| eigen.eigenvalues[i]).collect(),
-        stress,
-    })
+    Some(DMatrix::from_fn(count, dimensions, |item, rank| {
+        order.get(rank).map_or(0.0, |&axis| {
+            eigen.eigenvalues[axis].max(0.0).sqrt() * eigen.eigenvectors[(item, axis)]
+        })
+    }))
 }
 
-/// Kruskal's stress-1 in the first `dimensions`.
-fn stress(dissimilarities: &[f64], places: &[Vec<f64>], dimensions: usize) -> f64 {
-    let mut left = 0.0;
-    let mut total = 0.0;
-    let mut values = dissimilarities.iter();
-    for (a, from) in places.iter().enumerate() {
-        for to in &places[a + 1..] {
-            let Some(d) = values.next() else { break };
-            let squared = (0..dimensions).map(|i| (from[i] - to[i]).powi(2)).sum::<f64>();
-            left += (d - squared.sqrt()).powi(2);
-            total += d * d;
+/// The pairs of items in the order of condensed dissimilarities.
+fn pairs(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).flat_map(move |a| (a + 1..count).map(move |b| (a, b)))
+}
+
+/// Moves places until their stress settles: the best places and their stress.
+fn majorize(mut places: DMatrix<f64>, dissimilarities: &[f64]) -> (DMatrix<f64>, f64) {
+    let size: f64 = dissimilarities.iter().map(|d| d * d).sum();
+    let mut best = (places.clone(), f64::INFINITY);
+    for _ in 0..MOST_STEPS {
+        let distances = distances(&places);
+        let disparities = isotonic(dissimilarities, &distances);
+        let stress = stress(&distances, &disparities);
+        let gained = best.1 - stress;
+        if stress < best.1 {
+            best = (places.clone(), stress);
+        }
+        // Written so that an infinite gain, at the first step, goes on.
+        if stress < 1e-12 || gained <= SETTLED * stress {
+            break;
+        }
+        let fitted: f64 = disparities.iter().map(|d| d * d).sum();
+        // As large as the dissimilarities, lest everything shrinks into one point.
+        let scale = if fitted > 0.0 { (size / fitted).sqrt() } else { 0.0 };
+        places = guttman(&places, &distances, &disparities, scale);
+    }
+    best
+}
+
+/// The distances between places, condensed.
+fn distances(places: &DMatrix<f64>) -> Vec<f64> {
+    pairs(places.nrows())
+        .map(|(a, b)| (places.row(a) - places.row(b)).norm())
+        .collect()
+}
+
+/// The values nearest to the distances that never fall where dissimilarities rise; among equal dissimilarities they follow the distances.
+fn isotonic(dissimilarities: &[f64], distances: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..distances.len()).collect();
+    let key = |i: usize| (dissimilarities[i], distances[i]);
+    order.sort_by(|&i, &j| {
+        let ((a, x), (b, y)) = (key(i), key(j));
+        a.total_cmp(&b).then(x.total_cmp(&y))
+    });
+    // Pool adjacent violators: sums and counts of blocks whose means rise.
+    let mut blocks: Vec<(f64, usize)> = Vec::with_capacity(order.len());
+    for &i in &order {
+        let mut block = (distances[i], 1);
+        while let Some(&(sum, count)) = blocks.last() {
+            if sum / (count as f64) < block.0 / block.1 as f64 {
+                break;
+            }
+            block = (block.0 + sum, block.1 + count);
+            blocks.pop();
+        }
+        blocks.push(block);
+    }
+    let mut fitted = vec![0.0; distances.len()];
+    let means = blocks
+        .iter()
+        .flat_map(|&(sum, count)| std::iter::repeat_n(sum / count as f64, count));
+    for (&i, mean) in order.iter().zip(means) {
+        fitted[i] = mean;
+    }
+    fitted
+}
+
+/// Kruskal's stress-1.
+fn stress(distances: &[f64], disparities: &[f64]) -> f64 {
+    let total: f64 = distances.iter().map(|d| d * d).sum();
+    let left: f64 = distances
+        .iter()
+        .zip(disparities)
+        .map(|(d, fitted)| (d - fitted).powi(2))
+        .sum();
+    if total > 0.0 { (left / total).sqrt() } else { 0.0 }
+}
+
+/// The Guttman transform: places nearer to the scaled disparities.
+fn guttman(places: &DMatrix<f64>, distances: &[f64], disparities: &[f64], scale: f64) -> DMatrix<f64> {
+    let count = places.nrows();
+    let mut moved = DMatrix::zeros(count, places.ncols());
+    for ((a, b), (distance, disparity)) in pairs(count).zip(distances.iter().zip(disparities)) {
+        if *distance > 0.0 {
+            let share = scale * disparity / distance / count as f64;
+            for axis in 0..places.ncols() {
+                let pull = share * (places[(a, axis)] - places[(b, axis)]);
+                moved[(a, axis)] += pull;
+                moved[(b, axis)] -= pull;
+            }
         }
     }
-    if total > 0.0 { (left / total).sqrt() } else { 0.0 }
+    moved
+}
+
+/// Places turned to their principal axes, the longest first, each towards its largest coordinate.
+fn along_principal_axes(mut places: DMatrix<f64>) -> DMatrix<f64> {
+    if places.is_empty() {
+        return places;
+    }
+    let mean = places.row_mean();
+    places.row_iter_mut().for_each(|mut row| row -= &mean);
+    let eigen = SymmetricEigen::new(places.transpose() * &places);
+    let mut order: Vec<usize> = (0..places.ncols()).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let axes: Vec<_> = order
+        .iter()
+        .map(|&axis| eigen.eigenvectors.column(axis))
+        .collect();
+    let mut turned = places * DMatrix::from_columns(&axes);
+    for mut axis in turned.column_iter_mut() {
+        if axis[axis.iamax()] < 0.0 {
+            axis.neg_mut();
+        }
+    }
+    turned
 }
 
 /// The direction in which a property grows fastest over the first `dimensions` of places, by linear regression: rise per unit of each
@@ -124,26 +225,102 @@ mod tests {
         pairs.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1])).collect()
     }
 
+    /// Places of no pattern.
+    fn scattered(count: usize, seed: u64) -> Vec<[f64; 2]> {
+        let mut noise = haptograph_signal::noise::Gaussian::new(seed);
+        (0..count)
+            .map(|_| [2.0 * noise.next_sample(), noise.next_sample()])
+            .collect()
+    }
+
+    fn correlation(a: &[f64], b: &[f64]) -> f64 {
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+        let (mean_a, mean_b) = (mean(a), mean(b));
+        let product = |a: &[f64], mean_a: f64, b: &[f64], mean_b: f64| {
+            a.iter()
+                .zip(b)
+                .map(|(x, y)| (x - mean_a) * (y - mean_b))
+                .sum::<f64>()
+        };
+        product(a, mean_a, b, mean_b) / (product(a, mean_a, a, mean_a) * product(b, mean_b, b, mean_b)).sqrt()
+    }
+
+    /// Stress-1 of classical scaling's places, by the same monotonic fit.
+    fn classical_stress(dissimilarities: &[f64], count: usize, dimensions: usize) -> f64 {
+        let places = classical_places(dissimilarities, count, dimensions).unwrap();
+        let found = super::distances(&places);
+        stress(&found, &isotonic(dissimilarities, &found))
+    }
+
     #[test]
     fn places_in_a_plane_are_found_again() {
-        let places = [[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [-3.0, 2.0], [1.0, -2.0]];
-        let given = distances(&places);
-        let scaling = classical_scaling(&given, 5, 3).unwrap();
+        let given = distances(&[[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [-3.0, 2.0], [1.0, -2.0]]);
+        let scaling = nonmetric_scaling(&given, 5, 2, 3).unwrap();
         let found: Vec<[f64; 2]> = scaling.places.iter().map(|p| [p[0], p[1]]).collect();
         for (a, b) in distances(&found).iter().zip(&given) {
             assert!((a - b).abs() < 1e-9);
         }
-        assert!(scaling.stress[1] < 1e-9 && scaling.stress[0] > 0.05);
-        assert!(scaling.places.iter().all(|p| p[2].abs() < 1e-6));
-        assert_eq!(scaling.eigenvalues.len(), 5);
+        assert!(scaling.stress[1] < 1e-9 && scaling.stress.len() == 3);
+    }
+
+    #[test]
+    fn only_the_order_of_dissimilarities_counts() {
+        let places = scattered(15, 4);
+        let truth = distances(&places);
+        let bent: Vec<f64> = truth.iter().map(|d| d.powi(3)).collect();
+        let scaling = nonmetric_scaling(&bent, 15, 2, 2).unwrap();
+        let found: Vec<[f64; 2]> = scaling.places.iter().map(|p| [p[0], p[1]]).collect();
+        let (here, classical) = (scaling.stress[1], classical_stress(&bent, 15, 2));
+        assert!(
+            here < 0.01 && here < 0.3 * classical,
+            "{here}, classical {classical}"
+        );
+        let alike = correlation(&distances(&found), &truth);
+        assert!(alike > 0.99, "{alike}");
+    }
+
+    #[test]
+    fn the_stress_is_never_above_that_of_classical_scaling() {
+        for seed in 0..5 {
+            let mut noise = haptograph_signal::noise::Gaussian::new(seed);
+            let any: Vec<f64> = (0..66).map(|_| 1.0 + noise.next_sample().abs()).collect();
+            let found = nonmetric_scaling(&any, 12, 2, 4).unwrap().stress;
+            for (d, stress) in (1..).zip(&found) {
+                let classical = classical_stress(&any, 12, d);
+                assert!(
+                    *stress < classical,
+                    "seed {seed}, {d} dimensions: {stress}, {classical}"
+                );
+            }
+            assert!(found[3] < found[1] && found[1] < found[0], "{found:?}");
+        }
+    }
+
+    #[test]
+    fn isotonic_regression_pools_what_falls() {
+        assert_eq!(
+            isotonic(&[1.0, 2.0, 3.0, 4.0], &[1.0, 3.0, 2.0, 4.0]),
+            [1.0, 2.5, 2.5, 4.0]
+        );
+        assert_eq!(isotonic(&[2.0, 1.0, 3.0], &[9.0, 6.0, 3.0]), [6.0, 6.0, 6.0]);
+        assert_eq!(
+            isotonic(&[1.0, 1.0], &[5.0, 2.0]),
+            [5.0, 2.0],
+            "equals may differ"
+        );
     }
 
     #[test]
     fn few_items_and_wrong_counts_are_handled() {
-        assert_eq!(classical_scaling(&[], 1, 2).unwrap().places, vec![vec![0.0, 0.0]]);
-        assert_eq!(classical_scaling(&[], 0, 2).unwrap().places.len(), 0);
-        assert_eq!(classical_scaling(&[1.0], 3, 2), None);
-        assert_eq!(classical_scaling(&[f64::NAN], 2, 2), None);
+        assert_eq!(
+            nonmetric_scaling(&[], 1, 2, 2).unwrap().places,
+            vec![vec![0.0, 0.0]]
+        );
+        assert_eq!(nonmetric_scaling(&[], 0, 2, 2).unwrap().places.len(), 0);
+        let same = nonmetric_scaling(&[0.0; 3], 3, 2, 2).unwrap();
+        assert_eq!((same.places, same.stress), (vec![vec![0.0; 2]; 3], vec![0.0; 2]));
+        assert_eq!(nonmetric_scaling(&[1.0], 3, 2, 2), None);
+        assert_eq!(nonmetric_scaling(&[f64::NAN], 2, 2, 2), None);
     }
 
     #[test]
