@@ -2,7 +2,7 @@
 
 use crate::texture::{ModelAt, TextureError, VertexKind};
 
-/// How many border vertices there are: each side of the map is divided evenly (thesis 2.3.5).
+/// How many border vertices there are: each side of the map is divided evenly (thesis 2.3.4).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hull {
     /// Divisions of the sides along speed.

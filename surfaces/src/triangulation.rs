@@ -342,7 +342,7 @@ fn check_cover(
 }
 
 /// Delaunay triangles of the z-scored points (speed m/s, force N): the metric in which the field triangulates, as
-/// speed and force have nothing else in common (thesis 2.3.5).
+/// speed and force have nothing else in common (thesis 2.3.4).
 pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationError> {
     check_points(points)?;
     let speeds = z_scores(points.iter().map(|point| point.0));

@@ -113,7 +113,7 @@ impl ActuatorKind for ActuatorSink {
         group: "sinks",
         doc: "Drives a voice-coil actuator by current, within limits that it has to state. What is not a number \
               becomes no current.",
-        source: "3.1.2",
+        source: "3.1.3",
         inputs: &[input(
             "current",
             Kind::Scalar,

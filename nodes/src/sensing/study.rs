@@ -54,7 +54,7 @@ impl NodeKind for Responsiveness {
         group: "sensing",
         doc: "The four rendering conditions of the study on responsiveness: force or speed or both are replaced by \
               constants. There is still no texture at rest, nor while nothing is pressed.",
-        source: "4.4, Table 4.1",
+        source: "4.5.2, Table 4.1",
         inputs: &[SPEED, FORCE],
         outputs: &[
             output("speed", Kind::Scalar, Quantity::SPEED, "Speed to render, m/s."),
@@ -125,7 +125,7 @@ impl NodeKind for ForceWarning {
         name: "ForceWarning",
         group: "sensing",
         doc: "Says that the hand presses harder than the arm can render.",
-        source: "4.4, 4.5.2",
+        source: "4.5.1",
         inputs: &[FORCE],
         outputs: &[output(
             "warning",
@@ -205,7 +205,7 @@ impl NodeKind for QuadrantDwell {
         name: "QuadrantDwell",
         group: "sensing",
         doc: "How long the hand has slid in each quadrant of force and speed. The study asked for 5 s in each.",
-        source: "4.4",
+        source: "4.5.2",
         inputs: &[SPEED, FORCE],
         outputs: &[
             dwell("slow_light", "Time slow and light, s."),

@@ -3,7 +3,7 @@
 //! For A(z) = 1 + Σ a_k z⁻ᵏ of order p, the sum polynomial P(z) = A(z) + z^-(p+1) A(1/z) and the difference
 //! polynomial Q(z) = A(z) − z^-(p+1) A(1/z) have all their zeros on the unit circle exactly when A has all of its
 //! own inside, and then the zeros' angles in (0, π) alternate, P's first: the p LSFs. Any convex combination of
-//! ascending sets ascends, so that interpolated LSFs always make a stable filter (thesis 2.4.2).
+//! ascending sets ascends, so that interpolated LSFs always make a stable filter (thesis 2.4.1).
 
 mod from_lsf;
 mod to_lsf;

@@ -157,27 +157,26 @@ fn gray_levels(values: &[f64], rounding: f64) -> Vec<usize> {
     values.iter().map(level).collect()
 }
 
-/// The spectral centroid, in 1/mm, of the amplitude spectra of all rows and columns, averaged: how small the features are. 0 for an even
-/// surface.
+/// The spectral centroid (Eq. 2.5.4), in 1/mm, of the mean amplitude spectra of rows and of columns: how small the features are. Each
+/// frequency weighs by its squared amplitude. 0 for an even surface.
 ///
 /// Each row and column is taken without its mean, which is brightness and no feature.
 pub fn fineness_per_mm(image: &GrayImage) -> f64 {
     let (rows, columns) = (row_spectrum(image), row_spectrum(&image.transposed()));
     let frequency = |k: usize, length: usize| k as f64 * image.pixels_per_mm / length as f64;
-    // The two spectra need not have the same bins: they are averaged as densities, so each sum weighs by its bin width.
+    // The two spectra need not have the same bins. A squared amplitude is the power in a bin whatever the bin's width.
     let sums = |spectrum: &[f64], length: usize| {
-        let width = 1.0 / length as f64;
-        let total: f64 = spectrum.iter().sum::<f64>() * width;
+        let power = |a: &f64| a * a;
+        let total: f64 = spectrum.iter().map(power).sum();
         let first: f64 = spectrum
             .iter()
             .enumerate()
-            .map(|(k, a)| frequency(k, length) * a)
-            .sum::<f64>()
-            * width;
+            .map(|(k, a)| frequency(k, length) * power(a))
+            .sum();
         (first, total)
     };
     let ((a, b), (c, d)) = (sums(&rows, image.width), sums(&columns, image.height));
-    if b + d > image.rounding() {
+    if (b + d).sqrt() > image.rounding() {
         (a + c) / (b + d)
     } else {
         0.0
@@ -267,6 +266,17 @@ mod tests {
                 fineness_per_mm(&grating)
             );
         }
+    }
+
+    #[test]
+    fn two_gratings_weigh_by_their_squared_amplitudes() {
+        // Along x: 0.5 lines per mm with twice the amplitude of 2 lines per mm.
+        let both = image(400, 8.0, |x, _| {
+            2.0 * (TAU * 0.5 * x).sin() + (TAU * 2.0 * x).sin()
+        });
+        let expected = (4.0 * 0.5 + 1.0 * 2.0) / 5.0;
+        let found = fineness_per_mm(&both);
+        assert!((found / expected - 1.0).abs() < 1e-9, "{found}, not {expected}");
     }
 
     #[test]
