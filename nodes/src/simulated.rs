@@ -4,6 +4,7 @@
 pub mod accelerometer;
 pub mod acting;
 pub mod arm;
+pub mod compensation;
 pub mod drawing;
 pub mod force_sensor;
 pub mod ground;

@@ -12,6 +12,8 @@
 
 use haptograph_signal::Complex64;
 use nalgebra::{Matrix4, Matrix6, Vector4};
+use rand::{RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// Parameters of the two masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,6 +97,21 @@ impl TwoMass {
         {
             Some((name, value)) => Err(TwoMassError::NotPositive { name, value }),
             None => Ok(self),
+        }
+    }
+
+    /// One actuator of this kind: each parameter up to `tolerance` (a fraction below one) off, by seed.
+    pub fn of_seed(&self, tolerance: f64, seed: u64) -> Self {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut around = |value: f64| value * (1.0 + tolerance * (2.0 * rng.random::<f64>() - 1.0));
+        Self {
+            force_n_per_a: around(self.force_n_per_a),
+            magnet_kg: around(self.magnet_kg),
+            suspension_n_per_m: around(self.suspension_n_per_m),
+            suspension_n_s_per_m: around(self.suspension_n_s_per_m),
+            body_kg: around(self.body_kg),
+            hand_n_per_m: around(self.hand_n_per_m),
+            hand_n_s_per_m: around(self.hand_n_s_per_m),
         }
     }
 

@@ -4,6 +4,7 @@ use crate::actuators::two_mass::{TwoMass, TwoMassMachine};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_engine::settings::{Fields, Reading, SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 
 /// Reads the accelerometer of a tool.
@@ -77,15 +78,55 @@ impl From<TwoMass> for TwoMassSettings {
     }
 }
 
+/// By how much each parameter of a simulated actuator may be off, where nothing else is said: the compensator does not know the
+/// actuator that it drives.
+pub const TOLERANCE: f64 = 0.1;
+
+haptograph_engine::settings! {
+    /// How far a simulated actuator is from what is stated of it.
+    pub struct ToleranceSettings {
+        /// By how much each parameter may be off, as a fraction; the seed of the run draws the actuator. 0: as stated.
+        tolerance: f64 = TOLERANCE, in 0.0..=0.5;
+    }
+}
+
+/// Settings of [`SimulatedHaptuator`]: those of the model, and the tolerance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedHaptuatorSettings {
+    /// What is stated of the actuator.
+    pub model: TwoMassSettings,
+    /// How far from it the actuator may be.
+    pub tolerance: ToleranceSettings,
+}
+
+impl Settings for SimulatedHaptuatorSettings {
+    fn specs() -> Vec<SettingSpec> {
+        let (mut specs, tolerance) = (TwoMassSettings::specs(), ToleranceSettings::specs());
+        specs.extend(tolerance);
+        specs
+    }
+
+    fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self> {
+        // Both are read before the first `?`, so that all errors are reported.
+        let model = TwoMassSettings::take_from(fields, reading);
+        let tolerance = ToleranceSettings::take_from(fields, reading);
+        Some(Self {
+            model: model?,
+            tolerance: tolerance?,
+        })
+    }
+}
+
 /// A voice-coil actuator on a tool in a hand.
 pub struct SimulatedHaptuator;
 
 impl DeviceKind for SimulatedHaptuator {
-    type Settings = TwoMassSettings;
+    type Settings = SimulatedHaptuatorSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedHaptuator",
         doc: "A voice-coil actuator on a tool in a hand: two masses driven by current. Its parameters are placeholders \
-              unless you set them.",
+              unless you set them. Each is off by up to `tolerance`, drawn by the seed of the run, so that a compensator does \
+              not know the actuator that it drives; `haptograph identify` finds it.",
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         simulated: true,
         senses: &[
@@ -111,9 +152,10 @@ impl DeviceKind for SimulatedHaptuator {
         example: r#""haptuator": SimulatedHaptuator()"#,
     };
 
-    fn build(settings: TwoMassSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
-        let checked = settings.to_two_mass().checked();
-        let model = checked.map_err(|error| BuildError::at("force_n_per_a", error.to_string()))?;
+    fn build(settings: SimulatedHaptuatorSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        let checked = settings.model.to_two_mass().checked();
+        let stated = checked.map_err(|error| BuildError::at("force_n_per_a", error.to_string()))?;
+        let model = stated.of_seed(settings.tolerance.tolerance, cx.seed);
         Ok(Box::new(Coil {
             machine: model.machine(cx.rate.hz()),
             current_a: 0.0,
@@ -159,5 +201,30 @@ mod tests {
         assert!((a.body_kg - b.body_kg).abs() < 1e-15);
         assert!((a.suspension_n_per_m - b.suspension_n_per_m).abs() < 1e-9);
         assert!((a.hand_n_per_m - b.hand_n_per_m).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_actuator_is_within_its_tolerance_and_another_for_each_seed() {
+        let stated = TwoMass::PLACEHOLDER;
+        assert_eq!(stated.of_seed(0.0, 3), stated);
+        assert_eq!(stated.of_seed(0.1, 3), stated.of_seed(0.1, 3));
+        assert_ne!(stated.of_seed(0.1, 3), stated.of_seed(0.1, 4));
+        let ratios = (0..100).flat_map(|seed| {
+            let p = stated.of_seed(0.1, seed);
+            [
+                p.force_n_per_a / stated.force_n_per_a,
+                p.magnet_kg / stated.magnet_kg,
+                p.suspension_n_per_m / stated.suspension_n_per_m,
+                p.suspension_n_s_per_m / stated.suspension_n_s_per_m,
+                p.body_kg / stated.body_kg,
+                p.hand_n_per_m / stated.hand_n_per_m,
+                p.hand_n_s_per_m / stated.hand_n_s_per_m,
+            ]
+        });
+        let (least, most) = ratios.fold((f64::MAX, f64::MIN), |(l, m), x| (l.min(x), m.max(x)));
+        assert!(
+            (0.9..0.91).contains(&least) && (1.09..1.1).contains(&most),
+            "{least} {most}"
+        );
     }
 }

@@ -3,13 +3,14 @@
 use super::acting::DrawSettings;
 use super::acting::{Doing, GripSettings, actions};
 use super::drawing::{Drawing, WanderSettings};
-use super::haptuator::TwoMassSettings;
+use super::haptuator::{TOLERANCE, TwoMassSettings};
 use super::knock::KnockSettings;
 use super::pen_object::{PEN_OBJECT_RATE_HZ, PenObject, PenObjectSettings};
 use crate::contact::object::{CubeSettings, Object, on_sensor};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
+use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 
 /// Reads a force/torque sensor.
@@ -93,6 +94,8 @@ haptograph_engine::settings! {
         knocks: Option<KnocksSettings> = None;
         /// The haptuator across the pen; placeholders, not measurements.
         haptuator: TwoMassSettings = TwoMassSettings::placeholder();
+        /// By how much each parameter of the haptuator may be off, as a fraction; the seed draws it. 0: as stated.
+        haptuator_tolerance: f64 = TOLERANCE, in 0.0..=0.5;
     }
 }
 
@@ -202,7 +205,8 @@ impl DeviceKind for SimulatedPenAndObject {
             });
         }
         let height_m = settings.height_mm * 1e-3;
-        let haptuator = settings.haptuator.to_two_mass().checked();
+        let stated = settings.haptuator.to_two_mass().checked();
+        let haptuator = stated.map_err(|error| BuildError::at("haptuator", error.to_string()))?;
         let device = PenObjectSettings {
             object_kg: settings.object_g * 1e-3,
             height_m,
@@ -213,7 +217,7 @@ impl DeviceKind for SimulatedPenAndObject {
             }),
             grip: settings.grip.to_grip(),
             hover_m: settings.hover_mm * 1e-3,
-            haptuator: haptuator.map_err(|error| BuildError::at("haptuator", error.to_string()))?,
+            haptuator: haptuator.of_seed(settings.haptuator_tolerance, stream_seed(cx.seed, "haptuator")),
             ..PenObjectSettings::new(on_sensor(&settings.object, height_m)?, actions(&settings.does)?)
         };
         let device =
@@ -252,6 +256,14 @@ impl Device for Touched {
             3 => frame.fill(truth.normal_n),
             4 => frame.copy_from_slice(&truth.friction_n),
             _ => frame.fill(truth.felt_m_s2),
+        }
+    }
+
+    fn group_delay_s(&self, channel: usize) -> f64 {
+        if channel == 0 {
+            self.device.reading_delay_s()
+        } else {
+            0.0
         }
     }
 
