@@ -142,9 +142,9 @@ fn columns(table: &str) -> BTreeMap<String, Vec<f64>> {
     columns
 }
 
-/// The distance, in mm, that 95 of 100 ticks of a run of the shipped pen stay below, between a located point and the true
+/// The distance, in mm, that 95 of 100 ticks of a run of the shipped pen stay below, between the located point and the true
 /// point of the same instant, while it is pressed by 0.25 N.
-fn pen_error_mm(seed: &str, located: &str, arguments: &[&str]) -> f64 {
+fn pen_error_mm(seed: &str, arguments: &[&str]) -> f64 {
     let probes = ["truth.true_position", "truth.true_load"].map(|port| format!("{port}={port}.csv"));
     let usual = [
         "--for", "20", "--seed", seed, "--probe", &probes[0], "--probe", &probes[1],
@@ -158,7 +158,7 @@ fn pen_error_mm(seed: &str, located: &str, arguments: &[&str]) -> f64 {
     );
     let axis = |axis: &str| {
         let (found, real) = (
-            format!("{located}_{axis}_m"),
+            format!("where.output_{axis}_m"),
             format!("truth.true_position_{axis}_m"),
         );
         touch[&found]
@@ -183,8 +183,8 @@ fn pen_error_mm(seed: &str, located: &str, arguments: &[&str]) -> f64 {
 fn the_pen_is_located_within_0_4_mm_in_95_of_100_ticks() {
     for seed in ["7", "8", "9"] {
         let (led, late) = (
-            pen_error_mm(seed, "where", &[]),
-            pen_error_mm(seed, "where", &["--set", "lead_s=0"]),
+            pen_error_mm(seed, &[]),
+            pen_error_mm(seed, &["--set", "lead_s=0"]),
         );
         println!("seed {seed}: 95 of 100 ticks within {led:.2} mm; {late:.2} mm without the lead");
         assert!(led < 0.4 && late > 0.5, "seed {seed}: {led} mm, {late} mm");
