@@ -20,7 +20,7 @@ use crate::{Origin, Provenance};
 use npyz::{NpyHeader, Order, WriterBuilder};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read, Seek, Write};
+use std::io::{BufWriter, Cursor, Read, Seek, Write};
 use zip::write::{SimpleFileOptions, ZipWriter};
 use zip::{CompressionMethod, ZipArchive};
 
@@ -28,6 +28,8 @@ use zip::{CompressionMethod, ZipArchive};
 const FORMAT: u32 = 1;
 /// The most a head may hold, bytes.
 const MAX_HEAD_BYTES: u64 = 1 << 20;
+/// Members of more bytes need the large form of an archive; what an array's header takes is left to them.
+const MAX_SMALL_BYTES: u64 = 0xffff_0000;
 /// The most an array's own header may hold, bytes. NumPy writes 128.
 const MAX_ARRAY_HEADER_BYTES: usize = 4096;
 
@@ -98,12 +100,8 @@ struct ProvenanceHead {
 /// The bytes of a recording's archive.
 pub fn write_archive(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    let head = ron::ser::to_string_pretty(
-        &head_of(recording),
-        ron::ser::PrettyConfig::new().struct_names(true),
-    )
-    .map_err(std::io::Error::other)?;
-    start(&mut archive, "head.ron")?;
+    let head = text_of(&head_of(recording))?;
+    begin(&mut archive, "head.ron", head.len() as u64)?;
     archive.write_all(head.as_bytes())?;
     match recording {
         AnyRecording::Raw(raw) => {
@@ -174,41 +172,93 @@ pub fn write_archive(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
 
 fn head_of(recording: &AnyRecording) -> Head {
     let kind = match recording {
-        AnyRecording::Raw(raw) => {
-            let calibration = raw.calibration();
-            Kind::Raw {
-                motion: Timing::of(raw.motion()),
-                wrench: Timing::of(raw.wrench()),
-                acceleration: Timing::of(raw.acceleration_v()),
-                calibration: CalibrationHead {
-                    acceleration_m_s2_per_v: calibration.acceleration_m_s2_per_v,
-                    acceleration_zero_v: calibration.acceleration_zero_v,
-                    force_sensor_to_tool: calibration.force_sensor_to_tool,
-                    tracker_to_tip_m: calibration.tracker_to_tip_m,
-                },
-            }
-        }
+        AnyRecording::Raw(raw) => Kind::Raw {
+            motion: Timing::of(raw.motion()),
+            wrench: Timing::of(raw.wrench()),
+            acceleration: Timing::of(raw.acceleration_v()),
+            calibration: CalibrationHead::of(raw.calibration()),
+        },
         AnyRecording::Processed(processed) => Kind::Processed {
             rate_hz: processed.rate_hz(),
         },
     };
-    let provenance = recording.provenance();
-    Head {
-        format: FORMAT,
-        kind,
-        gesture: recording.gesture().word().to_owned(),
-        provenance: ProvenanceHead {
-            origin: provenance.origin.word().to_owned(),
-            source: provenance.source.clone(),
-            settings: provenance.settings.clone(),
-            made_by: provenance.version.clone(),
-        },
+    Head::new(kind, recording.gesture(), recording.provenance())
+}
+
+impl Head {
+    fn new(kind: Kind, gesture: Gesture, provenance: &Provenance) -> Self {
+        Self {
+            format: FORMAT,
+            kind,
+            gesture: gesture.word().to_owned(),
+            provenance: ProvenanceHead {
+                origin: provenance.origin.word().to_owned(),
+                source: provenance.source.clone(),
+                settings: provenance.settings.clone(),
+                made_by: provenance.version.clone(),
+            },
+        }
     }
 }
 
-fn start<W: Write + Seek>(archive: &mut ZipWriter<W>, name: &str) -> std::io::Result<()> {
+impl CalibrationHead {
+    fn of(calibration: &Calibration) -> Self {
+        Self {
+            acceleration_m_s2_per_v: calibration.acceleration_m_s2_per_v,
+            acceleration_zero_v: calibration.acceleration_zero_v,
+            force_sensor_to_tool: calibration.force_sensor_to_tool,
+            tracker_to_tip_m: calibration.tracker_to_tip_m,
+        }
+    }
+}
+
+/// What is known of a raw recording before its first sample.
+#[derive(Debug)]
+pub struct RawHead<'a> {
+    /// Poses a second.
+    pub motion_hz: f64,
+    /// Loads a second.
+    pub wrench_hz: f64,
+    /// Accelerations a second.
+    pub acceleration_hz: f64,
+    /// What makes physical quantities of the readings.
+    pub calibration: &'a Calibration,
+    /// What the hand does.
+    pub gesture: Gesture,
+    /// Where it comes from.
+    pub provenance: &'a Provenance,
+}
+
+/// The text of that head.
+pub(super) fn raw_head(head: &RawHead<'_>) -> std::io::Result<String> {
+    let timing = |rate_hz| Timing {
+        rate_hz,
+        start_s: 0.0,
+    };
+    let kind = Kind::Raw {
+        motion: timing(head.motion_hz),
+        wrench: timing(head.wrench_hz),
+        acceleration: timing(head.acceleration_hz),
+        calibration: CalibrationHead::of(head.calibration),
+    };
+    text_of(&Head::new(kind, head.gesture, head.provenance))
+}
+
+fn text_of(head: &Head) -> std::io::Result<String> {
+    let pretty = ron::ser::PrettyConfig::new().struct_names(true);
+    ron::ser::to_string_pretty(head, pretty).map_err(std::io::Error::other)
+}
+
+/// Begins a member of so many bytes.
+pub(super) fn begin<W: Write + Seek>(
+    archive: &mut ZipWriter<W>,
+    name: &str,
+    bytes: u64,
+) -> std::io::Result<()> {
     // Stored, so that reading costs no more memory than the file; dated 1980, so that the same recording gives the same bytes.
-    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .large_file(bytes > MAX_SMALL_BYTES);
     archive.start_file(name, options).map_err(std::io::Error::other)
 }
 
@@ -219,19 +269,33 @@ fn put<W: Write + Seek>(
     row: &[u64],
     values: impl Iterator<Item = f64>,
 ) -> std::io::Result<()> {
-    start(archive, &format!("{name}.npy"))?;
     let values: Vec<f64> = values.collect();
     let rows = values.len() as u64 / row.iter().product::<u64>();
+    put_rows(archive, name, row, rows, values.into_iter().map(Ok))
+}
+
+/// Adds an array of so many rows, in memory of a constant size.
+pub(super) fn put_rows<W: Write + Seek>(
+    archive: &mut ZipWriter<W>,
+    name: &str,
+    row: &[u64],
+    rows: u64,
+    values: impl Iterator<Item = std::io::Result<f64>>,
+) -> std::io::Result<()> {
+    let bytes = rows * row.iter().product::<u64>() * 8;
+    begin(archive, &format!("{name}.npy"), bytes)?;
     let shape: Vec<u64> = std::iter::once(rows).chain(row.iter().copied()).collect();
-    let mut bytes = Vec::with_capacity(8 * values.len() + 128);
+    let mut buffered = BufWriter::new(archive);
     let mut writer = npyz::WriteOptions::new()
         .default_dtype()
         .shape(&shape)
-        .writer(&mut bytes)
+        .writer(&mut buffered)
         .begin_nd()?;
-    writer.extend(values)?;
+    for value in values {
+        writer.push(&value?)?;
+    }
     writer.finish()?;
-    archive.write_all(&bytes)
+    buffered.flush()
 }
 
 /// A recording from the bytes of an archive.

@@ -12,14 +12,16 @@ mod file;
 mod hatt;
 mod series;
 mod signal;
+mod spool;
 
-pub use archive::{read_archive, write_archive};
+pub use archive::{RawHead, read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, csv_head, read_csv, write_csv};
 pub use error::ReadError;
 pub use file::{LoadError, load, save};
 pub use hatt::read_hatt;
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};
+pub use spool::{Member, Spool, assemble, spool_folder};
 
 use crate::Provenance;
 

@@ -1,0 +1,162 @@
+//! A recording that is written while it is made, in memory of a constant size: a folder with the archive's head and one
+//! file of little-endian doubles for each array, of which the archive is made at the end. What a dead process left
+//! becomes the same archive by [`assemble`].
+
+use super::archive::{RawHead, begin, put_rows, raw_head};
+use std::fs::{self, File};
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+use zip::write::ZipWriter;
+
+const HEAD: &str = "head.ron";
+
+/// An array of the archive, and of the spool.
+struct Array {
+    name: &'static str,
+    row: u64,
+    /// Arrays of one sensor have as many rows.
+    sensor: usize,
+}
+
+const fn array(name: &'static str, row: u64, sensor: usize) -> Array {
+    Array { name, row, sensor }
+}
+
+/// In the order of the archive.
+const ARRAYS: [Array; 5] = [
+    array("position_m", 3, 0),
+    array("orientation", 4, 0),
+    array("force_n", 3, 1),
+    array("torque_n_m", 3, 1),
+    array("acceleration_v", 3, 2),
+];
+
+/// The arrays of a spool.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // as in the archive
+pub enum Member {
+    PositionM,
+    Orientation,
+    ForceN,
+    TorqueNM,
+    AccelerationV,
+}
+
+/// A recording that is being made.
+pub struct Spool {
+    folder: PathBuf,
+    files: Vec<BufWriter<File>>,
+}
+
+/// The spool's folder of the recording that will be at `path`.
+pub fn spool_folder(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".part");
+    PathBuf::from(name)
+}
+
+impl Spool {
+    /// Begins the recording that will be at `path`, in a folder beside it.
+    ///
+    /// # Errors
+    /// What the file system says; also where there is such a folder already.
+    pub fn create(path: &Path, head: &RawHead<'_>) -> io::Result<Self> {
+        let folder = spool_folder(path);
+        fs::create_dir(&folder)?;
+        fs::write(folder.join(HEAD), raw_head(head)?)?;
+        let create = |array: &Array| File::create_new(file(&folder, array)).map(BufWriter::new);
+        let files = ARRAYS.iter().map(create).collect::<io::Result<_>>()?;
+        Ok(Self { folder, files })
+    }
+
+    /// Appends numbers to an array.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn write(&mut self, member: Member, numbers: &[f64]) -> io::Result<()> {
+        let file = &mut self.files[member as usize];
+        numbers.iter().try_for_each(|x| file.write_all(&x.to_le_bytes()))
+    }
+
+    /// Hands what waits to the system; the files, for those who want it on the disk.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn flush(&mut self) -> io::Result<impl Iterator<Item = &File>> {
+        self.files.iter_mut().try_for_each(BufWriter::flush)?;
+        Ok(self.files.iter().map(BufWriter::get_ref))
+    }
+
+    /// Makes the archive at `path` and removes the spool; where that fails the spool stays.
+    ///
+    /// # Errors
+    /// What the file system says, or that there is too little for a recording.
+    pub fn finish(mut self, path: &Path) -> io::Result<()> {
+        self.files.iter_mut().try_for_each(BufWriter::flush)?;
+        drop(self.files);
+        assemble(&self.folder, path)?;
+        fs::remove_dir_all(&self.folder)
+    }
+}
+
+fn file(folder: &Path, array: &Array) -> PathBuf {
+    folder.join(format!("{}.f64", array.name))
+}
+
+/// Makes the archive at `path` of what is in a spool's folder, complete or not at all. The spool stays.
+///
+/// # Errors
+/// What the file system says, that the folder is no spool, or that there is too little in it for a recording.
+pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
+    let head = fs::read(folder.join(HEAD))?;
+    let mut rows = [u64::MAX; 3];
+    for array in &ARRAYS {
+        let there = fs::metadata(file(folder, array))?.len() / 8 / array.row;
+        rows[array.sensor] = rows[array.sensor].min(there);
+    }
+    if rows.iter().any(|rows| *rows < 2) {
+        let [motion, wrench, acceleration] = rows;
+        return Err(io::Error::other(format!(
+            "a recording needs two samples of each sensor; here are {motion} poses, {wrench} loads and {acceleration} accelerations"
+        )));
+    }
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".making");
+    let temporary = PathBuf::from(temporary);
+    let made = write_archive(folder, &head, rows, &temporary).and_then(|()| fs::rename(&temporary, path));
+    if made.is_err() {
+        // The first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+    }
+    made
+}
+
+fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &Path) -> io::Result<()> {
+    let mut archive = ZipWriter::new(BufWriter::new(File::create(to)?));
+    begin(&mut archive, HEAD, head.len() as u64)?;
+    archive.write_all(head)?;
+    for array in &ARRAYS {
+        let rows = rows[array.sensor];
+        let mut from = BufReader::new(File::open(file(folder, array))?);
+        let numbers = (0..rows * array.row).map(|place| {
+            let mut bytes = [0; 8];
+            from.read_exact(&mut bytes)?;
+            let number = f64::from_le_bytes(bytes);
+            if number.is_finite() {
+                return Ok(number);
+            }
+            let sample = place / array.row;
+            let message = format!(
+                "sample {sample} of {} is {number}, not a finite number",
+                array.name
+            );
+            Err(io::Error::other(message))
+        });
+        put_rows(&mut archive, array.name, &[array.row], rows, numbers)?;
+    }
+    let written = archive.finish().map_err(io::Error::other)?;
+    written
+        .into_inner()
+        .map_err(|error| error.into_error())?
+        .sync_all()
+}
