@@ -354,6 +354,31 @@ pub trait Processor: CloneProcessor + Send + Sync {
     fn latency(&self) -> Latency {
         Latency::default()
     }
+
+    /// Where the data that it plays end; nothing where they do not. Does not change while the node lives.
+    fn data_end(&self) -> Option<DataEnd> {
+        None
+    }
+}
+
+/// Where the data of a source end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DataEnd {
+    /// Frames on the node's clock that the data fill.
+    pub frames: u64,
+    /// What follows them.
+    pub then: AfterData,
+}
+
+/// What follows where the data of a source end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AfterData {
+    /// The run ends.
+    Stop,
+    /// The last value holds.
+    Hold,
+    /// Zero.
+    Silence,
 }
 
 /// How a node computes one frame of its output from one frame of its input, bit for bit as `process` does.

@@ -17,6 +17,7 @@ pub mod sources;
 pub mod tapping;
 pub mod texture;
 mod units;
+pub mod wav;
 
 /// Counts what tests must not allocate.
 #[cfg(test)]

@@ -5,19 +5,105 @@ pub mod meter;
 mod note;
 pub mod plots;
 pub mod recording;
+mod sync;
 pub mod wav;
 
 use haptograph_engine::node::BuildError;
 use std::path::{Component, Path, PathBuf};
 
-/// A file name that stays inside the run's folder.
-fn inside_the_run(file: &str) -> Result<PathBuf, BuildError> {
+/// Names that mean a device on some systems, whatever their ending.
+const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
+
+/// A file name that stays inside the run's folder and ends as one of `endings` says.
+fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
     let path = Path::new(file);
-    let inside = path.components().all(|part| matches!(part, Component::Normal(_)));
-    if inside && path.file_name().is_some() {
-        return Ok(path.to_owned());
+    let refused = |message: String| {
+        let help = format!(
+            "give a plain name such as \"texture.{}\"; `--out` says which folder",
+            endings[0]
+        );
+        Err(BuildError::at("file", message).help(help))
+    };
+    // Empty parts are passed over by `components`: "a//b", "a/".
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
+    if !is_inside || file.is_empty() || file.split('/').any(|part| matches!(part, "" | "." | "..")) {
+        return refused(format!("`{file}` is not a file name inside the run's folder"));
     }
-    let message = format!("`{file}` is not a file name inside the run's folder");
-    Err(BuildError::at("file", message)
-        .help("give a plain name such as \"texture.wav\"; `--out` says which folder"))
+    if let Some(part) = file.split('/').find(|part| !is_portable(part)) {
+        return refused(format!(
+            "`{}` is not a file name on every system",
+            part.escape_debug()
+        ));
+    }
+    let ending = path
+        .extension()
+        .and_then(|ending| ending.to_str())
+        .unwrap_or_default();
+    if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
+        let known: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
+        return refused(format!(
+            "`{file}` does not end in {}, which is what is written",
+            known.join(" or ")
+        ));
+    }
+    Ok(path.to_owned())
+}
+
+/// Is this part of a path one that every file system takes, for itself?
+fn is_portable(part: &str) -> bool {
+    let stem = part.split('.').next().unwrap_or_default().to_ascii_lowercase();
+    let is_port = |name: &str| {
+        let number = stem.strip_prefix(name).unwrap_or_default();
+        number.len() == 1 && number.chars().all(|digit| digit.is_ascii_digit())
+    };
+    let is_device = DEVICES.contains(&stem.as_str()) || is_port("com") || is_port("lpt");
+    let forbidden = |c: char| c.is_control() || r#"\<>:"|?*"#.contains(c);
+    part.len() <= 200 && !is_device && !part.contains(forbidden) && !part.ends_with(['.', ' '])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn file_names_stay_inside_the_run_and_end_as_what_is_written() {
+        for name in [
+            "x.wav",
+            "X.WAV",
+            "a/b.wav",
+            "a b.wav",
+            "..x.wav",
+            "comb.wav",
+            "größe.wav",
+        ] {
+            assert!(inside_the_run(name, &["wav"]).is_ok(), "{name}");
+        }
+        let long = format!("{}.wav", "x".repeat(300));
+        for name in [
+            "",
+            ".",
+            "..",
+            "../x.wav",
+            "/tmp/x.wav",
+            "a/../x.wav",
+            "a//x.wav",
+            "x.wav/",
+            "./x.wav",
+            r"..\x.wav",
+            r"C:\x.wav",
+            "a\0.wav",
+            "a\n.wav",
+            "NUL.wav",
+            "com1.wav",
+            "aux/x.wav",
+            "x",
+            "x.mp3",
+            ".wav",
+            "x.wav ",
+            &long,
+        ] {
+            let refused = inside_the_run(name, &["wav"]).err();
+            assert_eq!(refused.and_then(|e| e.field), Some("file"), "{name}");
+        }
+    }
 }

@@ -8,7 +8,39 @@ pub mod wav;
 pub mod waves;
 
 use haptograph_engine::frame::Kind;
-use haptograph_engine::node::{BuildContext, KindRule, OutputSpec, QuantityRule};
+use haptograph_engine::node::{AfterData, BuildContext, DataEnd, KindRule, OutputSpec, QuantityRule};
+
+haptograph_engine::choices! {
+    /// What follows where the data of a file end.
+    pub enum AtEnd {
+        /// The run ends: the last frame of the data is the last one of the run.
+        Stop,
+        /// The last value holds.
+        Hold,
+        /// Zero follows.
+        Silence,
+        /// The data start again.
+        Loop,
+    }
+}
+
+impl AtEnd {
+    /// What the engine is told of data of so many frames.
+    fn after(&self, frames: u64) -> Option<DataEnd> {
+        let then = match self {
+            Self::Stop => AfterData::Stop,
+            Self::Hold => AfterData::Hold,
+            Self::Silence => AfterData::Silence,
+            Self::Loop => return None,
+        };
+        Some(DataEnd { frames, then })
+    }
+
+    /// The same, where the older setting `repeat` may ask for a loop.
+    fn or_loop(self, repeat: bool) -> Self {
+        if repeat { Self::Loop } else { self }
+    }
+}
 
 /// A scalar output of the quantity that the setting `quantity` names.
 const fn made(doc: &'static str) -> OutputSpec {

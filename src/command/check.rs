@@ -1,5 +1,6 @@
 //! `haptograph check`: is a graph sound?
 
+use super::run::{message, spare_own_files};
 use super::{Failure, GraphArguments, say, warnings};
 use haptograph::engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph::engine::plan::{Plan, PlanOptions};
@@ -30,6 +31,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Some(graph) = sound else {
         return Err(Failure::Graph(findings));
     };
+    spare_own_files(&graph, false).map_err(message)?;
     let colour = std::io::stdout().is_terminal();
     let (nodes, wires) = (graph.nodes().node_count(), graph.nodes().edge_count());
     let clocks: Vec<String> = graph

@@ -168,7 +168,7 @@ const PAGE: &str = "report.html";
 const DRAWING: &str = "graph.svg";
 
 /// Refuses a graph with a sink that writes what the run writes itself.
-fn spare_own_files(graph: &Graph, record: bool) -> Result<(), String> {
+pub fn spare_own_files(graph: &Graph, record: bool) -> Result<(), String> {
     let played = outputs::played_files(graph).into_iter().map(|(_, file)| file);
     let own = OWN_FILES.into_iter().chain(record.then_some(outputs::RECORD));
     let own: Vec<String> = own.map(str::to_owned).chain(played).collect();
@@ -241,6 +241,9 @@ impl Kept {
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
         )?;
         outputs::place_probes(&self.folder, &self.probes)?;
+        for line in outputs::full_scales(&self.probes)? {
+            remark(&format!("note: {line}\n"));
+        }
         let placed = self.folder.put_in_place()?;
         placed
             .lines()

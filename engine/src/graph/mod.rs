@@ -24,7 +24,7 @@ pub use petgraph::graph::NodeIndex;
 use crate::device::{Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{FileSink, Limit, NodeEntry, Processor};
+use crate::node::{AfterData, DataEnd, FileSink, Limit, NodeEntry, Processor};
 use crate::settings::SettingSpec;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -55,6 +55,37 @@ pub struct Clock {
     pub rate: Rate,
     /// Index of its driver among the clocks; its own index if it is one.
     pub driver: usize,
+}
+
+/// A source whose data end.
+#[derive(Debug, Clone, Copy)]
+pub struct SourceEnd<'a> {
+    /// The node.
+    pub path: &'a str,
+    /// Rate of its clock.
+    pub rate: Rate,
+    /// Where, and what follows.
+    pub end: DataEnd,
+}
+
+impl SourceEnd<'_> {
+    /// The same in seconds.
+    pub fn seconds(&self) -> f64 {
+        self.end.frames as f64 * self.rate.period_s()
+    }
+
+    /// The most frames that a driver can run before the source has a tick without data.
+    pub fn driver_frames(&self, driver: Rate) -> u64 {
+        let ((n, d), (driver_n, driver_d)) = (self.rate.parts(), driver.parts());
+        let product = |a: u64, b: u64| u128::from(a) * u128::from(b);
+        // Exact but for rates whose parts have no place in 128 bits.
+        let exact = u128::from(self.end.frames).checked_mul(product(driver_n, d));
+        let frames = match exact {
+            Some(exact) => exact / product(driver_d, n).max(1),
+            None => (self.seconds() * driver.hz()) as u128,
+        };
+        u64::try_from(frames).unwrap_or(u64::MAX)
+    }
 }
 
 /// A node with everything decided.
@@ -228,6 +259,26 @@ impl Graph {
                 Work::File(sink) => Some((index, sink.file_name())),
                 _ => None,
             })
+    }
+
+    /// The sources whose data end.
+    pub fn data_ends(&self) -> impl Iterator<Item = SourceEnd<'_>> {
+        self.nodes.node_weights().filter_map(|node| match &node.work {
+            Work::Process(processor) => Some(SourceEnd {
+                path: &node.path,
+                rate: self.clocks[node.clock?].rate,
+                end: processor.data_end()?,
+            }),
+            _ => None,
+        })
+    }
+
+    /// Frames of a driver after which the first source has no more data and ends the run.
+    pub(crate) fn frames_of_data(&self, driver: Rate) -> Option<u64> {
+        let stops = self
+            .data_ends()
+            .filter(|source| source.end.then == AfterData::Stop);
+        stops.map(|source| source.driver_frames(driver)).min()
     }
 
     /// The devices that actuator sinks drive.

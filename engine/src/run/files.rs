@@ -38,14 +38,14 @@ impl Files {
         Ok(())
     }
 
+    /// Completes every file; returns the first failure.
     pub(super) fn finish(self) -> Result<(), WriteError> {
+        let mut first = Ok(());
         for written in self.written {
             let path = written.what;
-            written
-                .writer
-                .finish()
-                .map_err(|error| WriteError { path, error })?;
+            let result = written.writer.finish();
+            first = first.and(result.map_err(|error| WriteError { path, error }));
         }
-        Ok(())
+        first
     }
 }

@@ -92,6 +92,17 @@ impl Fleet {
         self
     }
 
+    /// Lets each driver end where the data of a source end that ends the run.
+    #[must_use]
+    pub fn ending_with_data_of(mut self, graph: &Graph) -> Self {
+        for (end, run) in self.ends.iter_mut().zip(&self.runs) {
+            *end = graph
+                .frames_of_data(run.plan.driver_rate())
+                .map_or(*end, |data| data.min(*end));
+        }
+        self
+    }
+
     /// Runs a round; like [`Run::advance`] it does not allocate. `each` sees every block of every driver when it is done.
     ///
     /// # Errors

@@ -91,7 +91,7 @@ impl<'a> Offline<'a> {
         self
     }
 
-    /// Runs for `seconds`, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
+    /// Runs for `seconds`, until the data of a source end that ends the run, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
     /// complete afterwards, also when it was stopped.
     ///
     /// # Errors
@@ -116,8 +116,11 @@ impl<'a> Offline<'a> {
         let outcome = match plans.len() {
             1 => alone(plans.remove(0), self.threads, asked, &mut files, progress),
             _ => together(plans, asked, &mut files, progress),
-        }?;
-        files.finish()?;
+        };
+        // Also after a failure, such as a full disk: what was written stays and is complete up to there.
+        let finished = files.finish();
+        let outcome = outcome?;
+        finished?;
         Ok(outcome)
     }
 
@@ -153,14 +156,16 @@ impl<'a> Offline<'a> {
             fleet.runs_mut().iter_mut().for_each(Run::begin_unrested);
         }
         let goes_on = || !stop.load(Ordering::Relaxed);
-        fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
+        let played = fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;
             if driver == 0 {
                 progress(run.driver_frames() as f64 / run.rate_hz());
             }
             Ok(())
-        })?;
-        files.finish()?;
+        });
+        let finished = files.finish();
+        played?;
+        finished?;
         let stopped = stop.load(Ordering::Relaxed) && !scripts.iter().all(Arrivals::is_over);
         Ok(outcome_of(&fleet, stopped))
     }
@@ -185,7 +190,8 @@ fn alone(
     let Asked { graph, seconds, stop } = asked;
     let plan = Arc::new(plan);
     let rate_hz = plan.driver_rate().hz();
-    let total = (seconds * rate_hz).round().max(0.0) as u64;
+    let data = graph.frames_of_data(plan.driver_rate());
+    let total = ((seconds * rate_hz).round().max(0.0) as u64).min(data.unwrap_or(u64::MAX));
     let mut after_block = |run: &Run| -> Result<(), OfflineError> {
         files.write(0, run)?;
         progress(run.driver_frames() as f64 / rate_hz);
@@ -230,7 +236,9 @@ fn together(
 ) -> Result<Outcome, OfflineError> {
     let Asked { graph, seconds, stop } = asked;
     let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
-    let mut fleet = Fleet::new(&plans).ending_after(seconds);
+    let mut fleet = Fleet::new(&plans)
+        .ending_after(seconds)
+        .ending_with_data_of(graph);
     while !fleet.is_over() && !stop.load(Ordering::Relaxed) {
         fleet.round(|driver, run| files.write(driver, run))?;
         progress(fleet.runs()[0].driver_frames() as f64 / fleet.runs()[0].rate_hz());

@@ -102,7 +102,13 @@ impl<'a> Outlets<'a> {
         let path = folder.join(sink.file_name());
         let ports = file_ports(self.graph, index);
         let streams: Vec<Stream> = ports.iter().map(|port| stream(self.graph, *port)).collect();
-        let writer = sink.open(&path, &streams).map_err(|error| WriteError {
+        let inside = sink
+            .file_name()
+            .parent()
+            .filter(|parent| parent.components().next().is_some());
+        let made = inside.map_or(Ok(()), |parent| std::fs::create_dir_all(folder.join(parent)));
+        let writer = made.and_then(|()| sink.open(&path, &streams));
+        let writer = writer.map_err(|error| WriteError {
             path: path.clone(),
             error,
         })?;

@@ -79,6 +79,7 @@ impl TapRings {
 pub(super) struct WriterThread {
     jobs: Sender<Job>,
     thread: JoinHandle<Vec<WriteError>>,
+    failing: Receiver<String>,
 }
 
 /// A writer and the rings of its streams; it is finished when they have been let go of.
@@ -94,9 +95,19 @@ impl WriterThread {
     /// What the system says where it gives no thread.
     pub fn start() -> std::io::Result<Self> {
         let (jobs, receiver) = channel();
+        let (failed, failing) = channel();
         let thread = std::thread::Builder::new().name("haptograph-files".into());
-        let thread = thread.spawn(move || write_all(&receiver))?;
-        Ok(Self { jobs, thread })
+        let thread = thread.spawn(move || write_all(&receiver, &failed))?;
+        Ok(Self {
+            jobs,
+            thread,
+            failing,
+        })
+    }
+
+    /// The files that could not be written on since this was asked last, each with the reason.
+    pub fn failing(&self) -> impl Iterator<Item = String> {
+        self.failing.try_iter()
     }
 
     /// Also writes this.
@@ -123,7 +134,7 @@ impl WriterThread {
     }
 }
 
-fn write_all(jobs: &Receiver<Job>) -> Vec<WriteError> {
+fn write_all(jobs: &Receiver<Job>, failing: &Sender<String>) -> Vec<WriteError> {
     let (mut open, mut failed, mut more) = (Vec::new(), Vec::new(), true);
     while more || !open.is_empty() {
         loop {
@@ -139,7 +150,12 @@ fn write_all(jobs: &Receiver<Job>) -> Vec<WriteError> {
         open.retain_mut(|job: &mut Job| {
             // Asked first: what is pushed before a ring is let go of is then seen.
             let ended = job.rings.iter().all(Consumer::is_abandoned);
+            let failed_before = job.failed.is_some();
             job.drain();
+            if let (false, Some(error)) = (failed_before, &job.failed) {
+                // Nobody may listen any more.
+                let _ = failing.send(error.to_string());
+            }
             if ended {
                 failed.extend(job.finish());
             }

@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub struct LiveOptions {
     /// Driver frames of a block at most; 0 stands for the default.
     pub block: usize,
-    /// When it ends; until it is stopped if there is none.
+    /// When it ends; if there is none, when it is stopped. Where the data of a source end before, as that source says.
     pub seconds: Option<f64>,
     /// Are the actuators known to be cold? Unless they are, those that are not simulated begin as warm as their limits
     /// allow.
@@ -126,8 +126,10 @@ impl Session {
             if !options.rested {
                 live.run_mut().begin_unrested();
             }
-            if let Some(seconds) = options.seconds {
-                live.end_after((seconds * plan.driver_rate().hz()).round().max(0.0) as u64);
+            let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
+            let data = outlets.graph.frames_of_data(plan.driver_rate());
+            if let Some(frames) = options.seconds.map(frames).into_iter().chain(data).min() {
+                live.end_after(frames);
             }
             session.controls.push(control);
             lives.push(live);
@@ -167,6 +169,11 @@ impl Session {
             all.push((control.plan().driver_name(), control.meters()));
         }
         all
+    }
+
+    /// The files that could not be written on since this was asked last, each with the reason. The run goes on.
+    pub fn failing_files(&self) -> impl Iterator<Item = String> {
+        self.writer.failing()
     }
 
     /// Old plans that came home to be freed.

@@ -7,10 +7,11 @@ use haptograph_engine::node::{
 };
 use std::collections::VecDeque;
 use std::fs::File;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use super::{inside_the_run, note};
+use super::{inside_the_run, note, sync};
 use crate::units;
 
 haptograph_engine::settings! {
@@ -55,7 +56,7 @@ impl FileKind for CsvSink {
             return Err(BuildError::at("inputs", message).help("write each rate to a file of its own"));
         }
         Ok(Box::new(Table {
-            file: inside_the_run(&settings.file)?,
+            file: inside_the_run(&settings.file, &["csv"])?,
         }))
     }
 }
@@ -71,24 +72,33 @@ impl FileSink for Table {
     }
 
     fn open(&self, path: &Path, streams: &[Stream]) -> io::Result<Box<dyn FrameWriter>> {
-        let mut writer = csv::Writer::from_path(path).map_err(io::Error::other)?;
         let columns = streams.iter().flat_map(columns_of);
         let header: Vec<String> = std::iter::once("time_s".to_owned()).chain(columns).collect();
-        writer.write_record(&header).map_err(io::Error::other)?;
+        let mut text = csv::Writer::from_writer(Vec::new());
+        text.write_record(&header).map_err(io::Error::other)?;
+        let text = text
+            .into_inner()
+            .map_err(|error| io::Error::other(error.to_string()))?;
         note::write(
             path,
             "What the columns of the CSV file of this name hold.",
             &facts(streams),
         )?;
-        Ok(Box::new(Rows {
-            writer,
+        let mut rows = Rows {
+            file: File::create(path)?,
+            text,
+            whole_bytes: 0,
             waiting: streams
                 .iter()
                 .map(|stream| (stream.kind.width(), VecDeque::new()))
                 .collect(),
             period_s: streams.first().map_or(0.0, |stream| stream.rate.period_s()),
             row: 0,
-        }))
+            flushed_row: 0,
+            flushed_at: Instant::now(),
+        };
+        rows.flush()?;
+        Ok(Box::new(rows))
     }
 }
 
@@ -123,11 +133,43 @@ fn columns_of(stream: &Stream) -> Vec<String> {
 }
 
 struct Rows {
-    writer: csv::Writer<File>,
+    file: File,
+    /// Whole rows that are not written yet.
+    text: Vec<u8>,
+    /// Bytes of the file; it always ends with a whole row.
+    whole_bytes: u64,
     /// Width of each stream, and its lanes that wait for those of the others.
     waiting: Vec<(usize, VecDeque<f64>)>,
     period_s: f64,
     row: u64,
+    /// When rows were written last.
+    flushed_row: u64,
+    flushed_at: Instant,
+}
+
+/// How often at least rows are written, of the writer's time and of the signal's.
+const PACE: Duration = Duration::from_secs(1);
+/// Bytes of rows that wait.
+const BUFFER_BYTES: usize = 1 << 16;
+
+impl Rows {
+    fn flush(&mut self) -> io::Result<()> {
+        self.flushed_row = self.row;
+        self.flushed_at = Instant::now();
+        let result = self.file.write_all(&self.text);
+        match result {
+            Ok(()) => self.whole_bytes += self.text.len() as u64,
+            // Such as a full disk. The part of a row would be read as other numbers; the first error is the one to report.
+            Err(_) => _ = self.file.set_len(self.whole_bytes),
+        }
+        self.text.clear();
+        result
+    }
+
+    fn is_due(&self) -> bool {
+        let signal_s = (self.row - self.flushed_row) as f64 * self.period_s;
+        signal_s >= PACE.as_secs_f64() || self.row > self.flushed_row && self.flushed_at.elapsed() >= PACE
+    }
 }
 
 impl FrameWriter for Rows {
@@ -136,27 +178,27 @@ impl FrameWriter for Rows {
             lanes.extend(frames);
         }
         while self.waiting.iter().all(|(width, lanes)| lanes.len() >= *width) {
-            let time_s = self.row as f64 * self.period_s;
+            write!(self.text, "{}", self.row as f64 * self.period_s)?;
             self.row += 1;
-            self.writer
-                .write_field(time_s.to_string())
-                .map_err(io::Error::other)?;
             for (width, lanes) in &mut self.waiting {
                 for lane in lanes.drain(..*width) {
-                    self.writer
-                        .write_field(lane.to_string())
-                        .map_err(io::Error::other)?;
+                    write!(self.text, ",{lane}")?;
                 }
             }
-            self.writer
-                .write_record(None::<&[u8]>)
-                .map_err(io::Error::other)?;
+            self.text.push(b'\n');
+            if self.text.len() >= BUFFER_BYTES {
+                self.flush()?;
+            }
+        }
+        if self.is_due() {
+            self.flush()?;
+            sync::request(&self.file);
         }
         Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
-        self.writer.flush()
+        self.flush()
     }
 }
 
@@ -209,6 +251,44 @@ mod tests {
             "time_s,stylus.position_x_m,stylus.position_y_m,stylus.position_z_m,stylus.force_n\n\
              0,0.1,0.2,0.3,1.5\n0.008,0.4,0.5,0.6,0.0000001\n"
         );
+    }
+
+    #[test]
+    fn whole_rows_are_in_the_file_every_second() {
+        let folder = tempfile::tempdir().unwrap();
+        let streams = [stream("stylus.force", Kind::Scalar, Quantity::FORCE, "125")];
+        let sink = CsvSink::build(CsvSinkSettings { file: "x.csv".into() }, &context(&streams)).unwrap();
+        let path = folder.path().join("x.csv");
+        let mut writer = sink.open(&path, &streams).unwrap();
+        for second in 1..=3 {
+            for _ in 0..25 {
+                writer.write(0, &[0.5; 5]).unwrap();
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert_eq!(text.lines().count(), 1 + 125 * second);
+            assert!(text.ends_with(",0.5\n"));
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_said_when_rows_are_written() {
+        // A device that takes nothing stands for a full disk.
+        let Ok(full) = File::options().write(true).open("/dev/full") else {
+            return;
+        };
+        let mut rows = Rows {
+            file: full,
+            text: Vec::new(),
+            whole_bytes: 0,
+            waiting: vec![(1, VecDeque::new())],
+            period_s: 0.01,
+            row: 0,
+            flushed_row: 0,
+            flushed_at: Instant::now(),
+        };
+        assert!(rows.write(0, &[1.0; 10]).is_ok(), "nothing is due yet");
+        let failed = rows.write(0, &[1.0; 95]).unwrap_err();
+        assert_eq!(failed.kind(), io::ErrorKind::StorageFull);
     }
 
     #[test]

@@ -1,18 +1,17 @@
 //! Writing what a recording tool felt to one file, from which surfaces are learned.
 
-use super::inside_the_run;
+use super::{inside_the_run, sync};
 use crate::simulated::orientation::{from_rotation_vector, rotation_of_deg};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, input,
 };
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::recording::{
-    AnyRecording, Calibration, Gesture, Pose, Recording, Series, Wrench, save,
-};
+use haptograph_surfaces::recording::{Calibration, Gesture, Member, RawHead, Spool, load, save};
 use haptograph_surfaces::{Origin, Provenance};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 haptograph_engine::choices! {
     /// What is done with a tool while it records.
@@ -71,7 +70,8 @@ impl FileKind for RecordingSink {
         name: "RecordingSink",
         group: "sinks",
         doc: "Writes what a recording tool felt to one file, each sensor at its own rate, with the calibration that makes physical \
-              quantities of the readings, and where it came from. Surfaces are learned from it.",
+              quantities of the readings, and where it came from. While the run goes on the readings are written to a folder `<file>.part`, \
+              at least once a second; the file is made of it at the end. Surfaces are learned from it.",
         source: "2.2",
         inputs: &[
             input(
@@ -134,7 +134,7 @@ impl FileKind for RecordingSink {
             provenance = provenance.with_setting("seed", cx.graph_seed);
         }
         Ok(Box::new(Session {
-            file: inside_the_run(&settings.file)?,
+            file: inside_the_run(&settings.file, &["npz", "csv"])?,
             calibration,
             gesture: settings.motion.gesture(),
             provenance,
@@ -156,71 +156,81 @@ impl FileSink for Session {
     }
 
     fn open(&self, path: &Path, streams: &[Stream]) -> io::Result<Box<dyn FrameWriter>> {
-        let [position, orientation, wrench, voltage] = streams else {
+        let [position, _, wrench, voltage] = streams else {
             return Err(io::Error::other("a recording has four signals"));
         };
-        let series = |stream: &Stream| Series::new(stream.rate.hz(), Vec::new());
+        let head = RawHead {
+            motion_hz: position.rate.hz(),
+            wrench_hz: wrench.rate.hz(),
+            acceleration_hz: voltage.rate.hz(),
+            calibration: &self.calibration,
+            gesture: self.gesture,
+            provenance: &self.provenance,
+        };
         Ok(Box::new(Tape {
             path: path.to_owned(),
-            position_m: series(position),
-            orientation: series(orientation),
-            wrench: series(wrench),
-            voltage: series(voltage),
-            calibration: self.calibration,
-            gesture: self.gesture,
-            provenance: self.provenance.clone(),
+            spool: Spool::create(path, &head)?,
+            second: 3 * voltage.rate.hz() as u64,
+            since: 0,
+            flushed_at: Instant::now(),
         }))
     }
 }
 
-/// What has come so far: lanes, as the engine hands them over.
+/// A recording that is written as it comes.
 struct Tape {
     path: PathBuf,
-    position_m: Series<f64>,
-    orientation: Series<f64>,
-    wrench: Series<f64>,
-    voltage: Series<f64>,
-    calibration: Calibration,
-    gesture: Gesture,
-    provenance: Provenance,
+    spool: Spool,
+    /// Readings of the accelerometer in a second, and those since what waited was written.
+    second: u64,
+    since: u64,
+    flushed_at: Instant,
 }
+
+/// How often at least what waits is written.
+const PACE: Duration = Duration::from_secs(1);
 
 impl FrameWriter for Tape {
     fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
-        let all = [
-            &mut self.position_m,
-            &mut self.orientation,
-            &mut self.wrench,
-            &mut self.voltage,
-        ];
-        if let Some(series) = all.into_iter().nth(stream) {
-            series.samples.extend_from_slice(frames);
+        match stream {
+            0 => self.spool.write(Member::PositionM, frames)?,
+            1 => {
+                for turned in frames.as_chunks().0 {
+                    self.spool
+                        .write(Member::Orientation, &from_rotation_vector(*turned))?;
+                }
+            }
+            2 => {
+                for load in frames.as_chunks::<6>().0 {
+                    self.spool.write(Member::ForceN, &load[..3])?;
+                    self.spool.write(Member::TorqueNM, &load[3..])?;
+                }
+            }
+            _ => {
+                self.spool.write(Member::AccelerationV, frames)?;
+                self.since += frames.len() as u64;
+            }
+        }
+        if self.since >= self.second || self.flushed_at.elapsed() >= PACE {
+            self.spool.flush()?.for_each(sync::request);
+            self.since = 0;
+            self.flushed_at = Instant::now();
         }
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> io::Result<()> {
-        let positions = self.position_m.samples.as_chunks().0.iter();
-        let orientations = self.orientation.samples.as_chunks().0.iter();
-        let poses = positions.zip(orientations).map(|(at, turned)| Pose {
-            position_m: *at,
-            orientation: from_rotation_vector(*turned),
-        });
-        let loads = self.wrench.samples.as_chunks().0.iter();
-        let loads = loads.map(|[fx, fy, fz, mx, my, mz]| Wrench {
-            force_n: [*fx, *fy, *fz],
-            torque_n_m: [*mx, *my, *mz],
-        });
-        let recording = Recording::new(
-            Series::new(self.position_m.rate_hz, poses.collect()),
-            Series::new(self.wrench.rate_hz, loads.collect()),
-            Series::new(self.voltage.rate_hz, self.voltage.samples.as_chunks().0.to_vec()),
-            self.calibration,
-            self.gesture,
-            self.provenance,
-        )
-        .map_err(io::Error::other)?;
-        save(&AnyRecording::Raw(recording), &self.path)
+        let is_csv = self
+            .path
+            .extension()
+            .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        self.spool.finish(&self.path)?;
+        if !is_csv {
+            return Ok(());
+        }
+        // A table is made of the archive, which is replaced when the table is complete.
+        let recording = load(&self.path).map_err(io::Error::other)?;
+        save(&recording, &self.path)
     }
 }
 
@@ -230,7 +240,7 @@ mod tests {
     use crate::vector::{norm, sub};
     use haptograph_signal::time::Rate;
     use haptograph_surfaces::learning::processing::{acceleration_axes, tip_positions, tool_wrench};
-    use haptograph_surfaces::recording::load;
+    use haptograph_surfaces::recording::{AnyRecording, Recording, assemble, spool_folder};
 
     fn stream(name: &str, kind: Kind, rate: &str, simulated: bool) -> Stream {
         Stream {
@@ -333,6 +343,35 @@ mod tests {
     fn poses_of_two_rates_are_refused() {
         let refused = RecordingSink::build(settings("x.npz"), &context(["240", "1000"], true)).err();
         assert_eq!(refused.and_then(|e| e.field), Some("orientation"));
+    }
+
+    #[test]
+    fn what_a_dead_run_left_is_the_recording_up_to_there() {
+        let cx = context(["500", "500"], true);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.npz");
+        let sink = RecordingSink::build(settings("x.npz"), &cx).unwrap();
+        let mut writer = sink.open(&path, &cx.streams).unwrap();
+        for second in 0..2 {
+            let t = f64::from(second);
+            for stream in [0, 1] {
+                writer.write(stream, &[t; 1500]).unwrap();
+            }
+            writer.write(2, &[t; 6000]).unwrap();
+            writer.write(3, &[t; 3000]).unwrap();
+        }
+        // Nothing after this point is done for a process that is killed.
+        let (left, made) = (spool_folder(&path), folder.path().join("made.npz"));
+        assemble(&left, &made).unwrap();
+        let AnyRecording::Raw(recording) = load(&made).unwrap() else {
+            panic!("readings of sensors are raw");
+        };
+        assert_eq!(recording.motion().samples.len(), 1000);
+        assert_eq!(recording.acceleration_v().samples.len(), 2000);
+        assert_eq!(recording.gesture(), Gesture::Tap);
+        writer.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&made).unwrap());
+        assert!(!left.exists());
     }
 
     #[test]

@@ -3,12 +3,12 @@
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
 };
-use hound::{SampleFormat, WavSpec, WavWriter};
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::{inside_the_run, note};
+use super::{inside_the_run, note, sync};
+use crate::wav::{Format, WavWriter, read_layout};
 
 haptograph_engine::settings! {
     /// Settings of [`WavSink`].
@@ -28,7 +28,8 @@ impl FileKind for WavSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "WavSink",
         group: "sinks",
-        doc: "Writes a signal at its own rate to a WAV file of 32-bit floats, a lane a channel. Beside it, \
+        doc: "Writes a signal at its own rate to a WAV file of 32-bit floats, a lane a channel. At least once \
+              a second the file is brought up to date, so that it is valid whatever ends the run; beyond 4 GiB it becomes RF64. Beside it, \
               `<file>.ron` says what a sample of 1.0 stands for and whether the signal was simulated.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
@@ -41,7 +42,7 @@ impl FileKind for WavSink {
             whole_rate(stream)?;
         }
         Ok(Box::new(Recording {
-            file: inside_the_run(&settings.file)?,
+            file: inside_the_run(&settings.file, &["wav"])?,
             full_scale: settings.full_scale,
         }))
     }
@@ -74,45 +75,130 @@ impl FileSink for Recording {
         let [stream] = streams else {
             return Err(io::Error::other("a WAV file takes one signal"));
         };
-        let spec = WavSpec {
-            channels: stream.kind.width() as u16,
-            sample_rate: whole_rate(stream).map_err(io::Error::other)?,
-            bits_per_sample: 32,
-            sample_format: SampleFormat::Float,
-        };
-        let writer = WavWriter::create(path, spec).map_err(io::Error::other)?;
-        let [quantity, unit] = note::meaning(stream);
-        let [rate, simulated] = note::origin(streams);
-        let signal = format!("signal: {:?}", stream.name);
-        let full_scale = format!("full_scale: {:?}", self.full_scale);
-        note::write(
-            path,
-            "What the samples of the WAV file of this name stand for.",
-            &[signal, quantity, unit, full_scale, rate, simulated],
-        )?;
-        Ok(Box::new(Writing {
-            writer,
-            scale: 1.0 / self.full_scale,
-        }))
+        Ok(Box::new(Writing::open(path, stream, self.full_scale)?))
     }
 }
 
+/// Writes a signal of any size to a WAV file, in a full scale that holds it: 1 in its SI unit, or the power of two that
+/// is next to its peak, which leaves the digits of the samples as they are. The note beside it says which.
+///
+/// # Errors
+/// What the file system says, or that the signal does not go into a WAV file.
+pub fn open_to_fit(path: &Path, stream: &Stream) -> io::Result<Box<dyn FrameWriter>> {
+    Ok(Box::new(Fitting {
+        writing: Writing::open(path, stream, 1.0)?,
+        path: path.to_owned(),
+        stream: stream.clone(),
+        peak: 0.0,
+    }))
+}
+
+struct Fitting {
+    writing: Writing,
+    path: PathBuf,
+    stream: Stream,
+    /// The largest finite sample.
+    peak: f64,
+}
+
+impl FrameWriter for Fitting {
+    fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
+        let finite = frames.iter().filter(|lane| lane.is_finite());
+        self.peak = finite.fold(self.peak, |peak, lane| peak.max(lane.abs()));
+        self.writing.write(stream, frames)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        let format = format_of(&self.stream)?;
+        self.writing.writer.finish()?;
+        if self.peak <= 1.0 {
+            return Ok(());
+        }
+        let full_scale = self.peak.log2().ceil().exp2();
+        let mut scaled = self.path.as_os_str().to_owned();
+        scaled.push(".scaled");
+        let scaled = PathBuf::from(scaled);
+        let done = scale_file(&self.path, &scaled, format, full_scale)
+            .and_then(|()| std::fs::rename(&scaled, &self.path))
+            .and_then(|()| write_note(&self.path, &self.stream, full_scale));
+        if done.is_err() {
+            // The file as it was recorded stays; the first error is the one to report.
+            let _ = std::fs::remove_file(&scaled);
+        }
+        done
+    }
+}
+
+/// Writes a file of [`WavWriter`] again, divided by `full_scale`.
+fn scale_file(from: &Path, to: &Path, format: Format, full_scale: f64) -> io::Result<()> {
+    let mut file = BufReader::new(File::open(from)?);
+    let layout = read_layout(&mut file).map_err(io::Error::other)?;
+    file.seek(SeekFrom::Start(layout.data_at))?;
+    let mut writer = WavWriter::new(File::create(to)?, format)?;
+    let mut bytes = [0; 4];
+    for _ in 0..layout.data_bytes / 4 {
+        file.read_exact(&mut bytes)?;
+        let sample = f64::from(f32::from_le_bytes(bytes)) / full_scale;
+        writer.write(&[sample as f32])?;
+    }
+    writer.finish()
+}
+
+fn format_of(stream: &Stream) -> io::Result<Format> {
+    Ok(Format {
+        channels: stream.kind.width() as u16,
+        rate_hz: whole_rate(stream).map_err(io::Error::other)?,
+    })
+}
+
+fn write_note(path: &Path, stream: &Stream, full_scale: f64) -> io::Result<()> {
+    let [quantity, unit] = note::meaning(stream);
+    let [rate, simulated] = note::origin(std::slice::from_ref(stream));
+    let signal = format!("signal: {:?}", stream.name);
+    let full_scale = format!("full_scale: {full_scale:?}");
+    note::write(
+        path,
+        "What the samples of the WAV file of this name stand for.",
+        &[signal, quantity, unit, full_scale, rate, simulated],
+    )
+}
+
 struct Writing {
-    writer: WavWriter<BufWriter<File>>,
+    writer: WavWriter<File>,
+    /// The same file.
+    file: File,
     scale: f64,
+    /// Those of the present block.
+    samples: Vec<f32>,
+}
+
+impl Writing {
+    fn open(path: &Path, stream: &Stream, full_scale: f64) -> io::Result<Self> {
+        let format = format_of(stream)?;
+        let file = File::create(path)?;
+        write_note(path, stream, full_scale)?;
+        Ok(Self {
+            writer: WavWriter::new(file.try_clone()?, format)?,
+            file,
+            scale: 1.0 / full_scale,
+            samples: Vec::new(),
+        })
+    }
 }
 
 impl FrameWriter for Writing {
     fn write(&mut self, _: usize, frames: &[f64]) -> io::Result<()> {
-        for lane in frames {
-            let sample = (lane * self.scale) as f32;
-            self.writer.write_sample(sample).map_err(io::Error::other)?;
+        self.samples.clear();
+        self.samples
+            .extend(frames.iter().map(|lane| (lane * self.scale) as f32));
+        if self.writer.write(&self.samples)? {
+            sync::request(&self.file);
         }
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> io::Result<()> {
-        self.writer.finalize().map_err(io::Error::other)
+        self.writer.finish()
     }
 }
 
@@ -169,6 +255,25 @@ mod tests {
     }
 
     #[test]
+    fn a_probe_gets_a_full_scale_that_holds_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.wav");
+        for (peak, full_scale) in [(0.3, 1.0), (1.0, 1.0), (1.1, 2.0), (20.0, 32.0), (64.0, 64.0)] {
+            let mut writer = open_to_fit(&path, &stream("1000")).unwrap();
+            writer.write(0, &[0.1, -peak, 0.0]).unwrap();
+            writer.write(0, &[0.1, 0.2, f64::INFINITY]).unwrap();
+            writer.finish().unwrap();
+            let mut reader = hound::WavReader::open(&path).unwrap();
+            let samples: Vec<f32> = reader.samples::<f32>().map(Result::unwrap).collect();
+            let wanted = [0.1, -peak, 0.0, 0.1, 0.2].map(|x| (x / full_scale) as f32);
+            assert_eq!(samples[..5], wanted);
+            let note = std::fs::read_to_string(folder.path().join("x.wav.ron")).unwrap();
+            assert!(note.contains(&format!("full_scale: {full_scale:?},")), "{note}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+        }
+    }
+
+    #[test]
     fn odd_rates_and_wandering_names_are_refused() {
         let field = |settings, rate| {
             WavSink::build(settings, &context(rate))
@@ -176,7 +281,7 @@ mod tests {
                 .and_then(|e| e.field)
         };
         assert_eq!(field(settings("x.wav"), "59.94"), Some("input"));
-        for name in ["../x.wav", "/tmp/x.wav", "", "."] {
+        for name in ["../x.wav", "x.mp3"] {
             assert_eq!(field(settings(name), "1000"), Some("file"), "{name}");
         }
     }

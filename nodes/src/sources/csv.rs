@@ -1,13 +1,13 @@
 //! A signal from a column of a table.
 
-use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::quantity::Quantity;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::made;
 use super::wav::Playback;
+use super::{AtEnd, made};
 use crate::units;
 
 haptograph_engine::choices! {
@@ -31,7 +31,9 @@ haptograph_engine::settings! {
         quantity: String = "number".into();
         /// What lies between two rows, where the file has a column `time_s`. Without one, each row is a tick.
         between: Between = Between::Linear;
-        /// Start again at the end; otherwise the last value holds.
+        /// What follows the last row.
+        at_end: AtEnd = AtEnd::Stop;
+        /// Older way to write `at_end: Loop`.
         repeat: bool = false;
     }
 }
@@ -45,26 +47,29 @@ impl NodeKind for CsvSource {
         name: "CsvSource",
         group: "sources",
         doc: "Plays a column of a CSV file with a header. A column `time_s` says when; without one each row is a tick. \
-              The unit at the end of the column's name is converted to SI.",
+              The unit at the end of the column's name is converted to SI. Where the rows end the run ends, unless `at_end` says \
+              otherwise.",
         source: "",
         inputs: &[],
         outputs: &[made("The column.")],
         example: r#""force": CsvSource(clock: "control", file: "recordings/stroke.csv", column: "force_n", quantity: "force")"#,
     };
 
-    fn build(settings: CsvSourceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: CsvSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let scale = scale(&settings)?;
         let table = Table::read(&settings, scale)?;
+        let at_end = settings.at_end.or_loop(settings.repeat);
         if table.time_s.is_empty() {
-            return Ok(Box::new(Rows(Playback {
+            return Ok(Box::new(Playback {
                 samples: table.values,
-                repeat: settings.repeat,
-            })));
+                at_end,
+            }));
         }
         Ok(Box::new(Curve {
+            frames: table.ticks(cx.rate.hz()),
             table,
             between: settings.between,
-            repeat: settings.repeat,
+            at_end,
         }))
     }
 }
@@ -100,6 +105,14 @@ struct Table {
 }
 
 impl Table {
+    /// Ticks from the first row's time to the last one's, with both.
+    fn ticks(&self, rate_hz: f64) -> u64 {
+        let ends = self.time_s.first().zip(self.time_s.last());
+        let length_s = ends.map_or(0.0, |(first, last)| last - first);
+        // A row that falls on a tick belongs to it whatever the rounding of its time.
+        (length_s * rate_hz + 1e-6) as u64 + 1
+    }
+
     fn read(settings: &CsvSourceSettings, scale: f64) -> Result<Self, BuildError> {
         let file = settings.file.display();
         let failed = |problem: String| BuildError::at("file", format!("{file}: {problem}"));
@@ -152,27 +165,14 @@ impl Table {
     }
 }
 
-/// A row a tick; the last one holds.
-#[derive(Debug, Clone)]
-struct Rows(Playback);
-
-impl Processor for Rows {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        self.0.process(tick, io);
-        let length = self.0.samples.len() as u64;
-        if let (false, Some(last)) = (self.0.repeat, self.0.samples.last()) {
-            let beyond = length.saturating_sub(tick.first).min(tick.frames as u64) as usize;
-            io.out(0)[beyond..].fill(*last);
-        }
-    }
-}
-
 /// A curve over time, from the first row's time on.
 #[derive(Debug, Clone)]
 struct Curve {
     table: Table,
     between: Between,
-    repeat: bool,
+    at_end: AtEnd,
+    /// Ticks up to the last row, with it.
+    frames: u64,
 }
 
 impl Curve {
@@ -182,7 +182,7 @@ impl Curve {
             return 0.0;
         };
         let length = last - first;
-        let time_s = if self.repeat && length > 0.0 {
+        let time_s = if matches!(self.at_end, AtEnd::Loop) && length > 0.0 {
             first + time_s % length
         } else {
             first + time_s
@@ -201,9 +201,15 @@ impl Curve {
 
 impl Processor for Curve {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let is_silent = matches!(self.at_end, AtEnd::Silence);
         for (frame, y) in io.out(0).iter_mut().enumerate() {
-            *y = self.at(tick.time_s(frame));
+            let is_over = is_silent && tick.first + frame as u64 >= self.frames;
+            *y = if is_over { 0.0 } else { self.at(tick.time_s(frame)) };
         }
+    }
+
+    fn data_end(&self) -> Option<DataEnd> {
+        self.at_end.after(self.frames)
     }
 }
 
@@ -229,6 +235,7 @@ mod tests {
                 column: column.into(),
                 quantity: quantity.into(),
                 between: Between::Linear,
+                at_end: AtEnd::Hold,
                 repeat: false,
             }
         }

@@ -1,13 +1,13 @@
 //! A recording from a WAV file.
 
-use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
+use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
-use hound::{SampleFormat, WavReader};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::made;
+use super::{AtEnd, made};
+use crate::wav::{WavError, read_channel, read_layout};
 
 haptograph_engine::settings! {
     /// Settings of [`WavSource`].
@@ -20,7 +20,9 @@ haptograph_engine::settings! {
         full_scale: f64 = 1.0;
         /// What it is, by name.
         quantity: String = "number".into();
-        /// Start again at the end; otherwise silence follows.
+        /// What follows the last sample.
+        at_end: AtEnd = AtEnd::Stop;
+        /// Older way to write `at_end: Loop`.
         repeat: bool = false;
     }
 }
@@ -33,7 +35,8 @@ impl NodeKind for WavSource {
     const SPEC: NodeSpec = NodeSpec {
         name: "WavSource",
         group: "sources",
-        doc: "Plays one channel of a WAV file from the start. Its rate has to be that of the node's clock.",
+        doc: "Plays one channel of a WAV file from the start. Its rate has to be that of the node's clock. Where the file ends \
+              the run ends, unless `at_end` says otherwise.",
         source: "",
         inputs: &[],
         outputs: &[made("The recording.")],
@@ -49,7 +52,7 @@ impl NodeKind for WavSource {
         let samples = read(&channel, cx.rate.hz())?;
         Ok(Box::new(Playback {
             samples: samples.into(),
-            repeat: settings.repeat,
+            at_end: settings.at_end.or_loop(settings.repeat),
         }))
     }
 }
@@ -63,75 +66,82 @@ pub(super) struct Channel<'a> {
 
 /// All its samples.
 pub(super) fn read(wanted: &Channel<'_>, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
-    let failed = |error: hound::Error| unreadable(wanted.file, &error);
-    let file =
-        files::open(wanted.file, MAX_RECORDING_BYTES).map_err(|error| unreadable(wanted.file, &error))?;
-    let mut reader = WavReader::new(BufReader::new(file)).map_err(failed)?;
-    let spec = reader.spec();
-    if f64::from(spec.sample_rate) != rate_hz {
+    let failed = |error: WavError| unreadable(wanted.file, &error);
+    let file = files::open(wanted.file, MAX_RECORDING_BYTES).map_err(|error| failed(error.into()))?;
+    // Regular, and not longer than that: the layout is read by its length.
+    let mut file = BufReader::new(file.as_file());
+    let layout = read_layout(&mut file).map_err(failed)?;
+    if f64::from(layout.rate_hz) != rate_hz {
         let message = format!(
             "the file has {} Hz, the node's clock {rate_hz} Hz",
-            spec.sample_rate
+            layout.rate_hz
         );
         let help = format!(
             "put the node on a clock of {} Hz and bridge from there",
-            spec.sample_rate
+            layout.rate_hz
         );
         return Err(BuildError::at("file", message).help(help));
     }
-    let (channel, channels) = (wanted.channel as usize, usize::from(spec.channels));
+    let (channel, channels) = (wanted.channel as usize, usize::from(layout.channels));
     if channel >= channels {
         let message = format!("the file has {channels} channels, counted from 0");
         return Err(BuildError::at("channel", message));
     }
-    let all: Result<Vec<f64>, hound::Error> = match spec.sample_format {
-        SampleFormat::Float => reader.samples::<f32>().map(|s| s.map(f64::from)).collect(),
-        SampleFormat::Int => {
-            let most = f64::from(spec.bits_per_sample - 1).exp2();
-            reader
-                .samples::<i32>()
-                .map(|s| s.map(|s| f64::from(s) / most))
-                .collect()
-        }
-    };
-    let picked = all.map_err(failed)?.into_iter().skip(channel).step_by(channels);
-    Ok(picked.map(|sample| sample * wanted.full_scale).collect())
+    let mut samples = read_channel(&mut file, &layout, channel).map_err(failed)?;
+    samples.iter_mut().for_each(|sample| *sample *= wanted.full_scale);
+    Ok(samples)
 }
 
-fn unreadable(file: &Path, error: &dyn std::error::Error) -> BuildError {
-    let message = format!("{} cannot be read: {error}", file.display());
-    BuildError::at("file", message).help("give a WAV file, by its path from the graph file")
+fn unreadable(file: &Path, error: &WavError) -> BuildError {
+    let message = format!("cannot read {}: {error}", file.display());
+    let help = match error {
+        WavError::NotFinite { .. } => "replace what is not a number in the file, by 0 for instance",
+        WavError::Cut { .. } => "`haptograph recover` makes a file that was cut off readable up to there",
+        _ => "give a WAV file, by its path from the graph file",
+    };
+    BuildError::at("file", message).help(help)
 }
 
 /// Samples that are all there, one a tick.
 #[derive(Debug, Clone)]
 pub(super) struct Playback {
     pub samples: Arc<[f64]>,
-    pub repeat: bool,
+    pub at_end: AtEnd,
+}
+
+impl Playback {
+    fn at(&self, tick: u64) -> f64 {
+        let length = self.samples.len() as u64;
+        let sample = match self.at_end {
+            AtEnd::Loop if length > 0 => tick % length,
+            // What is computed beyond a stop is delivered nowhere but to an actuator that fades out.
+            AtEnd::Stop | AtEnd::Hold => tick.min(length.saturating_sub(1)),
+            _ => tick,
+        };
+        let sample = usize::try_from(sample).ok().and_then(|at| self.samples.get(at));
+        sample.copied().unwrap_or(0.0)
+    }
 }
 
 impl Processor for Playback {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let length = self.samples.len() as u64;
         for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
-            let at = if self.repeat && length > 0 {
-                now % length
-            } else {
-                now
-            };
-            *y = usize::try_from(at)
-                .ok()
-                .and_then(|at| self.samples.get(at))
-                .copied()
-                .unwrap_or(0.0);
+            *y = self.at(now);
         }
+    }
+
+    fn data_end(&self) -> Option<DataEnd> {
+        self.at_end.after(self.samples.len() as u64)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wav::{Format, WavWriter};
     use haptograph_engine::testing::Bench;
+    use hound::SampleFormat;
+    use std::fs::File;
 
     fn written(folder: &Path, format: SampleFormat, bits: u16) -> PathBuf {
         let path = folder.join("x.wav");
@@ -164,6 +174,7 @@ mod tests {
             channel,
             full_scale: 8.0,
             quantity: "number".into(),
+            at_end: AtEnd::Silence,
             repeat,
         }
     }
@@ -195,5 +206,31 @@ mod tests {
         assert_eq!(field(settings(file.clone(), 0, false), 999.0), Some("file"));
         assert_eq!(field(settings(file, 2, false), 1000.0), Some("channel"));
         assert_eq!(field(settings("none.wav".into(), 0, false), 1000.0), Some("file"));
+    }
+
+    #[test]
+    fn a_sample_that_is_no_number_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("x.wav");
+        let format = Format {
+            channels: 2,
+            rate_hz: 1000,
+        };
+        for bad in [f32::NAN, f32::INFINITY] {
+            let mut writer = WavWriter::new(File::create(&file).unwrap(), format).unwrap();
+            writer.write(&[0.0, 1.0, 0.0, 2.0, 0.0, bad]).unwrap();
+            writer.finish().unwrap();
+            let refused = |channel| {
+                let settings = settings(file.clone(), channel, false);
+                Bench::new::<WavSource>(settings, 1000.0, &[]).err()
+            };
+            assert_eq!(refused(0), None);
+            let error = refused(1).unwrap();
+            assert_eq!(error.field, Some("file"));
+            assert!(
+                error.message.contains("x.wav") && error.message.contains("frame 2"),
+                "{error}"
+            );
+        }
     }
 }

@@ -170,6 +170,11 @@ impl Attended {
             }
             self.network.tend().into_iter().for_each(|note| notes.turn(note));
             let status = status(&mut self.session, driver.rings());
+            for failed in self.session.failing_files() {
+                remark(&format!(
+                    "warning: {failed}; it is complete up to here, and the run goes on without it\n"
+                ));
+            }
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
                 let seconds = self.start.elapsed().as_secs_f64();

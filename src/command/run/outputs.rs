@@ -1,13 +1,13 @@
 //! Signals written besides those of the graph's own sinks: probes and records.
 
-use super::super::Failure;
+use super::super::{Failure, recording};
 use super::folder::RunFolder;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use haptograph::engine::run::{Outlets, Probe};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
-use haptograph::nodes::sinks::wav::{WavSink, WavSinkSettings};
+use haptograph::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
 use haptograph::nodes::soundcard::{Played, played};
 use haptograph::report::record::{Watch, watch};
 use std::fs;
@@ -45,7 +45,12 @@ pub fn open_probes(
     for (number, argument) in arguments.iter().enumerate() {
         let watch = find(graph, &argument.output)?;
         let name = argument.file.file_name().map(PathBuf::from).unwrap_or_default();
-        let writer = writer(&folder.probe(number)?.join(name), &watch.stream)?;
+        let path = folder.probe(number)?.join(name);
+        let writer = match is_wav(&path) {
+            true => open_to_fit(&path, &watch.stream)
+                .map_err(|error| Failure::file("write", &argument.file, &error))?,
+            false => writer(&path, &watch.stream)?,
+        };
         outlets.probe(Probe {
             node: watch.node,
             output: watch.output,
@@ -53,6 +58,25 @@ pub fn open_probes(
         });
     }
     Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
+}
+
+/// What a sample of 1.0 stands for in the WAV files of probes, for the user.
+pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+    let wav = files.iter().filter(|file| is_wav(file));
+    wav.map(|file| {
+        let note = recording::note(file)?;
+        let (full_scale, unit) = (note.full_scale.unwrap_or(1.0), note.unit.unwrap_or_default());
+        let space = if unit.is_empty() { "" } else { " " };
+        Ok(format!(
+            "{}: a sample of 1.0 stands for {full_scale}{space}{unit}",
+            file.display()
+        ))
+    })
+    .collect()
+}
+
+fn is_wav(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "wav")
 }
 
 /// Moves the probes' files to where they were asked for.
@@ -163,10 +187,12 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
         streams: vec![stream.clone()],
         graph_seed: 0,
     };
-    let file = "probe".to_owned();
-    let sink: Result<Box<dyn FileSink>, _> = match path.extension().and_then(|e| e.to_str()) {
-        Some("wav") => WavSink::build(WavSinkSettings { file, full_scale }, &context),
-        _ => CsvSink::build(CsvSinkSettings { file }, &context),
+    let sink: Result<Box<dyn FileSink>, _> = if is_wav(path) {
+        let file = "probe.wav".to_owned();
+        WavSink::build(WavSinkSettings { file, full_scale }, &context)
+    } else {
+        let file = "probe.csv".to_owned();
+        CsvSink::build(CsvSinkSettings { file }, &context)
     };
     let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
     sink.open(path, &context.streams)

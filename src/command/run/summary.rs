@@ -2,6 +2,7 @@
 
 use super::{Arguments, Shown};
 use haptograph::engine::graph::Graph;
+use haptograph::engine::node::AfterData;
 use haptograph::engine::run::{Outcome, RingReport};
 use haptograph::report::asked::Drawn;
 use haptograph::report::drawing;
@@ -76,7 +77,10 @@ impl Summary {
         Self {
             name: arguments.graph.name(),
             facts,
-            warnings: warnings(outcome),
+            warnings: warnings(outcome)
+                .into_iter()
+                .chain(ended_data(graph, outcome))
+                .collect(),
             simulated,
             seconds: outcome.seconds,
             took_s,
@@ -188,6 +192,29 @@ fn ring(report: &RingReport) -> (String, Value) {
         "lost_frames": counts.lost_frames,
     });
     (report.name.clone(), facts)
+}
+
+/// What followed where the data of sources ended within the run.
+fn ended_data(graph: &Graph, outcome: &Outcome) -> Vec<String> {
+    let driver = &graph.clocks()[graph.drivers()[0]];
+    let mut list = Vec::new();
+    for source in graph.data_ends() {
+        let data_frames = source.driver_frames(driver.rate);
+        let (path, seconds) = (source.path, source.seconds());
+        list.extend(match source.end.then {
+            AfterData::Stop if outcome.driver_frames == data_frames && !outcome.stopped => Some(format!(
+                "the data of `{path}` ended after {seconds:.3} s, and the run with them; `at_end: Hold`, `Silence` or `Loop` goes on"
+            )),
+            AfterData::Hold if outcome.driver_frames > data_frames => Some(format!(
+                "the data of `{path}` ended after {seconds:.3} s; from there on it held its last value"
+            )),
+            AfterData::Silence if outcome.driver_frames > data_frames => {
+                Some(format!("the data of `{path}` ended after {seconds:.3} s; from there on it was zero"))
+            }
+            _ => None,
+        });
+    }
+    list
 }
 
 fn warnings(outcome: &Outcome) -> Vec<String> {
