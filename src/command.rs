@@ -14,6 +14,7 @@ pub mod new;
 pub mod nodes;
 mod progress;
 mod recording;
+pub mod recover;
 pub mod run;
 pub mod segment;
 pub mod simulate_recording;

@@ -4,8 +4,8 @@ mod command;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use command::{
-    bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, run, segment,
-    simulate_recording, surface, sweep,
+    bench, check, compare, devices, doctor, draw, evaluate, identify, learn, new, nodes, recover, run,
+    segment, simulate_recording, surface, sweep,
 };
 use std::process::ExitCode;
 
@@ -21,6 +21,7 @@ struct Arguments {
 enum Command {
     Run(run::Arguments),
     Check(check::Arguments),
+    Recover(recover::Arguments),
     Sweep(sweep::Arguments),
     Bench(bench::Arguments),
     Identify(identify::Arguments),
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
     let result = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Recover(arguments) => recover::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Identify(arguments) => identify::run(&arguments),

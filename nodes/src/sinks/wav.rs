@@ -3,6 +3,7 @@
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
 };
+use haptograph_signal::files;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -131,7 +132,8 @@ impl FrameWriter for Fitting {
 
 /// Writes a file of [`WavWriter`] again, divided by `full_scale`.
 fn scale_file(from: &Path, to: &Path, format: Format, full_scale: f64) -> io::Result<()> {
-    let mut file = BufReader::new(File::open(from)?);
+    let file = files::open(from, u64::MAX)?;
+    let mut file = BufReader::new(file.as_file());
     let layout = read_layout(&mut file).map_err(io::Error::other)?;
     file.seek(SeekFrom::Start(layout.data_at))?;
     let mut writer = WavWriter::new(File::create(to)?, format)?;

@@ -27,7 +27,7 @@ use zip::{CompressionMethod, ZipArchive};
 /// The format's number in the head. A reader refuses others.
 const FORMAT: u32 = 1;
 /// The most a head may hold, bytes.
-const MAX_HEAD_BYTES: u64 = 1 << 20;
+pub(super) const MAX_HEAD_BYTES: u64 = 1 << 20;
 /// Members of more bytes need the large form of an archive; what an array's header takes is left to them.
 const MAX_SMALL_BYTES: u64 = 0xffff_0000;
 /// The most an array's own header may hold, bytes. NumPy writes 128.

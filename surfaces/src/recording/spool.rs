@@ -2,7 +2,8 @@
 //! file of little-endian doubles for each array, of which the archive is made at the end. What a dead process left
 //! becomes the same archive by [`assemble`].
 
-use super::archive::{RawHead, begin, put_rows, raw_head};
+use super::archive::{MAX_HEAD_BYTES, RawHead, begin, put_rows, raw_head};
+use haptograph_signal::files;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -108,7 +109,7 @@ fn file(folder: &Path, array: &Array) -> PathBuf {
 /// # Errors
 /// What the file system says, that the folder is no spool, or that there is too little in it for a recording.
 pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
-    let head = fs::read(folder.join(HEAD))?;
+    let head = files::read(&folder.join(HEAD), MAX_HEAD_BYTES)?;
     let mut rows = [u64::MAX; 3];
     for array in &ARRAYS {
         let there = fs::metadata(file(folder, array))?.len() / 8 / array.row;
@@ -137,7 +138,7 @@ fn write_archive(folder: &Path, head: &[u8], rows: [u64; 3], to: &Path) -> io::R
     archive.write_all(head)?;
     for array in &ARRAYS {
         let rows = rows[array.sensor];
-        let mut from = BufReader::new(File::open(file(folder, array))?);
+        let mut from = BufReader::new(files::open(&file(folder, array), u64::MAX)?);
         let numbers = (0..rows * array.row).map(|place| {
             let mut bytes = [0; 8];
             from.read_exact(&mut bytes)?;
