@@ -5,9 +5,15 @@
 mod learn_surfaces;
 
 use haptograph::nodes::simulated::material::Material;
-use haptograph::surfaces::{Origin, Surface, files};
+use haptograph::recorder::{Session, record};
+use haptograph::surfaces::learning::LearnSettings;
+use haptograph::surfaces::learning::processing::{ProcessingSettings, SurfaceNormal, processed};
+use haptograph::surfaces::learning::taps::{Contact, learn_taps};
+use haptograph::surfaces::recording::{AnyRecording, Gesture};
+use haptograph::surfaces::{Origin, Surface, Tap, files};
 use learn_surfaces::{SHIPPED, learned};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 fn place(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -72,6 +78,83 @@ fn harder_materials_answer_a_tap_with_a_higher_tone() {
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert!(all[0].1 < 0.8 * all[5].1, "{all:?}");
     assert!(all.is_sorted_by(|a, b| a.1 < 1.1 * b.1), "{all:?}");
+}
+
+/// Milliseconds from each tap's beginning to the peak of the tool's acceleration, over its three axes.
+fn peaks_ms(recording: &AnyRecording) -> Vec<f64> {
+    let settings = LearnSettings::default();
+    let (_, report) = learn_taps(&[recording], &settings.processing, &settings.taps).unwrap();
+    let processed = processed(
+        recording,
+        &ProcessingSettings {
+            normal: SurfaceNormal::ForceDirection,
+            ..settings.processing
+        },
+    );
+    let processed = processed.unwrap();
+    let axes = processed.signals().axes_m_s2.as_ref().unwrap();
+    let used = report.contacts.iter().filter(|contact| contact.used);
+    let peak = |contact: &Contact| {
+        let begin = (contact.time_s * processed.rate_hz()).round() as usize;
+        let rest = axes[begin - 10];
+        let size = |i: usize| -> f64 { (0..3).map(|k| (axes[begin + i][k] - rest[k]).powi(2)).sum() };
+        let at = (0..200).max_by(|&i, &j| size(i).total_cmp(&size(j))).unwrap();
+        at as f64 / processed.rate_hz() * 1e3
+    };
+    used.map(peak).collect()
+}
+
+fn spread(values: &[f64]) -> f64 {
+    let (least, most) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+            (a.min(*x), b.max(*x))
+        });
+    most - least
+}
+
+#[test]
+fn taps_of_every_material_and_person_begin_at_contact() {
+    for (material, _, name) in SHIPPED {
+        for seed in 1..=3 {
+            let session = Session {
+                material,
+                gesture: Gesture::Tap,
+                person: seed,
+                seconds: 6.0,
+                seed,
+            };
+            let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
+            let peaks_ms = peaks_ms(&recording);
+            assert!(peaks_ms.len() >= 3, "{name}, {seed}: {peaks_ms:?}");
+            assert!(spread(&peaks_ms) <= 1.0, "{name}, {seed}: {peaks_ms:?}");
+            assert!(
+                peaks_ms.iter().all(|ms| (0.2..=2.5).contains(ms)),
+                "{name}, {seed}: {peaks_ms:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_peaks_of_shipped_taps_lie_within_a_millisecond() {
+    for (_, surface) in shipped() {
+        let taps = surface.taps.unwrap();
+        let peak_ms = |tap: &Tap| {
+            let size = |i: &usize| tap.acceleration_m_s2[*i].abs();
+            let at = (0..taps.length())
+                .max_by(|i, j| size(i).total_cmp(&size(j)))
+                .unwrap();
+            at as f64 / taps.rate_hz() * 1e3
+        };
+        let peaks_ms: Vec<f64> = taps.taps().iter().map(peak_ms).collect();
+        assert!(spread(&peaks_ms) <= 1.0, "{}: {peaks_ms:?}", surface.name);
+        assert!(
+            peaks_ms.iter().all(|ms| *ms <= 3.0),
+            "{}: {peaks_ms:?}",
+            surface.name
+        );
+    }
 }
 
 /// Elsewhere the system's sine may round differently, and a converter's step fall on the other side.

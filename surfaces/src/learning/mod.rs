@@ -11,6 +11,7 @@
 
 pub mod friction;
 mod learn;
+mod onset;
 pub mod outliers;
 pub mod processing;
 pub mod segmentation;

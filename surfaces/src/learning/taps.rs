@@ -1,8 +1,9 @@
 //! Taps: the vibrations of a tool that strikes the surface, by incoming speed (thesis 4.2.2 and 4.4.2).
 //!
 //! The thesis cut its recordings by hand. Here a contact is where the normal force rises after a rest in the air; the tap begins where
-//! the vibration does.
+//! force and acceleration show it together.
 
+use super::onset::{contact, rises};
 use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, process, tip_positions};
 use crate::recording::{AnyRecording, ProcessedRecording, Recording};
 use crate::statistics::{Line, mean, median};
@@ -22,7 +23,7 @@ pub struct TapSettings {
     pub free_s: f64,
     /// What is kept after contact, s.
     pub length_s: f64,
-    /// A tap begins where its vibration first reaches this part of its peak.
+    /// A tap begins where its acceleration has left its course before contact by this part of the most that it leaves it.
     pub onset: f64,
     /// The incoming speed is the slope of the path over this long before contact, s.
     pub approach_s: f64,
@@ -185,20 +186,14 @@ fn cut(
     let signals = processed.signals();
     let samples = |seconds: f64| (seconds * signals.rate_hz).round() as usize;
     let length = samples(settings.length_s).max(1);
-    let rises = contacts(
+    let rises = rises(
         &signals.force_normal_n,
         samples(settings.air_s),
         settings.contact_n,
     );
     let mut taps = vec![];
     for (i, &(rise, air)) in rises.iter().enumerate() {
-        let begin = onset(
-            &signals.acceleration_m_s2,
-            rise,
-            samples(0.015),
-            samples(0.02),
-            settings.onset,
-        );
+        let begin = contact(signals, rise, settings.contact_n, settings.onset);
         let next = rises.get(i + 1).map_or(usize::MAX, |(next, _)| *next);
         // A bounce, a tap that bounced, or one whose tail was not recorded, is none.
         if air < samples(settings.free_s) || begin + length > processed.samples() || next < begin + length {
@@ -230,32 +225,6 @@ fn cut(
         taps.push((contact, tap));
     }
     taps
-}
-
-/// Samples at which `force` rises above `contact` after at least `air` samples below half of it, and how many it was below.
-fn contacts(force: &[f64], air: usize, contact: f64) -> Vec<(usize, usize)> {
-    let mut rises = vec![];
-    let (mut in_air, mut touching) = (0, true);
-    for (i, &f) in force.iter().enumerate() {
-        if touching {
-            in_air = if f < contact / 2.0 { in_air + 1 } else { 0 };
-            touching = in_air < air.max(1);
-        } else if f > contact {
-            rises.push((i, in_air));
-            (in_air, touching) = (0, true);
-        } else {
-            in_air += 1;
-        }
-    }
-    rises
-}
-
-/// Where the vibration around `rise` first reaches `part` of its peak.
-fn onset(signal: &[f64], rise: usize, before: usize, after: usize, part: f64) -> usize {
-    let from = rise.saturating_sub(before);
-    let window = &signal[from..(rise + after).min(signal.len())];
-    let peak = window.iter().fold(0.0_f64, |peak, a| peak.max(a.abs()));
-    from + window.iter().position(|a| a.abs() >= part * peak).unwrap_or(0)
 }
 
 /// The tip's speed along its path over the last `seconds` before a moment: the slope of the least-squares line, which does not see
@@ -436,30 +405,6 @@ mod tests {
         assert!(
             (report.contacts[0].time_s - 0.3).abs() < 2e-3,
             "only the first did not bounce"
-        );
-    }
-
-    #[test]
-    fn bounces_and_cut_off_taps_are_left_out() {
-        let force: Vec<f64> = (0..1000)
-            .map(|i| {
-                if matches!(i, 100..150 | 200..230 | 400..450) {
-                    1.0
-                } else {
-                    0.0
-                }
-            })
-            .collect();
-        assert_eq!(contacts(&force, 40, 0.2), [(100, 100), (200, 50), (400, 170)]);
-        assert_eq!(
-            contacts(&force, 60, 0.2),
-            [(100, 100), (400, 170)],
-            "50 samples in the air are too few before 200"
-        );
-        assert_eq!(
-            contacts(&[1.0; 100], 10, 0.2),
-            [],
-            "a recording that starts in contact starts with no tap"
         );
     }
 
