@@ -5,6 +5,7 @@ pub mod filter;
 pub mod force;
 pub mod interpolator;
 pub mod locator;
+mod upsampler;
 
 use haptograph_engine::node::BuildError;
 use haptograph_surfaces::{Surface, TextureModel, files};

@@ -11,6 +11,7 @@ use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
+use haptograph_surfaces::{Surface, SurfaceError, Taps};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -40,7 +41,8 @@ impl NodeKind for Tapping {
         group: "tapping",
         doc: "What a tap feels like: at contact, the surface's recorded transient for the tool's speed, as a force along \
               the normal. A contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a \
-              new tap replaces one that still rings. Taps of another rate are resampled to the node's clock.",
+              new tap replaces one that still rings. Taps of another rate are resampled to the node's clock. Of a surface \
+              without taps nothing is played.",
         source: "4.3.2",
         inputs: &[input(
             "contact",
@@ -61,16 +63,12 @@ impl NodeKind for Tapping {
     };
 
     fn build(settings: TappingSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let surface = load_surface(&settings.surface)?;
-        let Some(taps) = surface.taps else {
-            let message = format!("the surface {} has no taps", surface.name);
-            return Err(
-                BuildError::at("surface", message).help("choose a surface with some, or leave `Tapping` out")
-            );
+        let played = |taps: Taps| -> Result<Transient, SurfaceError> {
+            let taps = taps.resampled(cx.rate.hz())?;
+            Ok(Transient::new(Arc::new(taps), settings.mass_g * 1e-3))
         };
-        let taps = taps
-            .resampled(cx.rate.hz())
-            .map_err(|error| BuildError::at("surface", error.to_string()))?;
+        let transient = load_surface(&settings.surface)?.taps.map(played).transpose();
+        let transient = transient.map_err(|error| BuildError::at("surface", error.to_string()))?;
         let onset = OnsetSettings {
             rearm_s: settings.rearm_ms * 1e-3,
             least_m_s: settings.least_mm_s * 1e-3,
@@ -78,16 +76,34 @@ impl NodeKind for Tapping {
         };
         Ok(Box::new(Striking {
             onset: Onset::new(&onset, cx.rate.hz()),
-            transient: Transient::new(Arc::new(taps), settings.mass_g * 1e-3),
+            transient,
             normal: [0.0; 3],
         }))
+    }
+
+    fn advice(settings: &TappingSettings, _: &BuildContext) -> Vec<BuildError> {
+        let silent = load_surface(&settings.surface)
+            .ok()
+            .filter(|surface| surface.taps.is_none());
+        let advise = |surface: Surface| {
+            let message = format!("the surface {} has no taps: `Tapping` plays none", surface.name);
+            // Said of the node: other nodes have something to say of the same surface, and one place is warned of once.
+            let help = "learn the surface with a recording of taps, or choose one with some";
+            BuildError {
+                field: None,
+                message,
+                help: Some(help.to_owned()),
+            }
+        };
+        silent.map(advise).into_iter().collect()
     }
 }
 
 #[derive(Debug, Clone)]
 struct Striking {
     onset: Onset,
-    transient: Transient,
+    /// None for a surface without taps.
+    transient: Option<Transient>,
     /// Along which the tap rings, also when the tool has bounced off.
     normal: Vec3,
 }
@@ -106,7 +122,11 @@ impl Processor for Striking {
             if struck.is_some() {
                 self.normal = contact.normal;
             }
-            *force = scale(self.normal, self.transient.update(struck));
+            let rings_n = self
+                .transient
+                .as_mut()
+                .map_or(0.0, |transient| transient.update(struck));
+            *force = scale(self.normal, rings_n);
             *event = Event {
                 fired: struck.is_some(),
                 value: struck.unwrap_or(0.0),
@@ -118,7 +138,9 @@ impl Processor for Striking {
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.onset.copy_state_from(&self.onset);
-            new.transient.copy_state_from(&self.transient);
+            if let (Some(new), Some(old)) = (&mut new.transient, &self.transient) {
+                new.copy_state_from(old);
+            }
             new.normal = self.normal;
         }
     }
@@ -165,6 +187,26 @@ mod tests {
         for k in 0..taps.length().min(149) {
             assert!((out[0][3 * (51 + k) + 2] - 0.05 * taps.sample(&mix, k)).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_surface_without_taps_is_told_of_and_only_fires() {
+        let mut surface = load_surface(&tile()).unwrap();
+        surface.taps = None;
+        let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
+        std::fs::write(file.path(), haptograph_surfaces::files::native::write(&surface)).unwrap();
+        let mut bench = Bench::new::<Tapping>(
+            TappingSettings {
+                surface: file.path().to_owned(),
+                ..settings()
+            },
+            1000.0,
+            &[Kind::Contact],
+        )
+        .unwrap();
+        let out = bench.run(&[&fall(0.15)]);
+        assert!(out[0].iter().all(|f| *f == 0.0));
+        assert!((out[1][103] - 0.15).abs() < 1e-9);
     }
 
     #[test]

@@ -2,13 +2,15 @@
 
 use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::{
-    BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
+    BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::arma;
 use haptograph_signal::quantity::Quantity;
-use std::path::PathBuf;
+use haptograph_signal::time::Rate;
+use std::path::{Path, PathBuf};
 
 use super::load_texture;
+use super::upsampler::Upsampler;
 use crate::successor;
 
 haptograph_engine::choices! {
@@ -26,7 +28,8 @@ haptograph_engine::settings! {
     pub struct ArmaFilterSettings {
         /// How it is computed.
         form: Form = Form::Lattice;
-        /// The surface that is rendered, to check that this node's clock has the rate of its models.
+        /// The surface that is rendered. With models of a lower rate than this node's clock the filter runs at theirs, and what it
+        /// makes is interpolated to the clock; models of a higher rate are an error. None: the models have the clock's rate.
         surface: Option<PathBuf> = None;
     }
 }
@@ -40,7 +43,8 @@ impl NodeKind for ArmaFilter {
         name: "ArmaFilter",
         group: "texture",
         doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. What it holds when \
-              the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken.",
+              the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken. Models of a \
+              lower rate than the clock's run at theirs, and are interpolated without spectrum above half of it.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975)",
         inputs: &[
             input(
@@ -67,17 +71,10 @@ impl NodeKind for ArmaFilter {
     };
 
     fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        if let Some(surface) = &settings.surface {
-            let models_hz = load_texture(surface)?.rate_hz();
-            if models_hz != cx.rate.hz() {
-                let message = format!(
-                    "the surface's models are for {models_hz} Hz, this node's clock has {}",
-                    cx.rate
-                );
-                let help = format!("put the synthesis on a clock of {models_hz} Hz and resample its output");
-                return Err(BuildError::at("surface", message).help(help));
-            }
-        }
+        let upsampler = match &settings.surface {
+            Some(surface) => upsampler(surface, cx.rate)?,
+            None => None,
+        };
         let form = match settings.form {
             Form::Direct => arma::Form::Direct,
             Form::Lattice => arma::Form::Lattice,
@@ -86,8 +83,54 @@ impl NodeKind for ArmaFilter {
             filter: arma::ArmaFilter::new(form),
             form,
             lanes: [f64::NAN; Coefficients::WIDTH],
+            upsampler,
         }))
     }
+
+    fn advice(settings: &ArmaFilterSettings, cx: &BuildContext) -> Vec<BuildError> {
+        let Some(Ok(texture)) = settings.surface.as_deref().map(load_texture) else {
+            return Vec::new();
+        };
+        let (models_hz, clock) = (texture.rate_hz(), cx.rate);
+        if models_hz >= clock.hz() {
+            return Vec::new();
+        }
+        let message = format!(
+            "the surface's models are for {models_hz} Hz and this node's clock has {clock}: the vibration is made at {models_hz} \
+             Hz and interpolated, and has nothing above {} Hz",
+            models_hz / 2.0
+        );
+        vec![
+            BuildError::at("surface", message)
+                .help("learn the surface at the clock's rate to have the rest of its spectrum"),
+        ]
+    }
+}
+
+/// What brings the vibration from the rate of a surface's models to the clock's, if they differ.
+fn upsampler(surface: &Path, clock: Rate) -> Result<Option<Box<Upsampler>>, BuildError> {
+    let models_hz = load_texture(surface)?.rate_hz();
+    if models_hz == clock.hz() {
+        return Ok(None);
+    }
+    let message = format!("the surface's models are for {models_hz} Hz, this node's clock has {clock}");
+    let refuse = |help: String| BuildError::at("surface", message.clone()).help(help);
+    if models_hz > clock.hz() {
+        return Err(refuse(format!(
+            "put the synthesis on a clock of {models_hz} Hz and resample its output, or bring the surface to {} Hz: haptograph \
+             surface resample",
+            clock.hz()
+        )));
+    }
+    let made = Rate::parse(&models_hz.to_string())
+        .ok()
+        .and_then(|models| Upsampler::new(models, clock));
+    let refused = || {
+        refuse(format!(
+            "the ratio of these rates is too fine to interpolate; use a clock of {models_hz} Hz or a whole multiple"
+        ))
+    };
+    made.map(|made| Some(Box::new(made))).ok_or_else(refused)
 }
 
 #[derive(Debug, Clone)]
@@ -96,6 +139,8 @@ struct Synthesis {
     form: arma::Form,
     /// The coefficients at work, at first none: converting them again would cost more than comparing.
     lanes: [f64; Coefficients::WIDTH],
+    /// From the models' rate to the clock's, where they differ.
+    upsampler: Option<Box<Upsampler>>,
 }
 
 impl Synthesis {
@@ -118,7 +163,26 @@ impl Processor for Synthesis {
             if let Some(lanes) = lanes.first_chunk() {
                 self.take(lanes);
             }
-            self.filter.process(&excitation[frames.clone()], &mut out[frames]);
+            let (excitation, out) = (&excitation[frames.clone()], &mut out[frames]);
+            let Some(upsampler) = &mut self.upsampler else {
+                self.filter.process(excitation, out);
+                continue;
+            };
+            // Of white noise the samples at the models' ticks are white noise of the same variance.
+            for (e, y) in excitation.iter().zip(out) {
+                *y = upsampler.next(|| {
+                    let mut made = [0.0];
+                    self.filter.process(&[*e], &mut made);
+                    made[0]
+                });
+            }
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        Latency {
+            group_delay_s: self.upsampler.as_ref().map_or(0.0, |up| up.group_delay_s()),
+            ..Latency::default()
         }
     }
 
@@ -128,6 +192,9 @@ impl Processor for Synthesis {
         {
             new.filter.clone_from(&self.filter);
             new.lanes = self.lanes;
+            if let (Some(new), Some(old)) = (&mut new.upsampler, &self.upsampler) {
+                new.copy_state_from(old);
+            }
         }
     }
 }
@@ -137,6 +204,9 @@ mod tests {
     use super::super::tile;
     use super::*;
     use haptograph_engine::testing::Bench;
+    use haptograph_signal::Complex64;
+    use haptograph_signal::spectrum::arma_density;
+    use haptograph_surfaces::resampling;
 
     fn bench(form: Form) -> Bench {
         let settings = ArmaFilterSettings { form, surface: None };
@@ -230,5 +300,84 @@ mod tests {
         };
         let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Kind::Coefficients, Kind::Scalar]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
+    }
+
+    const KINDS: [Kind; 2] = [Kind::Coefficients, Kind::Scalar];
+
+    /// The tile at 1 kHz, as models with zeros and gains, in a file.
+    fn slow_tile() -> tempfile::NamedTempFile {
+        let surface = haptograph_surfaces::files::load(&tile()).unwrap();
+        let (slow, _) = resampling::resample_surface(&surface, 1000.0, resampling::Method::Zoh).unwrap();
+        let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
+        std::fs::write(file.path(), haptograph_surfaces::files::native::write(&slow)).unwrap();
+        file
+    }
+
+    fn rendering(surface: &Path, form: Form, clock_hz: f64) -> Bench {
+        let surface = Some(surface.to_owned());
+        Bench::new::<ArmaFilter>(ArmaFilterSettings { form, surface }, clock_hz, &KINDS).unwrap()
+    }
+
+    #[test]
+    fn slower_models_have_their_spectrum_and_nothing_above_it() {
+        let file = slow_tile();
+        let texture = load_texture(file.path()).unwrap();
+        let (up, clock_hz) = (10, 10_000.0);
+        for at in [0, texture.models().len() / 2] {
+            let model = &texture.models()[at].model;
+            assert!(!model.ma().is_empty() && model.gain() != 1.0);
+            let held = frame(model.ar(), model.ma(), model.gain()).repeat(8000);
+            let mut e = vec![0.0; 8000];
+            e[0] = 1.0;
+            for form in [Form::Direct, Form::Lattice] {
+                let mut bench = rendering(file.path(), form, clock_hz);
+                let y = bench.run_in_blocks(&[&held, &e], &[7, 64, 1]).remove(0);
+                // The excitation's density and the response's gain at the clock's rate, against those at the models'.
+                let density = |f_hz: f64| {
+                    let turn = |n: usize| Complex64::cis(-std::f64::consts::TAU * f_hz * n as f64 / clock_hz);
+                    let sum: Complex64 = y.iter().enumerate().map(|(n, y)| turn(n) * y).sum();
+                    2.0 * (sum / f64::from(up)).norm_sqr() / 1000.0
+                };
+                let wanted = |f_hz| {
+                    let variance = model.gain().powi(2);
+                    arma_density(model.ar(), model.ma(), variance, 1000.0, f_hz)
+                };
+                for f_hz in [5.0, 20.0, 60.0, 150.0, 300.0, 400.0, 450.0, 485.0] {
+                    let db = 10.0 * (density(f_hz) / wanted(f_hz)).log10();
+                    assert!(db.abs() < 0.1, "{db} dB at {f_hz} Hz");
+                }
+                for f_hz in [540.0, 700.0, 1000.0, 1060.0, 2000.0, 4900.0] {
+                    let db = 10.0 * (density(f_hz) / wanted(1000.0 * (f_hz / 1000.0).round() - f_hz)).log10();
+                    assert!(db < -50.0, "{db} dB at {f_hz} Hz");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slower_models_say_so_come_later_and_hand_their_state_over() {
+        let file = slow_tile();
+        let mut old = rendering(file.path(), Form::Lattice, 10_000.0);
+        let late_s = old.processor().latency().group_delay_s;
+        assert!((0.001..0.004).contains(&late_s), "{late_s}");
+        let held = frame(&[-1.2, 0.7], &[0.4], 2.0).repeat(400);
+        let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
+        let whole = rendering(file.path(), Form::Lattice, 10_000.0)
+            .run(&[&held, &e])
+            .remove(0);
+        let half = held.len() / 2;
+        old.run(&[&held[..half], &e[..200]]);
+        let mut new = rendering(file.path(), Form::Lattice, 10_000.0);
+        old.processor().copy_state_into(new.processor());
+        assert_eq!(new.run(&[&held[half..], &e[200..]])[0], whole[200..]);
+    }
+
+    #[test]
+    fn models_of_the_clocks_rate_run_as_they_are() {
+        let held = frame(&[-1.2, 0.7], &[0.4], 2.0).repeat(400);
+        let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
+        let (mut named, mut plain) = (rendering(&tile(), Form::Lattice, 10_000.0), bench(Form::Lattice));
+        assert_eq!(named.run(&[&held, &e]), plain.run(&[&held, &e]));
+        assert_eq!(named.processor().latency(), Latency::default());
     }
 }
