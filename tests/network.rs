@@ -1,9 +1,11 @@
 //! A graph that runs live with a device in another process: the C client, compiled and run.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 const GRAPH: &str = r#"Graph(
     format: 1,
@@ -83,4 +85,88 @@ fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
         "{latency:#}"
     );
     assert!(latency["transport"]["max"].as_f64().unwrap() >= age_ms);
+}
+
+const STEERED: &str = r#"Graph(
+    format: 1,
+    clocks: { "servo": Driver(rate_hz: 1000) },
+    nodes: {
+        "stylus": Tablet(clock: "servo", endpoint: "stylus"),
+        "bias":   Constant(clock: "servo", value: 0.4, quantity: "current"),
+        "felt":   Calibrate(input: "stylus.force", from: "force", to: "current", factor: 0.1),
+        "sum":    Add(inputs: ["felt", "bias"]),
+        "out":    ActuatorSink(current: "sum", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+        "kept":   CsvSink(inputs: ["out.delivered"], file: "kept.csv"),
+    },
+    endpoints: { "live": {
+        "stylus": OscDevice(listen: "127.0.0.1:0", timeout_ms: 500), "coil": SimulatedHaptuator(),
+    } },
+)"#;
+
+/// `/force 1.0` of Open Sound Control.
+const FORCE: &[u8] = b"/force\0\0,f\0\0\x3f\x80\0\0";
+
+/// A sender at the port that the system chose speaks for a while and stops: what is said of the actuator is what it was
+/// delivered.
+#[test]
+fn the_message_of_a_silent_sender_says_what_its_actuator_was_delivered() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("graph.ron"), STEERED).unwrap();
+    let mut graph = Command::new(env!("CARGO_BIN_EXE_haptograph"))
+        .args(["run", "graph.ron", "--live", "--for", "5"])
+        .current_dir(&folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(graph.stderr.take().unwrap()).lines();
+    let place = said.by_ref().map_while(Result::ok).find_map(|line| {
+        let place = line.strip_prefix("listening for `stylus` at ")?;
+        Some(place.to_owned())
+    });
+    let place = place.expect("where it listens");
+    assert!(!place.ends_with(":0"), "{place}");
+    let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(1500) {
+        sender.send_to(FORCE, &place).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let said: Vec<String> = said.map_while(Result::ok).collect();
+    let output = graph.wait_with_output().unwrap();
+    assert!(output.status.success(), "{said:#?}");
+    let silent = said.iter().any(|line| {
+        line.contains("`stylus` has been silent for")
+            && line.contains("actuator `out`")
+            && line.contains("0.000 A")
+    });
+    assert!(silent, "{said:#?}");
+
+    let out = folder.path().join("out/graph");
+    let kept = fs::read_to_string(out.join("kept.csv")).unwrap();
+    let delivered: Vec<f64> = kept
+        .lines()
+        .filter_map(|line| line.split(',').nth(1)?.parse().ok())
+        .collect();
+    let largest = delivered.iter().copied().fold(0.0, f64::max);
+    assert!((largest - 0.5).abs() < 1e-9, "{largest}");
+    assert!(delivered.iter().rev().take(1000).all(|x| *x == 0.0));
+    let facts: serde_json::Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
+    let silence = &facts["silences"][0];
+    assert_eq!(
+        (&silence["input"], &silence["actuators"][0]["at_zero"]),
+        (&"stylus".into(), &true.into())
+    );
+    let simulated = |name: &str| {
+        let devices = facts["devices"].as_array().unwrap();
+        let device = devices.iter().find(|device| device["name"] == name).unwrap();
+        device["simulated"].as_bool().unwrap()
+    };
+    assert_eq!((simulated("stylus"), simulated("coil")), (false, true));
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        told.contains("simulated: output `coil`; real: input `stylus`"),
+        "{told}"
+    );
 }

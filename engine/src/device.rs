@@ -7,6 +7,7 @@ use crate::frame::Kind;
 use crate::histogram::AgeMeter;
 use crate::node::{BuildContext, BuildError};
 use crate::settings::{SettingSpec, Settings};
+use crate::silence::LiveInput;
 use haptograph_signal::quantity::Quantity;
 use std::any::Any;
 use std::sync::Arc;
@@ -74,6 +75,10 @@ pub trait Device: CloneDevice + Send + Sync {
     }
     /// How old what it senses is when it is read, if somebody measures that.
     fn ages(&self) -> Option<Arc<AgeMeter>> {
+        None
+    }
+    /// Whether it is still heard, of a device that can fall silent. It sets its cell in [`advance`](Self::advance).
+    fn live_input(&self) -> Option<LiveInput> {
         None
     }
 }

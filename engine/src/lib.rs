@@ -18,4 +18,5 @@ pub mod plan;
 pub mod registry;
 pub mod run;
 pub mod settings;
+pub mod silence;
 pub mod testing;

@@ -10,6 +10,8 @@ pub mod friction;
 pub mod math;
 pub mod network;
 pub mod sensing;
+#[cfg(test)]
+mod silence;
 pub mod simulated;
 pub mod sinks;
 pub mod soundcard;

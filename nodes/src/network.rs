@@ -9,7 +9,6 @@ mod link;
 mod osc;
 pub mod protocol;
 mod remote;
-mod silence;
 mod socket;
 
 pub use control::{OscControl, Told};
@@ -48,4 +47,12 @@ pub enum NetworkError {
     /// Two endpoints would listen at the same place.
     #[error("devices `{0}` and `{1}` both listen at {2}; give each a port of its own")]
     Shared(String, String, SocketAddr),
+}
+
+/// News of a device, as its thread would tell them: the tip at rest, pressed with a force (N).
+#[cfg(test)]
+pub(crate) fn told_by_hand(place: &str, force_n: f64) {
+    let mut sensed = [0.0; link::SENSED];
+    sensed[8] = force_n;
+    remote::link_at(place).tell(&sensed);
 }

@@ -6,6 +6,7 @@ mod attended;
 mod console;
 mod driver;
 mod drivers;
+mod endpoints;
 mod facts;
 pub mod folder;
 mod guards;
@@ -17,6 +18,7 @@ mod outputs;
 mod placing;
 mod replay;
 mod shown;
+mod silence;
 pub mod summary;
 mod watch;
 
@@ -120,7 +122,8 @@ pub fn unreached(graph: &Graph) -> Vec<String> {
     });
     let warning = |name: &str, kind: &str| {
         format!(
-            "`{name}` is {kind}, which is reached by `run --live` only: here it sensed nothing, and nothing was driven"
+            "`{name}` is {kind}, which is reached by `run --live` only: it sensed nothing, and the actuators that depend on it \
+             stayed at zero"
         )
     };
     silent

@@ -272,7 +272,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     SweepPage {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
-        simulated: first.summary.simulated(),
+        simulation: first.summary.simulation().clone(),
         facts,
         asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),
         runs: runs.collect(),

@@ -31,7 +31,7 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
     Sheet {
         title,
         about: &about,
-        simulated: learned.iter().any(|(surface, _)| learning::is_simulated(surface)),
+        badge: learning::badge(learned.iter().any(|(surface, _)| learning::is_simulated(surface))),
         warnings: &[],
         sections: &sections,
     }

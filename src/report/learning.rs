@@ -37,11 +37,16 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
     Sheet {
         title: &surface.name,
         about: &about,
-        simulated,
+        badge: badge(simulated),
         warnings: &warnings,
         sections: &sections,
     }
     .to_html()
+}
+
+/// What stands beside the title.
+pub(super) fn badge(simulated: bool) -> &'static str {
+    if simulated { "simulated" } else { "" }
 }
 
 /// Nothing simulated may pass for measured, nor what was drawn by a procedure.

@@ -14,8 +14,8 @@ pub struct Page<'a> {
     pub title: String,
     /// What the graph is about, as its file tells it.
     pub about: String,
-    /// Does anything on the page come from a simulated device?
-    pub simulated: bool,
+    /// What of it comes from simulated devices.
+    pub simulation: Simulation,
     /// What is to be known of the run: names and values.
     pub facts: Vec<(String, String)>,
     /// What the reader should be warned of: limits that held back, faults, a run cut short.
@@ -30,6 +30,43 @@ pub struct Page<'a> {
     pub drawing: String,
 }
 
+/// What of a run comes from simulated devices.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum Simulation {
+    /// Nothing.
+    #[default]
+    None,
+    /// All of its devices are.
+    All,
+    /// Some of its devices: which, in whole sentences.
+    Some(String),
+}
+
+impl Simulation {
+    /// Beside the title.
+    pub(super) fn badge(&self) -> &'static str {
+        match self {
+            Self::None => "",
+            Self::All => "simulated",
+            Self::Some(_) => "partly simulated",
+        }
+    }
+
+    /// Below the facts, as HTML.
+    pub(super) fn remark(&self) -> String {
+        let text = match self {
+            Self::None => return String::new(),
+            Self::All => ALL_SIMULATED,
+            Self::Some(text) => text,
+        };
+        format!("<p class=\"remark\">{}</p>", escape(text))
+    }
+}
+
+/// What is said where all devices are simulated.
+const ALL_SIMULATED: &str = "All devices in this run were simulated: what is shown is what the models of them did, not a \
+    measurement.";
+
 impl Page<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
@@ -38,7 +75,7 @@ impl Page<'_> {
             .iter()
             .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
             .collect();
-        let simulated = if self.simulated { SIMULATED } else { "" };
+        let simulated = self.simulation.remark();
         let (main, rest) = self.plots();
         let mut sections = vec![("The run", format!("<dl>{facts}</dl>{simulated}"))];
         sections.extend(
@@ -51,7 +88,7 @@ impl Page<'_> {
         Sheet {
             title: &self.title,
             about: &self.about,
-            simulated: self.simulated,
+            badge: self.simulation.badge(),
             warnings: &self.warnings,
             sections: &sections,
         }
@@ -83,10 +120,6 @@ impl Page<'_> {
     }
 }
 
-/// What is said of simulated devices.
-pub(super) const SIMULATED: &str = "<p class=\"remark\">Devices in this run were simulated: what is shown is what the models \
-    of them did, not a measurement.</p>";
-
 /// Plots as figures of a sheet.
 pub(super) fn figures_of(plots: &[Plot]) -> String {
     let figures = plots
@@ -99,7 +132,8 @@ pub(super) fn figures_of(plots: &[Plot]) -> String {
 pub(super) struct Sheet<'a> {
     pub title: &'a str,
     pub about: &'a str,
-    pub simulated: bool,
+    /// Beside the title; nothing where it is empty.
+    pub badge: &'a str,
     pub warnings: &'a [String],
     pub sections: &'a [(&'a str, String)],
 }
@@ -107,10 +141,9 @@ pub(super) struct Sheet<'a> {
 impl Sheet<'_> {
     pub fn to_html(&self) -> String {
         let title = escape(self.title);
-        let badge = if self.simulated {
-            "<span class=\"badge\">simulated</span>"
-        } else {
-            ""
+        let badge = match self.badge {
+            "" => String::new(),
+            badge => format!("<span class=\"badge\">{badge}</span>"),
         };
         let warnings: String = self
             .warnings

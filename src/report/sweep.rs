@@ -2,7 +2,7 @@
 
 use super::asked::{Asked, Drawn};
 use super::figures::{self, shown_in};
-use super::page::{SIMULATED, Sheet, figures_of};
+use super::page::{Sheet, Simulation, figures_of};
 use super::plot::{Axis, Mark, Plot, Style};
 use super::record::{Content, Recorded};
 use super::svg::escape;
@@ -29,8 +29,8 @@ pub struct SweepPage<'a> {
     pub title: String,
     /// What the graph is about, as its file tells it.
     pub about: String,
-    /// Does anything on the page come from a simulated device?
-    pub simulated: bool,
+    /// What of it comes from simulated devices.
+    pub simulation: Simulation,
     /// What is to be known of all runs: names and values.
     pub facts: Vec<(String, String)>,
     /// The plots that the graph asks for.
@@ -49,7 +49,7 @@ impl SweepPage<'_> {
             .iter()
             .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
             .collect();
-        let simulated = if self.simulated { SIMULATED } else { "" };
+        let simulated = self.simulation.remark();
         let warnings: Vec<String> = self
             .runs
             .iter()
@@ -79,7 +79,7 @@ impl SweepPage<'_> {
         Sheet {
             title: &self.title,
             about: &self.about,
-            simulated: self.simulated,
+            badge: self.simulation.badge(),
             warnings: &warnings,
             sections: &sections,
         }

@@ -293,6 +293,16 @@ impl Graph {
             .map(|(_, device)| device)
     }
 
+    /// The devices that sources read.
+    pub fn read_devices(&self) -> impl Iterator<Item = &GraphDevice> {
+        let read = |wanted: usize| {
+            let mut works = self.nodes.node_weights().map(|node| &node.work);
+            works.any(|work| matches!(work, Work::Source { device, .. } if *device == wanted))
+        };
+        let devices = self.devices.iter().enumerate();
+        devices.filter(move |(at, _)| read(*at)).map(|(_, device)| device)
+    }
+
     /// The settings that may change while it runs.
     pub fn live_settings(&self) -> Vec<LiveSetting> {
         let mut found = Vec::new();

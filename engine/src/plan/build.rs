@@ -5,12 +5,13 @@ mod rings;
 use super::order::{Group, delay_frames, order, sink_device, source_device};
 use super::slots::{Demand, assign};
 use super::{
-    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, DevicePlan, MAX_BLOCK, NodeKey, Plan, PlanOptions, Step,
-    StepWork, Tap,
+    ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
+    PlanOptions, Step, StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, Work};
 use crate::io::{Binding, Form, LINE, Placing};
 use crate::node::Stream;
+use crate::silence::Reach;
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::collections::HashMap;
@@ -40,6 +41,8 @@ struct Builder<'a> {
     /// What comes from other drivers, by edge.
     rings: HashMap<EdgeIndex, Port>,
     sinks_left: Vec<usize>,
+    /// How far live inputs reach.
+    reaches: Vec<Reach>,
 }
 
 const NO_SLOT: u32 = u32::MAX;
@@ -104,11 +107,13 @@ impl<'a> Builder<'a> {
                     clock: device.clock,
                     driven_by: Vec::new(),
                     device: device.device.clone_box(),
+                    input: device.device.live_input(),
                     reads: Vec::new(),
                     writes: Vec::new(),
                 })
                 .collect(),
             actuators: Vec::new(),
+            delivered: Arc::new([]),
             bridges: Vec::new(),
             delays: Vec::new(),
             taps: Vec::new(),
@@ -131,6 +136,7 @@ impl<'a> Builder<'a> {
             loops: HashMap::new(),
             rings: HashMap::new(),
             sinks_left,
+            reaches: graph.reaches_of_inputs(),
         }
     }
 
@@ -251,7 +257,12 @@ impl<'a> Builder<'a> {
             Work::Actuator {
                 gain, limit, device, ..
             } => {
+                let reached = self.reaches.iter().filter(|reach| reach.nodes[index.index()]);
+                let silenced_by = reached.map(|reach| (reach.device, reach.device == *device));
+                let output = node.outputs.first();
                 self.plan.actuators.push(ActuatorPlan {
+                    silenced_by: silenced_by.collect(),
+                    unit: output.map_or_else(String::new, |output| output.quantity.unit()),
                     path: node.path.clone(),
                     gain: *gain,
                     limit: *limit,
@@ -553,6 +564,7 @@ impl<'a> Builder<'a> {
             })
             .collect();
         (plan.slots, plan.lives) = (slots, lives);
+        plan.delivered = plan.actuators.iter().map(|_| Delivered::default()).collect();
         self.plan
     }
 

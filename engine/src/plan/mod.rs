@@ -14,10 +14,13 @@ use crate::device::Device;
 use crate::graph::{Graph, LiveSetting};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
+use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
+pub(crate) use order::{sink_device, source_device};
 use petgraph::graph::{EdgeIndex, NodeIndex};
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 /// The longest block, in driver frames.
 pub const MAX_BLOCK: usize = 1024;
@@ -50,6 +53,8 @@ pub struct Plan {
     pub(crate) processor_keys: Vec<NodeKey>,
     pub(crate) devices: Vec<DevicePlan>,
     pub(crate) actuators: Vec<ActuatorPlan>,
+    /// What each actuator is given while the plan runs, for whoever asks.
+    pub(crate) delivered: Arc<[Delivered]>,
     pub(crate) bridges: Vec<BridgePlan>,
     pub(crate) delays: Vec<DelayPlan>,
     pub(crate) taps: Vec<Tap>,
@@ -132,6 +137,8 @@ pub(crate) struct DevicePlan {
     /// The clock it ticks on.
     pub clock: usize,
     pub device: Box<dyn Device>,
+    /// Of a device that can fall silent; shared by the plans of all drivers.
+    pub input: Option<LiveInput>,
     /// (actuator, channel, clock) of its sinks.
     pub driven_by: Vec<(usize, usize, u32)>,
     /// (buffer, placing, channel)
@@ -149,13 +156,46 @@ pub(crate) struct ActuatorPlan {
     pub rate: Rate,
     /// Does it drive a body that begins as it is built?
     pub simulated: bool,
+    /// Unit of what it is given.
+    pub unit: String,
+    /// The live inputs that it depends on: their places among the devices, and whether it is a drive of that device.
+    pub silenced_by: Vec<(usize, bool)>,
 }
 
 impl ActuatorPlan {
+    /// Is every live input that it depends on heard, or held?
+    pub(crate) fn is_let_through(&self, devices: &[DevicePlan]) -> bool {
+        self.silenced_by.iter().all(|(device, own)| {
+            let input = devices.get(*device).and_then(|device| device.input.as_ref());
+            input.is_none_or(|input| input.lets_through(*own))
+        })
+    }
+
     /// Is it the same but for its gain, which is a live setting?
     fn is_same_as(&self, other: &Self) -> bool {
         let gain = other.gain;
         Self { gain, ..self.clone() } == *other
+    }
+}
+
+/// What an actuator was given last, written by the driver and read by whoever says so.
+#[derive(Debug, Default)]
+pub(crate) struct Delivered {
+    largest: AtomicU64,
+    at_zero: AtomicBool,
+}
+
+impl Delivered {
+    /// Writes the largest magnitude over the axes, and whether a silent input keeps it at zero.
+    pub fn put(&self, largest: f64, at_zero: bool) {
+        self.largest.store(largest.to_bits(), Relaxed);
+        self.at_zero.store(at_zero, Relaxed);
+    }
+
+    /// What was written last.
+    pub fn get(&self) -> (f64, bool) {
+        let largest = f64::from_bits(self.largest.load(Relaxed));
+        (largest, self.at_zero.load(Relaxed))
     }
 }
 
@@ -297,6 +337,16 @@ impl Plan {
                 .all(|(a, b)| a.is_same_as(b))
             && self.taps == other.taps
             && device_keys(self) == device_keys(other)
+    }
+
+    /// Devices that go on keep the cells that they are known to be heard by.
+    pub(crate) fn keep_inputs(&mut self, running: &Self) {
+        for device in &mut self.devices {
+            let known = running.devices.iter().find(|known| known.key == device.key);
+            if let Some(input) = known.and_then(|known| known.input.clone()) {
+                device.input = Some(input);
+            }
+        }
     }
 
     /// The devices that its nodes read or drive; it lists those of all drivers.

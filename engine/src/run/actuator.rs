@@ -1,6 +1,7 @@
 //! What stands between a plan and its actuators: the sinks' gains, the fade, and the limiters that nothing gets around.
 
 use super::drive::Drive;
+use super::silence::SilenceGate;
 use crate::limiter::{ClipCounts, Hottest, Limiter};
 use crate::plan::ActuatorPlan;
 
@@ -17,6 +18,8 @@ pub struct ActuatorReport {
 pub(super) struct ActuatorState {
     pub gain: f64,
     pub limiter: AnyLimiter,
+    /// Closes while a live input that it depends on is silent.
+    pub gate: SilenceGate,
     pub role: Role,
 }
 
@@ -80,10 +83,12 @@ impl Role {
 }
 
 impl ActuatorState {
-    pub(super) fn new(plan: &ActuatorPlan) -> Self {
+    /// `let_through`: is every live input that it depends on heard?
+    pub(super) fn new(plan: &ActuatorPlan, let_through: bool) -> Self {
         Self {
             gain: plan.gain,
             limiter: AnyLimiter::new(plan),
+            gate: SilenceGate::new(let_through),
             role: Role::Alone,
         }
     }
@@ -91,25 +96,27 @@ impl ActuatorState {
     /// Frames of a request to frames that keep the limit. How many of them were no numbers?
     pub(super) fn apply(&mut self, when: &When, x: &[f64], y: &mut [f64]) -> u64 {
         let faults = self.limiter.counts().fault;
-        let gain = self.gain;
+        let (gain, gate) = (self.gain, self.gate);
         match &mut self.role {
-            Role::Alone => self
-                .limiter
-                .apply(x, y, |frame| gain * when.drive.factor(when.time(frame))),
+            Role::Alone => self.limiter.apply(x, y, |frame| {
+                let time = when.time(frame);
+                gain * when.drive.factor(time) * gate.factor(time)
+            }),
             // While two plans run together there is one frame at most.
             Role::Asks(asked) => {
-                let factor = gain * when.drive.factor(when.time(0));
+                let time = when.time(0);
+                let factor = gain * when.drive.factor(time) * gate.factor(time);
                 asked.iter_mut().zip(x).for_each(|(asked, x)| *asked = x * factor);
                 // Who reads what is delivered does not see the change.
                 y.iter_mut().zip(asked).for_each(|(y, asked)| *y = *asked);
             }
             Role::Mixes(other, rise) => {
-                let share = rise.factor(when.time(0));
+                let (share, own) = (rise.factor(when.time(0)), gate.factor(when.time(0)));
                 let mut mixed = other.map(|other| other * (1.0 - share));
                 mixed
                     .iter_mut()
                     .zip(x)
-                    .for_each(|(mixed, x)| *mixed += x * gain * share);
+                    .for_each(|(mixed, x)| *mixed += x * gain * own * share);
                 let width = x.len().min(mixed.len());
                 self.limiter
                     .apply(&mixed[..width], y, |_| when.drive.factor(when.time(0)));

@@ -110,6 +110,7 @@ impl Live {
             // It stopped within this callback: the rest of it is zeros, so that nothing is shifted.
             self.run.ramp_down(frames - (self.frames - done) as usize, FADE_S);
         }
+        self.run.publish_delivered();
     }
 
     fn run_plan(&mut self, frames: usize, each: &mut impl FnMut(&mut Run, usize)) {
@@ -123,6 +124,7 @@ impl Live {
         }
         self.run.look();
         self.run.look_at_devices(Instant::now());
+        self.run.follow_inputs(FADE_S);
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
             self.change_over();

@@ -20,6 +20,7 @@ mod profile;
 mod program;
 mod rings;
 mod session;
+mod silence;
 mod swap;
 mod timer;
 mod walk;
@@ -41,6 +42,7 @@ pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
+pub use silence::{ActuatorStatus, InputStatus};
 pub use swap::AtZero;
 pub use timer::{Timer, TimerNotes, TimerThread};
 
@@ -124,7 +126,11 @@ impl Run {
                 .collect(),
             singles: program.singles.clone(),
             devices: plan.devices.iter().map(DeviceState::new).collect(),
-            actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
+            actuators: plan
+                .actuators
+                .iter()
+                .map(|actuator| ActuatorState::new(actuator, actuator.is_let_through(&plan.devices)))
+                .collect(),
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
             links: Links {

@@ -12,6 +12,7 @@ use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
 use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
+use super::silence::{self, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::LiveSetting;
 use crate::node::Stream;
@@ -184,6 +185,11 @@ impl Session {
     /// What is known of the rings between its drivers now.
     pub fn rings(&self) -> impl Iterator<Item = RingReport> {
         self.rings.iter().map(|meter| RingReport::of(meter))
+    }
+
+    /// The live inputs and the actuators that depend on them, as they are now.
+    pub fn live_inputs(&self) -> Vec<InputStatus> {
+        silence::statuses(self.controls.iter().map(|control| &**control.plan()))
     }
 
     /// Fades out and stops, whatever else is under way.

@@ -4,9 +4,10 @@
 mod reading;
 
 use super::link::Link;
-use super::remote::{Remote, SENSES, Way, link_at};
+use super::remote::{Remote, SENSES, Watch, Way, link_at};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
+use haptograph_engine::silence::OnSilence;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,6 +23,8 @@ haptograph_engine::settings! {
         pressed_n: f64 = 1.0, in 0.0..=100.0;
         /// A tip that seems to move faster has jumped, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+        /// What it does to the actuators that depend on the device when it is gone, as after it is unplugged.
+        on_silence: OnSilence = OnSilence::Zero;
     }
 }
 
@@ -34,7 +37,8 @@ impl DeviceKind for EvdevDevice {
         name: "EvdevDevice",
         doc: "A tablet or mouse that Linux reads. It is read in live runs only, and by programs built with the feature \
               `evdev`. A tablet's origin is its middle, a mouse's where it is at the start; y points away from the user. \
-              Normal force is pressure times `pressed_n`: no tablet states newtons.",
+              Normal force is pressure times `pressed_n`: no tablet states newtons. While it is gone, every actuator that \
+              depends on it is at zero, unless `on_silence` is `Hold`.",
         source: "2.4",
         simulated: false,
         senses: SENSES,
@@ -54,12 +58,12 @@ impl DeviceKind for EvdevDevice {
             counts_per_mm: settings.counts_per_mm,
             pressed_n: settings.pressed_n,
         };
-        Ok(Box::new(Remote::new(
-            Way::Input(Arc::new(input)),
-            TIMEOUT,
-            settings.fastest_mm_s * 1e-3,
-            cx,
-        )))
+        let watch = Watch {
+            timeout: TIMEOUT,
+            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            holds: settings.on_silence == OnSilence::Hold,
+        };
+        Ok(Box::new(Remote::new(Way::Input(Arc::new(input)), watch, cx)))
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a network thread and a ticking thread share: the latest news each way, without locks or waiting.
 
 use haptograph_engine::run::AgeMeter;
+use haptograph_engine::silence::InputCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 use std::time::Instant;
@@ -80,6 +81,8 @@ pub(super) struct Link {
     pub driven: Latest<DRIVEN>,
     /// How old what is sensed is when it is read.
     pub ages: Arc<AgeMeter>,
+    /// Whether the device is heard, as its ticks see it.
+    pub input: Arc<InputCell>,
     counts: [AtomicU64; 8],
 }
 
@@ -102,6 +105,7 @@ impl Link {
             sensed: Latest::new(),
             driven: Latest::new(),
             ages: Arc::default(),
+            input: Arc::default(),
             counts: std::array::from_fn(|_| AtomicU64::new(0)),
         }
     }
@@ -111,11 +115,6 @@ impl Link {
         self.sensed.put(sensed);
         self.count(Count::Accepted, 1);
         self.ages.news(Instant::now());
-    }
-
-    /// How often there were any.
-    pub fn news(&self) -> u64 {
-        self.counts[Count::Accepted as usize].load(Ordering::Relaxed)
     }
 
     pub fn count(&self, what: Count, times: u64) {

@@ -2,10 +2,11 @@
 
 use super::link::{Count, DRIVEN, SENSED};
 use super::protocol::are_within_reason;
-use super::remote::{DRIVES, Remote, SENSES, Way, address, link_at};
+use super::remote::{DRIVES, Remote, SENSES, Watch, Way, address, link_at};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
+use haptograph_engine::silence::OnSilence;
 use rosc::{OscMessage, OscPacket, OscType};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -26,6 +27,8 @@ haptograph_engine::settings! {
         send_rate_hz: f64 = 50.0, in 0.1..=200.0;
         /// Silence after which it counts as gone, ms. Many programs only speak of what changes.
         timeout_ms: f64 = 1000.0, in 1.0..=10_000.0;
+        /// What its silence does to the actuators that depend on it; those that it is itself are at zero meanwhile.
+        on_silence: OnSilence = OnSilence::Zero;
         /// A tip that seems to move faster has jumped, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
     }
@@ -39,7 +42,8 @@ impl DeviceKind for OscDevice {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "OscDevice",
         doc: "A device that another program owns, by Open Sound Control over UDP. It is reached in live runs only. While it \
-              is silent or jumps, it is driven by nothing. For a force loop the device protocol of `UdpDevice` is the \
+              is silent or jumps, its drives are at zero; while it is silent, so is every actuator that depends on it, \
+              unless `on_silence` is `Hold`, for senders that only speak of what changes. For a force loop the device protocol of `UdpDevice` is the \
               better one: it answers every packet.",
         source: "",
         simulated: false,
@@ -72,8 +76,12 @@ impl DeviceKind for OscDevice {
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
             codec: Codec::Osc(Arc::new(addresses)),
         };
-        let (timeout, fastest_m_s) = (plug.timeout, settings.fastest_mm_s * 1e-3);
-        Ok(Box::new(Remote::new(Way::Socket(plug), timeout, fastest_m_s, cx)))
+        let watch = Watch {
+            timeout: plug.timeout,
+            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            holds: settings.on_silence == OnSilence::Hold,
+        };
+        Ok(Box::new(Remote::new(Way::Socket(plug), watch, cx)))
     }
 }
 

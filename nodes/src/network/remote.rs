@@ -1,5 +1,5 @@
-//! The device at the other end, as ticks see it: its latest news while they are fresh, and nothing to push with when
-//! they are not.
+//! The device at the other end, as ticks see it: its latest news while they are fresh, and whether they are. What it and
+//! others are driven by while they are not is the engine's business.
 
 use super::evdev::Input;
 use super::link::{Count, DRIVEN, Link, SENSED};
@@ -8,12 +8,13 @@ use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::run::AgeMeter;
+use haptograph_engine::silence::{InputState, LiveInput, OnSilence};
 use haptograph_signal::quantity::Quantity;
 use std::net::SocketAddr;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// Drives fall to zero in this time when the device is silent or jumps, and rise in it when it is back, s.
+/// What it senses of force falls to zero in this time when the device is silent or jumps, and rises in it after, s.
 const RAMP_S: f64 = 0.01;
 /// News may come in bunches: this much more time is granted before a movement counts as a jump, s.
 const BUNCHING_S: f64 = 0.002;
@@ -27,6 +28,8 @@ haptograph_engine::settings! {
         only: Option<String> = None;
         /// Silence after which it counts as gone, ms.
         timeout_ms: f64 = 20.0, in 1.0..=10_000.0;
+        /// What its silence does to the actuators that depend on it; those that it is itself are at zero meanwhile.
+        on_silence: OnSilence = OnSilence::Zero;
         /// A tip that seems to move faster has jumped, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
     }
@@ -50,7 +53,7 @@ pub(super) const SENSES: &[Channel] = &[
         "position",
         Kind::Vector,
         Quantity::LENGTH,
-        "Position of the tip, m; holds while the device is silent.",
+        "Position of the tip, m; holds its last value while the device is silent.",
     ),
     channel(
         "orientation",
@@ -62,7 +65,7 @@ pub(super) const SENSES: &[Channel] = &[
         "wrench",
         Kind::Wrench,
         Quantity::FORCE,
-        "Force and torque on the tool, N and N m; zero while silent.",
+        "Force and torque on the tool, N and N m; zero while silent, or held with `on_silence: Hold`.",
     ),
     channel(
         "force",
@@ -105,7 +108,8 @@ impl DeviceKind for UdpDevice {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "UdpDevice",
         doc: "A device that another program owns, by the device protocol over UDP: where OpenHaptics or CHAI3D programs \
-              plug in. It is reached in live runs only. While it is silent or jumps, it is driven by nothing.",
+              plug in. It is reached in live runs only. While it is silent or jumps, its drives are at zero; while it is \
+              silent, so is every actuator that depends on it, unless `on_silence` is `Hold`.",
         source: "",
         simulated: false,
         senses: SENSES,
@@ -122,8 +126,12 @@ impl DeviceKind for UdpDevice {
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
             codec: Codec::Protocol,
         };
-        let (timeout, fastest_m_s) = (plug.timeout, settings.fastest_mm_s * 1e-3);
-        Ok(Box::new(Remote::new(Way::Socket(plug), timeout, fastest_m_s, cx)))
+        let watch = Watch {
+            timeout: plug.timeout,
+            fastest_m_s: settings.fastest_mm_s * 1e-3,
+            holds: settings.on_silence == OnSilence::Hold,
+        };
+        Ok(Box::new(Remote::new(Way::Socket(plug), watch, cx)))
     }
 }
 
@@ -157,6 +165,16 @@ pub(super) enum Way {
     Input(Arc<Input>),
 }
 
+/// When a device counts as silent or as jumping, and what its silence does.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Watch {
+    /// News older than this are no news.
+    pub timeout: Duration,
+    pub fastest_m_s: f64,
+    /// Do the actuators that depend on it go on while it is silent?
+    pub holds: bool,
+}
+
 /// A device that this program does not own.
 #[derive(Debug, Clone)]
 pub(super) struct Remote {
@@ -164,7 +182,7 @@ pub(super) struct Remote {
     link: Arc<Link>,
     period_s: f64,
     timeout_ticks: u64,
-    fastest_m_s: f64,
+    watch: Watch,
     /// Version of the latest news that were taken.
     seen: u64,
     latest: [f64; SENSED],
@@ -172,7 +190,7 @@ pub(super) struct Remote {
     age: u64,
     /// Ticks for which it is held back after a jump.
     held: u64,
-    /// How much of a force or a drive passes.
+    /// How much of a force passes.
     reach: f64,
     driven: [f64; DRIVEN],
     /// When the driver of a live run woke.
@@ -180,19 +198,18 @@ pub(super) struct Remote {
 }
 
 impl Remote {
-    /// News older than `timeout` are no news.
-    pub fn new(way: Way, timeout: Duration, fastest_m_s: f64, cx: &BuildContext) -> Self {
+    pub fn new(way: Way, watch: Watch, cx: &BuildContext) -> Self {
         let period_s = cx.rate.period_s();
         let link = match &way {
             Way::Socket(plug) => Arc::clone(&plug.link),
             Way::Input(input) => Arc::clone(&input.link),
         };
         Self {
-            timeout_ticks: (timeout.as_secs_f64() / period_s).ceil() as u64,
+            timeout_ticks: (watch.timeout.as_secs_f64() / period_s).ceil() as u64,
             way,
             link,
             period_s,
-            fastest_m_s,
+            watch,
             seen: 0,
             latest: [0.0; SENSED],
             age: 0,
@@ -207,11 +224,20 @@ impl Remote {
         self.seen == 0 || self.age > self.timeout_ticks
     }
 
+    fn state(&self) -> InputState {
+        match () {
+            () if self.seen == 0 => InputState::Never,
+            () if self.is_silent() => InputState::Silent,
+            () if self.held > 0 => InputState::Jumped,
+            () => InputState::Heard,
+        }
+    }
+
     /// Has the tip moved as no hand moves it?
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
         let time_s = self.age as f64 * self.period_s + BUNCHING_S;
-        moved.sqrt() > self.fastest_m_s * time_s
+        moved.sqrt() > self.watch.fastest_m_s * time_s
     }
 }
 
@@ -231,11 +257,12 @@ impl Device for Remote {
         if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
             self.link.ages.read(woke, 0.0);
         }
-        let step = self.period_s / RAMP_S;
-        let step = if self.is_silent() || self.held > 0 {
-            -step
-        } else {
-            step
+        let state = self.state();
+        self.link.input.set(state);
+        let step = match state {
+            InputState::Heard => self.period_s / RAMP_S,
+            InputState::Silent if self.watch.holds => 0.0,
+            _ => -self.period_s / RAMP_S,
         };
         self.reach = (self.reach + step).clamp(0.0, 1.0);
     }
@@ -257,8 +284,8 @@ impl Device for Remote {
 
     fn write(&mut self, channel: usize, frame: &[f64]) {
         let first = if channel == 0 { 0 } else { 2 + channel };
-        for (driven, asked) in self.driven[first..].iter_mut().zip(frame) {
-            *driven = asked * self.reach;
+        for (driven, given) in self.driven[first..].iter_mut().zip(frame) {
+            *driven = *given;
         }
         self.link.driven.put(&self.driven);
     }
@@ -270,6 +297,14 @@ impl Device for Remote {
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         Some(Arc::clone(&self.link.ages))
     }
+
+    fn live_input(&self) -> Option<LiveInput> {
+        Some(LiveInput {
+            cell: Arc::clone(&self.link.input),
+            holds: self.watch.holds,
+            timeout_s: self.watch.timeout.as_secs_f64(),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -277,7 +312,7 @@ mod tests {
     use super::*;
     use haptograph_signal::time::Rate;
 
-    fn remote() -> Remote {
+    fn remote(holds: bool) -> Remote {
         let plug = Plug {
             link: Arc::new(Link::new()),
             listen: "127.0.0.1:0".parse().unwrap(),
@@ -292,7 +327,12 @@ mod tests {
             seed: 1,
             input_widths: Vec::new(),
         };
-        let mut remote = Remote::new(Way::Socket(plug), Duration::from_millis(20), 5.0, &cx);
+        let watch = Watch {
+            timeout: plug.timeout,
+            fastest_m_s: 5.0,
+            holds,
+        };
+        let mut remote = Remote::new(Way::Socket(plug), watch, &cx);
         remote.advance();
         remote
     }
@@ -304,9 +344,8 @@ mod tests {
         remote.advance();
     }
 
-    fn pushes(remote: &mut Remote) -> f64 {
-        remote.write(0, &[2.0, 0.0, 0.0]);
-        remote.link.driven.look().unwrap().1[0]
+    fn state(remote: &Remote) -> InputState {
+        remote.live_input().unwrap().cell.get()
     }
 
     fn force(remote: &mut Remote) -> f64 {
@@ -316,22 +355,30 @@ mod tests {
     }
 
     #[test]
-    fn nothing_passes_before_it_speaks_and_everything_ten_milliseconds_after() {
-        let mut remote = remote();
-        assert_eq!((pushes(&mut remote), force(&mut remote)), (0.0, 0.0));
+    fn nothing_is_felt_before_it_speaks_and_everything_ten_milliseconds_after() {
+        let mut remote = remote(false);
+        assert_eq!((state(&remote), force(&mut remote)), (InputState::Never, 0.0));
         let mut before = 0.0;
         for _ in 0..10 {
             news(&mut remote, 0.0);
-            let now = pushes(&mut remote);
-            assert!(now > before && now - before < 0.21, "no leap: {before} to {now}");
+            let now = force(&mut remote);
+            assert!(now > before && now - before < 0.16, "no leap: {before} to {now}");
             before = now;
         }
-        assert!((before - 2.0).abs() < 1e-9 && (force(&mut remote) - 1.5).abs() < 1e-9);
+        assert_eq!(state(&remote), InputState::Heard);
+        assert!((before - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_it_is_driven_by_is_what_was_delivered() {
+        let mut remote = remote(false);
+        remote.write(0, &[2.0, 0.0, 0.0]);
+        assert_eq!(remote.link.driven.look().unwrap().1[0], 2.0);
     }
 
     #[test]
     fn ages_are_measured_while_it_speaks() {
-        let mut remote = remote();
+        let mut remote = remote(false);
         remote.look(Instant::now());
         remote.advance();
         assert_eq!(remote.ages().unwrap().ages().total(), 0);
@@ -346,29 +393,33 @@ mod tests {
     }
 
     #[test]
-    fn silence_takes_forces_and_drives_to_zero_and_holds_the_position() {
-        let mut remote = remote();
-        (0..30).for_each(|_| news(&mut remote, 0.01));
-        (0..20).for_each(|_| remote.advance());
-        assert_eq!(pushes(&mut remote), 2.0, "20 ms are no silence");
-        (0..11).for_each(|_| remote.advance());
-        assert_eq!((pushes(&mut remote), force(&mut remote)), (0.0, 0.0));
-        let mut position = [0.0; 3];
-        remote.read(0, &mut position);
-        assert_eq!(position, [0.01, 0.0, 0.0]);
+    fn silence_takes_forces_to_zero_or_holds_them_and_holds_the_position() {
+        for (holds, after) in [(false, 0.0), (true, 1.5)] {
+            let mut remote = remote(holds);
+            (0..30).for_each(|_| news(&mut remote, 0.01));
+            (0..20).for_each(|_| remote.advance());
+            assert_eq!(state(&remote), InputState::Heard, "20 ms are no silence");
+            (0..11).for_each(|_| remote.advance());
+            assert_eq!(state(&remote), InputState::Silent);
+            assert!((force(&mut remote) - after).abs() < 1e-9);
+            let mut position = [0.0; 3];
+            remote.read(0, &mut position);
+            assert_eq!(position, [0.01, 0.0, 0.0]);
+        }
     }
 
     #[test]
-    fn a_jump_takes_drives_to_zero_for_a_while_and_a_fast_hand_does_not() {
-        let mut remote = remote();
+    fn a_jump_takes_forces_to_zero_for_a_while_and_a_fast_hand_does_not() {
+        let mut remote = remote(false);
         (0..30).for_each(|k| news(&mut remote, 0.004 * f64::from(k)));
-        assert_eq!(pushes(&mut remote), 2.0, "4 m/s is fast, and allowed");
+        assert_eq!(state(&remote), InputState::Heard, "4 m/s is fast, and allowed");
         for _ in 0..10 {
             news(&mut remote, 0.5);
         }
-        assert!(pushes(&mut remote) < 1e-9);
+        assert_eq!(state(&remote), InputState::Jumped);
+        assert!(force(&mut remote) < 1e-9);
         assert_eq!(remote.link.counts().jumps, 1);
         (0..30).for_each(|_| news(&mut remote, 0.5));
-        assert_eq!(pushes(&mut remote), 2.0);
+        assert_eq!(state(&remote), InputState::Heard);
     }
 }

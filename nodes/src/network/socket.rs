@@ -6,7 +6,6 @@ use super::link::{Count, Counts, DRIVEN, Link, SENSED};
 use super::osc::{Addresses, Teller};
 use super::protocol::{Command, PacketError, State};
 use super::remote::{Remote, Way};
-use super::silence::Listening;
 use haptograph_engine::graph::Graph;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -48,6 +47,17 @@ pub struct Connections {
     heard: Vec<Listening>,
 }
 
+/// A device that is listened to.
+#[derive(Debug)]
+struct Listening {
+    device: String,
+    /// Address or path as the graph gives it.
+    asked: String,
+    /// The same with the port that the system chose for port 0.
+    place: String,
+    link: Arc<Link>,
+}
+
 /// An event device that is being read.
 #[derive(Debug)]
 struct Reading {
@@ -58,7 +68,10 @@ struct Reading {
 
 #[derive(Debug)]
 struct Connection {
+    /// As the graph gives it.
     listen: SocketAddr,
+    /// With the port that the system chose for port 0.
+    bound: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -97,18 +110,17 @@ impl Connections {
         self.heard.truncate(before.heard);
     }
 
-    /// From now on nothing is said of the silence of devices that this graph, which runs, does not have. Their packets
-    /// are counted on, and they are there when a graph has them again.
-    pub fn miss_only_those_of(&mut self, graph: &Graph) {
-        let places: Vec<(&str, String)> = remotes(graph)
-            .map(|(device, way)| match way {
-                Way::Socket(plug) => (device, plug.listen.to_string()),
-                Way::Input(input) => (device, input.path.display().to_string()),
-            })
-            .collect();
-        for known in &mut self.heard {
-            let place = places.iter().find(|(_, place)| *place == known.place);
-            known.expect(place.map(|(device, _)| *device));
+    /// Takes over the names that the graph, which runs, has for its devices. Packets of devices that it does not have are
+    /// counted on, and they are there when a graph has them again.
+    pub fn rename_for(&mut self, graph: &Graph) {
+        for (device, way) in remotes(graph) {
+            let asked = match way {
+                Way::Socket(plug) => plug.listen.to_string(),
+                Way::Input(input) => input.path.display().to_string(),
+            };
+            if let Some(known) = self.heard.iter_mut().find(|known| known.asked == asked) {
+                device.clone_into(&mut known.device);
+            }
         }
     }
 
@@ -132,15 +144,17 @@ impl Connections {
                     {
                         self.inputs.push(Reading::begin(device, input)?);
                         let place = input.path.display().to_string();
-                        self.listen(device, place, &input.link, evdev::TIMEOUT);
+                        self.listen(device, place.clone(), place, &input.link);
                     }
                 }
             }
         }
         for (device, plug) in plugs {
             if !self.list.iter().any(|known| known.listen == plug.listen) {
-                self.list.push(Connection::open(device, plug)?);
-                self.listen(device, plug.listen.to_string(), &plug.link, plug.timeout);
+                let connection = Connection::open(device, plug)?;
+                let place = connection.bound.to_string();
+                self.list.push(connection);
+                self.listen(device, plug.listen.to_string(), place, &plug.link);
             }
         }
         Ok(())
@@ -160,29 +174,13 @@ impl Connections {
             .map(|known| (known.device.as_str(), known.place.as_str()))
     }
 
-    /// Looks after them; returns what there is to say of who fell silent and who speaks again.
-    pub fn tend(&mut self) -> Vec<String> {
-        let now = Instant::now();
-        let heard = self.heard.iter_mut();
-        heard.filter_map(|known| known.look(now)).collect()
-    }
-
-    /// What is shown of them every second: who is silent.
-    pub fn status(&self) -> String {
-        let silent = self.heard.iter().filter(|known| known.is_missed());
-        silent
-            .map(|known| format!(", `{}` is silent", known.device))
-            .collect()
-    }
-
-    /// What is left to say at the end of a run.
-    pub fn warnings(&self) -> Vec<String> {
-        self.heard.iter().filter_map(Listening::never).collect()
-    }
-
-    fn listen(&mut self, device: &str, place: String, link: &Arc<Link>, timeout: Duration) {
-        self.heard
-            .push(Listening::new(device, place, link, timeout, Instant::now()));
+    fn listen(&mut self, device: &str, asked: String, place: String, link: &Arc<Link>) {
+        self.heard.push(Listening {
+            device: device.to_owned(),
+            asked,
+            place,
+            link: Arc::clone(link),
+        });
     }
 }
 
@@ -235,6 +233,7 @@ impl Connection {
         };
         let socket = UdpSocket::bind(plug.listen).map_err(failed)?;
         socket.set_read_timeout(Some(WAIT)).map_err(failed)?;
+        let bound = socket.local_addr().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, theirs) = (Arc::clone(&stop), plug.clone());
         let thread = std::thread::Builder::new()
@@ -243,6 +242,7 @@ impl Connection {
             .map_err(failed)?;
         Ok(Self {
             listen: plug.listen,
+            bound,
             stop,
             thread: Some(thread),
         })

@@ -5,14 +5,13 @@ use haptograph_engine::device::{Device, DeviceLatency};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
 use haptograph_engine::run::{AgeMeter, LinkReader, RingSpec, least_ring_latency_s};
+use haptograph_engine::silence::{InputCell, InputState, LiveInput};
 use haptograph_signal::time::Rate;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// cpal asks for two buffers: one plays while the other is filled.
 const BUFFERS: f64 = 2.0;
-/// The actuator of a card falls to nothing in this time when its accelerometer is silent, and rises in it after, s.
-const RAMP_S: f64 = 0.01;
 
 haptograph_engine::choices! {
     /// The form of samples.
@@ -35,29 +34,12 @@ haptograph_engine::choices! {
 pub(crate) struct Card {
     pub output: Option<Output>,
     pub input: Option<Input>,
-    /// How much of a drive passes: all of it but for a card that hears nothing of what it drives.
-    reach: f64,
-    /// What that changes by in a tick.
-    step: f64,
-}
-
-impl Card {
-    pub fn new(output: Option<Output>, input: Option<Input>, cx: &BuildContext) -> Self {
-        Self {
-            reach: f64::from(u8::from(input.is_none())),
-            output,
-            input,
-            step: cx.rate.period_s() / RAMP_S,
-        }
-    }
 }
 
 impl Device for Card {
     fn advance(&mut self) {
         if let Some(input) = &mut self.input {
             input.advance();
-            let step = if input.is_heard() { self.step } else { -self.step };
-            self.reach = (self.reach + step).clamp(0.0, 1.0);
         }
     }
 
@@ -66,8 +48,8 @@ impl Device for Card {
     }
 
     fn write(&mut self, _: usize, frame: &[f64]) {
-        if let (Some(output), Some(asked)) = (&mut self.output, frame.first()) {
-            output.play(asked * self.reach);
+        if let (Some(output), Some(given)) = (&mut self.output, frame.first()) {
+            output.play(*given);
         }
     }
 
@@ -91,6 +73,15 @@ impl Device for Card {
 
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         self.input.as_ref().map(|input| Arc::clone(&input.ages))
+    }
+
+    fn live_input(&self) -> Option<LiveInput> {
+        self.input.as_ref().map(|input| LiveInput {
+            cell: Arc::clone(&input.cell),
+            holds: input.holds,
+            // What its ring holds is played out first.
+            timeout_s: input.ring.latency_s,
+        })
     }
 }
 
@@ -151,12 +142,12 @@ impl Output {
         })
     }
 
-    fn play(&mut self, asked: f64) {
+    fn play(&mut self, given: f64) {
         if self.waiting == self.samples.len() {
             // Nobody takes them: an offline run.
             self.waiting = 0;
         }
-        self.samples[self.waiting] = asked * (1.0 / self.full_scale);
+        self.samples[self.waiting] = given * (1.0 / self.full_scale);
         self.waiting += 1;
     }
 
@@ -192,6 +183,10 @@ pub(crate) struct Input {
     /// The last sample that was taken, in the unit of the sensor.
     latest: f64,
     pub(super) ages: Arc<AgeMeter>,
+    /// Whether the card is heard.
+    cell: Arc<InputCell>,
+    /// Do the actuators that depend on it go on while it is silent?
+    holds: bool,
 }
 
 /// The end of a ring that a running device holds. Its copies hold none: only one may.
@@ -224,6 +219,7 @@ impl Input {
         channel: u32,
         rate_hz: Option<u32>,
         latency_s: Option<f64>,
+        holds: bool,
         cx: &BuildContext,
     ) -> Result<Self, BuildError> {
         let rate_hz = rate_hz.or(whole_hz(cx.rate)).ok_or_else(|| {
@@ -271,6 +267,8 @@ impl Input {
             reader: Reader::default(),
             latest: 0.0,
             ages: Arc::default(),
+            cell: Arc::default(),
+            holds,
         })
     }
 
@@ -284,16 +282,16 @@ impl Input {
     }
 
     fn advance(&mut self) {
-        if let Some(reader) = self.reader.get() {
-            let mut frame = [0.0];
-            reader.read(&mut frame);
-            self.latest = frame[0];
-        }
-    }
-
-    /// Does anything come from the card?
-    fn is_heard(&mut self) -> bool {
-        self.reader.get().is_some_and(|reader| reader.is_running())
+        let Some(reader) = self.reader.get() else { return };
+        let mut frame = [0.0];
+        reader.read(&mut frame);
+        let state = match reader.is_running() {
+            true => InputState::Heard,
+            false if self.cell.get() == InputState::Never => InputState::Never,
+            false => InputState::Silent,
+        };
+        self.latest = frame[0];
+        self.cell.set(state);
     }
 }
 

@@ -6,6 +6,7 @@ use crate::actuators::limit::VoltageLimitSettings;
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, NodeSpec, input, output};
+use haptograph_engine::silence::OnSilence;
 use haptograph_signal::quantity::Quantity;
 
 /// Settings of a card that plays: by what a full-scale sample is at the actuator, and maybe what else hangs on it.
@@ -57,6 +58,8 @@ macro_rules! input_settings {
                 /// What the delay from the card's clock to the graph's is kept at, ms; none: three buffers and what the
                 /// resampler between them needs.
                 latency_ms: Option<f64> = None, in 0.1..=10_000.0;
+                /// What its silence does to the actuators that depend on it.
+                on_silence: OnSilence = OnSilence::Zero;
             }
         }
 
@@ -65,7 +68,8 @@ macro_rules! input_settings {
                 let rate_hz = self.rate_hz;
                 let stream = (self.device, self.buffer_frames, self.format);
                 let latency_s = self.latency_ms.map(|ms| 1e-3 * ms);
-                Input::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, cx)
+                let holds = self.on_silence == OnSilence::Hold;
+                Input::new(self.$full_scale, stream, self.channel, rate_hz, latency_s, holds, cx)
             }
         }
     };
@@ -135,7 +139,7 @@ macro_rules! card_kind {
 
             fn build($given: $settings, $cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
                 let (output, input) = $parts;
-                Ok(Box::new(Card::new(output, input, $cx)))
+                Ok(Box::new(Card { output, input }))
             }
         }
     };
@@ -164,7 +168,8 @@ card_kind! {
     /// A soundcard behind an accelerometer.
     SoundcardAccelerometer(SoundcardAccelerometerSettings): drives &[], senses &[ACCELERATION],
     "An accelerometer on the input of a soundcard, calibrated in acceleration. It may tick on any clock: card and graph \
-     each keep their own time. It listens in live runs only; offline, and while the card is silent, it senses nothing.",
+     each keep their own time. It listens in live runs only; offline, and while the card is silent, it reads zero, and \
+     every actuator that depends on it is at zero, unless `on_silence` is `Hold`.",
     "2.2.1",
     r#""tool": SoundcardAccelerometer(m_s2_full_scale: 50.0)"#,
     |settings, cx| (None, Some(settings.input(cx)?))
@@ -183,7 +188,7 @@ card_kind! {
     /// A soundcard before an actuator and behind the accelerometer on its tool.
     SoundcardHaptuator(SoundcardHaptuatorSettings): drives &[CURRENT], senses &[ACCELERATION],
     "A `Soundcard` before an actuator and a `SoundcardAccelerometer` behind the tool that it shakes, as one body: what \
-     `SimulatedHaptuator` simulates. While the accelerometer is silent the actuator is driven by nothing.",
+     `SimulatedHaptuator` simulates. While the accelerometer is silent the actuator is at zero.",
     "3.1.2",
     r#""haptuator": SoundcardHaptuator(amperes_full_scale: 1.0, accelerometer: (m_s2_full_scale: 50.0))"#,
     |settings, cx| {

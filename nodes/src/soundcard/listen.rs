@@ -98,15 +98,14 @@ impl Listener {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::soundcard::{
-        CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings, SoundcardHaptuator,
-        SoundcardHaptuatorSettings,
-    };
+    use crate::silence::Rig;
+    use crate::soundcard::{CardFormat, SoundcardAccelerometer, SoundcardAccelerometerSettings};
     use haptograph_engine::device::{Device, DeviceKind};
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
     use haptograph_engine::node::{BuildContext, BuildError};
     use haptograph_engine::run::{LiveOptions, Outlets, Session};
+    use haptograph_engine::silence::OnSilence;
     use haptograph_signal::time::Rate;
     use std::f64::consts::TAU;
 
@@ -124,6 +123,7 @@ mod tests {
             buffer_frames: FRAMES as u32,
             format: CardFormat::Best,
             latency_ms: Some(1e3 * LATENCY_S),
+            on_silence: OnSilence::Zero,
         }
     }
 
@@ -261,45 +261,39 @@ mod tests {
         assert!((back.last().unwrap() - 25.0).abs() < 0.01);
     }
 
+    /// 0.4 A beside what is heard: with `Zero` the actuator falls to zero with the card, with `Hold` it goes on.
     #[test]
-    fn an_actuator_whose_accelerometer_is_silent_is_driven_by_nothing() {
-        let settings = SoundcardHaptuatorSettings {
-            amperes_full_scale: 2.0,
-            accelerometer: settings(),
-            device: None,
-            channels: vec![1],
-            buffer_frames: 64,
-            format: CardFormat::Best,
-        };
-        let mut world = World::new(SoundcardHaptuator::build(settings, &at(48_000)), RATE_HZ);
-        let played = |world: &mut World, heard: bool| {
-            let steady = |_: f64| 0.5;
-            let mut played = Vec::new();
-            for _ in 0..30 {
-                world.pass(heard.then_some(&steady as &dyn Fn(f64) -> f64));
-                let card: &mut Card = world.device.as_any_mut().downcast_mut().unwrap();
-                let output = card.output.as_mut().unwrap();
-                played.extend_from_slice(output.waiting(FRAMES).0);
-                output.taken(FRAMES);
-            }
-            played
-        };
-        let (silent, heard, again) = (
-            played(&mut world, false),
-            played(&mut world, true),
-            played(&mut world, false),
-        );
-        assert!(silent.iter().all(|x| *x == 0.0));
-        // Asked for 1 A, of 2 A at full scale; there and back in 10 ms.
-        assert_eq!(
-            (heard.last(), again.first(), again.last()),
-            (Some(&0.5), Some(&0.5), Some(&0.0))
-        );
-        let all = [silent, heard, again].concat();
-        assert!(
-            all.windows(2)
-                .all(|pair| (pair[1] - pair[0]).abs() < 0.5 / 480.0 * 1.01)
-        );
+    fn an_actuator_follows_the_silence_of_a_soundcard() {
+        for (policy, silent) in [("Zero", 0.0), ("Hold", 0.4)] {
+            let text = r#"Graph(format: 1, clocks: { "audio": Driver(rate_hz: 48000) },
+                nodes: {
+                    "tool": Accelerometer(clock: "audio", endpoint: "tool"),
+                    "heard": Calibrate(input: "tool", from: "acceleration", to: "current", factor: 0.01),
+                    "bias": Constant(clock: "audio", value: 0.4, quantity: "current"),
+                    "sum": Add(inputs: ["heard", "bias"]),
+                    "out": ActuatorSink(current: "sum", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+                },
+                endpoints: { "simulated": {
+                    "tool": SoundcardAccelerometer(m_s2_full_scale: 50, on_silence: POLICY),
+                    "coil": SimulatedHaptuator(),
+                } })"#;
+            let mut listener = None;
+            let mut rig = Rig::new(&text.replace("POLICY", policy), |graph, lives| {
+                let ears: Vec<Ear> = heard(graph, lives).map(Input::listen).collect();
+                let (home, shared) = (Home::of(ears), Arc::default());
+                listener = Some(Listener::new(&home, &shared, 48_000, Instant::now()));
+            });
+            let mut listener = listener.unwrap();
+            let mut speaks = || listener.hear(&[0.2_f32; 48], 1, Duration::ZERO, f64::from);
+            assert_eq!(rig.pass(50, || {}), 0.0);
+            rig.assert_true_status("tool", true);
+            assert!((rig.pass(200, &mut speaks) - 0.5).abs() < 0.01);
+            rig.assert_true_status("tool", false);
+            assert_eq!(rig.pass(100, || {}), silent);
+            rig.assert_true_status("tool", policy == "Zero");
+            assert!((rig.pass(200, &mut speaks) - 0.5).abs() < 0.01);
+            assert!(rig.leap(0) < 0.01, "{}", rig.leap(0));
+        }
     }
 
     #[test]

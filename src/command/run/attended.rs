@@ -8,6 +8,7 @@ use super::drivers::Drivers;
 use super::guards::Guards;
 use super::history::{History, Notes};
 use super::loading::{self, Job, Loaded, Loader, Loading, Ready, Saved, texts};
+use super::silence::SilenceMonitor;
 use super::watch::Watch;
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
@@ -94,6 +95,7 @@ pub struct Attended {
     watch: Option<Watch>,
     pub session: Session,
     pub network: Connections,
+    pub silence: SilenceMonitor,
     start: Instant,
     /// Graphs that were put in place, and those of them that differed in more than live settings.
     pub changes: u32,
@@ -134,6 +136,7 @@ impl Attended {
             watch,
             session,
             network,
+            silence: SilenceMonitor::new(Instant::now()),
             start: Instant::now(),
             changes: 0,
             swaps: 0,
@@ -168,7 +171,10 @@ impl Attended {
                     CardNote::Complaint(note) => notes.complaint(note),
                 }
             }
-            self.network.tend().into_iter().for_each(|note| notes.turn(note));
+            let inputs = self.session.live_inputs();
+            for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
+                notes.turn(note);
+            }
             let status = status(&mut self.session, driver.rings());
             for failed in self.session.failing_files() {
                 remark(&format!(
@@ -178,8 +184,8 @@ impl Attended {
             if shown.elapsed() >= STATUS {
                 shown += STATUS;
                 let seconds = self.start.elapsed().as_secs_f64();
-                let (driver, network) = (driver.status(), self.network.status());
-                remark(&format!("{seconds:.0} s: {status}{driver}{network}\n"));
+                let (driver, silent) = (driver.status(), self.silence.status());
+                remark(&format!("{seconds:.0} s: {status}{driver}{silent}\n"));
             }
             if driver.is_torn() {
                 stop.store(true, Ordering::Relaxed);
@@ -490,7 +496,7 @@ impl Attended {
         let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
         match self.session.change(graph, &self.folder) {
             Ok(changed) => {
-                self.network.miss_only_those_of(graph);
+                self.network.rename_for(graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
                 Ok(changed)

@@ -94,7 +94,11 @@ fn run_with(
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
-    notes.extend(attended.network.warnings());
+    notes.extend(
+        attended
+            .silence
+            .warnings(&attended.session.live_inputs(), &attended.network),
+    );
     let heard: Vec<RingReport> = driver.rings().collect();
     let latencies = latency::measured(&graph, &driver);
     facts.push((
@@ -112,6 +116,11 @@ fn run_with(
         json!(unrested),
     ));
     facts.extend(packets(&attended.network));
+    facts.push((
+        "silences",
+        "Live inputs that fell silent",
+        json!(attended.silence.into_events()),
+    ));
     facts.push((
         "set_while_running",
         "Set while running",

@@ -73,7 +73,7 @@ fn differs(graph: &Graph, facts: &Value) -> Vec<String> {
     let mut list: Vec<String> = real
         .map(|device| {
             format!(
-                "what `{}` sensed is not repeated: it is not simulated",
+                "what `{}` sensed is not repeated, as it is not simulated: the actuators that depend on it stayed at zero",
                 device.name
             )
         })

@@ -1,12 +1,13 @@
 //! What is to be known of a run: as JSON, as a sentence, and on its page.
 
+use super::endpoints::Endpoints;
 use super::{Arguments, Shown};
 use haptograph::engine::graph::Graph;
 use haptograph::engine::node::AfterData;
 use haptograph::engine::run::{Outcome, RingReport};
 use haptograph::report::asked::Drawn;
 use haptograph::report::drawing;
-use haptograph::report::page::Page;
+use haptograph::report::page::{Page, Simulation};
 use haptograph::report::record::Record;
 use haptograph::surfaces::{Surface, files};
 use serde_json::{Value, json};
@@ -18,7 +19,8 @@ pub struct Summary {
     name: String,
     facts: Vec<(&'static str, &'static str, Value)>,
     warnings: Vec<String>,
-    simulated: bool,
+    endpoints: Endpoints,
+    simulation: Simulation,
     seconds: f64,
     took_s: f64,
     stopped: bool,
@@ -46,8 +48,7 @@ impl Summary {
             .map(|(name, value)| format!("{name}={value}"))
             .collect::<Vec<_>>();
         let rings: serde_json::Map<String, Value> = outcome.rings.iter().map(ring).collect();
-        let simulated = graph.devices().iter().any(|device| device.entry.spec.simulated);
-        let real = graph.devices().iter().any(|device| !device.entry.spec.simulated);
+        let endpoints = Endpoints::of(graph, arguments.live);
         let mut facts = vec![
             ("graph", "Graph", json!(arguments.graph.graph.to_string_lossy())),
             ("set", "Set", json!(set)),
@@ -59,8 +60,9 @@ impl Summary {
             ("seconds", "Seconds", json!(outcome.seconds)),
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
-            ("simulated", "Simulated", json!(simulated)),
-            ("real_devices", "Real devices", json!(real)),
+            ("devices", "Devices", endpoints.to_json()),
+            ("simulated", "Simulated", json!(endpoints.any_simulated())),
+            ("real_devices", "Real devices", json!(endpoints.any_real())),
             ("block", "Block (driver frames)", json!(arguments.block)),
             ("threads", "Threads", json!(arguments.threads)),
             ("took_s", "Time taken (s)", json!((took_s * 1e4).round() / 1e4)),
@@ -81,7 +83,8 @@ impl Summary {
                 .into_iter()
                 .chain(ended_data(graph, outcome))
                 .collect(),
-            simulated,
+            simulation: endpoints.simulation(),
+            endpoints,
             seconds: outcome.seconds,
             took_s,
             stopped: outcome.stopped,
@@ -94,8 +97,8 @@ impl Summary {
         self.warnings.extend(warnings);
     }
 
-    pub fn simulated(&self) -> bool {
-        self.simulated
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
     }
 
     pub fn warnings(&self) -> &[String] {
@@ -114,11 +117,7 @@ impl Summary {
 
     pub fn sentence(&self, target: &Path) -> String {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
-        let simulated = if self.simulated {
-            " (simulated devices)"
-        } else {
-            ""
-        };
+        let simulated = self.endpoints.in_brackets();
         format!(
             "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}\n",
             self.seconds,
@@ -138,13 +137,18 @@ impl Summary {
         let facts = self
             .facts
             .iter()
+            // Which devices are simulated and which are real stands beside each.
+            .filter(|(key, ..)| !["simulated", "real_devices"].contains(key))
             .filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
         Page {
             title: self.name.clone(),
             about: graph.about().to_owned(),
-            simulated: self.simulated,
+            simulation: self.simulation.clone(),
             facts: facts
-                .map(|(_, name, value)| ((*name).to_owned(), plain(value)))
+                .map(|(key, name, value)| match *key {
+                    "devices" => ((*name).to_owned(), self.endpoints.listed()),
+                    _ => ((*name).to_owned(), plain(value)),
+                })
                 .collect(),
             warnings: self.warnings.clone(),
             asked: shown

@@ -99,7 +99,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
         asked: Vec::new(),
         title: "texturepad <b>".into(),
         about: "A stylus on a tablet.\n\nIt & more.".into(),
-        simulated: true,
+        simulation: Simulation::All,
         facts: vec![("Seed".into(), "7".into()), ("Surface".into(), "tile".into())],
         warnings: vec!["The limit of out held back 3 of 480000 ticks.".into()],
         signals: signals(10),

@@ -181,7 +181,7 @@ impl Session {
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        for (control, plan) in self
+        for (control, mut plan) in self
             .controls
             .iter()
             .zip(self.by_driver(Plan::all(outlets.graph, &options))?)
@@ -192,6 +192,7 @@ impl Session {
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
             let rings = tap_rings(&plan, own.collect(), &mut outs);
             self.keeps_devices(control, &plan)?;
+            plan.keep_inputs(control.plan());
             plans.push(control.prepare(Arc::new(plan), rings)?);
         }
         let before: Vec<Arc<Plan>> = self

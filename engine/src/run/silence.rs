@@ -1,0 +1,134 @@
+//! What the silence of live inputs does to actuators: the gate in front of each limiter, and what is known of it outside.
+
+use super::Run;
+use crate::plan::Plan;
+use crate::silence::InputState;
+
+/// The factor on an actuator's request: a straight line from what it was when the inputs changed to 0 or 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SilenceGate {
+    from: f64,
+    is_open: bool,
+    begin: u64,
+    end: u64,
+}
+
+impl SilenceGate {
+    pub fn new(is_open: bool) -> Self {
+        Self {
+            from: f64::from(u8::from(is_open)),
+            is_open,
+            begin: 0,
+            end: 0,
+        }
+    }
+
+    /// Opens or closes between two times, from where it is.
+    pub fn turn(&mut self, open: bool, (begin, end): (u64, u64)) {
+        if open != self.is_open {
+            self.from = self.factor(begin);
+            (self.is_open, self.begin, self.end) = (open, begin, end);
+        }
+    }
+
+    #[inline]
+    pub fn factor(self, time: u64) -> f64 {
+        let to = f64::from(u8::from(self.is_open));
+        if time >= self.end {
+            return to;
+        }
+        let along = time.saturating_sub(self.begin) as f64 / (self.end - self.begin) as f64;
+        self.from + (to - self.from) * along
+    }
+
+    /// Is nothing let through at `time` and after, until an input changes?
+    fn is_closed_from(self, time: u64) -> bool {
+        !self.is_open && time >= self.end
+    }
+}
+
+/// A live input of a run, as it is now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputStatus {
+    /// Name of the endpoint.
+    pub device: String,
+    /// Is it heard?
+    pub state: InputState,
+    /// Do its actuators go on while it is silent?
+    pub holds: bool,
+    /// Silence after which it counts as gone, s.
+    pub timeout_s: f64,
+    /// The actuators that depend on it.
+    pub actuators: Vec<ActuatorStatus>,
+}
+
+/// An actuator of a run, as it is now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActuatorStatus {
+    /// Path of the sink.
+    pub path: String,
+    /// The largest magnitude over its axes that it was given last.
+    pub delivered: f64,
+    /// Unit of that.
+    pub unit: String,
+    /// Does a silent input close it?
+    pub is_closed: bool,
+    /// Is it closed, and has it come to zero?
+    pub at_zero: bool,
+}
+
+/// The live inputs of the plans of a graph's drivers.
+pub(super) fn statuses<'p>(plans: impl Iterator<Item = &'p Plan> + Clone) -> Vec<InputStatus> {
+    let Some(first) = plans.clone().next() else {
+        return Vec::new();
+    };
+    let inputs = first.devices.iter().enumerate();
+    inputs
+        .filter_map(|(place, device)| Some((place, device, device.input.as_ref()?)))
+        .map(|(place, device, input)| InputStatus {
+            device: device.name.clone(),
+            state: input.cell.get(),
+            holds: input.holds,
+            timeout_s: input.timeout_s,
+            actuators: plans.clone().flat_map(|plan| silenced(plan, place)).collect(),
+        })
+        .collect()
+}
+
+fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> {
+    let actuators = plan.actuators.iter().zip(&*plan.delivered);
+    let depends = move |by: &[(usize, bool)]| by.iter().any(|(known, _)| *known == device);
+    let actuators = actuators.filter(move |(actuator, _)| depends(&actuator.silenced_by));
+    actuators.map(|(actuator, delivered)| {
+        let (delivered, at_zero) = delivered.get();
+        ActuatorStatus {
+            path: actuator.path.clone(),
+            delivered,
+            unit: actuator.unit.clone(),
+            is_closed: !actuator.is_let_through(&plan.devices),
+            at_zero,
+        }
+    })
+}
+
+impl Run {
+    /// Closes the gates of actuators whose live inputs are silent, and opens them when these are heard, in `seconds`.
+    /// The frames until the next call go by that, however they are cut into blocks.
+    pub(crate) fn follow_inputs(&mut self, seconds: f64) {
+        let span = self.fade_span(seconds);
+        let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
+        for (plan, actuator) in actuators.filter(|(plan, _)| !plan.silenced_by.is_empty()) {
+            actuator.gate.turn(plan.is_let_through(&self.plan.devices), span);
+        }
+    }
+
+    /// Lets others know what each actuator was given last.
+    pub(crate) fn publish_delivered(&self) {
+        let time = self.state.windows.block().1;
+        for (actuator, delivered) in self.state.actuators.iter().zip(&*self.plan.delivered) {
+            let output = actuator.limiter.output();
+            let largest = output.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
+            delivered.put(largest, largest == 0.0 && actuator.gate.is_closed_from(time));
+        }
+    }
+}
