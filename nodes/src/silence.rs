@@ -178,7 +178,7 @@ fn silence_reaches_through_bodies_and_rings() {
             "out": ActuatorSink(current: "sum", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
         },
         endpoints: { "simulated": {
-            "stylus": UdpDevice(listen: "127.0.0.1:61752"), "arm": SimulatedArm(), "coil": SimulatedHaptuator(),
+            "stylus": UdpDevice(listen: "127.0.0.1:61752"), "arm": SimulatedOmni(), "coil": SimulatedHaptuator(),
         } })"#;
     let mut rig = Rig::new(text, |_, _| {});
     let speaks = || told_by_hand("127.0.0.1:61752", 1.0);
