@@ -65,7 +65,10 @@ pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let wav = files.iter().filter(|file| is_wav(file));
     wav.map(|file| {
         let note = recording::note(file)?;
-        let (full_scale, unit) = (note.full_scale.unwrap_or(1.0), note.unit.unwrap_or_default());
+        let (full_scale, unit) = (
+            note.full_scale.unwrap_or(1.0),
+            note.unit.filter(|unit| unit != "1").unwrap_or_default(),
+        );
         let space = if unit.is_empty() { "" } else { " " };
         Ok(format!(
             "{}: a sample of 1.0 stands for {full_scale}{space}{unit}",
