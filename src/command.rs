@@ -12,6 +12,7 @@ pub mod identify;
 pub mod learn;
 pub mod new;
 pub mod nodes;
+mod output;
 mod progress;
 mod recording;
 pub mod recover;
@@ -216,25 +217,6 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read(path, files::MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))
 }
 
-/// Makes the folder for a page, if need be: before the work, so that none is lost for a name.
-pub fn report_folder(folder: &Path) -> Result<(), Failure> {
-    if folder.is_file() {
-        return Err(Failure::Message(format!(
-            "{} is a file; give a folder for the page",
-            folder.display()
-        )));
-    }
-    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))
-}
-
-/// Writes a page called `report.html` into a folder, which is made if need be.
-pub fn report_page(folder: &Path, html: &str) -> Result<PathBuf, Failure> {
-    report_folder(folder)?;
-    let page = folder.join("report.html");
-    write_file(&page, html)?;
-    Ok(page)
-}
-
 /// Refuses an output that is one of the inputs.
 pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
     // What cannot be resolved does not exist yet.
@@ -264,12 +246,6 @@ pub fn folder_of(path: &Path) -> Result<&Path, Failure> {
     Err(Failure::Message(format!(
         "cannot write {file}: there is no folder {folder}; make it first"
     )))
-}
-
-/// Writes a file whole or not at all.
-pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
-    folder_of(path)?;
-    write_whole(path, text.as_bytes()).map_err(|error| Failure::file("write", path, &error))
 }
 
 /// Writes a file whole or not at all, into a folder that is there.

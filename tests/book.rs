@@ -42,7 +42,7 @@ fn the_picture_in_the_readme_is_current() {
     let kept = fs::read_to_string(root().join("docs/texturepad.svg")).unwrap();
     assert!(
         kept == made,
-        "out of date: haptograph draw graphs/texturepad.ron -o docs/texturepad.svg"
+        "out of date: haptograph draw graphs/texturepad.ron --force -o docs/texturepad.svg"
     );
 }
 

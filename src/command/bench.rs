@@ -2,8 +2,9 @@
 
 mod account;
 
+use super::output::{Force, Output};
 use super::run::progress_bar;
-use super::{Failure, GraphArguments, folder_of, say, write_file};
+use super::{Failure, GraphArguments, say};
 use account::{Account, Turns};
 use haptograph::engine::plan::{Plan, PlanOptions};
 use haptograph::engine::run::{Fleet, Profile};
@@ -29,6 +30,8 @@ pub struct Arguments {
     /// Also draw them
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -45,10 +48,11 @@ const TURNS: u32 = 200;
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(None)?;
-    if let Some(path) = &arguments.svg {
-        folder_of(path)?;
+    let claim = |path: &PathBuf| {
         arguments.graph.spare_inputs(&graph, path)?;
-    }
+        Output::claim(path, arguments.force)
+    };
+    let svg = arguments.svg.as_ref().map(claim).transpose()?;
     let options = PlanOptions {
         block: arguments.block.into(),
         taps: Vec::new(),
@@ -57,8 +61,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut profile = Profile::new(&plans);
     let turns = measure(&plans, &mut profile, arguments.seconds);
     let account = Account::new(&graph, &plans, &profile, &turns);
-    if let Some(path) = &arguments.svg {
-        write_file(path, &account.to_svg(&arguments.graph.name()))?;
+    if let Some(svg) = &svg {
+        svg.write(&account.to_svg(&arguments.graph.name()))?;
     }
     say(&if arguments.json {
         account.to_json()?

@@ -1,6 +1,7 @@
 //! `haptograph draw`: a graph as a picture.
 
-use super::{Failure, GraphArguments, say, write_file};
+use super::output::{Force, Output};
+use super::{Failure, GraphArguments, say};
 use haptograph::report::drawing;
 use std::path::PathBuf;
 
@@ -12,6 +13,8 @@ pub struct Arguments {
     /// The SVG file to write; standard output where it is not given
     #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 fn svg_file(text: &str) -> Result<PathBuf, String> {
@@ -34,12 +37,11 @@ fn svg_file(text: &str) -> Result<PathBuf, String> {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(None)?;
-    if let Some(path) = &arguments.output {
-        arguments.graph.spare_inputs(&graph, path)?;
-    }
+    let Some(path) = &arguments.output else {
+        return say(&drawing::standalone_svg(&graph, &arguments.graph.name()));
+    };
+    arguments.graph.spare_inputs(&graph, path)?;
+    let output = Output::claim(path, arguments.force)?;
     let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
-    match &arguments.output {
-        Some(path) => write_file(path, &picture),
-        None => say(&picture),
-    }
+    output.write(&picture).map(|_| ())
 }

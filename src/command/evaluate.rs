@@ -1,8 +1,9 @@
 //! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
 
+use super::output::{Force, LEDGER, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn as learning, recording, remark, report_folder, say, say_json};
+use super::{Failure, learn as learning, recording, remark, say, say_json};
 use clap::ValueEnum;
 use haptograph::surfaces::Origin;
 use haptograph::surfaces::evaluate::{
@@ -28,6 +29,8 @@ pub struct Arguments {
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
     /// materials are shown by both, the one chosen first (by pair if none is); the map of textures takes all unless told otherwise
     #[arg(long, value_enum)]
@@ -49,15 +52,18 @@ enum PoolingArgument {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    arguments.report.as_deref().map_or(Ok(()), report_folder)?;
+    let page = arguments.report.as_deref();
+    let page = page
+        .map(|folder| Output::claim_page(folder, arguments.force))
+        .transpose()?;
     let takes = read_takes(&arguments.dir)?;
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
     let found = evaluate(&takes, &settings, &|part| progress.at(part))
         .map_err(|error| Failure::file("evaluate", &arguments.dir, &error))?;
     drop(progress);
-    let page = match &arguments.report {
-        Some(folder) => Some(write_report(folder, arguments, &takes, &found)?),
+    let page = match &page {
+        Some(page) => Some(write_report(page, arguments, &takes, &found)?),
         None => None,
     };
     let simulated = takes.iter().filter(|take| is_simulated(take)).count();
@@ -80,7 +86,7 @@ fn is_simulated(take: &Take) -> bool {
 
 /// The page, with the surface of each material: from the expert's first drag, and all of the expert's circles, taps and presses.
 fn write_report(
-    folder: &Path,
+    page: &Output,
     arguments: &Arguments,
     takes: &[Take],
     found: &Evaluation,
@@ -115,10 +121,7 @@ fn write_report(
         .dir
         .file_name()
         .map_or_else(|| "Evaluation".into(), |name| name.to_string_lossy());
-    super::report_page(
-        folder,
-        &haptograph::report::evaluation::page(&title, found, &learned),
-    )
+    page.write(&haptograph::report::evaluation::page(&title, found, &learned))
 }
 
 fn study_settings(arguments: &Arguments) -> StudySettings {
@@ -149,7 +152,7 @@ fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
     let mut paths: Vec<PathBuf> = entries
         .flatten()
         .map(|entry| entry.path())
-        .filter(|path| path.is_file())
+        .filter(|path| path.is_file() && !path.ends_with(LEDGER))
         .collect();
     paths.sort();
     for path in paths {

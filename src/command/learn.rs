@@ -1,8 +1,9 @@
 //! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
 
+use super::output::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant};
-use super::{Failure, recording, remark, report_folder, say, segment, spare, surface};
+use super::{Failure, recording, remark, say, segment, spare, surface};
 use clap::ValueEnum;
 use haptograph::surfaces::Surface;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
@@ -37,6 +38,8 @@ pub struct Arguments {
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// The surface's name; that of the output where it is not given
     #[arg(long, value_parser = name)]
     name: Option<String>,
@@ -147,9 +150,12 @@ fn name(text: &str) -> Result<String, String> {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let files = files(arguments);
-    surface::check_output(&arguments.output)?;
     spare(files.iter().map(|(path, _)| *path), &arguments.output)?;
-    arguments.report.as_deref().map_or(Ok(()), report_folder)?;
+    let output = surface::claim(&arguments.output, arguments.force)?;
+    let page = arguments.report.as_deref();
+    let page = page
+        .map(|folder| Output::claim_page(folder, arguments.force))
+        .transpose()?;
     let recordings = files
         .iter()
         .map(|(path, gesture)| read(path, *gesture))
@@ -173,14 +179,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .provenance
             .with_setting(format!("recording {} file", index + 1), file);
     }
-    surface::save(&learned, &arguments.output)?;
+    let output = surface::save(&learned, &output)?;
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
         remark(&format!("warning: {said}\n"));
     }
-    let mut text = describe(&learned, &report, &arguments.output);
-    if let Some(folder) = &arguments.report {
-        let page = super::report_page(folder, &haptograph::report::learning::page(&learned, &report))?;
+    let mut text = describe(&learned, &report, &output);
+    if let Some(page) = page {
+        let page = page.write(&haptograph::report::learning::page(&learned, &report))?;
         text += &format!("look at {}\n", page.display());
     }
     say(&text)

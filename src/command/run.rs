@@ -22,6 +22,7 @@ mod silence;
 pub mod summary;
 mod watch;
 
+use super::output::{self, Force};
 use super::{Failure, GraphArguments, remark, say};
 use folder::RunFolder;
 use haptograph::engine::graph::Graph;
@@ -73,6 +74,8 @@ pub struct Arguments {
     /// Also write the signal of an output, as .wav or .csv; can be repeated
     #[arg(long, value_name = "NODE.PORT=FILE", value_parser = outputs::probe_argument)]
     pub probe: Vec<outputs::ProbeArgument>,
+    #[command(flatten)]
+    pub force: Force,
     /// Also write every signal, into the folder `record`
     #[arg(long)]
     pub record: bool,
@@ -205,6 +208,9 @@ impl<'a> Making<'a> {
         spare_own_files(graph, arguments.record).map_err(message)?;
         for (number, probe) in arguments.probe.iter().enumerate() {
             arguments.graph.spare_inputs(graph, &probe.file)?;
+            for file in [probe.file.clone(), outputs::note_of(&probe.file)] {
+                output::replaceable(&file, arguments.force)?;
+            }
             if arguments.probe[..number]
                 .iter()
                 .any(|other| other.file == probe.file)
@@ -243,8 +249,8 @@ impl Kept {
             DRAWING,
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
         )?;
-        outputs::place_probes(&self.folder, &self.probes)?;
-        for line in outputs::full_scales(&self.probes)? {
+        let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)?;
+        for line in outputs::full_scales(&probes)? {
             remark(&format!("note: {line}\n"));
         }
         let placed = self.folder.put_in_place()?;

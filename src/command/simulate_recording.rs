@@ -1,5 +1,6 @@
 //! `haptograph simulate-recording`: the recorder's graph writes one recording.
 
+use super::output::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
 use super::{Failure, say};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -29,6 +30,8 @@ pub struct Arguments {
     /// The file to write: haptograph's own archive (.npz) or a table (.csv)
     #[arg(short, long = "output", value_name = "FILE", value_parser = recording_file)]
     output: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 fn materials() -> impl TypedValueParser<Value = MaterialName> {
@@ -66,6 +69,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         seconds: arguments.seconds,
         seed: arguments.seed,
     };
+    let output = Output::claim(&arguments.output, arguments.force)?;
     let stop = stop_on_interrupt()?;
     let bar = progress_bar(session.seconds);
     let recording = record(&session, &stop, &mut |done_s| {
@@ -76,8 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         RecordError::Graph(diagnostics) => Failure::Graph(diagnostics),
         error => Failure::Message(error.to_string()),
     })?;
-    let output = &arguments.output;
-    save(&recording, output).map_err(|error| Failure::file("write", output, &error))?;
+    let (output, ()) = output.write_by(|path| save(&recording, path))?;
     say(&format!(
         "wrote {} (simulated: {} over {})\n",
         output.display(),

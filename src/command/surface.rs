@@ -6,11 +6,12 @@ mod resample;
 mod select;
 mod show;
 
+use super::output::{Force, Output};
 use super::{Failure, remark, snippet};
 use clap::Subcommand;
 use haptograph::signal::files as bounded;
 use haptograph::surfaces::{Surface, TextureModel, files};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Show, convert, resample, select and interpolate surface files
 #[derive(Debug, clap::Args)]
@@ -62,22 +63,15 @@ pub fn load(path: &Path) -> Result<Surface, Failure> {
     })
 }
 
-/// Refuses an output that could not be written, before the work.
-pub fn check_output(path: &Path) -> Result<(), Failure> {
+/// Refuses an output that could not or must not be written, before the work.
+pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
     files::check_extension(path).map_err(|error| Failure::Message(error.to_string()))?;
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => Err(Failure::Message(format!(
-            "there is no folder {} to write {} into",
-            folder.display(),
-            path.display()
-        ))),
-        _ => Ok(()),
-    }
+    Output::claim(path, force)
 }
 
-/// Writes a surface, and says what the format has no place for.
-pub fn save(surface: &Surface, path: &Path) -> Result<(), Failure> {
-    let left_out = files::save(surface, path).map_err(|error| Failure::Message(error.to_string()))?;
+/// Writes a surface, and says what the format has no place for; where it is, is returned.
+pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
+    let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
     if !left_out.is_empty() {
         remark(&format!(
             "warning: {} has no place for: {}\n",
@@ -85,7 +79,7 @@ pub fn save(surface: &Surface, path: &Path) -> Result<(), Failure> {
             left_out.join(", ")
         ));
     }
-    Ok(())
+    Ok(path)
 }
 
 /// The texture of a surface that has to have one.

@@ -1,6 +1,7 @@
 //! `haptograph sweep`: one graph, run once for each of several settings over the same strokes, and a page that lays the
 //! runs over each other.
 
+use super::output::Force;
 use super::run::folder::RunFolder;
 use super::run::summary::{self, Summary};
 use super::run::{self, Shown, message, timed};
@@ -230,6 +231,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         block: 64,
         threads: 1,
         probe: Vec::new(),
+        force: Force::default(),
         record: false,
         json: false,
     }

@@ -64,6 +64,11 @@ impl Written {
         let inside = |name: &PathBuf| name.components().all(|part| matches!(part, Component::Normal(_)));
         names.filter(move |name| inside(name) && !name.as_os_str().is_empty())
     }
+
+    /// Forgets all but some names.
+    pub fn retain(&mut self, mut keep: impl FnMut(&str) -> bool) {
+        self.sha256.retain(|name, _| keep(name));
+    }
 }
 
 /// The SHA-256 hash of a file's bytes, in hexadecimal digits.

@@ -1,5 +1,6 @@
 //! Signals written besides those of the graph's own sinks: probes and records.
 
+use super::super::output::{self, Force};
 use super::super::{Failure, recording};
 use super::folder::RunFolder;
 use haptograph::engine::graph::Graph;
@@ -82,35 +83,30 @@ fn is_wav(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "wav")
 }
 
-/// Moves the probes' files to where they were asked for.
-pub fn place_probes(folder: &RunFolder, files: &[PathBuf]) -> Result<(), Failure> {
+/// Moves the probes' files to where they were asked for; those that are there with their notes are returned.
+pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Result<Vec<PathBuf>, Failure> {
+    let mut placed = Vec::new();
     for (number, file) in files.iter().enumerate() {
-        let target = file
-            .parent()
-            .filter(|p| !p.as_os_str().is_empty())
-            .unwrap_or(Path::new("."));
         let waiting = folder.probe(number)?;
-        let placed = fs::create_dir_all(target).and_then(|()| {
-            for entry in fs::read_dir(&waiting)? {
-                let entry = entry?;
-                move_file(&entry.path(), &target.join(entry.file_name()))?;
-            }
-            Ok(())
-        });
-        placed.map_err(|error| Failure::file("write", file, &error))?;
+        let entries = file
+            .parent()
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| fs::read_dir(&waiting)?.collect());
+        let entries: Vec<fs::DirEntry> = entries.map_err(|error| Failure::file("write", file, &error))?;
+        for entry in entries {
+            let target = file.with_file_name(entry.file_name());
+            placed.push(output::place(&entry.path(), &target, force)?);
+        }
     }
-    Ok(())
+    let is_placed = |file: &&PathBuf| placed.contains(file) && placed.contains(&note_of(file));
+    Ok(files.iter().filter(is_placed).cloned().collect())
 }
 
-/// Renames, or copies beside the target first where that is on another file system.
-fn move_file(from: &Path, to: &Path) -> std::io::Result<()> {
-    if fs::rename(from, to).is_ok() {
-        return Ok(());
-    }
-    let mut near = to.as_os_str().to_owned();
-    near.push(".part");
-    fs::copy(from, &near)?;
-    fs::rename(&near, to)
+/// The note that goes with a probe's file.
+pub fn note_of(file: &Path) -> PathBuf {
+    let mut note = file.as_os_str().to_owned();
+    note.push(".ron");
+    note.into()
 }
 
 /// Writes every output into `record/`: WAV where that can hold it, CSV where not.

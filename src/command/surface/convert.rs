@@ -1,6 +1,7 @@
 //! `haptograph surface convert`: between haptograph's files and the toolkit's.
 
-use super::{Failure, load, save};
+use super::{Failure, claim, load, save};
+use crate::command::output::Force;
 use crate::command::{say, spare};
 use haptograph::surfaces::files::merge;
 use std::path::PathBuf;
@@ -15,10 +16,13 @@ pub struct Arguments {
     /// The file to write, its format told by its extension: .ron or .xml
     #[arg(value_name = "OUT")]
     output: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     spare(&arguments.input, &arguments.output)?;
+    let output = claim(&arguments.output, arguments.force)?;
     let mut surface = None;
     for path in &arguments.input {
         let next = load(path)?;
@@ -29,6 +33,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     // At least one file is required.
     let Some(surface) = surface else { return Ok(()) };
-    save(&surface, &arguments.output)?;
-    say(&format!("wrote {}\n", arguments.output.display()))
+    let output = save(&surface, &output)?;
+    say(&format!("wrote {}\n", output.display()))
 }

@@ -1,6 +1,7 @@
 //! `haptograph surface resample`: a texture at a lower rate.
 
-use super::{Failure, load, save};
+use super::{Failure, claim, load, save};
+use crate::command::output::Force;
 use crate::command::table::significant;
 use crate::command::{say, say_json, spare};
 use clap::ValueEnum;
@@ -23,6 +24,8 @@ pub struct Arguments {
     /// The file to write, .ron or .xml
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    #[command(flatten)]
+    force: Force,
     /// Print the deviation as JSON
     #[arg(long)]
     json: bool,
@@ -49,6 +52,7 @@ struct Json {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     spare([&arguments.input], &arguments.output)?;
+    let output = claim(&arguments.output, arguments.force)?;
     let method = match arguments.method {
         Method::Zoh => resampling::Method::Zoh,
         Method::Hatt => resampling::Method::Hatt,
@@ -57,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let surface = load(&arguments.input)?;
     let (surface, resampled) = resample_surface(&surface, arguments.rate_hz, method)
         .map_err(|error| Failure::file("resample", &arguments.input, &error))?;
-    save(&surface, &arguments.output)?;
+    let output = save(&surface, &output)?;
     let (worst, vertex) = (resampled.worst, resampled.worst_vertex);
     if arguments.json {
         return say_json(&Json {
@@ -70,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     say(&format!(
         "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {vertex} (from 0)\n",
-        arguments.output.display(),
+        output.display(),
         arguments.rate_hz,
         method.name(),
         significant(0.4 * arguments.rate_hz, 4),
