@@ -90,7 +90,14 @@ pub(crate) fn design_error(cutoff_field: &'static str) -> impl Fn(DesignError) -
     move |error| match &error {
         DesignError::Order { .. } => BuildError::at("order", error.to_string()),
         DesignError::EmptyBand { .. } => BuildError::at("low_hz", error.to_string()).help("swap the edges"),
-        DesignError::Cutoff { .. } | DesignError::Rate { .. } => {
+        DesignError::NarrowBand { .. } => BuildError::at("low_hz", error.to_string()),
+        DesignError::Extreme {
+            frequency_hz,
+            rate_hz,
+            ..
+        } if frequency_hz / rate_hz < 0.25 => BuildError::at(cutoff_field, error.to_string())
+            .help("raise it, or run the node on a slower clock"),
+        DesignError::Cutoff { .. } | DesignError::Rate { .. } | DesignError::Extreme { .. } => {
             BuildError::at(cutoff_field, error.to_string())
                 .help("lower it, or run the node on a faster clock")
         }

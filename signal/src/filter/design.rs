@@ -31,6 +31,26 @@ pub enum DesignError {
         /// Half the sample rate.
         nyquist_hz: f64,
     },
+    /// A frequency so far below the sample rate, or so near to half of it, that the coefficients cannot tell it.
+    #[error(
+        "a filter at {frequency_hz} Hz cannot be told from none at a sample rate of {rate_hz} Hz; from {lowest_hz:.3e} Hz to as much below half the rate one can"
+    )]
+    Extreme {
+        /// The cut-off or edge given.
+        frequency_hz: f64,
+        /// The sample rate.
+        rate_hz: f64,
+        /// The lowest that can be designed.
+        lowest_hz: f64,
+    },
+    /// A pass band so narrow that the coefficients cannot tell its width.
+    #[error("the band from {low_hz} to {high_hz} Hz is too narrow for a filter; part its edges")]
+    NarrowBand {
+        /// The lower edge given.
+        low_hz: f64,
+        /// The upper edge given.
+        high_hz: f64,
+    },
     /// A pass band upside down.
     #[error("the band's lower edge, {low_hz} Hz, must be below its upper edge, {high_hz} Hz")]
     EmptyBand {
@@ -46,7 +66,7 @@ pub enum DesignError {
 /// # Errors
 /// [`DesignError`] for an order, rate or cut-off outside the possible.
 pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    let cutoff = told(order, cutoff_hz, rate_hz)?;
     lowpass(&butterworth_prototype(check(order)?), cutoff)
 }
 
@@ -55,7 +75,7 @@ pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result
 /// # Errors
 /// As [`butterworth_lowpass`].
 pub fn butterworth_highpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    let cutoff = told(order, cutoff_hz, rate_hz)?;
     let poles = butterworth_prototype(check(order)?);
     let poles = poles.into_iter().map(|p| bilinear(cutoff / p));
     Ok(cascade(poles, Zeros::Dc, Complex64::new(-1.0, 0.0)))
@@ -71,11 +91,16 @@ pub fn butterworth_bandpass(
     high_hz: f64,
     rate_hz: f64,
 ) -> Result<Sections, DesignError> {
-    let (low, high) = (prewarp(low_hz, rate_hz)?, prewarp(high_hz, rate_hz)?);
+    // There are two poles for each of the prototype.
+    let edge = |hz| told(2 * order, hz, rate_hz);
+    let (low, high) = (edge(low_hz)?, edge(high_hz)?);
     if low_hz >= high_hz {
         return Err(DesignError::EmptyBand { low_hz, high_hz });
     }
     let (width, centre_squared) = (high - low, low * high);
+    if width < NARROWEST * (1.0 + centre_squared) {
+        return Err(DesignError::NarrowBand { low_hz, high_hz });
+    }
     let split = |p: Complex64| {
         // s^2 - p width s + centre^2 = 0
         let half = p * (width / 2.0);
@@ -95,7 +120,7 @@ pub fn butterworth_bandpass(
 /// # Errors
 /// As [`butterworth_lowpass`].
 pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    let cutoff = told(order, cutoff_hz, rate_hz)?;
     lowpass(&bessel_prototype(check(order)?), cutoff)
 }
 
@@ -116,6 +141,13 @@ pub fn double_pole(lambda_rad_s: f64, rate_hz: f64) -> Result<Sections, DesignEr
         });
     }
     let step = lambda_rad_s / rate_hz;
+    if step < 2.0 * LEAST_PAIR {
+        return Err(DesignError::Extreme {
+            frequency_hz: lambda_rad_s / (2.0 * PI),
+            rate_hz,
+            lowest_hz: LEAST_PAIR * rate_hz / PI,
+        });
+    }
     let (gain, pole) = (step / (1.0 + step), 1.0 / (1.0 + step));
     Ok(Sections {
         sections: vec![Biquad {
@@ -152,6 +184,28 @@ fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
             nyquist_hz,
         })
     }
+}
+
+/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are kept to
+/// 2e-16: at this w to a thousandth.
+const LEAST_PAIR: f64 = 2.4e-7;
+/// A single pole is told by 2 w.
+const LEAST_SINGLE: f64 = 1e-12;
+/// Poles within the unit circle by the band's width are likewise.
+const NARROWEST: f64 = 1e-12;
+
+/// As [`prewarp`], of a filter that its coefficients can tell from none.
+fn told(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
+    let cutoff = prewarp(cutoff_hz, rate_hz)?;
+    let least = if order > 1 { LEAST_PAIR } else { LEAST_SINGLE };
+    if (least..=1.0 / least).contains(&cutoff) {
+        return Ok(cutoff);
+    }
+    Err(DesignError::Extreme {
+        frequency_hz: cutoff_hz,
+        rate_hz,
+        lowest_hz: least.atan() * rate_hz / PI,
+    })
 }
 
 /// s, in units of `2 rate`, to z.

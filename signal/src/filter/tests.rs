@@ -265,3 +265,56 @@ fn impossible_designs_are_refused() {
     ));
     assert!(double_pole(0.0, 1000.0).is_err() && double_pole(1.0, 0.0).is_err());
 }
+
+#[test]
+fn extreme_frequencies_give_filters_that_are_right_or_an_error() {
+    type Design = fn(usize, f64, f64) -> Result<Sections, DesignError>;
+    let rate_hz = 48_000.0;
+    let designs: [(Design, bool); 3] = [
+        (butterworth_lowpass, true),
+        (butterworth_highpass, false),
+        (bessel_lowpass, true),
+    ];
+    let mut refused = 0;
+    for exponent in -12..=4 {
+        for below in [true, false] {
+            let from_end_hz = 10_f64.powi(exponent);
+            let cutoff_hz = if below {
+                from_end_hz
+            } else {
+                0.5 * rate_hz - from_end_hz
+            };
+            for order in 1..=16 {
+                for (design, low) in designs {
+                    let Ok(filter) = design(order, cutoff_hz, rate_hz) else {
+                        refused += 1;
+                        continue;
+                    };
+                    let passed_hz = if low { 0.0 } else { 0.5 * rate_hz };
+                    let name = format!("order {order}, {cutoff_hz} Hz, low {low}");
+                    assert!(filter.is_stable(), "{name}");
+                    assert!(
+                        (filter.response(passed_hz, rate_hz).norm() - 1.0).abs() < 1e-6,
+                        "{name}"
+                    );
+                    assert!(
+                        filter.group_delay_s(0.01 * cutoff_hz, rate_hz).is_finite(),
+                        "{name}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(refused > 100);
+    assert!(matches!(
+        bessel_lowpass(2, 1e-5, rate_hz),
+        Err(DesignError::Extreme { .. })
+    ));
+    assert!(butterworth_lowpass(2, 0.01, rate_hz).is_ok());
+    assert!(matches!(
+        double_pole(1e-5, rate_hz),
+        Err(DesignError::Extreme { .. })
+    ));
+    let narrow = butterworth_bandpass(2, 100.0, 100.0_f64.next_up(), rate_hz);
+    assert!(matches!(narrow, Err(DesignError::NarrowBand { .. })));
+}
