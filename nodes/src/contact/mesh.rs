@@ -10,6 +10,11 @@ use crate::vector::{Vec3, add, cross, direction, distance, dot, norm, scale, sub
 use index::Index;
 use std::collections::HashMap;
 
+/// Diagonals of meshes that can be computed with, m: of smaller and larger ones products of areas leave the range of numbers.
+const SIZES_M: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+/// How far from the origin a mesh may reach, in diagonals: corners are told apart to 1e-7 of one.
+const FARTHEST: f64 = 1e6;
+
 /// No triangle on the other side of an edge.
 pub const NONE: u32 = u32::MAX;
 
@@ -50,6 +55,16 @@ pub enum MeshError {
     BadUnit {
         /// Metres per unit of the file.
         unit_m: f64,
+    },
+    /// Its sizes cannot be computed with.
+    #[error(
+        "the mesh is {diagonal_m:.3e} m across and reaches to {far_m:.3e} m from the origin: its size lies from 1e-6 to 1e6 m, and it lies within a million times that of the origin; check its unit and its corners"
+    )]
+    OutOfScale {
+        /// Diagonal of its bounding box, m.
+        diagonal_m: f64,
+        /// The largest coordinate, m.
+        far_m: f64,
     },
     /// A file that cannot be read.
     #[error("the {format} file cannot be read: {problem}")]
@@ -128,6 +143,12 @@ impl TriangleMesh {
             return Err(MeshError::TooLarge);
         }
         let diagonal_m = diagonal(corners);
+        let is_in_scale = SIZES_M.contains(&diagonal_m) && far_m(corners) <= FARTHEST * diagonal_m;
+        // What is no larger than a point has no triangle either, which is said below.
+        if diagonal_m > 0.0 && !is_in_scale {
+            let far_m = far_m(corners);
+            return Err(MeshError::OutOfScale { diagonal_m, far_m });
+        }
         let (vertices, renamed) = weld(corners, 1e-7 * diagonal_m);
         let named: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|i| renamed[i as usize])).collect();
         let least_area = 1e-14 * diagonal_m * diagonal_m;
@@ -328,14 +349,21 @@ fn diagonal(points: &[Vec3]) -> f64 {
     }
 }
 
+/// The largest coordinate.
+fn far_m(points: &[Vec3]) -> f64 {
+    points.iter().flatten().fold(0.0, |far, x| far.max(x.abs()))
+}
+
 /// One name for corners within `tolerance_m` of each other; the first of them stays.
 fn weld(corners: &[Vec3], tolerance_m: f64) -> (Vec<Vec3>, Vec<u32>) {
+    // Counted from the lowest corner, cells have small numbers wherever the mesh lies.
+    let (low, _) = bounds(corners);
     let cell_m = if tolerance_m > 0.0 { 2.0 * tolerance_m } else { 1.0 };
     let mut cells: HashMap<[i64; 3], u32> = HashMap::with_capacity(corners.len());
     let mut vertices: Vec<Vec3> = Vec::new();
     let mut renamed = Vec::with_capacity(corners.len());
     for corner in corners {
-        let home = corner.map(|x| (x / cell_m).floor() as i64);
+        let home = std::array::from_fn(|i| ((corner[i] - low[i]) / cell_m) as i64);
         let near = (0..27).map(|k| [home[0] + k % 3 - 1, home[1] + k / 3 % 3 - 1, home[2] + k / 9 - 1]);
         let known = near
             .filter_map(|cell| cells.get(&cell).copied())

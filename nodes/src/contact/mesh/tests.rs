@@ -187,3 +187,16 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn meshes_that_cannot_be_computed_with_are_refused() {
+    let corners = |scale: f64, at: f64| [[at, 0.0, 0.0], [at + scale, 0.0, 0.0], [at, scale, 0.0]];
+    for (scale, at) in [(1e30, 0.0), (1e-30, 0.0), (1e-3, 1e30), (1.0, -1e9)] {
+        let refused = TriangleMesh::new(&corners(scale, at), &[[0, 1, 2]]).unwrap_err();
+        assert!(
+            matches!(refused, MeshError::OutOfScale { .. }),
+            "{scale} at {at}: {refused}"
+        );
+    }
+    assert!(TriangleMesh::new(&corners(0.01, 100.0), &[[0, 1, 2]]).is_ok());
+}
