@@ -36,6 +36,11 @@ pub enum Known {
     },
 }
 
+/// More is no voice coil's.
+const MOST_CURRENT_A: f64 = 1e6;
+/// More is no accelerometer's.
+const MOST_ACCELERATION_M_S2: f64 = 1e9;
+
 /// A recording of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct Sweep<'a> {
@@ -94,6 +99,16 @@ pub enum IdentifyError {
     NotFinite {
         /// Which one.
         index: usize,
+    },
+    /// Powers so far apart that sums of them lose all but the largest.
+    #[error("the recording's {what} reaches {largest:e} {unit}: check the units and look for a wrong sample")]
+    OutOfScale {
+        /// Current or acceleration.
+        what: &'static str,
+        /// Largest absolute sample.
+        largest: f64,
+        /// Its unit.
+        unit: &'static str,
     },
     /// Nothing recorded in the band.
     #[error("the recording has no current in the band: record a sweep over it")]
@@ -182,6 +197,20 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     let bad = |x: &[f64]| x.iter().position(|v| !v.is_finite());
     if let Some(index) = bad(sweep.current_a).or(bad(sweep.acceleration_m_s2)) {
         return Err(IdentifyError::NotFinite { index });
+    }
+    for (what, unit, x, most) in [
+        ("current", "A", sweep.current_a, MOST_CURRENT_A),
+        (
+            "acceleration",
+            "m/s2",
+            sweep.acceleration_m_s2,
+            MOST_ACCELERATION_M_S2,
+        ),
+    ] {
+        let largest = x.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+        if largest > most {
+            return Err(IdentifyError::OutOfScale { what, largest, unit });
+        }
     }
     let (current, acceleration) = (spectrum(sweep.current_a), spectrum(sweep.acceleration_m_s2));
     let bin_hz = rate_hz / sweep.current_a.len() as f64;
@@ -362,6 +391,9 @@ impl Fit {
     }
 }
 
+/// Many times what a matrix of five columns takes.
+const SVD_ITERATIONS: usize = 1000;
+
 /// Sanathanan and Koerner: g s^4 - H (c_3 s^3 + ... + c_0) = H s^4, reweighted by the last denominator.
 fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
     let unit = TAU * 100.0;
@@ -395,7 +427,14 @@ fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
             right[2 * k] = b.re;
             right[2 * k + 1] = b.im;
         }
-        let solution = rows.svd(true, true).solve(&right, 1e-12).ok()?;
+        // The decomposition would iterate for ever over what is no number.
+        if !rows.iter().chain(&right).all(|x| x.is_finite()) {
+            return None;
+        }
+        let solution = rows
+            .try_svd(true, true, f64::EPSILON, SVD_ITERATIONS)?
+            .solve(&right, 1e-12)
+            .ok()?;
         gain = solution[0];
         denominator = [solution[1], solution[2], solution[3], solution[4]];
     }

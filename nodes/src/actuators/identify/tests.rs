@@ -199,4 +199,23 @@ fn recordings_that_tell_nothing_are_refused() {
         sweep(&current, &broken, BAND_HZ).unwrap_err(),
         IdentifyError::NotFinite { index: 500 }
     );
+    // One wrong cell of a table; it once took for ever.
+    let wild = [1e300, -1e12].map(|wrong| {
+        let mut wild = acceleration.clone();
+        wild[500] = wrong;
+        wild
+    });
+    for wild in &wild {
+        let refused = sweep(&current, wild, BAND_HZ).unwrap_err();
+        assert!(
+            matches!(
+                refused,
+                IdentifyError::OutOfScale {
+                    what: "acceleration",
+                    ..
+                }
+            ),
+            "{refused}"
+        );
+    }
 }
