@@ -41,8 +41,8 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Turns that each kind of run takes at least, so that what disturbs the machine disturbs all: many, as most of them are
-/// then disturbed by nothing.
+/// Turns into which the time is cut, so that what disturbs the machine disturbs all: many, as most of them are then
+/// disturbed by nothing.
 const TURNS: u32 = 200;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -88,12 +88,11 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
         rounds += 1;
     }
     let mut turns = Turns::default();
-    let begun = Instant::now();
-    // That turn may have been a slow one.
     for number in 0.. {
         let done_s = begun.elapsed().as_secs_f64();
         progress.set_position((1000.0 * done_s) as u64);
-        if number >= TURNS && done_s >= seconds {
+        // Each kind of run has had a turn by then.
+        if number > 0 && done_s >= seconds {
             break;
         }
         // In turns, which of them is the first as well.
