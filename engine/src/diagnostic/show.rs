@@ -15,11 +15,34 @@ pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
     let renderer = renderer.decor_style(DecorStyle::Ascii);
     let sources = &diagnostics.sources;
     let mut text = String::new();
-    for diagnostic in &diagnostics.list {
+    let shown = shown(&diagnostics.list);
+    for diagnostic in shown.clone() {
         text += &renderer.render(&[group(diagnostic, sources)]);
         text += "\n\n";
     }
+    let more = diagnostics.list.len() - shown.count();
+    if more > 0 {
+        text += &format!("{more} more are not shown; mend these first\n");
+    }
     text + &summary(&diagnostics.list)
+}
+
+/// Findings that are shown at most; nobody reads more.
+pub const MAX_SHOWN: usize = 100;
+
+/// The findings that are shown, in their order: errors come before warnings where there is no room for all.
+fn shown(list: &[Diagnostic]) -> impl Iterator<Item = &Diagnostic> + Clone {
+    let errors = list.iter().filter(|d| d.severity == Severity::Error).count();
+    let (mut errors, mut warnings) = (errors.min(MAX_SHOWN), MAX_SHOWN.saturating_sub(errors));
+    list.iter().filter(move |diagnostic| {
+        let left = match diagnostic.severity {
+            Severity::Error => &mut errors,
+            Severity::Warning => &mut warnings,
+        };
+        let fits = *left > 0;
+        *left -= usize::from(fits);
+        fits
+    })
 }
 
 fn summary(list: &[Diagnostic]) -> String {
@@ -49,30 +72,42 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         .primary_title(diagnostic.message.as_str())
         .id(diagnostic.code);
     let mut group = Group::with_title(title);
-    let mut files: Vec<SourceId> = Vec::new();
-    let labels = || diagnostic.primary.iter().chain(&diagnostic.secondary);
-    for label in labels() {
-        if !files.contains(&label.span.source) {
-            files.push(label.span.source);
+    let primary = diagnostic
+        .primary
+        .iter()
+        .map(|label| (AnnotationKind::Primary, label));
+    let secondary = diagnostic
+        .secondary
+        .iter()
+        .map(|label| (AnnotationKind::Context, label));
+    // Labels of one file share a snippet, unless a line is so long that only what is around a label can be shown.
+    let mut snippets: Vec<(SourceId, bool, Vec<(AnnotationKind, &Label)>)> = Vec::new();
+    for (kind, label) in primary.chain(secondary) {
+        let Some(source) = sources.get(label.span.source) else {
+            continue;
+        };
+        let file = label.span.source;
+        let long = lines_around(&source.text, label.span).len() > LONG_LINES;
+        match snippets
+            .iter_mut()
+            .find(|(of, apart, _)| *of == file && !apart && !long)
+        {
+            Some((.., labels)) => labels.push((kind, label)),
+            None => snippets.push((file, long, vec![(kind, label)])),
         }
     }
-    for file in files {
+    for (file, long, labels) in snippets {
         let Some(source) = sources.get(file) else { continue };
-        let mut snippet =
-            Snippet::source(source.text.as_ref()).path(source.path.to_string_lossy().into_owned());
-        let primary = diagnostic
-            .primary
-            .iter()
-            .map(|label| (AnnotationKind::Primary, label));
-        let secondary = diagnostic
-            .secondary
-            .iter()
-            .map(|label| (AnnotationKind::Context, label));
-        for (kind, label) in primary
-            .chain(secondary)
-            .filter(|(_, label)| label.span.source == file)
-        {
-            let annotation = kind.span(within(&source.text, label.span));
+        let path = source.path.to_string_lossy().into_owned();
+        let (from, text, line) = match (long, labels.first()) {
+            (true, Some((_, label))) => around(&source.text, label.span),
+            _ => (0, source.text.as_ref(), 1),
+        };
+        let mut snippet = Snippet::source(text).path(path).line_start(line);
+        for (kind, label) in labels {
+            let span = within(&source.text, label.span);
+            let end = span.end.saturating_sub(from).min(text.len());
+            let annotation = kind.span(span.start.saturating_sub(from).min(end)..end);
             snippet = snippet.annotation(match label.text.as_str() {
                 "" => annotation,
                 text => annotation.label(text),
@@ -88,6 +123,29 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
     )
 }
 
+/// Lines that a label is on are shown whole up to so many bytes.
+const LONG_LINES: usize = 4096;
+/// Of longer ones so many before and behind its start.
+const AROUND: usize = 60;
+
+/// The lines that a label is on.
+fn lines_around(text: &str, span: Span) -> std::ops::Range<usize> {
+    let span = within(text, span);
+    let start = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
+    let end = text[span.end..].find('\n').map_or(text.len(), |at| span.end + at);
+    start..end
+}
+
+/// What is around the start of a label in its line: where it begins, the text, and the number of the line.
+fn around(text: &str, span: Span) -> (usize, &str, usize) {
+    let start = within(text, span).start;
+    let line = lines_around(text, Span { end: start, ..span });
+    let from = floor_boundary(text, start.saturating_sub(AROUND)).max(line.start);
+    let to = floor_boundary(text, start + AROUND).min(line.end);
+    let number = 1 + text[..start].bytes().filter(|byte| *byte == b'\n').count();
+    (from, &text[from..to], number)
+}
+
 /// The range as it lies in the text, on the boundaries of letters.
 fn within(text: &str, span: Span) -> std::ops::Range<usize> {
     let start = floor_boundary(text, span.start);
@@ -101,10 +159,15 @@ fn within(text: &str, span: Span) -> std::ops::Range<usize> {
 ///  "end_line": 3, "end_column": 12, "start": 40, "end": 45, "label": "...", "related": [{...}], "help": ["..."]}
 /// ```
 /// Lines and columns count from 1, columns in characters; `start` and `end` are bytes. A finding about no place in
-/// a file has no `path` and what follows from it.
+/// a file has no `path` and what follows from it. Of more than [`MAX_SHOWN`] findings the last object, of severity
+/// `note` and without a code, says how many are left out.
 pub fn to_json(diagnostics: &Diagnostics) -> String {
     let sources = &diagnostics.sources;
-    let list: Vec<Value> = diagnostics.list.iter().map(|d| finding(d, sources)).collect();
+    let mut list: Vec<Value> = shown(&diagnostics.list).map(|d| finding(d, sources)).collect();
+    let more = diagnostics.list.len() - list.len();
+    if more > 0 {
+        list.push(json!({ "severity": "note", "message": format!("{more} more are not shown"), "help": [], "related": [] }));
+    }
     Value::Array(list).to_string()
 }
 
@@ -141,4 +204,65 @@ fn place(label: &Label, sources: &Sources) -> Value {
         "start": span.start, "end": span.end,
         "label": label.text,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    /// As many findings as numbers, each about one letter of a text.
+    fn findings(text: &str, places: impl Iterator<Item = usize>) -> Diagnostics {
+        let mut sources = Sources::default();
+        let source = sources.add("g.ron".into(), Arc::from(text));
+        let span = |start| Span {
+            source,
+            start,
+            end: start + 1,
+        };
+        let finding = |place| {
+            Diagnostic::error("E0105", span(place), "twice")
+                .label("again")
+                .also(span(0), "first")
+        };
+        Diagnostics {
+            list: places.map(finding).collect(),
+            sources,
+        }
+    }
+
+    #[test]
+    fn at_most_a_hundred_are_shown_and_the_rest_counted() {
+        let many = findings(&"x\n".repeat(300), (0..300).map(|k| 2 * k));
+        let text = render(&many, false);
+        assert_eq!(text.matches("error[E0105]").count(), MAX_SHOWN);
+        assert!(
+            text.contains("200 more") && text.ends_with("300 errors\n"),
+            "{text}"
+        );
+        let json: Vec<Value> = serde_json::from_str(&to_json(&many)).unwrap();
+        assert_eq!(
+            (json.len(), &json[MAX_SHOWN]["severity"]),
+            (MAX_SHOWN + 1, &json!("note"))
+        );
+    }
+
+    #[test]
+    fn errors_come_before_warnings_where_not_all_are_shown() {
+        let mut many = findings(&"x\n".repeat(150), (0..150).map(|k| 2 * k));
+        many.list[..80]
+            .iter_mut()
+            .for_each(|d| d.severity = Severity::Warning);
+        let text = render(&many, false);
+        assert_eq!(text.matches("error[").count(), 70);
+        assert_eq!(text.matches("warning[").count(), 30);
+    }
+
+    #[test]
+    fn of_a_long_line_only_what_is_around_a_label_is_shown() {
+        let text = format!("a\n{}", "x".repeat(100_000));
+        let shown = render(&findings(&text, [50_000].into_iter()), false);
+        assert!(shown.len() < 2000, "{} bytes", shown.len());
+        assert!(shown.contains("g.ron:2"), "{shown}");
+    }
 }

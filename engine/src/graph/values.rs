@@ -292,6 +292,10 @@ fn measure(value: &Value) -> (usize, usize) {
         .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }
 
+/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would take
+/// a minute.
+const MAX_COMPARED_NAMES: usize = 500;
+
 /// Adds "did you mean", or what there is to choose from.
 pub(super) fn suggest<'a>(
     diagnostic: Diagnostic,
@@ -300,7 +304,7 @@ pub(super) fn suggest<'a>(
     choices: &str,
     none: &str,
 ) -> Diagnostic {
-    if let Some(near) = closest(word, known.clone()) {
+    if let Some(near) = closest(word, known.clone().take(MAX_COMPARED_NAMES)) {
         return diagnostic.help(format!("did you mean `{near}`?"));
     }
     const SHOWN: usize = 12;
