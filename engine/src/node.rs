@@ -233,6 +233,12 @@ pub trait NodeKind: 'static {
     /// # Errors
     /// [`BuildError`] where the settings do not fit each other, the rate, or the files they name.
     fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError>;
+    /// What it will keep of its signals, bytes, where that depends on the settings: a graph that asks for more than there
+    /// may be is refused before this is built.
+    fn memory_bytes(settings: &Self::Settings, cx: &BuildContext) -> u64 {
+        let _ = (settings, cx);
+        0
+    }
     /// What can be built but is probably not meant; shown as warnings when a graph is checked.
     fn advice(settings: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
         let _ = (settings, cx);
@@ -460,7 +466,7 @@ pub struct NodeEntry {
 /// How a registered node is built from its fields. Each reports what is wrong and returns `None`.
 #[derive(Clone, Copy)]
 pub(crate) enum Build {
-    Processor(Read<BuildContext, Advised>),
+    Processor(Read<BuildContext, Measured>),
     Actuator(Read<(), (f64, Limit)>),
     File(Read<FileContext, Box<dyn FileSink>>),
     /// Reads a device; its outputs are the device's channels of the same names.
@@ -469,6 +475,9 @@ pub(crate) enum Build {
 
 /// The first half of building: fields to settings.
 pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
+
+/// The bytes that a processor will keep ([`NodeKind::memory_bytes`]), and how it is built.
+pub(crate) type Measured = (u64, Finish<BuildContext, Advised>);
 
 /// A processor and the warnings that came up while it was built.
 pub(crate) type Advised = (Box<dyn Processor>, Vec<BuildError>);
@@ -485,8 +494,12 @@ impl NodeEntry {
             build: Build::Processor(|fields, reading| {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(|cx| {
-                    let advice = K::advice(&settings, cx);
-                    Ok((K::build(settings, cx)?, advice))
+                    let bytes = K::memory_bytes(&settings, cx);
+                    let finish: Finish<BuildContext, Advised> = Box::new(|cx| {
+                        let advice = K::advice(&settings, cx);
+                        Ok((K::build(settings, cx)?, advice))
+                    });
+                    Ok((bytes, finish))
                 }))
             }),
         }

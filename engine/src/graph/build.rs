@@ -3,6 +3,7 @@
 use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode, Slot};
+use super::memory::{self, Memory};
 use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, Span};
@@ -40,9 +41,20 @@ pub(super) fn build(
     let simulated = simulated(draft, declared);
     let mut files = Vec::new();
     let mut works = Vec::new();
+    let mut memory = Memory::default();
+    memory.connections(cx, draft, clocks);
     for node in 0..draft.nodes.len() {
         cx.files.clear();
-        works.push(work(cx, draft, clocks, declared, &simulated, seed, node));
+        works.push(work(
+            cx,
+            draft,
+            clocks,
+            declared,
+            &simulated,
+            &mut memory,
+            seed,
+            node,
+        ));
         files.push(std::mem::take(&mut cx.files));
     }
     refuse_shared_files(cx, draft, &works);
@@ -113,16 +125,22 @@ fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
     simulated
 }
 
+#[expect(clippy::too_many_arguments, reason = "all of the graph has a say in a node")]
 fn work(
     cx: &mut Context<'_>,
     draft: &Draft,
     clocks: &Clocks,
     devices: &[DraftDevice],
     simulated: &[bool],
+    memory: &mut Memory,
     seed: u64,
     node: usize,
 ) -> Option<Work> {
     let target = &draft.nodes[node];
+    let buffers = buffer_bytes(draft, clocks, node);
+    if !memory.add(cx, buffers, target.name, &target.path) {
+        return None;
+    }
     let mut fields = target.fields.clone();
     let places = Places::of(&fields).and_inputs(target);
     let before = cx.diagnostics.len();
@@ -133,7 +151,10 @@ fn work(
             let context = context(draft, clocks, seed, node).filter(|_| sound);
             match (finish, context) {
                 (Some(finish), Some(context)) => {
-                    let advised = places.or_report(cx, finish(&context));
+                    let measured = places.or_report(cx, finish(&context));
+                    let fitting =
+                        measured.filter(|(bytes, _)| memory.add(cx, *bytes, target.name, &target.path));
+                    let advised = fitting.and_then(|(_, finish)| places.or_report(cx, finish(&context)));
                     advised.map(|(processor, advice)| {
                         advice.into_iter().for_each(|doubt| places.warn(cx, doubt));
                         Work::Process(processor)
@@ -222,6 +243,17 @@ fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<Bui
         seed: stream_seed(seed, &target.path),
         input_widths: widths.collect::<Option<_>>()?,
     })
+}
+
+/// What the outputs of a node hold at most, as if none shared its buffer with another.
+fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
+    let target = &draft.nodes[node];
+    let widths = target
+        .outputs
+        .iter()
+        .map(|output| output.kind.map_or(1, Kind::width));
+    let frames = target.clock.map_or(0, |clock| max_frames(clocks, clock));
+    memory::bytes(frames as u64, widths.sum())
 }
 
 /// The most frames of a clock within one quantum of its driver.

@@ -12,6 +12,7 @@ mod draft;
 mod expand;
 pub(crate) mod fingerprint;
 mod latency;
+mod memory;
 mod types;
 mod unused;
 mod values;

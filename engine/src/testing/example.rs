@@ -43,7 +43,9 @@ impl Bench {
                 let (finish, times) = example.read(build)?;
                 let connected: Vec<Option<Kind>> = kinds(&times).into_iter().map(Some).collect();
                 let cx = context(spec, rate_hz, &connected);
-                let (processor, _) = finish(&cx).map_err(|error| error.to_string())?;
+                let (processor, _) = finish(&cx)
+                    .and_then(|(_, finish)| finish(&cx))
+                    .map_err(|error| error.to_string())?;
                 Ok(Some(Self::around(processor, spec, &cx, &connected)))
             }
             Build::Actuator(build) => {

@@ -112,6 +112,11 @@ impl NodeKind for Delay {
         example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#,
     };
 
+    fn memory_bytes(settings: &DelaySettings, cx: &BuildContext) -> u64 {
+        let width = cx.input_widths.first().copied().unwrap_or(1);
+        u64::from(settings.frames) * (width * size_of::<f64>()) as u64
+    }
+
     fn build(settings: DelaySettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let width = cx.input_widths.first().copied().unwrap_or(1);
         let frames = settings.frames as usize;

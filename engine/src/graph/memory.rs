@@ -1,0 +1,71 @@
+//! What a graph will keep in memory while it runs, summed before any of it is asked for.
+
+use super::Bridge;
+use super::clocks::Clocks;
+use super::draft::{Context, Draft};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::frame::Kind;
+
+/// What the delays, rings and buffers of a graph may have together, bytes.
+const MAX_BYTES: u64 = 1 << 30;
+/// A ring holds its latency several times over, so that it neither runs dry nor overflows.
+const LATENCIES_A_RING: f64 = 4.0;
+
+/// What has been asked for so far.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    bytes: u64,
+    reported: bool,
+}
+
+impl Memory {
+    /// Counts what the delays and rings of all connections keep.
+    pub fn connections(&mut self, cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
+        for node in &draft.nodes {
+            for (_, wire) in node.wires() {
+                let from = &draft.nodes[wire.from];
+                let kind = from.outputs[wire.output].kind.unwrap_or(Kind::Scalar);
+                let frames = match wire.bridge {
+                    Some((Bridge::Delay { frames, .. }, _)) => frames,
+                    Some((Bridge::Ring { latency_s }, _)) => {
+                        let rate_hz = from.clock.map_or(0.0, |clock| clocks.list[clock].rate.hz());
+                        (LATENCIES_A_RING * latency_s * rate_hz) as u64
+                    }
+                    _ => 0,
+                };
+                self.add(cx, bytes(frames, kind.width()), wire.span, &node.path);
+            }
+        }
+    }
+
+    /// Counts what a node keeps; whether there is room for it.
+    pub fn add(&mut self, cx: &mut Context<'_>, bytes: u64, span: Span, path: &str) -> bool {
+        let all = self.bytes.saturating_add(bytes);
+        if all <= MAX_BYTES {
+            self.bytes = all;
+            return true;
+        }
+        if !std::mem::replace(&mut self.reported, true) {
+            let message = format!(
+                "the delays, rings and buffers of the graph need more than {} MiB: `{path}` needs {} of them, those before it {}",
+                MAX_BYTES >> 20,
+                mebibytes(bytes),
+                mebibytes(self.bytes),
+            );
+            let diagnostic = Diagnostic::error("E0305", span, message)
+                .label("there is no room for this")
+                .help("shorten delays, lower rates, or use fewer of these nodes");
+            cx.report(diagnostic);
+        }
+        false
+    }
+}
+
+/// Of so many frames.
+pub(super) fn bytes(frames: u64, width: usize) -> u64 {
+    frames.saturating_mul((width * size_of::<f64>()) as u64)
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{:.1}", bytes as f64 / f64::from(1 << 20))
+}
