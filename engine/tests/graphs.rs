@@ -8,7 +8,10 @@ mod common;
 use haptograph_engine::diagnostic::{Diagnostics, render, to_json};
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, delay, hold, ring};
 use haptograph_engine::graph::{Bridge, CheckOptions, Graph, check};
+use haptograph_engine::plan::{Plan, PlanOptions};
+use haptograph_engine::run::Run;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 fn options_of(text: &str) -> CheckOptions {
     let mut options = CheckOptions::default();
@@ -247,6 +250,50 @@ fn a_thousand_nodes_are_read_and_checked() {
     );
     assert_eq!(graph.nodes().node_count(), 1001);
     assert!(graph.warnings().is_empty());
+}
+
+/// Checked, its latencies found, planned, and run for a block, without overflowing a stack of the usual size.
+fn goes_the_whole_way(text: &str, nodes: usize) {
+    let document = Document::parse("large.ron", text).unwrap_or_else(|d| panic!("{d}"));
+    let graph =
+        check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
+    assert_eq!(graph.nodes().node_count(), nodes);
+    assert_eq!(graph.latencies().len(), 1);
+    let plans = Plan::all(&graph, &PlanOptions::default());
+    for plan in plans {
+        let mut run = Run::new(Arc::new(plan));
+        run.advance(64);
+        assert_eq!(run.driver_frames(), 64);
+    }
+}
+
+fn at_48_khz(nodes: &str, last: &str) -> String {
+    format!(
+        "Graph(format: 1, clocks: {{ \"audio\": Driver(rate_hz: 48000) }}, nodes: {{\n{nodes} \
+         \"file\": Wav(inputs: [\"{last}\"], file: \"a.wav\") }})"
+    )
+}
+
+#[test]
+fn a_chain_of_a_hundred_thousand_nodes_is_checked_planned_and_run() {
+    let mut nodes = String::from("\"n0\": Sine(),\n");
+    for i in 1..99_999 {
+        nodes += &format!("\"n{i}\": Gain(input: \"n{}.output\", gain: 0.5),\n", i - 1);
+    }
+    goes_the_whole_way(&at_48_khz(&nodes, "n99998"), 100_000);
+}
+
+/// Two ways at each stage, which are 2^1000 in all.
+#[test]
+fn a_thousand_dry_and_wet_stages_are_checked_planned_and_run() {
+    let mut nodes = String::from("\"m0\": Sine(),\n");
+    for i in 1..=1000 {
+        let dry = format!("m{}", i - 1);
+        nodes += &format!(
+            "\"w{i}\": Gain(input: \"{dry}\", gain: 0.5),\n\"m{i}\": Sum(inputs: [\"{dry}\", \"w{i}\"]),\n"
+        );
+    }
+    goes_the_whole_way(&at_48_khz(&nodes, "m1000"), 2002);
 }
 
 /// Deep chains and wide templates end in a graph or a message, never in a crash.

@@ -4,9 +4,8 @@ use super::{Bridge, Edge, Graph, Work};
 use crate::device::DeviceLatency;
 use crate::node::Latency;
 use crate::run::resampler;
-use petgraph::graph::NodeIndex;
-use petgraph::visit::EdgeRef;
-use std::collections::BTreeMap;
+use petgraph::graph::{EdgeReference, NodeIndex};
+use petgraph::visit::{DfsPostOrder, EdgeFiltered, EdgeRef};
 
 /// The delay from a node without inputs to a node that nothing reads, along the slowest way.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,60 +28,26 @@ impl Graph {
     /// The delay of every pair of source and sink, declared feedback left out.
     pub fn latencies(&self) -> Vec<PathLatency> {
         let mut found = Vec::new();
+        let mut slowest = Slowest::of(self);
         for source in self.nodes.externals(petgraph::Incoming) {
-            let mut reached: BTreeMap<NodeIndex, Latency> = BTreeMap::new();
-            self.follow(source, self.filtered(source), &mut reached, &mut Vec::new());
             let sensing_s = self.buffers_of(source).sensing_s;
-            for (sink, latency) in reached {
-                let ends = self.nodes.edges(sink).next().is_none();
-                let drives = matches!(self.nodes[sink].work, Work::Actuator { .. });
-                if sink != source && (ends || drives) {
-                    let driving_s = self.buffers_of(sink).driving_s;
-                    found.push(PathLatency {
-                        source: self.nodes[source].path.clone(),
-                        sink: self.nodes[sink].path.clone(),
-                        ends: [source, sink],
-                        transport_s: sensing_s + latency.transport_s + driving_s,
-                        held_s: latency.transport_s,
-                        group_delay_s: latency.group_delay_s,
-                    });
-                }
-            }
+            let reached = slowest.from(source).into_iter();
+            found.extend(reached.map(|(sink, latency)| PathLatency {
+                source: self.nodes[source].path.clone(),
+                sink: self.nodes[sink].path.clone(),
+                ends: [source, sink],
+                transport_s: sensing_s + latency.transport_s + self.buffers_of(sink).driving_s,
+                held_s: latency.transport_s,
+                group_delay_s: latency.group_delay_s,
+            }));
         }
         found
     }
 
-    /// Goes on from a node that is reached after `before`, where that is later than known.
-    fn follow(
-        &self,
-        node: NodeIndex,
-        before: Latency,
-        reached: &mut BTreeMap<NodeIndex, Latency>,
-        way: &mut Vec<NodeIndex>,
-    ) {
-        let own = match &self.nodes[node].work {
-            Work::Process(processor) => processor.latency(),
-            _ => Latency::default(),
-        };
-        let here = sum(before, own);
-        let total = |latency: &Latency| latency.transport_s + latency.group_delay_s;
-        // A loop through rings is followed once.
-        if way.contains(&node)
-            || reached
-                .get(&node)
-                .is_some_and(|known| total(known) >= total(&here))
-        {
-            return;
-        }
-        reached.insert(node, here);
-        way.push(node);
-        for edge in self.nodes.edges(node) {
-            if !matches!(edge.weight().bridge, Bridge::Delay { .. }) {
-                let crossing = self.crossing(node, edge.target(), edge.weight());
-                self.follow(edge.target(), sum(here, crossing), reached, way);
-            }
-        }
-        way.pop();
+    /// Is a way's delay told where it ends here?
+    fn ends_ways(&self, node: NodeIndex) -> bool {
+        let drives = matches!(self.nodes[node].work, Work::Actuator { .. });
+        drives || self.nodes.edges(node).next().is_none()
     }
 
     /// The delay of the filters behind what a source reads, the slowest of its channels.
@@ -127,6 +92,87 @@ impl Graph {
             group_delay_s,
         }
     }
+}
+
+/// Before any arrival: a filter that predicts has a delay below zero.
+const EARLIEST: Latency = Latency {
+    transport_s: 0.0,
+    group_delay_s: f64::NEG_INFINITY,
+};
+
+/// The slowest ways from a source, by one pass over what it reaches, each node after those before it.
+struct Slowest<'g> {
+    graph: &'g Graph,
+    /// By node: its place in the present pass, and the latest arrival at its inputs so far.
+    places: Vec<usize>,
+    before: Vec<Latency>,
+}
+
+impl<'g> Slowest<'g> {
+    fn of(graph: &'g Graph) -> Self {
+        let count = graph.nodes.node_count();
+        Self {
+            graph,
+            places: vec![0; count],
+            before: vec![Latency::default(); count],
+        }
+    }
+
+    /// The ends of ways from `source`, in the order of the graph's nodes, each with its delay.
+    fn from(&mut self, source: NodeIndex) -> Vec<(NodeIndex, Latency)> {
+        let graph = self.graph;
+        let order = self.order_from(source);
+        let mut ends = Vec::new();
+        for (place, node) in order.iter().enumerate() {
+            let own = match &graph.nodes[*node].work {
+                Work::Process(processor) => processor.latency(),
+                _ => Latency::default(),
+            };
+            let here = sum(self.before[node.index()], own);
+            for edge in graph.nodes.edges(*node).filter(|edge| leads_on(*edge)) {
+                let target = edge.target();
+                // A loop through rings is followed once: what leads back in it ends there.
+                if self.places[target.index()] > place {
+                    let arrival = sum(here, graph.crossing(*node, target, edge.weight()));
+                    let known = &mut self.before[target.index()];
+                    if total(&arrival) > total(known) {
+                        *known = arrival;
+                    }
+                }
+            }
+            if *node != source && graph.ends_ways(*node) {
+                ends.push((*node, here));
+            }
+        }
+        ends.sort_unstable_by_key(|(node, _)| *node);
+        ends
+    }
+
+    /// What the source reaches, every node after those that lead to it but for loops.
+    fn order_from(&mut self, source: NodeIndex) -> Vec<NodeIndex> {
+        let forward = EdgeFiltered::from_fn(&self.graph.nodes, leads_on);
+        let mut search = DfsPostOrder::new(&forward, source);
+        let mut order = Vec::new();
+        while let Some(node) = search.next(&forward) {
+            order.push(node);
+        }
+        order.reverse();
+        for (place, node) in order.iter().enumerate() {
+            self.places[node.index()] = place;
+            self.before[node.index()] = EARLIEST;
+        }
+        self.before[source.index()] = self.graph.filtered(source);
+        order
+    }
+}
+
+/// Is it no declared feedback?
+fn leads_on(edge: EdgeReference<'_, Edge>) -> bool {
+    !matches!(edge.weight().bridge, Bridge::Delay { .. })
+}
+
+fn total(latency: &Latency) -> f64 {
+    latency.transport_s + latency.group_delay_s
 }
 
 fn sum(a: Latency, b: Latency) -> Latency {

@@ -1,7 +1,7 @@
 //! The order in which nodes run, and the islands that have to run in small windows.
 
 use crate::graph::{Bridge, Edge, Graph, Work};
-use petgraph::algo::tarjan_scc;
+use petgraph::algo::kosaraju_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::cmp::Reverse;
@@ -21,7 +21,8 @@ pub(crate) struct Group {
 pub(crate) fn order(graph: &Graph) -> Vec<Group> {
     let links = with_device_links(graph);
     let mut group_of = vec![0_usize; graph.nodes.node_count()];
-    let mut groups: Vec<Vec<NodeIndex>> = tarjan_scc(&links);
+    // Iterative, unlike Tarjan's as petgraph has it: a long chain must not overflow the stack.
+    let mut groups: Vec<Vec<NodeIndex>> = kosaraju_scc(&links);
     for (number, members) in groups.iter_mut().enumerate() {
         members.sort_by(|a, b| graph.nodes[*a].path.cmp(&graph.nodes[*b].path));
         for member in members {
