@@ -1,5 +1,6 @@
 //! What makes two nodes the same but for their path: what a running node's state can be handed over by, and what a
-//! replay knows the graph by.
+//! replay knows the graph by. They are kept in files, so they are the same on every machine and in every version of this
+//! program that has the same [`VERSION`].
 
 use super::clocks::Clocks;
 use super::devices::DraftDevice;
@@ -7,92 +8,158 @@ use super::draft::{Context, Draft};
 use super::{Graph, Work};
 use crate::document::folder;
 use crate::document::value::{Body, Shape, Tagged, Value};
-use crate::frame::Kind;
 use crate::settings::Fields;
 use haptograph_signal::files;
+use haptograph_signal::time::Rate;
 use petgraph::graph::NodeIndex;
 use petgraph::visit::EdgeRef;
 use std::collections::BTreeMap;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
+
+/// Of what is fingerprinted and how: counted up whenever one of the two changes.
+const VERSION: u64 = 1;
+
+/// 64 bits of everything it is given, in that order: FNV-1a over bytes, whose length is said first; numbers are eight
+/// bytes, the lowest first.
+struct Fingerprint(u64);
+
+impl Fingerprint {
+    fn new() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        for byte in (bytes.len() as u64).to_le_bytes().iter().chain(bytes) {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn text(&mut self, text: &str) {
+        self.bytes(text.as_bytes());
+    }
+
+    fn number(&mut self, number: u64) {
+        self.bytes(&number.to_le_bytes());
+    }
+
+    fn maybe(&mut self, number: Option<u64>) {
+        self.number(u64::from(number.is_some()));
+        self.number(number.unwrap_or(0));
+    }
+
+    fn rate(&mut self, rate: Rate) {
+        let (numerator, denominator) = rate.parts();
+        self.number(numerator);
+        self.number(denominator);
+    }
+
+    /// What was put in by `put`, mixed so that sums of such numbers tell their parts apart.
+    fn of(put: impl FnOnce(&mut Self)) -> u64 {
+        let mut state = Self::new();
+        put(&mut state);
+        let mut mixed = state.0;
+        for factor in [0xff51_afd7_ed55_8ccd_u64, 0xc4ce_b9fe_1a85_ec53] {
+            mixed = (mixed ^ (mixed >> 33)).wrapping_mul(factor);
+        }
+        mixed ^ (mixed >> 33)
+    }
+}
 
 /// Of a node's kind, settings but for those that may change while it runs, rate, and the frames it is given.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
-    let mut state = DefaultHasher::new();
-    target.entry.spec.name.hash(&mut state);
-    let live: Vec<&str> = target
-        .entry
-        .settings()
-        .iter()
+    let settings = target.entry.settings().into_iter();
+    let live: Vec<&str> = settings
         .filter(|setting| setting.live)
         .map(|setting| setting.name)
         .collect();
-    fields(cx, &target.fields, &live, &mut state);
-    target.clock.map(|clock| clocks.list[clock].rate).hash(&mut state);
-    for slot in &target.inputs {
-        let carried = slot
-            .wire
-            .as_ref()
-            .map(|wire| draft.nodes[wire.from].outputs[wire.output]);
-        carried
-            .and_then(|carried| carried.kind)
-            .map(Kind::width)
-            .hash(&mut state);
-    }
-    state.finish()
+    Fingerprint::of(|state| {
+        state.text(target.entry.spec.name);
+        state.number(fields(cx, &target.fields, &live));
+        state.maybe(target.clock.map(|_| 1));
+        target
+            .clock
+            .into_iter()
+            .for_each(|clock| state.rate(clocks.list[clock].rate));
+        for slot in &target.inputs {
+            let wire = slot.wire.as_ref();
+            let carried = wire.and_then(|wire| draft.nodes[wire.from].outputs[wire.output].kind);
+            state.maybe(carried.map(|kind| kind.width() as u64));
+        }
+    })
 }
 
 /// Of a device's kind, settings and rate.
 pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice) -> u64 {
-    let mut state = DefaultHasher::new();
-    device.entry.spec.name.hash(&mut state);
-    fields(cx, &device.fields, &[], &mut state);
-    device.clock.map(|clock| clocks.list[clock].rate).hash(&mut state);
-    state.finish()
+    Fingerprint::of(|state| {
+        state.text(device.entry.spec.name);
+        state.number(fields(cx, &device.fields, &[]));
+        state.maybe(device.clock.map(|_| 1));
+        device
+            .clock
+            .into_iter()
+            .for_each(|clock| state.rate(clocks.list[clock].rate));
+    })
 }
 
 /// Fields in any order: writing them in another one changes nothing.
-fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str], state: &mut DefaultHasher) {
+fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str]) -> u64 {
     let counted = fields
         .remaining()
         .iter()
         .filter(|(name, _)| !but.contains(&name.text.as_str()));
     let each = counted.map(|(name, given)| {
-        let mut state = DefaultHasher::new();
-        name.text.hash(&mut state);
-        value(cx, given, &mut state);
-        state.finish()
+        Fingerprint::of(|state| {
+            state.text(&name.text);
+            value(cx, given, state);
+        })
     });
-    each.fold(0_u64, u64::wrapping_add).hash(state);
+    each.fold(0_u64, u64::wrapping_add)
 }
 
 /// The meaning of a value, not its place; of a string that names a file what that holds.
-fn value(cx: &Context<'_>, given: &Value, state: &mut DefaultHasher) {
-    std::mem::discriminant(&given.shape).hash(state);
+fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
     match &given.shape {
-        Shape::Unit => {}
-        Shape::Bool(flag) => flag.hash(state),
-        Shape::Number(number, _) => number.to_bits().hash(state),
+        Shape::Unit => state.number(0),
+        Shape::Bool(flag) => {
+            state.number(1);
+            state.number(u64::from(*flag));
+        }
+        Shape::Number(number, _) => {
+            state.number(2);
+            state.number(number.to_bits());
+        }
         Shape::String(text) => {
-            text.hash(state);
+            state.number(3);
+            state.text(text);
             file(&folder(&cx.sources, given.span.source).join(text), state);
         }
-        Shape::List(values) => values.iter().for_each(|inner| value(cx, inner, state)),
+        Shape::List(values) => {
+            state.number(4);
+            all(cx, values, state);
+        }
         Shape::Map(pairs) => {
+            state.number(5);
+            state.number(pairs.len() as u64);
             for (key, inner) in pairs {
                 value(cx, key, state);
                 value(cx, inner, state);
             }
         }
         Shape::Tagged(Tagged { name, body }) => {
-            name.as_ref().map(|name| &name.text).hash(state);
+            state.number(6);
+            state.text(name.as_ref().map_or("", |name| &name.text));
             match body {
-                Body::Bare => {}
-                Body::Tuple(values) => values.iter().for_each(|inner| value(cx, inner, state)),
+                Body::Bare => state.number(0),
+                Body::Tuple(values) => {
+                    state.number(1);
+                    all(cx, values, state);
+                }
                 Body::Fields(fields) => {
+                    state.number(2);
+                    state.number(fields.len() as u64);
                     for (name, inner) in fields {
-                        name.text.hash(state);
+                        state.text(&name.text);
                         value(cx, inner, state);
                     }
                 }
@@ -101,16 +168,18 @@ fn value(cx: &Context<'_>, given: &Value, state: &mut DefaultHasher) {
     }
 }
 
+fn all(cx: &Context<'_>, values: &[Value], state: &mut Fingerprint) {
+    state.number(values.len() as u64);
+    values.iter().for_each(|inner| value(cx, inner, state));
+}
+
 /// If there is such a file: what is in it, as what a node reads from a file is part of what the node is. Where it lies
 /// is not, nor when it was written.
-fn file(path: &Path, state: &mut DefaultHasher) {
-    if !path.is_file() {
-        return;
+fn file(path: &Path, state: &mut Fingerprint) {
+    if path.is_file() {
+        // One that cannot be read is refused by the node that needs it.
+        state.bytes(&files::read(path, files::MAX_RECORDING_BYTES).unwrap_or_default());
     }
-    // One that cannot be read is refused by the node that needs it.
-    files::read(path, files::MAX_RECORDING_BYTES)
-        .unwrap_or_default()
-        .hash(state);
 }
 
 /// Of everything that a graph's samples come from, live settings included, by what it is called. Nodes that only
@@ -118,10 +187,11 @@ fn file(path: &Path, state: &mut DefaultHasher) {
 pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
     let samples = |node: &NodeIndex| !matches!(graph.nodes[*node].work, Work::File(_));
     let clocks = graph.clocks.iter().map(|clock| {
-        (
-            format!("clock {}", clock.name),
-            hash_of((clock.rate, clock.driver)),
-        )
+        let hash = Fingerprint::of(|state| {
+            state.rate(clock.rate);
+            state.number(clock.driver as u64);
+        });
+        (format!("clock {}", clock.name), hash)
     });
     let devices = graph
         .devices
@@ -129,12 +199,15 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
         .map(|device| (format!("endpoint {}", device.name), device.fingerprint));
     let nodes = graph.nodes.node_indices().filter(samples).map(|index| {
         let node = &graph.nodes[index];
-        let live: Vec<(usize, u64)> = node
-            .live
-            .iter()
-            .map(|(at, value)| (*at, value.to_bits()))
-            .collect();
-        let hash = hash_of((node.entry.spec.name, node.fingerprint, node.clock, live));
+        let hash = Fingerprint::of(|state| {
+            state.text(node.entry.spec.name);
+            state.number(node.fingerprint);
+            state.maybe(node.clock.map(|clock| clock as u64));
+            for (at, value) in &node.live {
+                state.number(*at as u64);
+                state.number(value.to_bits());
+            }
+        });
         (format!("node {}", node.path), hash)
     });
     let edges = graph
@@ -149,13 +222,18 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
         );
         let (output, input) = (from.outputs[edge.output].name, to.inputs[edge.input].name);
         let name = format!("connection {}.{output} to {}.{input}", from.path, to.path);
-        // As text the bridge's numbers are exact.
-        (
-            name,
-            hash_of((edge.output, edge.input, format!("{:?}", edge.bridge))),
-        )
+        let hash = Fingerprint::of(|state| {
+            state.number(edge.output as u64);
+            state.number(edge.input as u64);
+            // As text the bridge's numbers are exact.
+            state.text(&format!("{:?}", edge.bridge));
+        });
+        (name, hash)
     });
-    let mut all = BTreeMap::from([(String::from("seed"), graph.seed)]);
+    let mut all = BTreeMap::from([
+        (String::from("seed"), graph.seed),
+        (String::from("version of these fingerprints"), VERSION),
+    ]);
     for (name, hash) in clocks.chain(devices).chain(nodes).chain(edges) {
         // Several connections may share a name.
         let sum = all.entry(name).or_insert(0);
@@ -164,8 +242,20 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
     all
 }
 
-fn hash_of(value: impl Hash) -> u64 {
-    let mut state = DefaultHasher::new();
-    value.hash(&mut state);
-    state.finish()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From the definition, worked out apart from this program: another result needs another version.
+    #[test]
+    fn fingerprints_do_not_change_from_one_program_to_the_next() {
+        assert_eq!(VERSION, 1);
+        let some = Fingerprint::of(|state| {
+            state.text("Gain");
+            state.number(7);
+            state.maybe(None);
+            state.rate(Rate::new(44_100, 7).unwrap());
+        });
+        assert_eq!(some, 0xdc5d_bef9_b15a_ece7);
+    }
 }
