@@ -217,8 +217,8 @@ impl Control {
         let has_time = FRAME_BY_FRAME * load * (1.0 + more) <= 1.0;
         let mut next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
         // It begins with what was set by hand, and what the file says otherwise glides from there.
-        for live in &settings {
-            next.run.set(live.node, live.setting, live.value);
+        for (place, live) in settings.iter().enumerate() {
+            next.run.set_live(place, live.value);
         }
         Ok(Prepared {
             next,

@@ -204,28 +204,20 @@ impl Run {
         &mut self.state.memory.all_mut()[self.program.range(slot)]
     }
 
-    /// Sets one of the plan's live settings.
+    /// Sets one of the plan's live settings, by its place among them.
     fn set_live(&mut self, place: usize, value: f64) {
-        if let Some(live) = self.plan.live.get(place) {
-            let (node, setting) = (live.node, live.setting);
-            self.set(node, setting, value);
+        let (Some(live), Some(works)) = (self.plan.live.get(place), self.program.of_live.get(place)) else {
+            return;
+        };
+        for work in works {
+            self.state.set(*work, live.setting, value);
         }
     }
 
     /// Sets a live setting of a node, by the setting's place in the node's list.
     pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) {
-        let plan = &self.plan;
-        for step in plan.steps.iter().filter(|step| step.node == node) {
-            match step.work {
-                StepWork::Process(index) => {
-                    self.state.processors[index as usize].set(setting, value);
-                    self.state.renew_single(index as usize);
-                }
-                StepWork::Actuator(index) if value.is_finite() => {
-                    self.state.actuators[index as usize].gain = value;
-                }
-                _ => {}
-            }
+        for step in self.plan.steps.iter().filter(|step| step.node == node) {
+            self.state.set(step.work, setting, value);
         }
     }
 

@@ -4,6 +4,7 @@ use crate::io::{Binding, Extent, Form, Placing, Wire};
 use crate::node::Single;
 use crate::plan::{Plan, Step, StepWork, Tap};
 use petgraph::graph::NodeIndex;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -20,6 +21,8 @@ pub(super) struct Program {
     pub len: usize,
     /// Seconds a frame, by clock.
     pub periods_s: Vec<f64>,
+    /// The work of each live setting's node.
+    pub of_live: Vec<Box<[StepWork]>>,
 }
 
 /// What the loop has to know of a step; its label and the like stay in the plan.
@@ -88,6 +91,7 @@ impl Program {
             taps: plan.taps.iter().map(tap).collect(),
             extents,
             len,
+            of_live: of_live(plan),
             periods_s: plan.rates.iter().map(|rate| rate.period_s()).collect(),
         }
     }
@@ -122,6 +126,19 @@ fn join_streaks(lines: &mut [Line]) {
             earlier.singles *= 1 + singles;
         }
     }
+}
+
+fn of_live(plan: &Plan) -> Vec<Box<[StepWork]>> {
+    let mut works: HashMap<NodeIndex, Vec<StepWork>> = HashMap::new();
+    for step in &plan.steps {
+        works.entry(step.node).or_default().push(step.work);
+    }
+    let of = |node| {
+        works
+            .get(node)
+            .map_or_else(Box::default, |works| works.as_slice().into())
+    };
+    plan.live.iter().map(|live| of(&live.node)).collect()
 }
 
 fn line(plan: &Plan, step: &Step, extents: &[Extent]) -> Line {

@@ -20,6 +20,20 @@ impl State {
         }
     }
 
+    /// Sets a live setting of what does this work.
+    pub(super) fn set(&mut self, work: StepWork, setting: usize, value: f64) {
+        match work {
+            StepWork::Process(index) => {
+                self.processors[index as usize].set(setting, value);
+                self.renew_single(index as usize);
+            }
+            StepWork::Actuator(index) if value.is_finite() => {
+                self.actuators[index as usize].gain = value;
+            }
+            _ => {}
+        }
+    }
+
     pub(super) fn steps<W: Watch>(
         &mut self,
         plan: &Plan,
