@@ -141,11 +141,12 @@ mod tests {
 
     fn endpoints(stylus: &str, coil: &str, is_live: bool) -> Endpoints {
         let text = format!(
-            r#"Graph(format: 1, clocks: {{ "audio": Driver(rate_hz: 48000) }},
+            r#"Graph(format: 1, 
+            clocks: {{ "servo": Driver(rate_hz: 125), "audio": Driver(rate_hz: 48000) }},
             nodes: {{
-                "stylus": Tablet(clock: "audio", endpoint: "stylus"),
-                "felt": Calibrate(input: "stylus.force", from: "force", to: "current", factor: 0.1),
-                "out": ActuatorSink(current: "felt", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+                "stylus": Tablet(clock: "servo", endpoint: "stylus"),
+                "bias": Constant(clock: "audio", value: 0.4, quantity: "current"),
+                "out": ActuatorSink(current: "bias", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
             }},
             endpoints: {{ "simulated": {{ "stylus": {stylus}, "coil": {coil} }} }})"#
         );
