@@ -11,7 +11,7 @@ pub mod protocol;
 mod remote;
 mod socket;
 
-pub use control::{OscControl, Told};
+pub use control::{OscControl, Told, understand};
 pub use evdev::{EvdevDevice, EvdevDeviceSettings};
 pub use link::Counts;
 pub use osc::{OscDevice, OscDeviceSettings};

@@ -91,7 +91,7 @@ impl Drop for OscControl {
 }
 
 /// The settings in a packet, bundles taken at once; none if any of it is something else.
-fn understand(bytes: &[u8]) -> Option<Vec<Told>> {
+pub fn understand(bytes: &[u8]) -> Option<Vec<Told>> {
     let mut told = Vec::new();
     let mut packets = vec![decode(bytes).ok()?];
     while let Some(packet) = packets.pop() {
