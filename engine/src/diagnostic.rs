@@ -6,6 +6,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub(crate) use show::MAX_SHOWN;
 pub use show::{render, to_json};
 
 /// A source file of a graph: the graph file itself or an included one.

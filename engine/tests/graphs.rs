@@ -325,6 +325,27 @@ fn size_alone_breaks_nothing() {
 
 /// Whatever is done to a right file, the answer is a graph or at least one finding, and the finding can be shown.
 #[test]
+fn what_was_meant_is_searched_for_findings_that_are_shown() {
+    let node = |i: usize| format!("\"leak{i}\": Gain(input: \"laek{i}\", gain: 0.5)");
+    let nodes: Vec<String> = (0..1500).map(node).collect();
+    let text = format!(
+        "Graph(format: 1, clocks: {{ \"main\": Driver(rate_hz: 1000) }}, nodes: {{ {} }})",
+        nodes.join(",\n")
+    );
+    let document = Document::parse("wrong.ron", &text).unwrap_or_else(|d| panic!("{d}"));
+    let wrong = check(&document, &common::registry(), &CheckOptions::default()).expect_err("unknown inputs");
+    let unknown: Vec<bool> = wrong
+        .list
+        .iter()
+        .filter(|finding| finding.code == "E0202")
+        .map(|finding| !finding.help.is_empty())
+        .collect();
+    assert_eq!(unknown.len(), 1500);
+    assert!(unknown[..100].iter().all(|helped| *helped));
+    assert!(!unknown[100..].contains(&true));
+}
+
+#[test]
 fn mutations_of_right_files_never_panic() {
     use rand::{RngExt, SeedableRng};
     let mut random = rand_xoshiro::Xoshiro256PlusPlus::seed_from_u64(2);

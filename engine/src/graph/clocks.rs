@@ -100,7 +100,7 @@ fn declared<'a>(
             let message = format!("there is no kind of clock `{other}`");
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind of clock");
             let kinds = ["Driver", "Derived"].into_iter();
-            let diagnostic = suggest(diagnostic, other, kinds, "there are", "");
+            let diagnostic = suggest(cx, diagnostic, other, kinds, "there are", "");
             cx.report(diagnostic);
             return clock;
         }
@@ -199,6 +199,7 @@ fn driver(
                 let known = declared.iter().map(|clock| clock.name.text.as_str());
                 let known = known.filter(|name| *name != declared[clock].name.text);
                 let diagnostic = suggest(
+                    cx,
                     diagnostic,
                     parent,
                     known,
@@ -309,7 +310,7 @@ fn given_clock(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, node: u
                 .label("unknown clock");
             let known = cx.document.clocks.iter().map(|(name, _)| name.text.as_str());
             let none = format!("declare it: `clocks: {{ \"{name}\": Driver(rate_hz: 48000) }}`");
-            let diagnostic = suggest(diagnostic, &name, known, "the clocks are", &none);
+            let diagnostic = suggest(cx, diagnostic, &name, known, "the clocks are", &none);
             let diagnostic = draft.in_use(node, diagnostic, cx);
             cx.report(diagnostic);
         }

@@ -3,7 +3,7 @@
 use super::clocks::Clocks;
 use super::draft::{Context, Draft, DraftNode, Type};
 use super::expand::parts;
-use super::values::{Parameters, Place, suggest};
+use super::values::{Parameters, Place, in_order, suggest};
 use crate::device::{Channel, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Name, Value};
@@ -60,7 +60,7 @@ pub(super) fn read(
             format!("the graph has no set of endpoints `{set}`"),
         );
         diagnostic.primary = None;
-        let diagnostic = suggest(diagnostic, set, declared, "its sets are", "");
+        let diagnostic = suggest(cx, diagnostic, set, declared, "its sets are", "");
         cx.report(diagnostic);
         return None;
     };
@@ -95,6 +95,7 @@ fn device(
         let diagnostic = Diagnostic::error("E0208", kind.span, message).label("unknown kind of device");
         let known = cx.registry.devices().iter().map(|entry| entry.spec.name);
         let diagnostic = suggest(
+            cx,
             diagnostic,
             &kind.text,
             known,
@@ -206,13 +207,12 @@ fn device_of(
     }
     let message = format!("there is no device `{name}` among the {} endpoints", devices.set);
     let diagnostic = Diagnostic::error("E0207", value.span, message).label("unknown device");
-    let mut known: Vec<&str> = devices.names.keys().map(String::as_str).collect();
-    known.sort_unstable();
+    let known = in_order(cx, &devices.names);
     let none = format!(
         "declare it: `endpoints: {{ \"{}\": {{ \"{name}\": ... }} }}`",
         devices.set
     );
-    let diagnostic = suggest(diagnostic, &name, known.into_iter(), "the devices are", &none);
+    let diagnostic = suggest(cx, diagnostic, &name, known.into_iter(), "the devices are", &none);
     let diagnostic = draft.in_use(node, diagnostic, cx);
     cx.report(diagnostic);
     None

@@ -1,7 +1,7 @@
 //! A graph on its way to being proved sound.
 
 use super::Bridge;
-use crate::diagnostic::{Diagnostic, Sources, Span};
+use crate::diagnostic::{Diagnostic, MAX_SHOWN, Severity, Sources, Span};
 use crate::document::value::Value;
 use crate::document::{Document, folder};
 use crate::frame::Kind;
@@ -26,6 +26,12 @@ pub(super) struct Context<'a> {
 impl Context<'_> {
     pub fn report(&mut self, diagnostic: Diagnostic) {
         self.diagnostics.push(diagnostic);
+    }
+
+    /// Will what is found next be shown, and is it worth a search for what was meant?
+    pub fn is_suggesting(&self) -> bool {
+        let errors = self.diagnostics.iter().filter(|d| d.severity == Severity::Error);
+        errors.take(MAX_SHOWN).count() < MAX_SHOWN
     }
 
     /// Does something with the reader of settings, which reports here.

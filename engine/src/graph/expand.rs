@@ -112,6 +112,7 @@ impl Expansion<'_> {
                 .map(|template| template.name.text.as_str());
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
             let near = suggest(
+                cx,
                 diagnostic,
                 &kind.text,
                 kinds.chain(templates),

@@ -55,6 +55,7 @@ impl Parameters {
                 let diagnostic =
                     Diagnostic::error("E0209", at(0, name.len()), message).label("unknown parameter");
                 let diagnostic = suggest(
+                    cx,
                     diagnostic,
                     name,
                     known,
@@ -229,7 +230,7 @@ impl Parameters {
         let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown parameter");
         let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
         let none = format!("declare it: `parameters: {{ \"{asked}\": ... }}`");
-        let diagnostic = suggest(diagnostic, asked, known, "its parameters are", &none);
+        let diagnostic = suggest(cx, diagnostic, asked, known, "its parameters are", &none);
         cx.report(diagnostic);
         None
     }
@@ -255,10 +256,16 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
     }
     let message = format!("the template has no setting `{asked}`");
     let diagnostic = Diagnostic::error("E0209", value.span, message).label("unknown setting");
-    let mut known: Vec<&str> = settings.keys().map(String::as_str).collect();
-    known.sort_unstable();
+    let known = in_order(cx, settings);
     let none = format!("declare it: `settings: {{ \"{asked}\": Required }}`");
-    let diagnostic = suggest(diagnostic, asked, known.into_iter(), "its settings are", &none);
+    let diagnostic = suggest(
+        cx,
+        diagnostic,
+        asked,
+        known.into_iter(),
+        "its settings are",
+        &none,
+    );
     cx.report(diagnostic);
     None
 }
@@ -296,14 +303,28 @@ fn measure(value: &Value) -> (usize, usize) {
 /// a minute.
 const MAX_COMPARED_NAMES: usize = 500;
 
-/// Adds "did you mean", or what there is to choose from.
+/// These names in order, where they are still of use to [`suggest`].
+pub(super) fn in_order<'a, T>(cx: &Context<'_>, known: &'a HashMap<String, T>) -> Vec<&'a str> {
+    if !cx.is_suggesting() {
+        return Vec::new();
+    }
+    let mut names: Vec<&str> = known.keys().map(String::as_str).collect();
+    names.sort_unstable();
+    names
+}
+
+/// Adds "did you mean", or what there is to choose from, to findings that can still be shown.
 pub(super) fn suggest<'a>(
+    cx: &Context<'_>,
     diagnostic: Diagnostic,
     word: &str,
     known: impl Iterator<Item = &'a str> + Clone,
     choices: &str,
     none: &str,
 ) -> Diagnostic {
+    if !cx.is_suggesting() {
+        return diagnostic;
+    }
     if let Some(near) = closest(word, known.clone().take(MAX_COMPARED_NAMES)) {
         return diagnostic.help(format!("did you mean `{near}`?"));
     }

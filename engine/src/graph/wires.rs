@@ -3,7 +3,7 @@
 use super::Bridge;
 use super::draft::{Context, Draft, Slot, Target, Wire};
 use super::expand::missing_input;
-use super::values::suggest;
+use super::values::{in_order, suggest};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
@@ -271,7 +271,14 @@ fn choose(
             }
             let diagnostic = Diagnostic::error("E0203", span, format!("`{node}` has no output `{port}`"))
                 .label(format!("no such output of `{kind}`"));
-            suggest(diagnostic, port, outputs.iter().copied(), "its outputs are", "")
+            suggest(
+                cx,
+                diagnostic,
+                port,
+                outputs.iter().copied(),
+                "its outputs are",
+                "",
+            )
         }
     };
     cx.report(diagnostic);
@@ -295,9 +302,9 @@ fn unknown_node(cx: &mut Context<'_>, draft: &Draft, scope: usize, span: Span, n
     } else if node.contains('/') {
         diagnostic.help("what is inside a template is reached through the template's outputs alone")
     } else {
-        let mut known: Vec<&str> = place.names.keys().map(String::as_str).collect();
-        known.sort_unstable();
+        let known = in_order(cx, &place.names);
         suggest(
+            cx,
             diagnostic,
             node,
             known.into_iter(),
@@ -338,7 +345,7 @@ fn handed_in(
             let diagnostic = Diagnostic::error("E0209", span, message).label("unknown input");
             let known = template.inputs.iter().map(|name| name.text.as_str());
             let none = format!("declare it: `inputs: [\"{input}\"]`");
-            let diagnostic = suggest(diagnostic, input, known, "its inputs are", &none);
+            let diagnostic = suggest(cx, diagnostic, input, known, "its inputs are", &none);
             cx.report(diagnostic);
             None
         }
