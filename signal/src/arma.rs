@@ -15,10 +15,12 @@
 mod bank;
 mod direct;
 mod lattice;
+mod warped;
 
 pub use bank::VoiceBank;
 pub use direct::DirectForm;
 pub use lattice::Lattice;
+pub use warped::WarpedLattice;
 
 use crate::prediction::PredictionError;
 use thiserror::Error;

@@ -15,6 +15,7 @@ pub mod spectrum;
 pub mod statistics;
 pub mod time;
 pub mod vector;
+pub mod warped;
 pub mod window;
 
 pub use rustfft::num_complex::Complex64;
