@@ -64,7 +64,7 @@ impl Kind {
             Self::Weights => &Weights::LANES,
             Self::Event => &["fired", "value"],
             Self::Coefficients => {
-                let head = ["ar_order", "ma_order", "gain", "variance"].map(str::to_owned);
+                let head = ["ar_order", "ma_order", "gain", "variance", "warping"].map(str::to_owned);
                 let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
                 let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
                 return head.into_iter().chain(ar).chain(ma).collect();
@@ -213,23 +213,27 @@ pub struct Coefficients<'a> {
     pub gain: f64,
     /// Innovation variance, (m/s2)^2.
     pub variance: f64,
+    /// Warping factor of the frequency axis of `ar`; 0 where it is plain.
+    pub warping: f64,
 }
 
 impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
     pub const MAX_ORDER: usize = 32;
     /// Lanes of one coefficients frame.
-    pub const WIDTH: usize = 4 + 2 * Self::MAX_ORDER;
+    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER;
+    const HEAD: usize = 5;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
     pub fn from_lanes(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
         let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
-        let (ar, ma) = lanes[4..].split_at(Self::MAX_ORDER);
+        let (ar, ma) = lanes[Self::HEAD..].split_at(Self::MAX_ORDER);
         Self {
             ar: &ar[..order(lanes[0])],
             ma: &ma[..order(lanes[1])],
             gain: lanes[2],
             variance: lanes[3],
+            warping: lanes[4],
         }
     }
 
@@ -239,8 +243,9 @@ impl<'a> Coefficients<'a> {
         let q = self.ma.len().min(Self::MAX_ORDER);
         *lanes = [0.0; Self::WIDTH];
         (lanes[0], lanes[1], lanes[2], lanes[3]) = (p as f64, q as f64, self.gain, self.variance);
-        lanes[4..4 + p].copy_from_slice(&self.ar[..p]);
-        lanes[4 + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+        lanes[4] = self.warping;
+        lanes[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
+        lanes[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
     }
 }
 
@@ -299,12 +304,13 @@ mod tests {
             ma: &[0.1],
             gain: 2.0,
             variance: 0.5,
+            warping: 0.8,
         }
         .write(&mut lanes);
         let read = Coefficients::from_lanes(&lanes);
         assert_eq!(
-            (read.ar, read.ma, read.gain, read.variance),
-            (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5)
+            (read.ar, read.ma, read.gain, read.variance, read.warping),
+            (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
     }
 

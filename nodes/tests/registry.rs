@@ -112,6 +112,7 @@ fn fill(kind: Kind, frame: &mut [f64], rng: &mut Xoshiro256PlusPlus) {
                 ma: &[0.2],
                 gain: 1.5,
                 variance,
+                warping: 0.0,
             };
             if let Ok(frame) = frame.try_into() {
                 filter.write(frame);

@@ -6,6 +6,7 @@
 //! 10 kHz half of the warped axis lies below 350 Hz (Oppenheim and Johnson 1972; Härmä and others 2000).
 //! With `l = 0` everything here is the ordinary case.
 
+use crate::arma::MAX_ORDER;
 use crate::prediction::{PredictionError, step_down};
 use std::f64::consts::PI;
 
@@ -29,26 +30,32 @@ pub fn unwarp(warped_rad: f64, warping: f64) -> f64 {
 /// the warped axis weighs frequencies by `dw/dW = (1 - l^2) / |1 + l exp(-jW)|^2`, and an all-pole model's power is the
 /// inverse product of its `1 - kappa^2`. It is relative to the drive d, not to the first autocovariance of a fit.
 ///
+/// Does not allocate.
+///
 /// # Errors
-/// [`PredictionError::Unstable`] and [`PredictionError::NotFinite`]. Allocates; the filter has its own way.
+/// [`PredictionError::Unstable`], [`PredictionError::NotFinite`], and [`PredictionError::TooShort`] for more than
+/// [`MAX_ORDER`] coefficients.
 pub fn power_gain(ar: &[f64], warping: f64) -> Result<f64, PredictionError> {
-    let mut product = vec![0.0; ar.len() + 1];
-    Ok((1.0 - warping * warping) / residual_share(ar, warping, &mut product)?)
+    let mut product = [0.0; MAX_ORDER + 1];
+    let (order, needed) = (ar.len(), ar.len() + 1);
+    let given = product.len();
+    let product = product.get_mut(..needed);
+    let product = product.ok_or(PredictionError::TooShort { order, needed, given })?;
+    Ok((1.0 - warping * warping) / residual_share(ar, warping, product)?)
 }
 
 /// `prod (1 - kappa_m^2)` of `A(zeta) (1 + l zeta^-1)`; `product` has one place more than `ar`.
-pub(crate) fn residual_share(
-    ar: &[f64],
-    warping: f64,
-    product: &mut [f64],
-) -> Result<f64, PredictionError> {
+pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> Result<f64, PredictionError> {
     let mut before = 1.0;
     for (place, a) in product.iter_mut().zip(ar.iter().chain(&[0.0])) {
         *place = a + warping * before;
         before = *a;
     }
     step_down(product)?;
-    Ok(product.iter().map(|kappa| (1.0 - kappa) * (1.0 + kappa)).product())
+    Ok(product
+        .iter()
+        .map(|kappa| (1.0 - kappa) * (1.0 + kappa))
+        .product())
 }
 
 /// `1 / |A(D)|^2` at `frequency_rad`, radians a sample.
@@ -119,8 +126,8 @@ mod tests {
             let integral: f64 = (0..count)
                 .map(|k| {
                     let warped = (f64::from(k) + 0.5) * step;
-                    let jacobian = (1.0 - warping * warping)
-                        / (1.0 + warping * warping + 2.0 * warping * warped.cos());
+                    let jacobian =
+                        (1.0 - warping * warping) / (1.0 + warping * warping + 2.0 * warping * warped.cos());
                     squared_response(model, *warping, unwarp(warped, *warping)) * jacobian
                 })
                 .sum::<f64>()
@@ -151,7 +158,13 @@ mod tests {
             let found = levinson(&cell_autocovariance(&cells, 8), 8).unwrap();
             assert!((found.variance / 3.0 - 1.0).abs() < 1e-3);
             let largest = model.iter().fold(1.0_f64, |most, a| most.max(a.abs()));
-            assert!(found.ar.iter().zip(&model).all(|(a, b)| (a - b).abs() < 2e-3 * largest));
+            assert!(
+                found
+                    .ar
+                    .iter()
+                    .zip(&model)
+                    .all(|(a, b)| (a - b).abs() < 2e-3 * largest)
+            );
         }
     }
 }

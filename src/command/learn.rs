@@ -6,10 +6,11 @@ use super::table::{facts, significant};
 use super::{Failure, recording, remark, say, segment, spare, surface};
 use clap::ValueEnum;
 use haptograph::surfaces::Surface;
+use haptograph::surfaces::learning::law::LawSettings;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
 use haptograph::surfaces::learning::segmentation::SegmentationSettings;
 use haptograph::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
-use haptograph::surfaces::learning::{LearnError, LearnSettings, LearningReport, learn};
+use haptograph::surfaces::learning::{LearnError, LearnSettings, LearningReport, TextureMethod, learn};
 use haptograph::surfaces::recording::{AnyRecording, Gesture};
 use std::path::{Path, PathBuf};
 
@@ -57,22 +58,25 @@ pub struct Settings {
     /// not given
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
-    /// The order of all models; the median of the segments' where it is not given
+    /// How a texture is learned
+    #[arg(long, value_enum, default_value_t = Method::Law)]
+    method: Method,
+    /// The order of all models; 20, or with the thesis's method the median of the segments', where it is not given
     #[arg(long, value_name = "P")]
     order: Option<usize>,
-    /// The fewest samples a segment may have
+    /// The fewest samples a segment may have (thesis's method)
     #[arg(long, value_name = "N", default_value_t = 50)]
     min_span: usize,
-    /// The highest order of a segment's model
+    /// The highest order of a segment's model (thesis's method)
     #[arg(long, value_name = "P", default_value_t = 20)]
     max_order: usize,
-    /// How a segment's innovation variance is estimated while breaks are sought
+    /// How a segment's innovation variance is estimated while breaks are sought (thesis's method)
     #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
     variance: segment::Variance,
-    /// How the coefficients of a segment are found
+    /// How the coefficients of a segment are found (thesis's method)
     #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
     fit: Fit,
-    /// Keep models that do not fit in with the others
+    /// Keep models that do not fit in with the others (thesis's method)
     #[arg(long)]
     keep_outliers: bool,
 }
@@ -93,6 +97,14 @@ enum Reduction {
     PrincipalComponent,
     /// The length of the vector at each moment
     VectorMagnitude,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// One law of the spectrum over speed and force, its models on a warped frequency axis
+    Law,
+    /// The thesis's: a model for each stretch of one character, triangulated
+    Thesis,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -121,7 +133,20 @@ impl Settings {
         }
     }
 
-    pub fn texture(&self) -> TextureSettings {
+    pub fn texture(&self) -> TextureMethod {
+        match self.method {
+            Method::Law => {
+                let usual = LawSettings::default();
+                TextureMethod::Law(LawSettings {
+                    order: self.order.unwrap_or(usual.order),
+                    ..usual
+                })
+            }
+            Method::Thesis => TextureMethod::Thesis(self.thesis()),
+        }
+    }
+
+    fn thesis(&self) -> TextureSettings {
         let usual = TextureSettings::default();
         TextureSettings {
             segmentation: SegmentationSettings {

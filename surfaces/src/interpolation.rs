@@ -3,8 +3,10 @@
 
 use crate::MAX_ORDER;
 use crate::lsf::lsf_to_ar;
+use crate::model::ArmaModel;
 use crate::texture::TextureModel;
 use crate::triangulation::{Location, Triangle, Triangulation};
+use haptograph_signal::warped::power_gain;
 
 /// A filter's coefficients and excitation for one moment: plain data of fixed width.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +23,8 @@ pub struct Coefficients {
     pub gain: f64,
     /// Variance of the excitation, (m/s²)²; exactly 0 at zero speed or force.
     pub variance: f64,
+    /// Warping factor of the AR polynomial's frequency axis; 0 where it is plain.
+    pub warping: f64,
 }
 
 impl Coefficients {
@@ -32,6 +36,7 @@ impl Coefficients {
         ma_order: 0,
         gain: 1.0,
         variance: 0.0,
+        warping: 0.0,
     };
 
     /// a_1..a_p.
@@ -64,11 +69,12 @@ pub struct Spot {
 #[derive(Debug, Clone)]
 pub struct Interpolator {
     map: Triangulation,
-    /// For each model a row of `stride`: AR LSFs, MA LSFs, gain, variance, padding.
+    /// For each model a row of `stride`: AR LSFs, MA LSFs, gain, variance (the power of warped models), padding.
     rows: Vec<f64>,
     stride: usize,
     ar_order: usize,
     ma_order: usize,
+    warping: f64,
     last_triangle: u32,
 }
 
@@ -82,10 +88,15 @@ impl Interpolator {
     pub fn new(texture: &TextureModel) -> Self {
         let (ar_order, ma_order) = (texture.ar_order(), texture.ma_order());
         let stride = (ar_order + ma_order + 2).next_multiple_of(LANES);
+        let warping = texture.warping();
+        let level = |model: &ArmaModel| match warping {
+            0.0 => model.variance(),
+            _ => model.power(),
+        };
         let mut rows = vec![0.0; stride * texture.models().len()];
         for (row, at) in rows.chunks_exact_mut(stride).zip(texture.models()) {
             let numbers = at.model.ar_lsf().iter().chain(at.model.ma_lsf());
-            let numbers = numbers.copied().chain([at.model.gain(), at.model.variance()]);
+            let numbers = numbers.copied().chain([at.model.gain(), level(&at.model)]);
             row.iter_mut()
                 .zip(numbers)
                 .for_each(|(place, number)| *place = number);
@@ -97,6 +108,7 @@ impl Interpolator {
             stride,
             ar_order,
             ma_order,
+            warping,
             last_triangle: 0,
         }
     }
@@ -131,7 +143,13 @@ impl Interpolator {
         lsf_to_ar(ma_lsf, &mut into.ma[..self.ma_order]);
         into.ma[self.ma_order..].fill(0.0);
         into.gain = rest[0];
-        into.variance = rest[1];
+        into.warping = self.warping;
+        into.variance = if self.warping == 0.0 {
+            rest[1]
+        } else {
+            // A mix of stable models is stable; what rounding made of it otherwise is silent.
+            power_gain(into.ar(), self.warping).map_or(0.0, |gain| rest[1] / gain)
+        };
     }
 
     /// The triangle and weights at a speed in m/s and a force in N, saturated.
@@ -183,7 +201,7 @@ mod tests {
     use crate::files::hatt::real_files::{AT_1_KHZ, AT_10_KHZ, hatt_files};
     use crate::hull::Hull;
 
-    use crate::{ArmaModel, ModelAt, VertexKind};
+    use crate::{ModelAt, VertexKind};
     use haptograph_signal::prediction::ar_to_reflection;
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;

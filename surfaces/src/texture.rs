@@ -3,6 +3,10 @@
 use crate::hull::{self, Hull};
 use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
+use haptograph_signal::filter::{Sections, butterworth_highpass};
+
+/// Order of the high-pass of processing, each way.
+const HIGHPASS_ORDER: usize = 2;
 
 /// Models over (speed, force) at one rate, triangulated from rest to the largest modelled speed and force.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,6 +14,7 @@ pub struct TextureModel {
     rate_hz: f64,
     models: Vec<ModelAt>,
     triangulation: Triangulation,
+    highpass_hz: Option<f64>,
 }
 
 /// A model and where on the map it stands.
@@ -30,6 +35,8 @@ pub struct ModelAt {
 pub enum VertexKind {
     /// The model was learned from data of this speed and force.
     Measured,
+    /// The model is a law's that was fitted to data around it.
+    Fitted,
     /// The border of the map: the filter of a measured model elsewhere.
     Edge,
 }
@@ -37,7 +44,7 @@ pub enum VertexKind {
 impl TextureModel {
     /// A texture of `models` at `rate_hz` with the given triangles (vertex numbers from 0).
     ///
-    /// Checked: the rate, one order for all, silence at zero speed and force, and that the triangles tile the range
+    /// Checked: the rate, one order and one warping factor for all, silence at zero speed and force, and that the triangles tile the range
     /// from zero to the maximum.
     pub fn new(rate_hz: f64, models: Vec<ModelAt>, triangles: Vec<Triangle>) -> Result<Self, TextureError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
@@ -45,7 +52,15 @@ impl TextureModel {
         }
         let orders = |at: &ModelAt| (at.model.ar().len(), at.model.ma().len());
         let expected = models.first().map(orders).ok_or(TextureError::NoModels)?;
+        let warping = models[0].model.warping();
         for (vertex, at) in models.iter().enumerate() {
+            if at.model.warping() != warping {
+                return Err(TextureError::Warpings {
+                    vertex,
+                    warping: at.model.warping(),
+                    expected: warping,
+                });
+            }
             if orders(at) != expected {
                 return Err(TextureError::Orders {
                     vertex,
@@ -65,7 +80,23 @@ impl TextureModel {
             rate_hz,
             models,
             triangulation,
+            highpass_hz: None,
         })
+    }
+
+    /// The same texture, of which the models leave a high-pass to be applied once at the output: see
+    /// [`Self::highpass_hz`].
+    pub fn with_highpass_hz(mut self, highpass_hz: Option<f64>) -> Result<Self, TextureError> {
+        if let Some(cutoff_hz) = highpass_hz
+            && !(cutoff_hz > 0.0 && cutoff_hz < 0.25 * self.rate_hz)
+        {
+            return Err(TextureError::Highpass {
+                cutoff_hz,
+                rate_hz: self.rate_hz,
+            });
+        }
+        self.highpass_hz = highpass_hz;
+        Ok(self)
     }
 
     /// A texture of `models`, border included, with the Delaunay triangulation of their z-scores.
@@ -88,6 +119,26 @@ impl TextureModel {
     /// Samples a second for which the models hold.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
+    }
+
+    /// The warping factor of the models' frequency axis; 0 where it is plain.
+    pub fn warping(&self) -> f64 {
+        self.models[0].model.warping()
+    }
+
+    /// Corner frequency of the high-pass that was divided out of the recordings before the models were fitted, and that a
+    /// renderer applies once, at its output; `None` where the models hold it themselves.
+    ///
+    /// It is that of processing: a Butterworth filter of order 2, forward and backward, so that its magnitude counts twice.
+    pub fn highpass_hz(&self) -> Option<f64> {
+        self.highpass_hz
+    }
+
+    /// The filter of [`Self::highpass_hz`] for a renderer: causal, of the same magnitude.
+    pub fn output_highpass(&self) -> Option<Sections> {
+        let once = butterworth_highpass(HIGHPASS_ORDER, self.highpass_hz?, self.rate_hz).ok()?;
+        let sections = once.sections.iter().chain(&once.sections).copied().collect();
+        Some(Sections { sections })
     }
 
     /// The models, which are the vertices of the triangles.
@@ -141,7 +192,7 @@ impl TextureModel {
                 })
             })
             .collect::<Result<Vec<_>, E>>()?;
-        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?)
+        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?.with_highpass_hz(self.highpass_hz)?)
     }
 }
 
@@ -172,6 +223,28 @@ pub enum TextureError {
         orders: (usize, usize),
         /// The first model's.
         expected: (usize, usize),
+    },
+    /// Models on different frequency axes cannot be interpolated.
+    #[error(
+        "model {vertex} (from 0) has the warping factor {warping} where the first has {expected}; all must agree"
+    )]
+    Warpings {
+        /// The model's number, from 0.
+        vertex: usize,
+        /// Its warping factor.
+        warping: f64,
+        /// The first model's.
+        expected: f64,
+    },
+    /// A high-pass that is none, or too high to leave anything.
+    #[error(
+        "the high-pass of {cutoff_hz} Hz must lie above 0 and below a quarter of the models' rate, {rate_hz} Hz"
+    )]
+    Highpass {
+        /// The corner frequency given.
+        cutoff_hz: f64,
+        /// The models' rate.
+        rate_hz: f64,
     },
     /// A model that makes sound where the tool rests or is lifted.
     #[error(

@@ -93,6 +93,7 @@ mod tests {
             ma: &[],
             gain: 1.0,
             variance,
+            warping: 0.0,
         }
         .write(&mut lanes);
         lanes

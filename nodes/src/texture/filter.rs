@@ -4,10 +4,12 @@ use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::{
     BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
-use haptograph_signal::arma;
+use haptograph_signal::arma::{self, WarpedLattice};
+use haptograph_signal::filter::SectionsState;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
-use std::path::{Path, PathBuf};
+use haptograph_surfaces::TextureModel;
+use std::path::PathBuf;
 
 use super::load_texture;
 use super::upsampler::Upsampler;
@@ -26,10 +28,11 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`ArmaFilter`].
     pub struct ArmaFilterSettings {
-        /// How it is computed.
+        /// How plain models are computed; warped ones are always a lattice.
         form: Form = Form::Lattice;
         /// The surface that is rendered. With models of a lower rate than this node's clock the filter runs at theirs, and what it
-        /// makes is interpolated to the clock; models of a higher rate are an error. None: the models have the clock's rate.
+        /// makes is interpolated to the clock; models of a higher rate are an error. The high-pass that its models leave out is
+        /// applied here. None: the models have the clock's rate, and there is no high-pass.
         surface: Option<PathBuf> = None;
     }
 }
@@ -43,9 +46,11 @@ impl NodeKind for ArmaFilter {
         name: "ArmaFilter",
         group: "texture",
         doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. What it holds when \
-              the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken. Models of a \
-              lower rate than the clock's run at theirs, and are interpolated without spectrum above half of it.",
-        source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975)",
+              the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken. Models on a \
+              warped frequency axis run in a lattice of all-pass sections, and the high-pass that such a surface was learned \
+              without is applied at the output. Models of a lower rate than the clock's run at theirs, and are interpolated \
+              without spectrum above half of it.",
+        source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
         inputs: &[
             input(
                 "coefficients",
@@ -71,16 +76,25 @@ impl NodeKind for ArmaFilter {
     };
 
     fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let upsampler = match &settings.surface {
-            Some(surface) => upsampler(surface, cx.rate)?,
-            None => None,
-        };
+        let (mut upsampler, mut highpass) = (None, None);
+        if let Some(surface) = &settings.surface {
+            let texture = load_texture(surface)?;
+            upsampler = upsampler_of(&texture, cx.rate)?;
+            highpass = texture
+                .output_highpass()
+                .map(|sections| SectionsState::new(&sections));
+        }
         let form = match settings.form {
             Form::Direct => arma::Form::Direct,
             Form::Lattice => arma::Form::Lattice,
         };
         Ok(Box::new(Synthesis {
-            filter: arma::ArmaFilter::new(form),
+            maker: Maker {
+                filter: arma::ArmaFilter::new(form),
+                warped: WarpedLattice::new(),
+                is_warped: false,
+                highpass,
+            },
             form,
             lanes: [f64::NAN; Coefficients::WIDTH],
             upsampler,
@@ -108,8 +122,8 @@ impl NodeKind for ArmaFilter {
 }
 
 /// What brings the vibration from the rate of a surface's models to the clock's, if they differ.
-fn upsampler(surface: &Path, clock: Rate) -> Result<Option<Box<Upsampler>>, BuildError> {
-    let models_hz = load_texture(surface)?.rate_hz();
+fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsampler>>, BuildError> {
+    let models_hz = texture.rate_hz();
     if models_hz == clock.hz() {
         return Ok(None);
     }
@@ -135,12 +149,64 @@ fn upsampler(surface: &Path, clock: Rate) -> Result<Option<Box<Upsampler>>, Buil
 
 #[derive(Debug, Clone)]
 struct Synthesis {
-    filter: arma::ArmaFilter,
+    maker: Maker,
     form: arma::Form,
     /// The coefficients at work, at first none: converting them again would cost more than comparing.
     lanes: [f64; Coefficients::WIDTH],
-    /// From the models' rate to the clock's, where they differ.
     upsampler: Option<Box<Upsampler>>,
+}
+
+/// From excitation to vibration at the models' rate.
+#[derive(Debug, Clone)]
+struct Maker {
+    filter: arma::ArmaFilter,
+    warped: WarpedLattice,
+    /// Which of the two is at work.
+    is_warped: bool,
+    highpass: Option<SectionsState>,
+}
+
+impl Maker {
+    fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
+        if self.is_warped {
+            self.warped.process(excitation, out);
+        } else {
+            self.filter.process(excitation, out);
+        }
+        if let Some(highpass) = &mut self.highpass {
+            highpass.process_in_place(out);
+        }
+    }
+
+    fn take(&mut self, coefficients: Coefficients<'_>) {
+        let Coefficients {
+            ar,
+            ma,
+            gain,
+            warping,
+            ..
+        } = coefficients;
+        let is_warped = warping != 0.0;
+        // Refused coefficients leave the old ones at work: the vibration stays bounded.
+        let taken = if is_warped {
+            self.warped.set_coefficients(ar, warping, gain)
+        } else {
+            self.filter.set_coefficients(ar, ma, gain)
+        };
+        if taken.is_ok() {
+            self.is_warped = is_warped;
+        }
+    }
+
+    /// Goes on as another would. Does not allocate.
+    fn copy_state_from(&mut self, other: &Self) {
+        self.filter.clone_from(&other.filter);
+        self.warped.copy_state_from(&other.warped);
+        self.is_warped = other.is_warped;
+        if let (Some(new), Some(old)) = (&mut self.highpass, &other.highpass) {
+            new.copy_state_from(old);
+        }
+    }
 }
 
 impl Synthesis {
@@ -149,9 +215,7 @@ impl Synthesis {
             return;
         }
         self.lanes = *lanes;
-        let Coefficients { ar, ma, gain, .. } = Coefficients::from_lanes(&self.lanes);
-        // Refused coefficients leave the old ones at work: the vibration stays bounded.
-        let _ = self.filter.set_coefficients(ar, ma, gain);
+        self.maker.take(Coefficients::from_lanes(&self.lanes));
     }
 }
 
@@ -165,14 +229,14 @@ impl Processor for Synthesis {
             }
             let (excitation, out) = (&excitation[frames.clone()], &mut out[frames]);
             let Some(upsampler) = &mut self.upsampler else {
-                self.filter.process(excitation, out);
+                self.maker.process(excitation, out);
                 continue;
             };
             // Of white noise the samples at the models' ticks are white noise of the same variance.
             for (e, y) in excitation.iter().zip(out) {
                 *y = upsampler.next(|| {
                     let mut made = [0.0];
-                    self.filter.process(&[*e], &mut made);
+                    self.maker.process(&[*e], &mut made);
                     made[0]
                 });
             }
@@ -190,7 +254,7 @@ impl Processor for Synthesis {
         if let Some(new) = successor::<Self>(new)
             && new.form == self.form
         {
-            new.filter.clone_from(&self.filter);
+            new.maker.copy_state_from(&self.maker);
             new.lanes = self.lanes;
             if let (Some(new), Some(old)) = (&mut new.upsampler, &self.upsampler) {
                 new.copy_state_from(old);
@@ -220,6 +284,7 @@ mod tests {
             ma,
             gain,
             variance: 1.0,
+            warping: 0.0,
         }
         .write(&mut lanes);
         lanes

@@ -62,6 +62,7 @@ impl Processor for Mixing {
                 ma: self.mix.ma(),
                 gain: self.mix.gain,
                 variance: self.mix.variance,
+                warping: self.mix.warping,
             }
             .write(lanes);
         }

@@ -151,6 +151,13 @@ impl WarpedLattice {
         }
     }
 
+    /// Goes on as another filter would: its coefficients and its state. Does not allocate.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        (self.order, self.warping, self.out_scale) = (other.order, other.warping, other.out_scale);
+        self.step.copy_from_slice(&other.step[..]);
+        (self.state, self.since_settled) = (other.state, other.since_settled);
+    }
+
     /// Puts the filter to rest; the coefficients stay.
     pub fn reset(&mut self) {
         self.state.fill(0.0);
@@ -212,7 +219,8 @@ impl Columns<'_> {
         }
         let mut above = [0.0; PADDED];
         for j in (0..order).rev() {
-            let rise = stages.cosine[j] * (1.0 + warping * stages.sine[j] * stages.alpha[j] * stages.delta[j]);
+            let rise =
+                stages.cosine[j] * (1.0 + warping * stages.sine[j] * stages.alpha[j] * stages.delta[j]);
             let carried = -warping * rise;
             for i in 0..PADDED {
                 above[i] = step[j][i] + carried * above[i];
@@ -353,7 +361,10 @@ mod tests {
                     x[j] = 1.0;
                     let (next, last, _) = by_stages(&reflection, l, &x[..order], x[order]);
                     for i in 0..order {
-                        assert!((lattice.step[j][i] - next[i]).abs() < 1e-12, "{order} {l} {i} {j}");
+                        assert!(
+                            (lattice.step[j][i] - next[i]).abs() < 1e-12,
+                            "{order} {l} {i} {j}"
+                        );
                         full[i][j] = lattice.step[j][i];
                     }
                     full[order][j] = last;
@@ -390,7 +401,11 @@ mod tests {
                     scale * (re * re + im * im)
                 };
                 let wanted = 4.0 * crate::warped::squared_response(&ar, l, w);
-                assert!((transform(1.0) / wanted - 1.0).abs() < 1e-6, "{order} {l} {k} {}", warp(w, l));
+                assert!(
+                    (transform(1.0) / wanted - 1.0).abs() < 1e-6,
+                    "{order} {l} {k} {}",
+                    warp(w, l)
+                );
             }
         }
     }
@@ -425,7 +440,10 @@ mod tests {
             let order = 1 + round % 32;
             let reflection = draw.reflection(order, 0.9999);
             let l = [0.0, 0.8, 0.95][round % 3];
-            if lattice.set_coefficients(&reflection_to_ar(&reflection), l, 1.0).is_ok() {
+            if lattice
+                .set_coefficients(&reflection_to_ar(&reflection), l, 1.0)
+                .is_ok()
+            {
                 before = lattice.state.iter().map(|x| x * x).sum::<f64>().min(before);
             }
             noise.fill(&mut e);
@@ -475,6 +493,10 @@ mod tests {
         }
         let mut y = [0.0; 4];
         lattice.process(&[1.0, 0.0, 0.0, 0.0], &mut y);
-        assert!(y.iter().zip([1.0, 0.5, 0.25, 0.125]).all(|(y, w)| (y - w).abs() < 1e-15));
+        assert!(
+            y.iter()
+                .zip([1.0, 0.5, 0.25, 0.125])
+                .all(|(y, w)| (y - w).abs() < 1e-15)
+        );
     }
 }

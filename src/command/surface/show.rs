@@ -36,6 +36,7 @@ fn mm_s(speed_m_s: f64) -> f64 {
 fn kind(kind: VertexKind) -> &'static str {
     match kind {
         VertexKind::Measured => "measured",
+        VertexKind::Fitted => "fitted",
         VertexKind::Edge => "edge",
     }
 }

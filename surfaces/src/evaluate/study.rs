@@ -6,8 +6,9 @@
 use super::map::{MapError, MapSettings, PerceptualMap, perceptual_map};
 use super::tables::{DifferenceTable, TableError, TableSettings, TestSet, spectral_differences};
 use crate::TextureModel;
+use crate::learning::TextureMethod;
 use crate::learning::processing::{ProcessingError, ProcessingSettings, processed};
-use crate::learning::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
+use crate::learning::texture::{LearnTextureError, TextureReport};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -55,7 +56,7 @@ pub struct StudySettings {
     /// From sensor readings to physical quantities.
     pub processing: ProcessingSettings,
     /// How textures are learned.
-    pub texture: TextureSettings,
+    pub texture: TextureMethod,
     /// How they are compared with recordings.
     pub table: TableSettings,
     /// How they are compared with each other.
@@ -266,8 +267,8 @@ fn learn_all(
     let done = AtomicUsize::new(0);
     let learn = |take: &Take| {
         let recording = process_one(take, settings)?;
-        let (texture, report) = learn_texture(std::slice::from_ref(&recording), &settings.texture, &|_| ())
-            .map_err(|source| StudyError::Learning {
+        let found = settings.texture.learn(std::slice::from_ref(&recording), &|_| ());
+        let (texture, report) = found.map_err(|source| StudyError::Learning {
             recording: show(&take.name),
             source: Box::new(source),
         })?;

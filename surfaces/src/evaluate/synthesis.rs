@@ -2,8 +2,8 @@
 
 use crate::recording::ProcessedRecording;
 use crate::{Coefficients, Interpolator, TextureModel};
-use haptograph_signal::arma::{ArmaError, ArmaFilter, Form};
-use haptograph_signal::filter::{butterworth_lowpass, filtfilt};
+use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
+use haptograph_signal::filter::{SectionsState, butterworth_lowpass, filtfilt};
 use haptograph_signal::noise::Gaussian;
 
 /// How vibrations are synthesised.
@@ -185,6 +185,7 @@ pub fn synthesise(
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
     let mut filter = ArmaFilter::new(Form::Direct);
+    let mut warped = WarpedLattice::new();
     let mut noise = Gaussian::new(settings.seed);
     let mut vibration = vec![0.0; samples];
     let mut excitation = vec![];
@@ -194,13 +195,25 @@ pub fn synthesise(
         update += 1.0;
         let end = ((update * every).round() as usize).clamp(start + 1, samples);
         interpolator.interpolate(speed_m_s[start], force_n[start], &mut coefficients);
-        filter.set_coefficients(coefficients.ar(), coefficients.ma(), coefficients.gain)?;
+        let is_warped = coefficients.warping != 0.0;
+        if is_warped {
+            warped.set_coefficients(coefficients.ar(), coefficients.warping, coefficients.gain)?;
+        } else {
+            filter.set_coefficients(coefficients.ar(), coefficients.ma(), coefficients.gain)?;
+        }
         excitation.resize(end - start, 0.0);
         noise.fill(&mut excitation);
         let deviation = coefficients.variance.sqrt();
         excitation.iter_mut().for_each(|e| *e *= deviation);
-        filter.process(&excitation, &mut vibration[start..end]);
+        if is_warped {
+            warped.process(&excitation, &mut vibration[start..end]);
+        } else {
+            filter.process(&excitation, &mut vibration[start..end]);
+        }
         start = end;
+    }
+    if let Some(highpass) = texture.output_highpass() {
+        SectionsState::new(&highpass).process_in_place(&mut vibration);
     }
     Ok(vibration)
 }

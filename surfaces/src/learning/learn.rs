@@ -1,11 +1,13 @@
 //! All four parts of a surface from whatever recordings there are.
 
 use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
+use super::law::LawSettings;
+use super::method::TextureMethod;
 use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, processed};
 use super::segmentation::{SegmentationMethod, VarianceEstimate};
 use super::stiffness::{StiffnessError, StiffnessReport, StiffnessSettings, learn_stiffness};
 use super::taps::{TapError, TapReport, TapSettings, learn_taps};
-use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings, learn_texture};
+use super::texture::{CoefficientFit, LearnTextureError, TextureReport, TextureSettings};
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
 use crate::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
@@ -17,7 +19,7 @@ pub struct LearnSettings {
     /// From sensor readings to physical quantities.
     pub processing: ProcessingSettings,
     /// Texture.
-    pub texture: TextureSettings,
+    pub texture: TextureMethod,
     /// Friction.
     pub friction: FrictionSettings,
     /// Taps.
@@ -137,9 +139,8 @@ pub fn learn(
         progress(0.3 * (recording + 1) as f64 / recordings.len() as f64);
     }
     if !report.drags.is_empty() {
-        let (texture, found) = learn_texture(&report.drags, &settings.texture, &|part| {
-            progress(0.3 + 0.5 * part)
-        })?;
+        let advance = |part| progress(0.3 + 0.5 * part);
+        let (texture, found) = settings.texture.learn(&report.drags, &advance)?;
         (surface.texture, report.texture) = (Some(texture), Some(found));
     }
     progress(0.8);
@@ -288,8 +289,6 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         taps,
         stiffness,
     } = settings;
-    let segmentation = &texture.segmentation;
-    let optional = |value: Option<f64>| value.map_or("largest found".to_owned(), |value| value.to_string());
     let mut all = BTreeMap::new();
     let mut say = |name: &str, value: String| all.insert(name.to_owned(), value);
     say("processing.highpass_hz", processing.highpass_hz.to_string());
@@ -308,6 +307,50 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         SurfaceNormal::Given(normal) => format!("{normal:?}"),
     };
     say("processing.normal", normal);
+    say("texture.method", texture.as_str().to_owned());
+    match texture {
+        TextureMethod::Law(law) => describe_law(law, &mut say),
+        TextureMethod::Thesis(texture) => describe_thesis(texture, &mut say),
+    }
+    let fit = match friction.fit {
+        None => "by gesture",
+        Some(FrictionFit::ThroughOrigin) => "through the origin",
+        Some(FrictionFit::Robust) => "robust",
+    };
+    say("friction.fit", fit.to_owned());
+    say(
+        "friction.min_speed_mm_s",
+        (friction.min_speed_m_s * 1000.0).to_string(),
+    );
+    say("friction.min_force_n", friction.min_force_n.to_string());
+    say("taps.contact_n", taps.contact_n.to_string());
+    say("taps.air_ms", (taps.air_s * 1000.0).to_string());
+    say("taps.free_ms", (taps.free_s * 1000.0).to_string());
+    say("taps.length_ms", (taps.length_s * 1000.0).to_string());
+    say("taps.onset", taps.onset.to_string());
+    say("taps.approach_ms", (taps.approach_s * 1000.0).to_string());
+    say("taps.force_lowpass_hz", taps.force_lowpass_hz.to_string());
+    say("stiffness.from_n", stiffness.from_n.to_string());
+    say("stiffness.to_n", stiffness.to_n.to_string());
+    all
+}
+
+type Say<'a> = &'a mut dyn FnMut(&str, String) -> Option<String>;
+
+fn describe_law(law: &LawSettings, say: Say<'_>) {
+    say("texture.order", law.order.to_string());
+    let warping = law
+        .warping
+        .map_or("by rate".to_owned(), |warping| warping.to_string());
+    say("texture.warping", warping);
+    say("texture.span_ms", (law.span_s * 1000.0).to_string());
+    say("texture.min_speed_mm_s", (law.min_speed_m_s * 1000.0).to_string());
+    say("texture.min_force_n", law.min_force_n.to_string());
+}
+
+fn describe_thesis(texture: &TextureSettings, say: Say<'_>) {
+    let segmentation = &texture.segmentation;
+    let optional = |value: Option<f64>| value.map_or("largest found".to_owned(), |value| value.to_string());
     say("segmentation.min_span", segmentation.min_span.to_string());
     say("segmentation.max_order", segmentation.max_order.to_string());
     let variance = match segmentation.variance {
@@ -355,27 +398,6 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         optional(texture.hull.max_speed_m_s.map(|speed| speed * 1000.0)),
     );
     say("hull.max_force_n", optional(texture.hull.max_force_n));
-    let fit = match friction.fit {
-        None => "by gesture",
-        Some(FrictionFit::ThroughOrigin) => "through the origin",
-        Some(FrictionFit::Robust) => "robust",
-    };
-    say("friction.fit", fit.to_owned());
-    say(
-        "friction.min_speed_mm_s",
-        (friction.min_speed_m_s * 1000.0).to_string(),
-    );
-    say("friction.min_force_n", friction.min_force_n.to_string());
-    say("taps.contact_n", taps.contact_n.to_string());
-    say("taps.air_ms", (taps.air_s * 1000.0).to_string());
-    say("taps.free_ms", (taps.free_s * 1000.0).to_string());
-    say("taps.length_ms", (taps.length_s * 1000.0).to_string());
-    say("taps.onset", taps.onset.to_string());
-    say("taps.approach_ms", (taps.approach_s * 1000.0).to_string());
-    say("taps.force_lowpass_hz", taps.force_lowpass_hz.to_string());
-    say("stiffness.from_n", stiffness.from_n.to_string());
-    say("stiffness.to_n", stiffness.to_n.to_string());
-    all
 }
 
 #[cfg(test)]
@@ -430,7 +452,7 @@ mod tests {
         assert!(surface.provenance.source.contains("made up for a test"));
         assert!(surface.provenance.version.starts_with("haptograph "));
         for (name, value) in [
-            ("segmentation.min_span", "50"),
+            ("texture.method", "law"),
             ("processing.reduction", "dft321"),
             ("recording 2 gesture", "circle"),
         ] {

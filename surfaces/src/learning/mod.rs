@@ -1,7 +1,8 @@
 //! Learning: from recordings to a surface (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ──► segmentation ──► texture ─┐
+//! recordings ──► processing ─┬► windows ──► law ─────────┐
+//!                            └► segmentation ──► texture ┤   (the thesis's)
 //!      circle or drag ──► friction ───────────────────────┤
 //!                 tap ──► taps ───────────────────────────┼──► Surface
 //!               press ──► stiffness ──────────────────────┘
@@ -9,14 +10,19 @@
 //!
 //! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
 
+mod cells;
 pub mod friction;
+pub mod law;
 mod learn;
+mod method;
 mod onset;
 pub mod outliers;
 pub mod processing;
+mod regression;
 pub mod segmentation;
 pub mod stiffness;
 pub mod taps;
 pub mod texture;
 
 pub use learn::{LearnError, LearnSettings, LearningReport, learn};
+pub use method::TextureMethod;

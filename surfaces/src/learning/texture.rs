@@ -9,7 +9,7 @@ use super::segmentation::{Segmentation, SegmentationError, SegmentationSettings,
 use crate::hull::Hull;
 use crate::recording::ProcessedRecording;
 use crate::statistics::{mean, median};
-use crate::{ArmaModel, MAX_ORDER, ModelAt, TextureError, TextureModel, VertexKind};
+use crate::{ArmaModel, MAX_ORDER, ModelAt, ModelError, TextureError, TextureModel, VertexKind};
 use haptograph_signal::prediction::{autocovariance, burg, levinson};
 use haptograph_signal::spectrum::{spectral_centroid, welch};
 use haptograph_signal::window::Window;
@@ -154,6 +154,8 @@ pub enum LearnTextureError {
     #[error("no segment gave a usable model; the first failed because {reason}")]
     NoModels { reason: String },
     #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
     Texture(#[from] TextureError),
 }
 
@@ -220,7 +222,7 @@ pub fn learn_texture(
     ))
 }
 
-fn common_rate(recordings: &[ProcessedRecording]) -> Result<f64, LearnTextureError> {
+pub(super) fn common_rate(recordings: &[ProcessedRecording]) -> Result<f64, LearnTextureError> {
     let expected_hz = recordings
         .first()
         .ok_or(LearnTextureError::NoRecordings)?
@@ -264,7 +266,7 @@ fn describe(
 }
 
 /// The features of [`CRITERIA`], the first still missing.
-fn features(signal: &[f64], rate_hz: f64) -> [f64; 5] {
+pub(super) fn features(signal: &[f64], rate_hz: f64) -> [f64; 5] {
     let mean = mean(signal);
     let moment =
         |power: i32| signal.iter().map(|x| (x - mean).powi(power)).sum::<f64>() / signal.len() as f64;
@@ -290,17 +292,29 @@ fn common_order(segments: &[SegmentReport], settings: &TextureSettings) -> Resul
         .map(|segment| segment.order as f64)
         .collect();
     if dragged.is_empty() {
-        return Err(LearnTextureError::NothingDragged {
-            segments: segments.len(),
-            min_force_n: settings.min_force_n,
-            min_speed_mm_s: settings.min_speed_m_s * 1000.0,
-        });
+        return Err(nothing_dragged(
+            segments,
+            settings.min_force_n,
+            settings.min_speed_m_s,
+        ));
     }
     let order = settings.order.unwrap_or(median(&dragged).round() as usize);
     if (1..=MAX_ORDER).contains(&order) {
         Ok(order)
     } else {
         Err(LearnTextureError::Order { order })
+    }
+}
+
+pub(super) fn nothing_dragged(
+    segments: &[SegmentReport],
+    min_force_n: f64,
+    min_speed_m_s: f64,
+) -> LearnTextureError {
+    LearnTextureError::NothingDragged {
+        segments: segments.len(),
+        min_force_n,
+        min_speed_mm_s: min_speed_m_s * 1000.0,
     }
 }
 

@@ -97,6 +97,11 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
         .collect::<Result<_, _>>()
         .map_err(|error| ResampleError::Model { vertex: 0, error })?;
     let vertex_of = |filter: usize| filter_of.iter().position(|&of| of == filter).unwrap_or(0);
+    if texture.warping() != 0.0 && method != Method::Spectral {
+        return Err(ResampleError::Warped {
+            method: method.name(),
+        });
+    }
     let resampled = match method {
         Method::Spectral => spectral::resample_all(&unit, old_rate_hz, rate_hz),
         Method::Zoh | Method::Hatt => {
@@ -140,7 +145,9 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
             Ok(ModelAt { model, ..at.clone() })
         });
     let models = models.collect::<Result<Vec<_>, ResampleError>>()?;
-    let texture = TextureModel::new(rate_hz, models, texture.triangles().to_vec())?;
+    let highpass_hz = texture.highpass_hz();
+    let texture =
+        TextureModel::new(rate_hz, models, texture.triangles().to_vec())?.with_highpass_hz(highpass_hz)?;
     Ok(Resampled {
         texture,
         worst,
@@ -225,6 +232,12 @@ pub enum ResampleError {
     /// The surface has no texture.
     #[error("the surface has no texture to resample")]
     NoTexture,
+    /// A method for plain delays only.
+    #[error("the method {method} cannot resample a warped texture; use spectral")]
+    Warped {
+        /// The method.
+        method: &'static str,
+    },
     /// The new rate is not below the old one.
     #[error("the new rate of {rate_hz} Hz must be above 0 and below the models' own, {old_rate_hz} Hz")]
     NotLower {

@@ -2,8 +2,10 @@
 
 use super::FilterError;
 use super::deviation::deviation_db;
+use crate::model::warping_for;
 use crate::{ArmaModel, MAX_ORDER};
 use haptograph_signal::prediction::levinson;
+use haptograph_signal::warped::{cell_autocovariance, unwarp};
 use std::f64::consts::PI;
 
 /// Orders are tried upwards from this until all models are as close as this.
@@ -17,16 +19,24 @@ pub(super) fn resample_all(
     old_rate_hz: f64,
     rate_hz: f64,
 ) -> Result<Vec<ArmaModel>, (usize, FilterError)> {
-    let autocovariances: Vec<_> = models
-        .iter()
-        .map(|model| autocovariance(model, old_rate_hz, rate_hz))
-        .collect();
+    // Warped models stay warped.
+    let warping = models
+        .first()
+        .filter(|model| model.warping() != 0.0)
+        .map(|_| warping_for(rate_hz));
+    let lags = |model| match warping {
+        None => autocovariance(model, old_rate_hz, rate_hz),
+        Some(warping) => warped_autocovariance(model, old_rate_hz / rate_hz, warping),
+    };
+    let autocovariances: Vec<_> = models.iter().map(lags).collect();
     let mut fits = Vec::new();
     for order in (FIRST_ORDER..=MAX_ORDER).step_by(4) {
         fits = autocovariances
             .iter()
             .enumerate()
-            .map(|(number, autocovariance)| fit(autocovariance, order).map_err(|error| (number, error)))
+            .map(|(number, autocovariance)| {
+                fit(autocovariance, order, warping).map_err(|error| (number, error))
+            })
             .collect::<Result<Vec<_>, _>>()?;
         let close = |(old, new): (&ArmaModel, &ArmaModel)| {
             deviation_db(old, old_rate_hz, new, rate_hz).db.abs() <= CLOSE_DB
@@ -38,9 +48,24 @@ pub(super) fn resample_all(
     Ok(fits)
 }
 
-fn fit(autocovariance: &[f64], order: usize) -> Result<ArmaModel, FilterError> {
+fn fit(autocovariance: &[f64], order: usize, warping: Option<f64>) -> Result<ArmaModel, FilterError> {
     let model = levinson(autocovariance, order).map_err(|_| FilterError::Roots)?;
-    Ok(ArmaModel::from_ar(&model.ar, model.variance)?)
+    Ok(match warping {
+        None => ArmaModel::from_ar(&model.ar, model.variance)?,
+        Some(warping) => ArmaModel::warped_from_ar(&model.ar, warping, model.variance)?,
+    })
+}
+
+/// Cells of the new warped axis over which the density is averaged.
+const CELLS: usize = 4096;
+
+/// As [`autocovariance`], on the warped axis of the new rate.
+fn warped_autocovariance(model: &ArmaModel, ratio: f64, warping: f64) -> Vec<f64> {
+    let cell = |number: usize| {
+        let angle = unwarp((number as f64 + 0.5) * PI / CELLS as f64, warping);
+        model.variance() * model.power_gain_at(angle / ratio) / ratio
+    };
+    cell_autocovariance(&(0..CELLS).map(cell).collect::<Vec<_>>(), MAX_ORDER)
 }
 
 /// Lags 0 to [`MAX_ORDER`] at the new rate of the model's output, rid of all above the new Nyquist frequency: its

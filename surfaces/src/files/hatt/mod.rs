@@ -201,6 +201,11 @@ pub enum HattWriteError {
     /// A model file needs a texture.
     #[error("the surface has no texture, and a toolkit model file is nothing else; write a .ron")]
     NoTexture,
+    /// The toolkit knows plain delays only.
+    #[error(
+        "a toolkit model file has no place for a warped texture; write a .ron, or learn with the thesis's method"
+    )]
+    Warped,
     /// A model file needs a friction coefficient.
     #[error("a toolkit model file needs a friction coefficient, and the surface has none; write a .ron")]
     NoFriction,

@@ -10,6 +10,9 @@ use std::fmt::Write;
 /// reads beyond its arrays where a file has fewer than 16 triangles.
 pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     let texture = surface.texture.as_ref().ok_or(HattWriteError::NoTexture)?;
+    if texture.warping() != 0.0 {
+        return Err(HattWriteError::Warped);
+    }
     let mu = surface.friction.as_ref().ok_or(HattWriteError::NoFriction)?.mu();
     let name = checked_name(surface)?;
     let mut out = Xml::new(surface);

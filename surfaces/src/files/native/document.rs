@@ -83,6 +83,8 @@ pub(super) struct TapDocument {
 #[serde(deny_unknown_fields)]
 pub(super) struct TextureDocument {
     pub rate_hz: f64,
+    pub warping: Option<f64>,
+    pub highpass_hz: Option<f64>,
     pub filters: Bounded<FilterDocument, MAX_MODELS>,
     pub vertices: Bounded<VertexDocument, MAX_MODELS>,
     pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
@@ -106,7 +108,8 @@ pub(super) struct VertexDocument {
     pub speed_mm_s: SpeedMmS,
     pub force_n: f64,
     pub filter: usize,
-    pub variance: f64,
+    pub variance: Option<f64>,
+    pub power_m2_s4: Option<f64>,
     pub kind: KindDocument,
 }
 
@@ -114,6 +117,7 @@ pub(super) struct VertexDocument {
 #[serde(rename_all = "lowercase")]
 pub(super) enum KindDocument {
     Measured,
+    Fitted,
     Edge,
 }
 

@@ -91,7 +91,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         .0
         .into_iter()
         .enumerate()
-        .map(|(number, document)| filter(number, document))
+        .map(|(number, file)| filter(number, file, document.warping))
         .collect::<Result<Vec<_>, _>>()?;
     let mut models = Vec::with_capacity(document.vertices.0.len());
     for (vertex, document) in document.vertices.0.into_iter().enumerate() {
@@ -101,12 +101,15 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
             filters: filters.len(),
         };
         let filter: &ArmaModel = filters.get(document.filter).ok_or(no_such)?;
-        let model = filter
-            .clone()
-            .with_variance(document.variance)
-            .map_err(|error| Problem::Vertex { vertex, error })?;
+        let level = |model: ArmaModel| match (document.variance, document.power_m2_s4) {
+            (Some(variance), None) => model.with_variance(variance),
+            (None, Some(power)) => model.with_power(power),
+            _ => Err(ModelError::Level),
+        };
+        let model = level(filter.clone()).map_err(|error| Problem::Vertex { vertex, error })?;
         let kind = match document.kind {
             KindDocument::Measured => VertexKind::Measured,
+            KindDocument::Fitted => VertexKind::Fitted,
             KindDocument::Edge => VertexKind::Edge,
         };
         models.push(ModelAt {
@@ -116,14 +119,15 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
             kind,
         });
     }
-    Ok(match document.triangles {
+    let texture = match document.triangles {
         Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
         None => TextureModel::triangulated(document.rate_hz, models)?,
-    })
+    };
+    Ok(texture.with_highpass_hz(document.highpass_hz)?)
 }
 
 /// A filter with whichever of coefficients and LSFs the file leaves out worked out from the other.
-fn filter(number: usize, document: FilterDocument) -> Result<ArmaModel, Problem> {
+fn filter(number: usize, document: FilterDocument, warping: Option<f64>) -> Result<ArmaModel, Problem> {
     let failed = |error: ModelError| Problem::Filter {
         filter: number,
         error,
@@ -143,6 +147,12 @@ fn filter(number: usize, document: FilterDocument) -> Result<ArmaModel, Problem>
     )
     .unwrap_or(Ok((Vec::new(), Vec::new())))
     .map_err(failed)?;
+    if let Some(warping) = warping {
+        if !ma.is_empty() || document.gain.is_some() {
+            return Err(failed(ModelError::WarpedMovingAverage));
+        }
+        return ArmaModel::warped_from_stored(ar, ar_lsf, warping).map_err(failed);
+    }
     let gain = document.gain.unwrap_or(1.0);
     ArmaModel::from_stored(StoredModel {
         ar,

@@ -84,11 +84,15 @@ fn write_taps(out: &mut String, taps: &Taps) -> std::fmt::Result {
 
 fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     let (filters, filter_of) = distinct_filters(texture);
-    writeln!(
-        out,
-        "    texture: (\n        rate_hz: {:?},\n        filters: [",
-        texture.rate_hz()
-    )?;
+    writeln!(out, "    texture: (\n        rate_hz: {:?},", texture.rate_hz())?;
+    let is_warped = texture.warping() != 0.0;
+    if is_warped {
+        writeln!(out, "        warping: {:?},", texture.warping())?;
+    }
+    if let Some(highpass_hz) = texture.highpass_hz() {
+        writeln!(out, "        highpass_hz: {highpass_hz:?},")?;
+    }
+    writeln!(out, "        filters: [")?;
     for filter in filters {
         writeln!(out, "            (")?;
         write_numbers(out, "                ar: ", filter.ar())?;
@@ -106,14 +110,19 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     for (at, filter) in texture.models().iter().zip(filter_of) {
         let kind = match at.kind {
             VertexKind::Measured => "measured",
+            VertexKind::Fitted => "fitted",
             VertexKind::Edge => "edge",
+        };
+        let level = if is_warped {
+            format!("power_m2_s4: {:?}", at.model.power())
+        } else {
+            format!("variance: {:?}", at.model.variance())
         };
         writeln!(
             out,
-            "            (speed_mm_s: {}, force_n: {:?}, filter: {filter}, variance: {:?}, kind: {kind}),",
+            "            (speed_mm_s: {}, force_n: {:?}, filter: {filter}, {level}, kind: {kind}),",
             format_thousandfold(at.speed_m_s),
             at.force_n,
-            at.model.variance(),
         )?;
     }
     writeln!(out, "        ],\n        triangles: [")?;
