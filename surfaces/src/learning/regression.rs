@@ -50,21 +50,32 @@ pub(super) fn fit(places: &[Place], values: &[f64], weights: &[f64], prior: Prio
     law
 }
 
-/// As [`fit`], with observations far from the law counting less: beyond four robust deviations by their distance.
+/// As [`fit`], with observations far from the law counting no more than those four robust deviations from it.
 pub(super) fn fit_robustly(places: &[Place], values: &[f64], prior: Prior) -> (Law, Vec<f64>) {
-    let even = vec![1.0; values.len()];
-    let first = fit(places, values, &even, prior);
+    let logs: Vec<f64> = values.iter().map(|y| y.max(f64::MIN_POSITIVE).ln()).collect();
+    let typical = of_logs(places, &logs, prior);
     let residuals: Vec<f64> = places
         .iter()
-        .zip(values)
-        .map(|(place, y)| y.max(f64::MIN_POSITIVE).ln() - first.dot(place))
+        .zip(&logs)
+        .map(|(place, y)| y - typical.dot(place))
         .collect();
     let centre = median(&residuals);
     let distances: Vec<f64> = residuals.iter().map(|r| (r - centre).abs()).collect();
     let bound = 4.0 * 1.4826 * median(&distances);
-    let weigh = |distance: &f64| if *distance > bound { bound / distance } else { 1.0 };
-    let weights: Vec<f64> = distances.iter().map(weigh).collect();
+    let weights: Vec<f64> = distances.iter().map(|d| (bound - d).min(0.0).exp()).collect();
     (fit(places, values, &weights, prior), weights)
+}
+
+/// Least squares of logarithms: the geometric mean, which single loud observations hardly move.
+fn of_logs(places: &[Place], logs: &[f64], prior: Prior) -> Law {
+    let pull = Vector3::new(0.0, prior.strength, prior.strength);
+    let mut information = Matrix3::from_diagonal(&pull);
+    let mut sum = Vector3::new(0.0, pull[1] * prior.slopes[0], pull[2] * prior.slopes[1]);
+    for (place, y) in places.iter().zip(logs) {
+        information += place * place.transpose();
+        sum += place * *y;
+    }
+    information.cholesky().map_or(sum, |factors| factors.solve(&sum))
 }
 
 #[cfg(test)]
