@@ -24,8 +24,8 @@ fn succeeds(folder: &Path, arguments: &[&str]) -> bool {
 
 /// A folder with a graph in it.
 fn with_graph() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("g.ron"), GRAPH).unwrap();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("g.ron"), GRAPH).expect("it can be written");
     folder
 }
 
