@@ -81,7 +81,8 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         .iter()
         .map(|label| (AnnotationKind::Context, label));
     // Labels of one file share a snippet, unless a line is so long that only what is around a label can be shown.
-    let mut snippets: Vec<(SourceId, bool, Vec<(AnnotationKind, &Label)>)> = Vec::new();
+    type Labels<'a> = Vec<(AnnotationKind, &'a Label)>;
+    let mut snippets: Vec<(SourceId, bool, Labels<'_>)> = Vec::new();
     for (kind, label) in primary.chain(secondary) {
         let Some(source) = sources.get(label.span.source) else {
             continue;
