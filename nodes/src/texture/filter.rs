@@ -271,6 +271,7 @@ mod tests {
     use haptograph_signal::Complex64;
     use haptograph_signal::spectrum::arma_density;
     use haptograph_surfaces::resampling;
+    use std::path::Path;
 
     fn bench(form: Form) -> Bench {
         let settings = ArmaFilterSettings { form, surface: None };
