@@ -289,6 +289,7 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
             Style::named(Ink::Blue, "model").weight(Weight::Bold),
             of(VertexKind::Measured),
         ),
+        Mark::Dots(Style::named(Ink::Blue, "fitted"), of(VertexKind::Fitted)),
     ]
 }
 

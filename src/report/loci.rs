@@ -13,14 +13,14 @@ const STEPS: usize = 24;
 /// Both loci around the triangle in which interpolation by coefficients comes nearest to the circle, or farthest out.
 pub(super) fn section(texture: &TextureModel) -> String {
     let models = |triangle: &[u32; 3]| triangle.map(|vertex| &texture.models()[vertex as usize]);
-    let measured = |triangle: &&[u32; 3]| models(triangle).iter().all(|at| at.kind == VertexKind::Measured);
+    let inside = |triangle: &&[u32; 3]| models(triangle).iter().all(|at| at.kind != VertexKind::Edge);
     let of = |triangle: &[u32; 3]| {
         let models = models(triangle).map(|at| &at.model);
         (models, both_ways(&models))
     };
-    let loci = texture.triangles().iter().filter(measured).map(of);
+    let loci = texture.triangles().iter().filter(inside).map(of);
     let Some((models, paths)) = loci.max_by(|(_, a), (_, b)| radius(&a[0]).total_cmp(&radius(&b[0]))) else {
-        return "<p>No triangle has three measured models.</p>".to_owned();
+        return "<p>No triangle lies inside the map.</p>".to_owned();
     };
     let own: Vec<(f64, f64)> = models.iter().flat_map(|model| places(model.ar())).collect();
     let [by_coefficients, by_frequencies] = paths;
@@ -33,7 +33,7 @@ pub(super) fn section(texture: &TextureModel) -> String {
         .map(|plot| format!("<figure>{}</figure>", plot.to_svg()))
         .collect();
     format!(
-        "<p>Poles along the sides of one triangle of the map, of which three measured models are the corners: interpolated by \
+        "<p>Poles along the sides of one triangle of the map, the corners being models: interpolated by \
          their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.</p>\
          <div class=\"pair\">{figures}</div>"
     )

@@ -148,7 +148,8 @@ impl ArmaModel {
 
     /// A warped model of coefficients a_1..a_p, the warping factor, and the variance of its excitation in (m/s²)².
     pub fn warped_from_ar(ar: &[f64], warping: f64, variance: f64) -> Result<Self, ModelError> {
-        Self::warped(ar.to_vec(), lsf_of(Polynomial::Ar, ar)?, warping, 0.0)?.with_variance(variance)
+        // The frequencies lead, so that they alone are enough to write down.
+        Self::warped_from_lsf(&lsf_of(Polynomial::Ar, ar)?, warping, 0.0)?.with_variance(variance)
     }
 
     fn warped(ar: Vec<f64>, ar_lsf: Vec<f64>, warping: f64, power: f64) -> Result<Self, ModelError> {

@@ -36,6 +36,8 @@ struct Json<'a> {
     ma: &'a [f64],
     gain: f64,
     variance: f64,
+    /// 0 for models of plain delays.
+    warping: f64,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -183,6 +185,7 @@ fn json(
         ma: coefficients.ma(),
         gain: coefficients.gain,
         variance: coefficients.variance,
+        warping: coefficients.warping,
     };
     serde_json::to_string(&line).map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))
 }
@@ -208,6 +211,9 @@ fn describe(at: &Asked, beyond: Option<Asked>, spot: &Spot, coefficients: &Coeff
         coefficients.gain,
         list(coefficients.ar()),
     );
+    if coefficients.warping != 0.0 {
+        text += &format!(" on an axis warped by {}", coefficients.warping);
+    }
     if coefficients.ma_order > 0 {
         text += &format!(", ma {}", list(coefficients.ma()));
     }

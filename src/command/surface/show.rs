@@ -3,7 +3,6 @@
 use super::{Failure, load};
 use crate::command::table::{facts, significant, table};
 use crate::command::{say, say_json};
-use haptograph::signal::prediction::power_gain;
 use haptograph::surfaces::files::decimal::format_thousandfold;
 use haptograph::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
 use serde_json::{Value, json};
@@ -75,10 +74,11 @@ fn texture_json(texture: &TextureModel) -> Value {
             "ma_lsf": at.model.ma_lsf(),
             "gain": at.model.gain(),
             "variance": at.model.variance(),
+            "power_m2_s4": at.model.power(),
         })
     });
     json!({
-        "rate_hz": texture.rate_hz(),
+        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(), "rate_hz": texture.rate_hz(),
         "ar_order": texture.ar_order(),
         "ma_order": texture.ma_order(),
         "max_speed_mm_s": mm_s(texture.max_speed_m_s()),
@@ -156,6 +156,10 @@ fn describe_texture(texture: &TextureModel) -> String {
         0 => format!("AR({})", texture.ar_order()),
         ma => format!("ARMA({}, {ma})", texture.ar_order()),
     };
+    let order = match texture.warping() {
+        0.0 => order,
+        warping => format!("warped {order} of factor {}", significant(warping, 3)),
+    };
     format!(
         "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N",
         texture.models().len(),
@@ -166,23 +170,20 @@ fn describe_texture(texture: &TextureModel) -> String {
     )
 }
 
-/// The measured models, a row each.
+/// The models inside the map, a row each.
 fn models(texture: &TextureModel) -> String {
     let rows: Vec<Vec<String>> = texture
         .models()
         .iter()
         .enumerate()
-        .filter(|(_, at)| at.kind == VertexKind::Measured)
+        .filter(|(_, at)| at.kind != VertexKind::Edge)
         .map(|(number, at)| {
-            let filter = power_gain(at.model.ar(), at.model.ma())
-                .map_or(f64::NAN, |gain| gain * at.model.gain().powi(2));
-            let power = at.model.variance() * filter;
             vec![
                 number.to_string(),
                 significant(mm_s(at.speed_m_s), 4),
                 significant(at.force_n, 3),
                 significant(at.model.variance(), 3),
-                significant(power, 3),
+                significant(at.model.power(), 3),
             ]
         })
         .collect();

@@ -95,7 +95,9 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     writeln!(out, "        filters: [")?;
     for filter in filters {
         writeln!(out, "            (")?;
-        write_numbers(out, "                ar: ", filter.ar())?;
+        if !is_warped {
+            write_numbers(out, "                ar: ", filter.ar())?;
+        }
         write_numbers(out, "                ar_lsf: ", filter.ar_lsf())?;
         if !filter.ma().is_empty() {
             write_numbers(out, "                ma: ", filter.ma())?;
