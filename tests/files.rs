@@ -131,7 +131,7 @@ fn a_graph_whose_name_is_no_unicode_keeps_its_recording() {
 fn outputs_of_others_are_replaced_by_force_only() {
     let folder = with_graph();
     let folder = folder.path();
-    let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/t2-canvas.ron");
+    let surface = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/canvas-thesis.ron");
     let surface = surface.display().to_string();
     let probe = [&RUN[..], &["--probe", "s=file.csv"]].concat();
     let resample = [

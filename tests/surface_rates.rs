@@ -18,9 +18,9 @@ fn graphs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs")
 }
 
-/// A shipped surface at 1 kHz in a file of either format.
+/// A surface of the thesis's method at 1 kHz in a file of either format.
 fn slow(folder: &Path, method: Method, file: &str) -> PathBuf {
-    let surface = load(&graphs().join("surfaces/t2-canvas.ron")).unwrap();
+    let surface = load(&graphs().join("../tests/data/canvas-thesis.ron")).unwrap();
     let (mut slow, _) = resample_surface(&surface, 1000.0, method).unwrap();
     slow.taps = None;
     let path = folder.join(file);

@@ -33,3 +33,9 @@ pub(crate) fn load_texture(path: &Path) -> Result<TextureModel, BuildError> {
 pub(crate) fn tile() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron")
 }
+
+/// A surface of the thesis's method, for tests.
+#[cfg(test)]
+pub(crate) fn plain() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/canvas-thesis.ron")
+}

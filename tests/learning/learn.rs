@@ -61,7 +61,15 @@ fn a_processed_table_is_enough_to_learn_from() {
     fs::write(folder.path().join("processed.csv"), text).unwrap();
     succeed(
         folder.path(),
-        &["learn", "processed.csv", "-o", "surface.ron", "--keep-outliers"],
+        &[
+            "learn",
+            "processed.csv",
+            "-o",
+            "surface.ron",
+            "--method",
+            "thesis",
+            "--keep-outliers",
+        ],
     );
     let shown = json(folder.path(), &["surface", "show", "surface.ron", "--json"]);
     assert!((shown["friction"]["mu"].as_f64().unwrap() - 0.4).abs() < 1e-6);

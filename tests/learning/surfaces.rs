@@ -108,6 +108,7 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
                 "speed_mm_s",
                 "triangle",
                 "variance",
+                "warping",
                 "weights"
             ]
         );
@@ -157,17 +158,27 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
 #[test]
 fn surfaces_change_format_and_rate() {
     let folder = workshop();
-    succeed(folder, &["surface", "convert", "t1.ron", "t1.xml"]);
+    let method = ["--method", "thesis"];
+    let learn = ["learn", "study/T1.anna.1.npz", "-o", "plain.ron"];
+    succeed(folder, &[&learn[..], &method].concat());
+    succeed(folder, &["surface", "convert", "plain.ron", "t1.xml"]);
     succeed(folder, &["surface", "convert", "t1.xml", "back.ron"]);
     let models = |file: &str| json(folder, &["surface", "show", file, "--json"])["texture"]["models"].clone();
-    assert_eq!(models("t1.ron"), models("back.ron"));
+    assert_eq!(models("plain.ron"), models("back.ron"));
+    let told = fail(folder, &["surface", "convert", "t1.ron", "t1.xml"]);
+    assert!(told.contains("warped"), "{told}");
     let told = fail(folder, &["surface", "convert", "t1.ron", "t1.txt"]);
     assert!(told.contains(".ron") && told.contains(".xml"), "{told}");
 
-    for (method, most_db) in [("zoh", 6.0), ("hatt", 60.0), ("spectral", 0.1)] {
-        let out = format!("t1.{method}.ron");
+    for (from, method, most_db) in [
+        ("plain.ron", "zoh", 6.0),
+        ("plain.ron", "hatt", 60.0),
+        ("plain.ron", "spectral", 0.1),
+        ("t1.ron", "spectral", 0.2),
+    ] {
+        let out = format!("{method}.{from}");
         let arguments = [
-            "surface", "resample", "t1.ron", "--rate", "1000", "--method", method, "-o", &out, "--json",
+            "surface", "resample", from, "--rate", "1000", "--method", method, "-o", &out, "--json",
         ];
         let worst = json(folder, &arguments)["worst_db"].as_f64().unwrap();
         assert!(worst.abs() <= most_db, "{method}: {worst} dB");
@@ -179,7 +190,7 @@ fn surfaces_change_format_and_rate() {
     let told = fail(
         folder,
         &[
-            "surface", "resample", "t1.ron", "--rate", "700", "--method", "zoh", "-o", "x.ron",
+            "surface", "resample", "plain.ron", "--rate", "700", "--method", "zoh", "-o", "x.ron",
         ],
     );
     assert!(

@@ -265,7 +265,7 @@ impl Processor for Synthesis {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tile;
+    use super::super::plain;
     use super::*;
     use haptograph_engine::testing::Bench;
     use haptograph_signal::Complex64;
@@ -362,7 +362,7 @@ mod tests {
     fn a_clock_that_is_not_the_models_is_refused() {
         let settings = ArmaFilterSettings {
             form: Form::Lattice,
-            surface: Some(tile()),
+            surface: Some(plain()),
         };
         let refused = Bench::new::<ArmaFilter>(settings, 999.0, &[Kind::Coefficients, Kind::Scalar]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("surface"));
@@ -371,8 +371,8 @@ mod tests {
     const KINDS: [Kind; 2] = [Kind::Coefficients, Kind::Scalar];
 
     /// The tile at 1 kHz, as models with zeros and gains, in a file.
-    fn slow_tile() -> tempfile::NamedTempFile {
-        let surface = haptograph_surfaces::files::load(&tile()).unwrap();
+    fn slow_plain() -> tempfile::NamedTempFile {
+        let surface = haptograph_surfaces::files::load(&plain()).unwrap();
         let (slow, _) = resampling::resample_surface(&surface, 1000.0, resampling::Method::Zoh).unwrap();
         let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
         std::fs::write(file.path(), haptograph_surfaces::files::native::write(&slow)).unwrap();
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn slower_models_have_their_spectrum_and_nothing_above_it() {
-        let file = slow_tile();
+        let file = slow_plain();
         let texture = load_texture(file.path()).unwrap();
         let (up, clock_hz) = (10, 10_000.0);
         for at in [0, texture.models().len() / 2] {
@@ -422,7 +422,7 @@ mod tests {
 
     #[test]
     fn slower_models_say_so_come_later_and_hand_their_state_over() {
-        let file = slow_tile();
+        let file = slow_plain();
         let mut old = rendering(file.path(), Form::Lattice, 10_000.0);
         let late_s = old.processor().latency().group_delay_s;
         assert!((0.001..0.004).contains(&late_s), "{late_s}");
@@ -442,7 +442,7 @@ mod tests {
     fn models_of_the_clocks_rate_run_as_they_are() {
         let held = frame(&[-1.2, 0.7], &[0.4], 2.0).repeat(400);
         let e: Vec<f64> = (0..400).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
-        let (mut named, mut plain) = (rendering(&tile(), Form::Lattice, 10_000.0), bench(Form::Lattice));
+        let (mut named, mut plain) = (rendering(&plain(), Form::Lattice, 10_000.0), bench(Form::Lattice));
         assert_eq!(named.run(&[&held, &e]), plain.run(&[&held, &e]));
         assert_eq!(named.processor().latency(), Latency::default());
     }
