@@ -489,8 +489,18 @@ fn no_graph_writes_what_its_run_writes_itself() {
         .replace("})", endpoint);
     for (graph, file, more, words) in [
         (TONE, "run.json", None, "E0304"),
-        (TONE, "record/loud.wav", Some("--record"), "which the run writes itself"),
-        (&*played, "coil.soundcard.wav", None, "which the run writes itself"),
+        (
+            TONE,
+            "record/loud.wav",
+            Some("--record"),
+            "which the run writes itself",
+        ),
+        (
+            &*played,
+            "coil.soundcard.wav",
+            None,
+            "which the run writes itself",
+        ),
     ] {
         fs::write(&path, graph.replace("loud.wav", file)).unwrap();
         let run = ["run", "tone.ron", "--for", "0.1"];
@@ -502,7 +512,8 @@ fn no_graph_writes_what_its_run_writes_itself() {
     fs::write(&path, TONE).unwrap();
     let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--watch"]);
     fs::write(&path, TONE.replace("loud.wav", "run.json")).unwrap();
-    run.wait_for("the graph stays as it was: the sink `file` writes run.json");
+    run.wait_for("E0304");
+    run.wait_for("the graph stays as it was");
     run.stop();
 }
 

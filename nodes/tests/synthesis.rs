@@ -19,9 +19,9 @@ use std::path::{Path, PathBuf};
 
 type Frame = [f64; Coefficients::WIDTH];
 
-/// The surface that comes with haptograph, and three of the public toolkit's where `HATT_DIR` names them.
+/// A surface of the thesis's method, and three of the public toolkit's where `HATT_DIR` names them.
 fn surfaces() -> Vec<PathBuf> {
-    let mut all = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron")];
+    let mut all = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/canvas-thesis.ron")];
     match std::env::var_os("HATT_DIR") {
         Some(folder) => {
             let models = Path::new(&folder).join("Models/Models10000Hz/XML");
@@ -33,7 +33,7 @@ fn surfaces() -> Vec<PathBuf> {
             files.sort();
             all.extend(files.into_iter().step_by(33).take(3));
         }
-        None => println!("HATT_DIR is not set: tried on the shipped surface only"),
+        None => println!("HATT_DIR is not set: tried on one surface only"),
     }
     all
 }

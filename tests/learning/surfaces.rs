@@ -190,7 +190,15 @@ fn surfaces_change_format_and_rate() {
     let told = fail(
         folder,
         &[
-            "surface", "resample", "plain.ron", "--rate", "700", "--method", "zoh", "-o", "x.ron",
+            "surface",
+            "resample",
+            "plain.ron",
+            "--rate",
+            "700",
+            "--method",
+            "zoh",
+            "-o",
+            "x.ron",
         ],
     );
     assert!(

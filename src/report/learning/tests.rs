@@ -51,7 +51,7 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
         "Mean spectra",
         "mu = 0.4",
         "Where the conditions are on the map",
-        "segmentation.min_span",
+        "texture.method",
     ] {
         assert!(page.contains(shown), "{shown} is missing");
     }
