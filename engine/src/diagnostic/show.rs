@@ -160,7 +160,7 @@ fn within(text: &str, span: Span) -> std::ops::Range<usize> {
 ///  "end_line": 3, "end_column": 12, "start": 40, "end": 45, "label": "...", "related": [{...}], "help": ["..."]}
 /// ```
 /// Lines and columns count from 1, columns in characters; `start` and `end` are bytes. A finding about no place in
-/// a file has no `path` and what follows from it. Of more than [`MAX_SHOWN`] findings the last object, of severity
+/// a file has no `path` and what follows from it. Of more than a hundred findings the last object, of severity
 /// `note` and without a code, says how many are left out.
 pub fn to_json(diagnostics: &Diagnostics) -> String {
     let sources = &diagnostics.sources;
