@@ -298,12 +298,17 @@ fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String
         };
         let kept = count(|fate| *fate == Fate::Kept);
         let outliers = count(|fate| matches!(fate, Fate::Outlier { .. }));
+        let (order, all) = (report.order, report.segments.len());
+        // A law's models are not the windows'.
+        let what = if texture.warping() != 0.0 {
+            format!("a law of order {order} from {kept} of {all} windows")
+        } else {
+            format!("{kept} models of order {order} from {all} segments ({outliers} outliers)")
+        };
         found.push((
             "texture",
             format!(
-                "{kept} models of order {} from {} segments ({outliers} outliers), to {} mm/s and {} N",
-                report.order,
-                report.segments.len(),
+                "{what}, to {} mm/s and {} N",
                 significant(texture.max_speed_m_s() * 1000.0, 3),
                 significant(texture.max_force_n(), 3)
             ),
