@@ -288,6 +288,7 @@ fn play(seconds: u32) {
 }
 
 #[test]
+#[ignore = "a busy machine lets the daemon run dry, which only the daemon knows"]
 fn for_a_minute_a_daemon_hears_what_is_played_but_for_gaps_that_are_reported() {
     play(60);
 }
