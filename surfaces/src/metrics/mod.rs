@@ -3,13 +3,17 @@
 //! - [`spectral`]: normalized spectral error, power error and spectral difference of thesis section 2.5.1; windowed power and spectral
 //!   centroid.
 //! - [`responsiveness`]: the changes in their variation of section 4.5.3.
+//! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance; [`pacinian`]: what is felt of them.
 //! - [`image`]: roughness and fineness of a photograph, section 3.2.
 
+pub mod bands;
 pub mod image;
+pub mod pacinian;
 mod pairs;
 pub mod responsiveness;
 pub mod spectral;
 
+pub use bands::{Band, BandErrors, BandPowers, Bands, log_spectral_distance};
 pub use image::{GrayImage, fineness_per_mm, roughness};
 pub use pairs::{all_pairs, pair_index};
 pub use spectral::{
