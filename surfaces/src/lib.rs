@@ -5,6 +5,7 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
 //! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
 
+pub mod crackle;
 pub mod evaluate;
 pub mod files;
 pub mod hull;
@@ -23,6 +24,7 @@ pub mod taps;
 pub mod texture;
 pub mod triangulation;
 
+pub use crackle::Crackle;
 pub use interpolation::{Coefficients, Interpolator, Spot};
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};

@@ -1,5 +1,6 @@
 //! A texture: models of sliding vibration over speed and force, triangulated.
 
+use crate::crackle::{self, Crackle};
 use crate::hull::{self, Hull};
 use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
@@ -15,6 +16,7 @@ pub struct TextureModel {
     models: Vec<ModelAt>,
     triangulation: Triangulation,
     highpass_hz: Option<f64>,
+    crackle: Option<Crackle>,
 }
 
 /// A model and where on the map it stands.
@@ -81,6 +83,7 @@ impl TextureModel {
             models,
             triangulation,
             highpass_hz: None,
+            crackle: None,
         })
     }
 
@@ -97,6 +100,19 @@ impl TextureModel {
         }
         self.highpass_hz = highpass_hz;
         Ok(self)
+    }
+
+    /// The same texture, the level of its excitation fluctuating by `crackle`.
+    pub fn with_crackle(mut self, crackle: Option<Crackle>) -> Self {
+        self.crackle = crackle;
+        self
+    }
+
+    /// The same models with all that `other` has beside its models: high-pass and crackle.
+    pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
+        Ok(self
+            .with_highpass_hz(other.highpass_hz)?
+            .with_crackle(other.crackle))
     }
 
     /// A texture of `models`, border included, with the Delaunay triangulation of their z-scores.
@@ -132,6 +148,11 @@ impl TextureModel {
     /// It is that of processing: a Butterworth filter of order 2, forward and backward, so that its magnitude counts twice.
     pub fn highpass_hz(&self) -> Option<f64> {
         self.highpass_hz
+    }
+
+    /// How the level of the excitation fluctuates; `None` where it is plain white noise.
+    pub fn crackle(&self) -> Option<Crackle> {
+        self.crackle
     }
 
     /// The filter of [`Self::highpass_hz`] for a renderer: causal, of the same magnitude.
@@ -192,7 +213,7 @@ impl TextureModel {
                 })
             })
             .collect::<Result<Vec<_>, E>>()?;
-        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?.with_highpass_hz(self.highpass_hz)?)
+        Ok(Self::new(rate_hz, models, self.triangles().to_vec())?.with_extras_of(self)?)
     }
 }
 
@@ -245,6 +266,18 @@ pub enum TextureError {
         cutoff_hz: f64,
         /// The models' rate.
         rate_hz: f64,
+    },
+    /// Crackle that is none, or more than any texture has.
+    #[error(
+        "crackle of depth {depth} and time constant {time_constant_s} s: the depth must be above 0 and at most {}, the time constant above 0 and at most {} s",
+        crackle::MAX_DEPTH,
+        crackle::MAX_TIME_CONSTANT_S
+    )]
+    Crackle {
+        /// The depth given.
+        depth: f64,
+        /// The time constant given.
+        time_constant_s: f64,
     },
     /// A model that makes sound where the tool rests or is lifted.
     #[error(

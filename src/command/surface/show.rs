@@ -78,7 +78,11 @@ fn texture_json(texture: &TextureModel) -> Value {
         })
     });
     json!({
-        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(), "rate_hz": texture.rate_hz(),
+        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(),
+        "crackle": texture.crackle().map(|crackle| json!({
+            "depth": crackle.depth(), "time_constant_ms": 1000.0 * crackle.time_constant_s(),
+        })),
+        "rate_hz": texture.rate_hz(),
         "ar_order": texture.ar_order(),
         "ma_order": texture.ma_order(),
         "max_speed_mm_s": mm_s(texture.max_speed_m_s()),
@@ -160,8 +164,15 @@ fn describe_texture(texture: &TextureModel) -> String {
         0.0 => order,
         warping => format!("warped {order} of factor {}", significant(warping, 3)),
     };
+    let crackle = texture.crackle().map_or_else(String::new, |crackle| {
+        format!(
+            "; crackle of depth {} and {} ms",
+            significant(crackle.depth(), 2),
+            significant(1000.0 * crackle.time_constant_s(), 2)
+        )
+    });
     format!(
-        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N",
+        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{crackle}",
         texture.models().len(),
         texture.rate_hz(),
         texture.triangles().len(),

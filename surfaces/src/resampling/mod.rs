@@ -145,9 +145,8 @@ pub fn resample(texture: &TextureModel, rate_hz: f64, method: Method) -> Result<
             Ok(ModelAt { model, ..at.clone() })
         });
     let models = models.collect::<Result<Vec<_>, ResampleError>>()?;
-    let highpass_hz = texture.highpass_hz();
     let texture =
-        TextureModel::new(rate_hz, models, texture.triangles().to_vec())?.with_highpass_hz(highpass_hz)?;
+        TextureModel::new(rate_hz, models, texture.triangles().to_vec())?.with_extras_of(texture)?;
     Ok(Resampled {
         texture,
         worst,

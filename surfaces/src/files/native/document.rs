@@ -74,7 +74,7 @@ pub(super) struct TapsDocument {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TapDocument {
-    pub speed_mm_s: SpeedMmS,
+    pub speed_mm_s: Thousandths,
     pub acceleration_m_s2: Bounded<f64, MAX_TAP_SAMPLES>,
     pub peak_force_n: Option<f64>,
 }
@@ -85,9 +85,17 @@ pub(super) struct TextureDocument {
     pub rate_hz: f64,
     pub warping: Option<f64>,
     pub highpass_hz: Option<f64>,
+    pub crackle: Option<CrackleDocument>,
     pub filters: Bounded<FilterDocument, MAX_MODELS>,
     pub vertices: Bounded<VertexDocument, MAX_MODELS>,
     pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CrackleDocument {
+    pub depth: f64,
+    pub time_constant_ms: Thousandths,
 }
 
 #[derive(Deserialize)]
@@ -105,7 +113,7 @@ pub(super) type Coefficients = Bounded<f64, MAX_ORDER>;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VertexDocument {
-    pub speed_mm_s: SpeedMmS,
+    pub speed_mm_s: Thousandths,
     pub force_n: f64,
     pub filter: usize,
     pub variance: Option<f64>,
@@ -179,22 +187,22 @@ impl<'de> Deserialize<'de> for Settings {
     }
 }
 
-/// A speed written in mm/s, kept exactly in m/s.
-pub(super) struct SpeedMmS {
-    pub m_s: f64,
+/// A number written in thousandths of a unit (mm/s, ms), kept exactly in the unit (m/s, s).
+pub(super) struct Thousandths {
+    pub unit: f64,
 }
 
-impl<'de> Deserialize<'de> for SpeedMmS {
+impl<'de> Deserialize<'de> for Thousandths {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let raw = <&'de ron::value::RawValue>::deserialize(deserializer)?;
         // What is not a plain decimal (with a comment beside it, or digits grouped) loses the last bit at most.
         let grouped = || {
             raw.into_rust::<f64>()
-                .map(|mm_s| mm_s / 1000.0)
+                .map(|thousandths| thousandths / 1000.0)
                 .map_err(D::Error::custom)
         };
-        let m_s = decimal::parse_thousandth(raw.get_ron()).map_or_else(grouped, Ok)?;
-        Ok(SpeedMmS { m_s })
+        let unit = decimal::parse_thousandth(raw.get_ron()).map_or_else(grouped, Ok)?;
+        Ok(Thousandths { unit })
     }
 }
 

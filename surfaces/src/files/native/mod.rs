@@ -32,6 +32,13 @@
 //! ```
 //!
 //! Friction, stiffness, taps and texture may each be left out. So may the largest normal force of a tap. A filter may also have `ma` (and `ma_lsf`) and `gain`.
+//!
+//! Further fields of a texture that may be left out: `warping`, the factor of the models' frequency axis (vertices then have
+//! `power_m2_s4`, the power of the vibration, instead of `variance`); `highpass_hz`, the high-pass that the models leave to
+//! the renderer; and `crackle: (depth: 0.6, time_constant_ms: 8)`, how strongly and how fast the level of the excitation
+//! fluctuates ([`crate::Crackle`]). A file without them means what it always meant, so the version stays 1; a program that
+//! does not know one of them refuses the file.
+//!
 //! LSFs are in radians. Where a filter has coefficients and LSFs, both are kept and the LSFs lead
 //! ([`crate::ArmaModel`]). Fields that are not known and keys given twice are errors. Numbers are written by the
 //! shortest decimal that reads back to the same bits, speeds included.

@@ -8,7 +8,7 @@ use crate::files::{Place, Problem, ReadError};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
-    Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
+    Crackle, Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
     texture::TextureError,
 };
 use ron::extensions::Extensions;
@@ -77,7 +77,7 @@ fn taps(document: TapsDocument) -> Result<Taps, Problem> {
     let taps = document.taps.0.into_iter();
     let taps = taps
         .map(|tap| Tap {
-            speed_m_s: tap.speed_mm_s.m_s,
+            speed_m_s: tap.speed_mm_s.unit,
             acceleration_m_s2: tap.acceleration_m_s2.0,
             peak_force_n: tap.peak_force_n,
         })
@@ -113,7 +113,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
             KindDocument::Edge => VertexKind::Edge,
         };
         models.push(ModelAt {
-            speed_m_s: document.speed_mm_s.m_s,
+            speed_m_s: document.speed_mm_s.unit,
             force_n: document.force_n,
             model,
             kind,
@@ -123,7 +123,13 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         Some(triangles) => TextureModel::new(document.rate_hz, models, triangles.0)?,
         None => TextureModel::triangulated(document.rate_hz, models)?,
     };
-    Ok(texture.with_highpass_hz(document.highpass_hz)?)
+    let crackle = document
+        .crackle
+        .map(|crackle| Crackle::new(crackle.depth, crackle.time_constant_ms.unit))
+        .transpose()?;
+    Ok(texture
+        .with_highpass_hz(document.highpass_hz)?
+        .with_crackle(crackle))
 }
 
 /// A filter with whichever of coefficients and LSFs the file leaves out worked out from the other.

@@ -2,7 +2,8 @@ use super::*;
 use crate::files::{Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
-    ArmaModel, Friction, ModelAt, Origin, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
+    ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, Stiffness, Surface, Tap, Taps, TextureModel,
+    VertexKind,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -45,7 +46,9 @@ fn random_surface(seed: u64) -> Surface {
         )
         .unwrap(),
     );
-    surface.texture = Some(TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap());
+    let crackle = Crackle::new(random.random_range(0.1..2.0), random.random_range(0.001..0.1)).unwrap();
+    let texture = TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap();
+    surface.texture = Some(texture.with_crackle(Some(crackle)));
     surface
 }
 
@@ -135,6 +138,11 @@ fn errors_of_meaning_have_a_line_and_column_too() {
     assert!(message.contains("zero speed or force"), "{message}");
     let (place, message) = error(&SQUARE.replace("ar: [-0.5, 0.2]", ""));
     assert_eq!(place, Some((7, 19)), "{message}");
+    let (_, message) = error(&SQUARE.replace(
+        "rate_hz: 1000",
+        "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)",
+    ));
+    assert!(message.contains("depth -1"), "{message}");
     let (_, message) = error(&SQUARE.replace("speed_mm_s: 200", "speed_mm_s: fast"));
     assert!(message.contains("line 10"), "{message}");
 }

@@ -92,6 +92,14 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     if let Some(highpass_hz) = texture.highpass_hz() {
         writeln!(out, "        highpass_hz: {highpass_hz:?},")?;
     }
+    if let Some(crackle) = texture.crackle() {
+        writeln!(
+            out,
+            "        crackle: (depth: {:?}, time_constant_ms: {}),",
+            crackle.depth(),
+            format_thousandfold(crackle.time_constant_s())
+        )?;
+    }
     writeln!(out, "        filters: [")?;
     for filter in filters {
         writeln!(out, "            (")?;
