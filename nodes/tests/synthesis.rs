@@ -7,9 +7,8 @@
 )]
 
 use haptograph_engine::frame::{Coefficients, Kind};
-use haptograph_engine::settings::NoSettings;
 use haptograph_engine::testing::{Bench, MAX_FRAMES};
-use haptograph_nodes::texture::excitation::Excitation;
+use haptograph_nodes::texture::excitation::{Excitation, ExcitationSettings};
 use haptograph_nodes::texture::filter::{ArmaFilter, ArmaFilterSettings, Form};
 use haptograph_nodes::texture::interpolator::LsfInterpolator;
 use haptograph_nodes::texture::locator::{SurfaceSettings, TriangleLocator};
@@ -89,7 +88,8 @@ impl Voice {
         let settings = ArmaFilterSettings { form, surface: None };
         let kinds = [Kind::Coefficients, Kind::Scalar];
         Self {
-            excitation: Bench::new::<Excitation>(NoSettings {}, rate_hz, &kinds[..1]).unwrap(),
+            excitation: Bench::new::<Excitation>(ExcitationSettings { surface: None }, rate_hz, &kinds[..1])
+                .unwrap(),
             filter: Bench::new::<ArmaFilter>(settings, rate_hz, &kinds).unwrap(),
         }
     }

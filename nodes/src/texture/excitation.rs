@@ -4,23 +4,34 @@ use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
-use haptograph_engine::settings::NoSettings;
-use haptograph_signal::noise::Gaussian;
+use haptograph_signal::noise::{Gaussian, stream_seed};
 use haptograph_signal::quantity::Quantity;
+use haptograph_surfaces::crackle::CrackleSource;
+use std::path::PathBuf;
 
+use super::load_texture;
 use crate::successor;
 
-/// White Gaussian excitation.
+haptograph_engine::settings! {
+    /// Settings of [`Excitation`].
+    pub struct ExcitationSettings {
+        /// The surface that is rendered: the noise crackles as its texture does. None: it does not.
+        surface: Option<PathBuf> = None;
+    }
+}
+
+/// White excitation, Gaussian or crackling.
 pub struct Excitation;
 
 impl NodeKind for Excitation {
-    type Settings = NoSettings;
+    type Settings = ExcitationSettings;
     const SPEC: NodeSpec = NodeSpec {
         name: "Excitation",
         group: "texture",
         doc: "White Gaussian noise to excite a synthesis filter with, of the variance that comes with the coefficients \
-              (exactly zero where that is zero). Without coefficients, of variance 1.",
-        source: "2.4.2",
+              (exactly zero where that is zero). Without coefficients, of variance 1. Where the surface crackles, the \
+              level fluctuates about that variance by the depth and time constant that its file says.",
+        source: "2.4.2; crackle: docs/learning.md",
         inputs: &[input(
             "coefficients",
             Kind::Coefficients,
@@ -38,9 +49,13 @@ impl NodeKind for Excitation {
         example: r#""excite": Excitation(clock: "synth", coefficients: Hold("interpolate.coefficients"))"#,
     };
 
-    fn build(_: NoSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+    fn build(settings: ExcitationSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let texture = settings.surface.as_deref().map(load_texture).transpose()?;
+        let crackle = texture.and_then(|texture| texture.crackle());
+        let source = |crackle| CrackleSource::new(crackle, cx.rate.hz(), stream_seed(cx.seed, "crackle"));
         Ok(Box::new(Exciting {
             stream: Gaussian::new(cx.seed),
+            crackle: crackle.map(|crackle| Box::new(source(crackle))),
         }))
     }
 }
@@ -48,14 +63,18 @@ impl NodeKind for Excitation {
 #[derive(Debug, Clone)]
 struct Exciting {
     stream: Gaussian,
+    crackle: Option<Box<CrackleSource>>,
 }
 
 impl Processor for Exciting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (scaled, runs) = (io.connected(0), io.held(0));
         let out = io.out(0);
-        // The stream goes on through silence, so that it depends on time alone.
+        // The streams go on through silence, so that they depend on time alone.
         self.stream.fill(out);
+        if let Some(crackle) = &mut self.crackle {
+            crackle.modulate(out);
+        }
         if !scaled {
             return;
         }
@@ -77,14 +96,19 @@ impl Processor for Exciting {
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.stream.clone_from(&self.stream);
+            if let (Some(new), Some(old)) = (&mut new.crackle, &self.crackle) {
+                new.copy_state_from(old);
+            }
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::plain;
     use super::*;
     use haptograph_engine::testing::Bench;
+    use haptograph_surfaces::{Crackle, files};
 
     fn frame(variance: f64) -> [f64; Coefficients::WIDTH] {
         let mut lanes = [0.0; Coefficients::WIDTH];
@@ -99,17 +123,83 @@ mod tests {
         lanes
     }
 
+    fn white() -> ExcitationSettings {
+        ExcitationSettings { surface: None }
+    }
+
     #[test]
     fn the_excitation_has_the_variance_of_the_coefficients_and_none_at_rest() {
         let variances: Vec<f64> = (0..3000).map(|k| [1.0, 0.0, 4.0][k / 1000]).collect();
         let held: Vec<f64> = variances.iter().flat_map(|v| frame(*v)).collect();
-        let mut scaled = Bench::new::<Excitation>(NoSettings {}, 1000.0, &[Kind::Coefficients]).unwrap();
-        let mut unit = Bench::new::<Excitation>(NoSettings {}, 1000.0, &[]).unwrap();
+        let mut scaled = Bench::new::<Excitation>(white(), 1000.0, &[Kind::Coefficients]).unwrap();
+        let mut unit = Bench::new::<Excitation>(white(), 1000.0, &[]).unwrap();
         let scaled = scaled.run_in_blocks(&[&held], &[64, 3]).remove(0);
         let unit = unit.run_source(1024).remove(0);
         assert_eq!(scaled[..1000], unit[..1000]);
         assert!(scaled[1000..2000].iter().all(|e| e.to_bits() == 0));
         let power = scaled[2000..].iter().map(|e| e * e).sum::<f64>() / 1000.0;
         assert!((power / 4.0 - 1.0).abs() < 4.0 * (2.0_f64 / 1000.0).sqrt());
+    }
+
+    /// A surface with this crackle, in a file.
+    fn crackling(depth: f64) -> (tempfile::NamedTempFile, ExcitationSettings) {
+        let mut surface = files::load(&plain()).unwrap();
+        let crackle = Crackle::new(depth, 0.008).unwrap();
+        surface.texture = surface.texture.map(|texture| texture.with_crackle(Some(crackle)));
+        let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
+        std::fs::write(file.path(), files::native::write(&surface)).unwrap();
+        let settings = ExcitationSettings {
+            surface: Some(file.path().to_owned()),
+        };
+        (file, settings)
+    }
+
+    fn bench(settings: ExcitationSettings) -> Bench {
+        Bench::new::<Excitation>(settings, 10_000.0, &[Kind::Coefficients]).unwrap()
+    }
+
+    #[test]
+    fn a_surface_that_does_not_crackle_is_excited_as_if_there_were_none() {
+        let held = frame(2.0).repeat(500);
+        let named = ExcitationSettings {
+            surface: Some(plain()),
+        };
+        assert_eq!(bench(named).run(&[&held]), bench(white()).run(&[&held]));
+    }
+
+    #[test]
+    fn crackle_keeps_the_power_makes_the_noise_spiky_and_depends_on_no_block() {
+        let (_file, settings) = crackling(1.0);
+        let held = frame(1.0).repeat(200_000);
+        let blocks = bench(settings.clone())
+            .run_in_blocks(&[&held], &[7, 64, 1])
+            .remove(0);
+        assert_eq!(bench(settings).run(&[&held]).remove(0), blocks);
+        let moment = |k: i32| blocks.iter().map(|e| e.powi(k)).sum::<f64>() / blocks.len() as f64;
+        assert!((moment(2) - 1.0).abs() < 0.1, "{}", moment(2));
+        assert!(moment(4) / moment(2).powi(2) > 5.0);
+    }
+
+    #[test]
+    fn a_successor_goes_on_with_noise_and_crackle() {
+        let (_file, settings) = crackling(0.7);
+        let held = frame(1.0).repeat(1000);
+        let whole = bench(settings.clone()).run(&[&held]).remove(0);
+        let half = held.len() / 2;
+        let mut old = bench(settings.clone());
+        old.run(&[&held[..half]]);
+        let mut new = bench(settings);
+        old.processor().copy_state_into(new.processor());
+        assert_eq!(new.run(&[&held[half..]])[0], whole[500..]);
+        // To a surface without crackle, and back to one: the noise beneath goes on.
+        let mut plain = bench(white());
+        old.processor().copy_state_into(plain.processor());
+        let went_on = plain.run(&[&held[half..]]).remove(0);
+        assert!(
+            went_on
+                .iter()
+                .zip(&whole[500..])
+                .all(|(white, e)| (white * e) >= 0.0)
+        );
     }
 }

@@ -1,10 +1,11 @@
 //! The vibration of a texture along a trajectory of speed and force (thesis 2.4.2), offline.
 
+use crate::crackle::CrackleSource;
 use crate::recording::ProcessedRecording;
 use crate::{Coefficients, Interpolator, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
 use haptograph_signal::filter::{SectionsState, butterworth_lowpass, filtfilt};
-use haptograph_signal::noise::Gaussian;
+use haptograph_signal::noise::{Gaussian, stream_seed};
 
 /// How vibrations are synthesised.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,7 +152,7 @@ pub enum SynthesisError {
     Filter(#[from] ArmaError),
 }
 
-/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance through the interpolated
+/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance, crackling as the texture does, through the interpolated
 /// filter, which is updated at [`SynthesisSettings::update_hz`].
 pub fn synthesise(
     texture: &TextureModel,
@@ -187,6 +188,10 @@ pub fn synthesise(
     let mut filter = ArmaFilter::new(Form::Direct);
     let mut warped = WarpedLattice::new();
     let mut noise = Gaussian::new(settings.seed);
+    let mut crackle = texture.crackle().map(|crackle| {
+        let seed = stream_seed(settings.seed, "crackle");
+        CrackleSource::new(crackle, *rate_hz, seed)
+    });
     let mut vibration = vec![0.0; samples];
     let mut excitation = vec![];
     let mut start = 0;
@@ -203,6 +208,9 @@ pub fn synthesise(
         }
         excitation.resize(end - start, 0.0);
         noise.fill(&mut excitation);
+        if let Some(crackle) = &mut crackle {
+            crackle.modulate(&mut excitation);
+        }
         let deviation = coefficients.variance.sqrt();
         excitation.iter_mut().for_each(|e| *e *= deviation);
         if is_warped {
