@@ -1,7 +1,7 @@
 //! Learning: from recordings to a surface (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ─┬► windows ──► law ─────────┐
+//! recordings ──► processing ─┬► windows ──► law, crackle ┐
 //!                            └► segmentation ──► texture ┤   (the thesis's)
 //!      circle or drag ──► friction ───────────────────────┤
 //!                 tap ──► taps ───────────────────────────┼──► Surface
@@ -11,6 +11,7 @@
 //! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
 
 mod cells;
+mod crackle;
 pub mod friction;
 pub mod law;
 mod learn;
@@ -23,6 +24,7 @@ pub mod segmentation;
 pub mod stiffness;
 pub mod taps;
 pub mod texture;
+mod whitening;
 
 pub use learn::{LearnError, LearnSettings, LearningReport, learn};
 pub use method::TextureMethod;
