@@ -47,6 +47,11 @@ pub struct Channel {
 
 /// The state of a device. All methods run in ticks, like [`Processor::process`](crate::node::Processor::process).
 pub trait Device: CloneDevice + Send + Sync {
+    /// Told once, when the graph is checked, which channels nodes are bound to, where the device has those that its graph
+    /// asks for ([`DeviceEntry::host`]). From then on a channel's place in these lists is its number.
+    fn connect(&mut self, senses: &[Channel], drives: &[Channel]) {
+        let _ = (senses, drives);
+    }
     /// Moves the body by one tick under what was last written. Called before `read`, except at tick 0.
     fn advance(&mut self);
     /// Fills one frame of a sensed channel.
@@ -134,6 +139,8 @@ pub struct DeviceEntry {
     pub spec: &'static DeviceSpec,
     settings: fn() -> Vec<SettingSpec>,
     pub(crate) build: DeviceBuild,
+    /// Has it the channels that its graph asks for?
+    is_host: bool,
 }
 
 pub(crate) type DeviceBuild = crate::node::Read<BuildContext, Box<dyn Device>>;
@@ -148,7 +155,22 @@ impl DeviceEntry {
                 let settings = K::Settings::take_from(fields, reading)?;
                 Some(Box::new(|cx| K::build(settings, cx)))
             },
+            is_host: false,
         }
+    }
+
+    /// The endpoints of a program that embeds the graph.
+    pub fn host() -> Self {
+        let is_host = true;
+        Self {
+            is_host,
+            ..Self::of::<crate::host::Host>()
+        }
+    }
+
+    /// Has it the channels that its graph asks for, and is it fed by the program that embeds the graph?
+    pub fn is_host(&self) -> bool {
+        self.is_host
     }
 
     /// Its settings.

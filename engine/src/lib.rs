@@ -11,6 +11,7 @@ pub mod document;
 pub mod frame;
 pub mod graph;
 pub mod histogram;
+pub mod host;
 mod io;
 pub mod limiter;
 pub mod node;

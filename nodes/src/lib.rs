@@ -114,6 +114,7 @@ fn texture(all: &mut Registry) {
         .add(NodeEntry::actuator::<soundcard::SoundcardSink>())
         .add(NodeEntry::source(&soundcard::SOUNDCARD_SOURCE))
         .add_device(DeviceEntry::of::<simulated::haptuator::SimulatedHaptuator>())
+        .add_device(DeviceEntry::host())
         .add_device(DeviceEntry::of::<network::UdpDevice>())
         .add_device(DeviceEntry::of::<network::OscDevice>())
         .add_device(DeviceEntry::of::<network::EvdevDevice>())

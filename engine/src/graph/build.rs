@@ -170,7 +170,7 @@ fn work(
             let device = target.device.filter(|_| sound);
             let channel = device.and_then(|device| {
                 let port = target.entry.spec.inputs.first()?.name;
-                let drives = devices[device].entry.spec.drives;
+                let drives = &devices[device].drives;
                 drives.iter().position(|channel| channel.name == port)
             });
             match (limit, device, channel) {
@@ -197,7 +197,7 @@ fn work(
             }
         }
         Build::Source => target.device.filter(|_| sound).and_then(|device| {
-            let senses = devices[device].entry.spec.senses;
+            let senses = &devices[device].senses;
             let outputs = target.entry.spec.outputs.iter();
             let channels = outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
             let channels = channels.collect::<Option<_>>()?;
@@ -299,7 +299,10 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
                 seed: stream_seed(seed, &format!("endpoints/{}", device.name)),
                 input_widths: Vec::new(),
             };
-            places.or_report(cx, finish(&context))
+            places.or_report(cx, finish(&context)).map(|mut body| {
+                body.connect(&device.senses, &device.drives);
+                body
+            })
         }
         _ => None,
     };

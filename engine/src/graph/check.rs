@@ -15,8 +15,43 @@ pub struct CheckOptions {
     pub set: Vec<(String, String)>,
     /// Which set of endpoints the nodes are bound to.
     pub endpoints: String,
+    /// Which endpoints the calling program feeds and hears, whatever the set says they are.
+    pub hosted: Hosted,
     /// In place of the graph's own seed.
     pub seed: Option<u64>,
+}
+
+/// The endpoints of a calling program.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Hosted {
+    /// Those that are of kind `Host` in the graph.
+    #[default]
+    AsWritten,
+    /// These too, by name.
+    Also(Vec<String>),
+    /// Every one.
+    All,
+}
+
+impl Hosted {
+    pub(super) fn has(&self, name: &str) -> bool {
+        match self {
+            Self::AsWritten => false,
+            Self::Also(names) => names.iter().any(|known| known == name),
+            Self::All => true,
+        }
+    }
+}
+
+impl CheckOptions {
+    /// The graph as it is, all of its endpoints the calling program's.
+    pub fn hosted() -> Self {
+        let hosted = Hosted::All;
+        Self {
+            hosted,
+            ..Self::default()
+        }
+    }
 }
 
 impl Default for CheckOptions {
@@ -25,6 +60,7 @@ impl Default for CheckOptions {
         Self {
             set: Vec::new(),
             endpoints: "simulated".into(),
+            hosted: Hosted::AsWritten,
             seed: None,
         }
     }
@@ -51,7 +87,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         let (sources, list) = (cx.sources, cx.diagnostics);
         return Err(Diagnostics { sources, list });
     }
-    let mut devices = devices::read(&mut cx, &mut parameters, &draft, &options.endpoints);
+    let mut devices = devices::read(&mut cx, &mut parameters, &draft, options);
     devices::bind(&mut cx, &mut draft, &mut devices);
     wires::connect(&mut cx, &mut draft);
     cycles::check(&mut cx, &mut draft);

@@ -1,5 +1,6 @@
 //! Devices of the selected endpoints, and which nodes read and drive them.
 
+use super::check::{CheckOptions, Hosted};
 use super::clocks::Clocks;
 use super::draft::{Context, Draft, DraftNode, Type};
 use super::expand::parts;
@@ -18,6 +19,9 @@ pub(super) struct DraftDevice {
     pub entry: DeviceEntry,
     pub fields: Fields,
     pub uses: Vec<(Span, Span)>,
+    /// What nodes can read and drive; of a host endpoint, what they do.
+    pub senses: Vec<Channel>,
+    pub drives: Vec<Channel>,
     pub clock: Option<usize>,
     /// At least one node is bound to it.
     pub bound: bool,
@@ -31,18 +35,21 @@ pub(super) struct Devices {
     /// Index by name; `None` for those that were reported.
     names: HashMap<String, Option<usize>>,
     set: String,
+    hosted: Hosted,
 }
 
-/// Reads the devices of the set called `set`.
+/// Reads the devices of the set that the options name.
 pub(super) fn read(
     cx: &mut Context<'_>,
     parameters: &mut Parameters,
     draft: &Draft,
-    set: &str,
+    options: &CheckOptions,
 ) -> Option<Devices> {
     let document = cx.document;
+    let set = options.endpoints.as_str();
     let mut devices = Devices {
         set: set.to_owned(),
+        hosted: options.hosted.clone(),
         ..Devices::default()
     };
     let Some((_, declared)) = document.endpoints.iter().find(|(name, _)| name.text == set) else {
@@ -51,7 +58,7 @@ pub(super) fn read(
         if needed.is_none() && document.endpoints.is_empty() {
             return Some(devices);
         }
-        if document.endpoints.is_empty() {
+        if document.endpoints.is_empty() || options.hosted == Hosted::All {
             return Some(devices); // Every node that needs a device says so.
         }
         let mut diagnostic = Diagnostic::error(
@@ -71,7 +78,14 @@ pub(super) fn read(
         }
     }
     for (name, value) in declared {
-        let device = device(cx, parameters, name, value);
+        let device = match options.hosted.has(&name.text) {
+            true => {
+                // What the file says of it stands for nothing here, but for the parameters that it uses.
+                parameters.replace(cx, value, Place::Graph, &mut Vec::new());
+                Some(hosted(cx, &name.text, name.span))
+            }
+            false => device(cx, parameters, name, value),
+        };
         let place = device.map(|device| {
             devices.list.push(device);
             devices.list.len() - 1
@@ -79,6 +93,33 @@ pub(super) fn read(
         devices.names.insert(name.text.clone(), place);
     }
     Some(devices)
+}
+
+/// An endpoint of the calling program, whatever is written of it.
+fn hosted(cx: &mut Context<'_>, name: &str, span: Span) -> DraftDevice {
+    let fields = cx.reading(|reading| Fields::new("`Host`".to_owned(), span, Vec::new(), reading));
+    draft_device(name, span, DeviceEntry::host(), fields, Vec::new())
+}
+
+fn draft_device(
+    name: &str,
+    span: Span,
+    entry: DeviceEntry,
+    fields: Fields,
+    uses: Vec<(Span, Span)>,
+) -> DraftDevice {
+    DraftDevice {
+        name: name.to_owned(),
+        span,
+        entry,
+        fields,
+        uses,
+        senses: entry.spec.senses.to_vec(),
+        drives: entry.spec.drives.to_vec(),
+        clock: None,
+        bound: false,
+        broken: false,
+    }
 }
 
 fn device(
@@ -107,16 +148,7 @@ fn device(
     };
     let owner = format!("`{}`", kind.text);
     let fields = cx.reading(|reading| Fields::new(owner, kind.span, entries.to_vec(), reading));
-    Some(DraftDevice {
-        name: name.text.clone(),
-        span: name.span,
-        entry,
-        fields,
-        uses,
-        clock: None,
-        bound: false,
-        broken: false,
-    })
+    Some(draft_device(&name.text, name.span, entry, fields, uses))
 }
 
 /// Finds the device of every node that needs one.
@@ -126,27 +158,23 @@ pub(super) fn bind(cx: &mut Context<'_>, draft: &mut Draft, devices: &mut Option
             continue;
         }
         let given = draft.nodes[node].fields.take("endpoint");
-        let device = device_of(cx, draft, node, given.as_ref(), devices.as_ref());
+        let device = device_of(cx, draft, node, given.as_ref(), devices.as_mut());
         draft.nodes[node].device = device;
         draft.nodes[node].broken |= device.is_none();
         if let (Some(device), Some(devices)) = (device, devices.as_mut()) {
             devices.list[device].bound = true;
-            take_on_types(&mut draft.nodes[node], devices.list[device].entry);
+            take_on_types(&mut draft.nodes[node], &devices.list[device]);
         }
     }
 }
 
 /// Outputs of a source that say nothing of themselves are what the device says.
-fn take_on_types(node: &mut DraftNode, device: DeviceEntry) {
+fn take_on_types(node: &mut DraftNode, device: &DraftDevice) {
     if node.entry.is_actuator() {
         return;
     }
     for (port, output) in node.entry.spec.outputs.iter().zip(&mut node.outputs) {
-        let channel = device
-            .spec
-            .senses
-            .iter()
-            .find(|channel| channel.name == port.name);
+        let channel = device.senses.iter().find(|channel| channel.name == port.name);
         if let (Some(channel), KindRule::Linear | KindRule::Any) = (channel, port.kind) {
             output.kind = Some(channel.kind);
         }
@@ -159,11 +187,12 @@ fn take_on_types(node: &mut DraftNode, device: DeviceEntry) {
 /// Has the device the channels that the node asks for?
 fn fits(node: &DraftNode, device: &DraftDevice) -> bool {
     let has = |channels: &[Channel], name: &str| channels.iter().any(|channel| channel.name == name);
-    let (spec, body) = (node.entry.spec, device.entry.spec);
-    match node.entry.is_actuator() {
-        true => spec.inputs.iter().all(|port| has(body.drives, port.name)),
-        false => spec.outputs.iter().all(|port| has(body.senses, port.name)),
-    }
+    let spec = node.entry.spec;
+    device.entry.is_host()
+        || match node.entry.is_actuator() {
+            true => spec.inputs.iter().all(|port| has(&device.drives, port.name)),
+            false => spec.outputs.iter().all(|port| has(&device.senses, port.name)),
+        }
 }
 
 fn device_of(
@@ -171,7 +200,7 @@ fn device_of(
     draft: &Draft,
     node: usize,
     given: Option<&Value>,
-    devices: Option<&Devices>,
+    devices: Option<&mut Devices>,
 ) -> Option<usize> {
     let target = &draft.nodes[node];
     let kind = target.entry.spec.name;
@@ -205,6 +234,12 @@ fn device_of(
     if let Some(found) = devices.names.get(&name) {
         return *found;
     }
+    if devices.hosted.has(&name) {
+        let place = devices.list.len();
+        devices.list.push(hosted(cx, &name, value.span));
+        devices.names.insert(name, Some(place));
+        return Some(place);
+    }
     let message = format!("there is no device `{name}` among the {} endpoints", devices.set);
     let diagnostic = Diagnostic::error("E0207", value.span, message).label("unknown device");
     let known = in_order(cx, &devices.names);
@@ -228,6 +263,9 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, de
             continue;
         };
         let device = &mut devices.list[index];
+        if device.entry.is_host() {
+            adopt_channels(&draft.nodes[node], draft, device);
+        }
         for diagnostic in channels(draft, node, device) {
             draft.nodes[node].broken = true;
             let diagnostic = draft.in_use(node, diagnostic, cx);
@@ -271,6 +309,55 @@ pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks, de
     }
 }
 
+/// A host endpoint has the channels that its nodes ask for.
+fn adopt_channels(target: &DraftNode, draft: &Draft, device: &mut DraftDevice) {
+    let spec = target.entry.spec;
+    let channel = |name, doc, port: Type| {
+        Some(Channel {
+            name,
+            doc,
+            kind: port.kind?,
+            quantity: port.quantity?,
+        })
+    };
+    if target.entry.is_actuator() {
+        let Some(port) = spec.inputs.first() else { return };
+        let wire = target.wires().next().map(|(_, wire)| wire);
+        let carried = wire.map(|wire| draft.nodes[wire.from].outputs[wire.output]);
+        if !device.drives.iter().any(|known| known.name == port.name) {
+            device.drives.extend(channel(
+                port.name,
+                port.doc,
+                type_of(port.kind, port.quantity, carried),
+            ));
+        }
+        return;
+    }
+    for (port, carried) in spec.outputs.iter().zip(&target.outputs) {
+        if !device.senses.iter().any(|known| known.name == port.name) {
+            device.senses.extend(channel(
+                port.name,
+                port.doc,
+                type_of(port.kind, port.quantity, Some(*carried)),
+            ));
+        }
+    }
+}
+
+/// A port that takes anything takes on the type of its signal.
+fn type_of(kind: KindRule, quantity: QuantityRule, carried: Option<Type>) -> Type {
+    Type {
+        kind: match kind {
+            KindRule::Is(kind) => Some(kind),
+            _ => carried.and_then(|carried| carried.kind),
+        },
+        quantity: match quantity {
+            QuantityRule::Is(quantity) => Some(quantity),
+            _ => carried.and_then(|carried| carried.quantity),
+        },
+    }
+}
+
 /// What is wrong between a node's ports and its device's channels.
 fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic> {
     let target = &draft.nodes[node];
@@ -285,22 +372,11 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
             .join(", "),
     };
     let mut found = Vec::new();
-    // A port that takes anything takes on the type of its signal.
-    let type_of = |kind: KindRule, quantity: QuantityRule, carried: Option<Type>| Type {
-        kind: match kind {
-            KindRule::Is(kind) => Some(kind),
-            _ => carried.and_then(|carried| carried.kind),
-        },
-        quantity: match quantity {
-            QuantityRule::Is(quantity) => Some(quantity),
-            _ => carried.and_then(|carried| carried.quantity),
-        },
-    };
     if target.entry.is_actuator() {
         let Some(port) = target.entry.spec.inputs.first() else {
             return found;
         };
-        match spec.drives.iter().find(|channel| channel.name == port.name) {
+        match device.drives.iter().find(|channel| channel.name == port.name) {
             None => found.push(
                 Diagnostic::error(
                     "E0602",
@@ -310,7 +386,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                 .label(format!("drives `{}`", port.name))
                 .also(
                     device.span,
-                    format!("`{}` is driven by {}", spec.name, names(spec.drives)),
+                    format!("`{}` is driven by {}", spec.name, names(&device.drives)),
                 ),
             ),
             Some(channel) => {
@@ -327,7 +403,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
         return found;
     }
     for (port, carried) in target.entry.spec.outputs.iter().zip(&target.outputs) {
-        match spec.senses.iter().find(|channel| channel.name == port.name) {
+        match device.senses.iter().find(|channel| channel.name == port.name) {
             None => {
                 found.push(
                     Diagnostic::error(
@@ -338,7 +414,7 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                     .label(format!("reads `{}`", port.name))
                     .also(
                         device.span,
-                        format!("`{}` senses {}", spec.name, names(spec.senses)),
+                        format!("`{}` senses {}", spec.name, names(&device.senses)),
                     ),
                 );
                 break;

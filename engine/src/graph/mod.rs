@@ -18,7 +18,7 @@ mod unused;
 mod values;
 mod wires;
 
-pub use check::{CheckOptions, check};
+pub use check::{CheckOptions, Hosted, check};
 pub use latency::PathLatency;
 pub use petgraph::graph::NodeIndex;
 

@@ -26,11 +26,14 @@ impl Files {
     /// Writes the block that a driver ran last.
     pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
         for written in &mut self.written {
+            let Some(writer) = &mut written.writer else {
+                continue;
+            };
             for (stream, tap) in written.taps.iter().enumerate() {
                 let Some(place) = self.places[driver][*tap] else {
                     continue;
                 };
-                let result = written.writer.write(stream, run.tap(place));
+                let result = writer.write(stream, run.tap(place));
                 let path = || written.what.clone();
                 result.map_err(|error| WriteError { path: path(), error })?;
             }
@@ -43,7 +46,8 @@ impl Files {
         let mut first = Ok(());
         for written in self.written {
             let path = written.what;
-            let result = written.writer.finish();
+            let Some(writer) = written.writer else { continue };
+            let result = writer.finish();
             first = first.and(result.map_err(|error| WriteError { path, error }));
         }
         first

@@ -38,6 +38,8 @@ pub struct Live {
     /// Driver frames run by the plan, and after how many it ends.
     frames: u64,
     ends_after: Option<u64>,
+    /// Of those, after how many it looks again whether its live inputs are heard; 0: in every callback.
+    follows_every: u64,
     glides: Glides,
     rings: TapRings,
     /// Where what it sees of its rings is kept.
@@ -80,6 +82,7 @@ pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Contr
         state: LiveState::Running,
         frames: 0,
         ends_after: None,
+        follows_every: 0,
         glides: Glides::with_room_for(COMMANDS),
         rings: TapRings::default(),
         log: None,
@@ -124,7 +127,12 @@ impl Live {
         }
         self.run.look();
         self.run.look_at_devices(Instant::now());
-        self.run.follow_inputs(FADE_S);
+        if self.frames == 0 {
+            self.run.begin_as_heard();
+        }
+        if self.follows_every == 0 || self.frames.is_multiple_of(self.follows_every) {
+            self.run.follow_inputs(FADE_S);
+        }
         let mut left = frames;
         while left > 0 && self.state == LiveState::Running {
             self.change_over();
@@ -168,6 +176,11 @@ impl Live {
             self.state = LiveState::Finished;
         }
         block.min(usize::try_from(left).unwrap_or(usize::MAX))
+    }
+
+    /// Looks whether its live inputs are heard at every multiple of so many driver frames, not in every callback.
+    pub(crate) fn follow_inputs_every(&mut self, frames: u64) {
+        self.follows_every = frames;
     }
 
     /// Ends after so many driver frames from the start.

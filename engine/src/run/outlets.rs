@@ -25,7 +25,8 @@ pub struct Outlets<'a> {
 
 /// A writer and the taps that are its streams.
 pub(super) struct Written {
-    pub writer: Box<dyn FrameWriter>,
+    /// None: the caller reads the ring itself.
+    pub writer: Option<Box<dyn FrameWriter>>,
     pub taps: Vec<usize>,
     pub what: PathBuf,
     /// The file sink that it belongs to, by its file's name; none for probes.
@@ -36,7 +37,7 @@ impl Written {
     /// A writer of something that no tap carries.
     pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
         Self {
-            writer,
+            writer: Some(writer),
             taps: Vec::new(),
             what,
             sink: None,
@@ -65,11 +66,24 @@ impl<'a> Outlets<'a> {
     pub fn probe(&mut self, probe: Probe) {
         self.taps.push((probe.node, probe.output));
         self.written.push(Written {
-            writer: probe.writer,
+            writer: Some(probe.writer),
             taps: vec![self.taps.len() - 1],
             what: PathBuf::from(stream(self.graph, (probe.node, probe.output)).name),
             sink: None,
         });
+    }
+
+    /// Also keeps an output's frames for the caller of a live run; says what they are.
+    pub(crate) fn hand_over(&mut self, node: NodeIndex, output: usize) -> Stream {
+        let carried = stream(self.graph, (node, output));
+        self.taps.push((node, output));
+        self.written.push(Written {
+            writer: None,
+            taps: vec![self.taps.len() - 1],
+            what: PathBuf::from(&carried.name),
+            sink: None,
+        });
+        carried
     }
 
     /// Opens the files of all file sinks in `folder`.
@@ -115,7 +129,7 @@ impl<'a> Outlets<'a> {
         let first = self.taps.len();
         self.taps.extend(ports);
         self.written.push(Written {
-            writer,
+            writer: Some(writer),
             taps: (first..self.taps.len()).collect(),
             what: path,
             sink: Some(sink.file_name().to_owned()),

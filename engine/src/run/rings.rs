@@ -114,7 +114,7 @@ impl WriterThread {
     pub fn add(&self, written: Written, rings: Vec<Consumer<f64>>) {
         // It only stops listening when this end is dropped.
         let _ = self.jobs.send(Job {
-            writer: Some(written.writer),
+            writer: written.writer,
             what: written.what,
             rings,
             failed: None,

@@ -49,6 +49,8 @@ pub struct Session {
     entries: Vec<Entry>,
     /// Which stream of which entry each tap of the present plan is.
     taps: Vec<(usize, usize)>,
+    /// Rings that the caller reads, in the order in which they were asked for, until they are taken.
+    handed: Vec<Consumer<f64>>,
 }
 
 struct Entry {
@@ -114,6 +116,7 @@ impl Session {
             block: options.block,
             entries: Vec::new(),
             taps: vec![(0, 0); outlets.taps.len()],
+            handed: Vec::new(),
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
@@ -229,8 +232,16 @@ impl Session {
                 streams,
                 running: true,
             });
-            self.writer.add(written, ends);
+            match written.writer {
+                Some(_) => self.writer.add(written, ends),
+                None => self.handed.extend(ends),
+            }
         }
+    }
+
+    /// The rings that the caller reads.
+    pub(crate) fn handed(&mut self) -> Vec<Consumer<f64>> {
+        std::mem::take(&mut self.handed)
     }
 
     /// Completes all files. `live` is what the driver gave back when it was done.

@@ -1,0 +1,145 @@
+//! The endpoint as a device: what the caller queued is read, what is driven is queued for the caller.
+
+use super::queue::{Due, Queue};
+use crate::device::{Channel, Device, DeviceKind, DeviceSpec};
+use crate::node::{BuildContext, BuildError};
+use crate::silence::{InputCell, InputState, LiveInput, OnSilence};
+use haptograph_signal::time::Rate;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// What a queue holds, in seconds of its channel; and in frames at least.
+const QUEUE_S: f64 = 1.0;
+const LEAST_FRAMES: usize = 1024;
+
+crate::settings! {
+    /// An endpoint that the calling program feeds and hears.
+    pub struct HostSettings {
+        /// After so long without anything new the endpoint counts as silent, ms.
+        timeout_ms: f64 = 100.0, in 1.0..=1e9;
+        /// What its silence does to the actuators that depend on it.
+        on_silence: OnSilence = OnSilence::Zero;
+    }
+}
+
+/// An endpoint of the calling program.
+pub struct Host;
+
+impl DeviceKind for Host {
+    type Settings = HostSettings;
+    const SPEC: DeviceSpec = DeviceSpec {
+        name: "Host",
+        doc: "The program that embeds the graph: it feeds what nodes read and takes what they drive. Has the channels of \
+              the nodes that are bound to it.",
+        source: "",
+        simulated: false,
+        senses: &[],
+        drives: &[],
+        example: r#""stylus": Host(timeout_ms: 100)"#,
+    };
+
+    fn build(settings: HostSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
+        let input = LiveInput {
+            cell: Arc::new(InputCell::default()),
+            holds: settings.on_silence == OnSilence::Hold,
+            timeout_s: settings.timeout_ms * 1e-3,
+        };
+        Ok(Box::new(HostEndpoint {
+            rate: cx.rate,
+            timeout_ticks: (input.timeout_s * cx.rate.hz()).ceil() as u64,
+            input,
+            senses: Vec::new(),
+            drives: Vec::new(),
+            tick: 0,
+            age: 0,
+            is_heard: false,
+            playing: Arc::default(),
+        }))
+    }
+}
+
+/// A channel and its queue, shared with the caller's handle.
+#[derive(Debug, Clone)]
+pub(super) struct HostChannel {
+    pub channel: Channel,
+    pub queue: Arc<Queue>,
+}
+
+/// The device of a host endpoint. Copies share their queues: only one of them runs.
+#[derive(Debug, Clone)]
+pub(crate) struct HostEndpoint {
+    pub(super) rate: Rate,
+    timeout_ticks: u64,
+    input: LiveInput,
+    /// Each sensed channel and its present value.
+    pub(super) senses: Vec<(HostChannel, [f64; 6])>,
+    pub(super) drives: Vec<HostChannel>,
+    tick: u64,
+    /// Ticks since anything came.
+    age: u64,
+    is_heard: bool,
+    /// Does a player run it?
+    pub(super) playing: Arc<AtomicBool>,
+}
+
+impl HostEndpoint {
+    fn take(&mut self) {
+        let mut came = false;
+        for (sensed, value) in &mut self.senses {
+            came |= sensed.queue.take_due(self.tick, value);
+        }
+        self.is_heard |= came;
+        self.age = if came { 0 } else { self.age.saturating_add(1) };
+        self.input.cell.set(match () {
+            () if !self.is_heard => InputState::Never,
+            () if self.age > self.timeout_ticks => InputState::Silent,
+            () => InputState::Heard,
+        });
+    }
+}
+
+impl Device for HostEndpoint {
+    fn connect(&mut self, senses: &[Channel], drives: &[Channel]) {
+        let frames = ((QUEUE_S * self.rate.hz()) as usize).max(LEAST_FRAMES);
+        let queued = |channel: &Channel| HostChannel {
+            channel: *channel,
+            queue: Arc::new(Queue::new(channel.kind.width(), frames)),
+        };
+        self.senses = senses.iter().map(|channel| (queued(channel), [0.0; 6])).collect();
+        self.drives = drives.iter().map(queued).collect();
+    }
+
+    fn advance(&mut self) {
+        self.tick += 1;
+        self.take();
+    }
+
+    fn look(&mut self, _: Instant) {
+        // Tick 0 is not advanced to: what was fed before it is taken here.
+        if self.tick == 0 && !self.is_heard {
+            self.take();
+        }
+    }
+
+    fn read(&mut self, channel: usize, frame: &mut [f64]) {
+        if let Some((_, value)) = self.senses.get(channel) {
+            frame
+                .iter_mut()
+                .zip(value)
+                .for_each(|(lane, value)| *lane = *value);
+        }
+    }
+
+    fn write(&mut self, channel: usize, frame: &[f64]) {
+        if let Some(driven) = self.drives.get(channel)
+            && driven.queue.held.load(Ordering::Relaxed)
+        {
+            driven.queue.put(Due::Next, frame);
+        }
+    }
+
+    fn live_input(&self) -> Option<LiveInput> {
+        (!self.senses.is_empty()).then(|| self.input.clone())
+    }
+}

@@ -1,0 +1,187 @@
+//! A graph in the caller's own callback.
+
+use super::handles::{HostError, HostFrame, Output, host, unknown};
+use crate::graph::Graph;
+use crate::node::Stream;
+use crate::run::{Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
+use petgraph::graph::NodeIndex;
+use rtrb::Consumer;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How a graph is played.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct PlayOptions {
+    /// Outputs of nodes whose frames the caller wants as they are, past no limiter: `"texture.output"`.
+    pub probes: Vec<String>,
+    /// The folder that the graph's file sinks write in; none: they write nothing.
+    pub folder: Option<PathBuf>,
+    /// As of any live run. An actuator of which nobody knows whether it is cold begins as warm as its limit allows, unless
+    /// `rested` says that it is.
+    pub live: LiveOptions,
+}
+
+impl PlayOptions {
+    /// Also hands this output's frames to the caller.
+    #[must_use]
+    pub fn probe(mut self, output: &str) -> Self {
+        self.probes.push(output.to_owned());
+        self
+    }
+
+    /// The actuators are known to be cold.
+    #[must_use]
+    pub fn rested(mut self) -> Self {
+        self.live.rested = true;
+        self
+    }
+}
+
+/// The real-time side of a graph whose clock is the caller: each call of [`process`](Self::process) runs it on.
+pub struct Player {
+    live: Live,
+    /// Frames between two looks at whether the endpoints are heard: whatever the calls, at the same frames.
+    quantum: u64,
+    probes: Vec<(String, Stream, Option<Consumer<f64>>)>,
+    _playing: Playing,
+}
+
+impl Player {
+    /// Both sides of a run of a graph with one driver: the player for the caller's callback, and the session, which sets
+    /// parameters, puts another graph in its place and tells what happened, from any other thread.
+    ///
+    /// # Errors
+    /// [`HostError`]: the graph has several drivers, is being played already, or has no such probe.
+    pub fn open(graph: &Graph, options: &PlayOptions) -> Result<(Self, Session), HostError> {
+        let drivers = graph.drivers();
+        if drivers.len() != 1 {
+            let drivers = drivers.iter().map(|driver| graph.clocks()[*driver].name.clone());
+            let (count, drivers) = (drivers.len(), drivers.collect());
+            return Err(HostError::Drivers { count, drivers });
+        }
+        let mut outlets = Outlets::new(graph);
+        let mut names = Vec::new();
+        for name in &options.probes {
+            let (node, output) = port(graph, name)?;
+            names.push((name.clone(), outlets.hand_over(node, output)));
+        }
+        let system = |reason: &dyn std::fmt::Display| HostError::System {
+            reason: reason.to_string(),
+        };
+        if let Some(folder) = &options.folder {
+            outlets.open_files(folder).map_err(|error| system(&error))?;
+        }
+        let playing = claim(graph)?;
+        let (mut live, mut session) =
+            Session::open(outlets, &options.live).map_err(|error| system(&error))?;
+        let quantum = live.block() as u64;
+        live.follow_inputs_every(quantum);
+        let mut rings = session.handed().into_iter();
+        let probes = names
+            .into_iter()
+            .map(|(name, stream)| (name, stream, rings.next()));
+        let probes = probes.collect();
+        let player = Self {
+            live,
+            quantum,
+            probes,
+            _playing: playing,
+        };
+        Ok((player, session))
+    }
+
+    /// The frames of a probe, from the first on; handed out once.
+    ///
+    /// # Errors
+    /// [`HostError`]: the probe was not asked for, its frames are of another shape, or it was handed out.
+    pub fn probe<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
+        let known: Vec<String> = self.probes.iter().map(|(name, ..)| name.clone()).collect();
+        let found = self.probes.iter_mut().find(|(known, ..)| known == name);
+        let Some((_, stream, ring)) = found else {
+            return Err(unknown("probe", name, &known));
+        };
+        Output::of_ring(name, stream, ring)
+    }
+
+    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, call the system or panic. What has
+    /// been queued for the inputs is taken at the ticks that it is due at; outputs and probes have their frames
+    /// afterwards.
+    pub fn process(&mut self, frames: usize) {
+        let mut left = frames as u64;
+        while left > 0 {
+            let to_boundary = self.quantum - self.live.frames() % self.quantum;
+            let part = left.min(to_boundary);
+            self.live.callback(part as usize, |_, _| {});
+            left -= part;
+        }
+    }
+
+    /// Frames run so far.
+    pub fn frames(&self) -> u64 {
+        self.live.frames()
+    }
+
+    /// What the run is doing.
+    pub fn state(&self) -> LiveState {
+        self.live.state()
+    }
+
+    /// Ends the run: completes the files and tells what it did. Lets go of the real-time side.
+    pub fn finish(self, session: Session) -> LiveOutcome {
+        session.finish(self.live)
+    }
+}
+
+/// The queues of a graph's host endpoints, which are for one run.
+struct Playing(Vec<Arc<AtomicBool>>);
+
+impl Drop for Playing {
+    fn drop(&mut self) {
+        self.0
+            .iter()
+            .for_each(|playing| playing.store(false, Ordering::Release));
+    }
+}
+
+fn claim(graph: &Graph) -> Result<Playing, HostError> {
+    let mut claimed = Playing(Vec::new());
+    for device in graph.devices() {
+        let Some(endpoint) = host(device) else { continue };
+        if endpoint.playing.swap(true, Ordering::AcqRel) {
+            let name = device.name.clone();
+            return Err(HostError::Playing { name });
+        }
+        claimed.0.push(Arc::clone(&endpoint.playing));
+    }
+    Ok(claimed)
+}
+
+/// The output of a node by its name, `"texture.output"`, or `"texture"` where it has one.
+fn port(graph: &Graph, name: &str) -> Result<(NodeIndex, usize), HostError> {
+    let nodes = || {
+        graph
+            .nodes()
+            .node_indices()
+            .map(|index| (index, &graph.nodes()[index]))
+    };
+    let mut found = nodes().flat_map(|(index, node)| {
+        let outputs = node.outputs.iter().enumerate();
+        outputs.map(move |(output, port)| (index, output, node, port))
+    });
+    let matches = |path: &str, port: &str, outputs: usize| {
+        name.strip_prefix(path).is_some_and(|rest| {
+            (rest.is_empty() && outputs == 1) || rest.strip_prefix('.').is_some_and(|rest| rest == port)
+        })
+    };
+    let found = found.find(|(_, _, node, port)| matches(&node.path, port.name, node.outputs.len()));
+    found.map(|(index, output, ..)| (index, output)).ok_or_else(|| {
+        let ports = nodes().flat_map(|(_, node)| {
+            node.outputs
+                .iter()
+                .map(move |port| format!("{}.{}", node.path, port.name))
+        });
+        unknown("output", name, &ports.collect::<Vec<_>>())
+    })
+}

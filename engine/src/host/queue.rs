@@ -1,0 +1,179 @@
+//! A bounded queue of frames between two threads, without locks or waiting.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// When a queued frame takes effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Due {
+    /// At the first tick that comes, with everything else that is due then.
+    Now,
+    /// At a tick of its own: the next that has not taken one yet.
+    Next,
+    /// At this tick, or the first that comes after.
+    Tick(u64),
+}
+
+impl Due {
+    fn to_word(self) -> u64 {
+        match self {
+            Self::Now => 0,
+            Self::Next => u64::MAX,
+            Self::Tick(tick) => tick.saturating_add(1).min(u64::MAX - 1),
+        }
+    }
+
+    fn of_word(word: u64) -> Self {
+        match word {
+            0 => Self::Now,
+            u64::MAX => Self::Next,
+            tick => Self::Tick(tick - 1),
+        }
+    }
+}
+
+/// Frames of `width` lanes from one thread to one other.
+///
+/// Only the side that puts moves `put`, only the side that takes moves `taken`: a frame's words are written before `put`
+/// says so, and not written again before `taken` says so.
+#[derive(Debug)]
+pub(super) struct Queue {
+    width: usize,
+    /// When each is due, then its lanes.
+    words: Box<[AtomicU64]>,
+    put: AtomicU64,
+    taken: AtomicU64,
+    /// Does somebody have the caller's end of it?
+    pub held: AtomicBool,
+}
+
+impl Queue {
+    pub fn new(width: usize, frames: usize) -> Self {
+        let words = (0..frames * (width + 1)).map(|_| AtomicU64::new(0)).collect();
+        Self {
+            width,
+            words,
+            put: AtomicU64::new(0),
+            taken: AtomicU64::new(0),
+            held: AtomicBool::new(false),
+        }
+    }
+
+    pub fn capacity(&self) -> usize {
+        self.words.len() / (self.width + 1)
+    }
+
+    pub fn len(&self) -> usize {
+        let taken = self.taken.load(Ordering::Acquire);
+        (self.put.load(Ordering::Acquire) - taken) as usize
+    }
+
+    fn place(&self, number: u64) -> &[AtomicU64] {
+        let at = (number % self.capacity() as u64) as usize * (self.width + 1);
+        &self.words[at..at + self.width + 1]
+    }
+
+    /// Adds a frame, if there is room. Only ever called by one thread.
+    pub fn put(&self, due: Due, lanes: &[f64]) -> bool {
+        let number = self.put.load(Ordering::Relaxed);
+        if number - self.taken.load(Ordering::Acquire) >= self.capacity() as u64 {
+            return false;
+        }
+        if let [stamp, words @ ..] = self.place(number) {
+            stamp.store(due.to_word(), Ordering::Relaxed);
+            for (word, lane) in words.iter().zip(lanes) {
+                word.store(lane.to_bits(), Ordering::Relaxed);
+            }
+        }
+        self.put.store(number + 1, Ordering::Release);
+        true
+    }
+
+    /// Takes the oldest frame if `wanted` says so of when it is due. Only ever called by one thread.
+    pub fn take_if(&self, wanted: impl FnOnce(Due) -> bool, lanes: &mut [f64]) -> Option<Due> {
+        let number = self.taken.load(Ordering::Relaxed);
+        if number == self.put.load(Ordering::Acquire) {
+            return None;
+        }
+        let [stamp, words @ ..] = self.place(number) else {
+            return None;
+        };
+        let due = Due::of_word(stamp.load(Ordering::Relaxed));
+        if !wanted(due) {
+            return None;
+        }
+        for (lane, word) in lanes.iter_mut().zip(words) {
+            *lane = f64::from_bits(word.load(Ordering::Relaxed));
+        }
+        self.taken.store(number + 1, Ordering::Release);
+        Some(due)
+    }
+
+    /// Takes all that is due at a tick; is told of the last. Did anything come?
+    pub fn take_due(&self, tick: u64, lanes: &mut [f64]) -> bool {
+        let mut came = false;
+        let is_due = |due| match due {
+            Due::Now | Due::Next => true,
+            Due::Tick(at) => at <= tick,
+        };
+        while let Some(due) = self.take_if(is_due, lanes) {
+            came = true;
+            if due == Due::Next {
+                break;
+            }
+        }
+        came
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn frames_arrive_whole_and_in_order_and_what_found_no_room_was_refused() {
+        let queue = Arc::new(Queue::new(3, 16));
+        let putter = Arc::clone(&queue);
+        let putting = std::thread::spawn(move || {
+            (0..20_000)
+                .filter(|k| putter.put(Due::Next, &[f64::from(*k); 3]))
+                .count()
+        });
+        let (mut got, mut last) = (0, -1.0);
+        loop {
+            let done = putting.is_finished();
+            let mut lanes = [0.0; 3];
+            if queue.take_if(|_| true, &mut lanes).is_none() {
+                if done {
+                    break;
+                }
+                continue;
+            }
+            assert!(
+                lanes[0] > last && lanes == [lanes[0]; 3],
+                "{lanes:?} after {last}"
+            );
+            (last, got) = (lanes[0], got + 1);
+        }
+        assert_eq!(putting.join().expect("puts"), got);
+    }
+
+    #[test]
+    fn a_tick_takes_all_that_was_set_and_one_that_was_pushed() {
+        let queue = Queue::new(1, 8);
+        let mut lane = [0.0];
+        for k in 1..=3 {
+            queue.put(Due::Now, &[f64::from(k)]);
+        }
+        assert!(queue.take_due(0, &mut lane) && lane == [3.0] && queue.len() == 0);
+        queue.put(Due::Next, &[4.0]);
+        queue.put(Due::Next, &[5.0]);
+        assert!(queue.take_due(1, &mut lane) && lane == [4.0]);
+        assert!(queue.take_due(2, &mut lane) && lane == [5.0]);
+        assert!(!queue.take_due(3, &mut lane) && lane == [5.0]);
+        queue.put(Due::Tick(5), &[6.0]);
+        queue.put(Due::Tick(6), &[7.0]);
+        assert!(!queue.take_due(4, &mut lane));
+        assert!(queue.take_due(7, &mut lane) && lane == [7.0]);
+    }
+}

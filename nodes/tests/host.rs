@@ -1,0 +1,289 @@
+//! Graphs inside another program: fed and heard by their caller, with the bits of a run of the command.
+
+#![expect(unsafe_code, reason = "an allocator that counts can only be written so")]
+
+mod realtime;
+
+use haptograph_engine::document::{Builder, Document, LoadOptions, Part, hold};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeIndex, check};
+use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
+use haptograph_engine::plan::{Plan, PlanOptions};
+use haptograph_engine::run::Run;
+use realtime::allocations;
+use std::path::Path;
+use std::sync::Arc;
+
+fn shipped(name: &str, options: &CheckOptions) -> Graph {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name);
+    let document = Document::load(path, &LoadOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
+    check(&document, &haptograph_nodes::registry(), options).unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+fn tap(graph: &Graph, name: &str) -> (NodeIndex, usize) {
+    let (path, port) = name.rsplit_once('.').expect("a node and its output");
+    let nodes = graph.nodes();
+    let node = nodes
+        .node_indices()
+        .find(|index| nodes[*index].path == path)
+        .expect(path);
+    let output = nodes[node].outputs.iter().position(|output| output.name == port);
+    (node, output.expect(port))
+}
+
+/// What an offline run of the graph with its simulated endpoints has at these outputs.
+fn simulated(name: &str, outputs: &[&str], frames: usize) -> Vec<Vec<f64>> {
+    let graph = shipped(name, &CheckOptions::default());
+    let taps = outputs.iter().map(|output| tap(&graph, output)).collect();
+    let plan = Plan::new(&graph, &PlanOptions { block: 480, taps });
+    let mut run = Run::new(Arc::new(plan));
+    let mut all = vec![Vec::new(); outputs.len()];
+    for _ in 0..frames / 480 {
+        run.advance(480);
+        for (place, frames) in all.iter_mut().enumerate() {
+            frames.extend_from_slice(run.tap(place));
+        }
+    }
+    all
+}
+
+/// Lengths of calls that fit nothing.
+fn irregular(total: usize) -> impl Iterator<Item = usize> {
+    let (mut left, mut k) = (total, 0_usize);
+    std::iter::from_fn(move || {
+        k += 1;
+        let next = (1 + (k * 7919) % 911).min(left);
+        left -= next;
+        (next > 0).then_some(next)
+    })
+}
+
+#[test]
+fn a_hand_of_the_callers_feels_what_the_simulated_one_does_to_the_bit() {
+    let frames = 24_000;
+    let outputs = [
+        "stylus.position",
+        "stylus.force",
+        "stylus.touching",
+        "texture/filter.acceleration",
+        "out.delivered",
+    ];
+    let felt = simulated("texturepad.ron", &outputs, frames);
+    let graph = shipped("texturepad.ron", &CheckOptions::hosted());
+    let mut position = graph.input::<Vector>("stylus.position").expect("a position");
+    let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
+    let mut touching = graph.input::<Scalar>("stylus.touching").expect("a touch");
+    let mut current = graph.output::<Scalar>("haptuator").expect("a current");
+    let options = PlayOptions::default()
+        .rested()
+        .probe("texture/filter.acceleration");
+    let (mut player, session) = Player::open(&graph, &options).expect("plays");
+    let mut vibration = player
+        .probe::<Scalar>("texture/filter.acceleration")
+        .expect("a probe");
+    for (at, newton) in felt[1].iter().enumerate() {
+        position
+            .push([felt[0][3 * at], felt[0][3 * at + 1], felt[0][3 * at + 2]])
+            .expect("room");
+        force.push(*newton).expect("room");
+        touching.push(felt[2][at]).expect("room");
+    }
+    for call in irregular(frames) {
+        player.process(call);
+    }
+    let mut got = vec![0.0; felt[3].len()];
+    assert_eq!(vibration.read(&mut got), got.len());
+    assert!(got == felt[3], "the vibration");
+    let mut got = vec![0.0; frames];
+    assert_eq!(current.read(&mut got), frames);
+    assert!(got.iter().any(|ampere| *ampere != 0.0));
+    assert!(got == felt[4], "the current");
+    assert_eq!(player.finish(session).outcome.driver_frames, 24_000);
+}
+
+/// The force of a stylus on a clock of 1 kHz, at 48 kHz.
+fn servo() -> Graph {
+    let document = Builder::new("A force at 1 kHz, held at 48 kHz.")
+        .driver("audio", 48_000.0)
+        .derived("servo", "audio", 1000.0)
+        .node("stylus", Part::new("Tablet").on("servo").set("endpoint", "hand"))
+        .node(
+            "level",
+            Part::new("Gain")
+                .on("audio")
+                .wire("input", hold("stylus.force"))
+                .set("gain", 1.0),
+        )
+        .build()
+        .unwrap_or_else(|wrong| panic!("{wrong}"));
+    check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+        .unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+#[test]
+fn a_channel_at_a_thousand_hertz_takes_its_times_whatever_the_calls() {
+    let play = |calls: &mut dyn Iterator<Item = usize>| {
+        let graph = servo();
+        let mut force = graph.input::<Scalar>("hand.force").expect("a force");
+        let options = PlayOptions::default().probe("level.output");
+        let (mut player, _session) = Player::open(&graph, &options).expect("plays");
+        let mut level = player.probe::<Scalar>("level.output").expect("a probe");
+        // Every 1.7 ms, between ticks: as a device reports that has a clock of its own.
+        for k in 0..500_u32 {
+            force.set_at(f64::from(k) * 1.7e-3, f64::from(k)).expect("room");
+        }
+        calls.for_each(|frames| player.process(frames));
+        let mut got = vec![0.0; 40_000];
+        assert_eq!(level.read(&mut got), got.len());
+        got
+    };
+    let whole = play(&mut std::iter::once(40_000));
+    assert!(whole == play(&mut irregular(40_000)));
+    assert!(whole == play(&mut std::iter::repeat_n(1, 40_000)));
+    // The tick at t has the last value set for a time up to t.
+    for (frame, value) in whole.iter().enumerate().step_by(48) {
+        let ms = (frame / 48) as f64;
+        assert_eq!(*value, ((ms + 1e-9) / 1.7).floor(), "at {ms} ms");
+    }
+}
+
+#[test]
+fn a_hand_that_falls_silent_takes_the_current_to_zero_and_back_when_it_is_heard_again() {
+    let graph = shipped("texturepad.ron", &CheckOptions::hosted());
+    let mut position = graph.input::<Vector>("stylus.position").expect("a position");
+    let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
+    let mut touching = graph.input::<Scalar>("stylus.touching").expect("a touch");
+    let mut current = graph.output::<Scalar>("haptuator.current").expect("a current");
+    let (mut player, session) = Player::open(&graph, &PlayOptions::default().rested()).expect("plays");
+    let mut loudest = |player: &mut Player, heard: bool, at: &mut f64| {
+        let mut most = 0.0_f64;
+        for _ in 0..25 {
+            if heard {
+                *at += 0.05;
+                position
+                    .set([0.03 * at.cos(), 0.03 * at.sin(), 0.0])
+                    .expect("room");
+                force.set(1.0).expect("room");
+                touching.set(1.0).expect("room");
+            }
+            player.process(480);
+            while let Some(ampere) = current.take() {
+                most = most.max(ampere.abs());
+            }
+        }
+        most
+    };
+    let mut at = 0.0;
+    assert!(loudest(&mut player, true, &mut at) > 0.01);
+    loudest(&mut player, false, &mut at);
+    assert_eq!(
+        loudest(&mut player, false, &mut at),
+        0.0,
+        "a quarter of a second later"
+    );
+    assert_eq!(session.live_inputs()[0].device, "stylus");
+    assert!(
+        session.live_inputs()[0]
+            .actuators
+            .iter()
+            .all(|actuator| actuator.at_zero)
+    );
+    assert!(loudest(&mut player, true, &mut at) > 0.01);
+}
+
+#[test]
+fn nothing_drives_before_the_first_word() {
+    let graph = shipped("texturepad.ron", &CheckOptions::hosted());
+    let mut current = graph.output::<Scalar>("haptuator.current").expect("a current");
+    let (mut player, _session) = Player::open(&graph, &PlayOptions::default()).expect("plays");
+    player.process(4800);
+    assert_eq!(current.waiting(), 4800);
+    assert!(std::iter::from_fn(|| current.take()).all(|ampere| ampere == 0.0));
+}
+
+#[test]
+fn what_cannot_be_had_is_an_error_that_says_what_can() {
+    let graph = shipped("texturepad.ron", &CheckOptions::hosted());
+    let unknown = graph.input::<Scalar>("stylus.forse").err();
+    assert!(
+        matches!(&unknown, Some(HostError::Unknown { known, .. }) if known.contains("stylus.force")),
+        "{unknown:?}"
+    );
+    assert!(matches!(
+        graph.input::<Scalar>("haptuator.current"),
+        Err(HostError::Unknown { .. })
+    ));
+    assert!(matches!(
+        graph.input::<Wrench>("stylus.position"),
+        Err(HostError::Kind { .. })
+    ));
+    assert!(matches!(
+        graph.input::<Vector>("stylus"),
+        Err(HostError::Several { .. })
+    ));
+    let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
+    assert!(matches!(
+        graph.input::<Scalar>("stylus.force"),
+        Err(HostError::Taken { .. })
+    ));
+    assert_eq!(force.set(f64::NAN), Err(Full::NotFinite));
+    drop(force);
+    let mut force = graph.input::<Scalar>("stylus.force").expect("it was let go");
+    let wrong = Player::open(&graph, &PlayOptions::default().probe("texture/filter.sound")).err();
+    assert!(matches!(wrong, Some(HostError::Unknown { .. })), "{wrong:?}");
+    let (player, session) = Player::open(&graph, &PlayOptions::default()).expect("plays");
+    assert!(matches!(
+        Player::open(&graph, &PlayOptions::default()),
+        Err(HostError::Playing { .. })
+    ));
+    while force.push(1.0).is_ok() {}
+    assert_eq!(force.push(1.0), Err(Full::Full));
+    player.finish(session);
+    assert!(Player::open(&graph, &PlayOptions::default()).is_ok());
+    let two = shipped("two-drivers.ron", &CheckOptions::hosted());
+    let refused = Player::open(&two, &PlayOptions::default()).err();
+    assert!(
+        matches!(refused, Some(HostError::Drivers { count: 2, .. })),
+        "{refused:?}"
+    );
+}
+
+#[test]
+fn every_shipped_graph_can_be_hosted_whole_or_in_part() {
+    for name in ["texturepad.ron", "omni.ron", "ar-pen.ron", "recorder.ron"] {
+        let graph = shipped(name, &CheckOptions::hosted());
+        assert!(graph.host_inputs().next().is_some(), "{name}");
+        let (mut player, _session) = Player::open(&graph, &PlayOptions::default()).expect(name);
+        player.process(500);
+    }
+    let hosted = Hosted::Also(vec!["stylus".into()]);
+    let part = shipped(
+        "texturepad.ron",
+        &CheckOptions {
+            hosted,
+            ..CheckOptions::default()
+        },
+    );
+    assert_eq!((part.host_inputs().count(), part.host_outputs().count()), (3, 0));
+}
+
+#[test]
+fn playing_allocates_nothing() {
+    let graph = shipped("texturepad.ron", &CheckOptions::hosted());
+    let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
+    let mut current = graph.output::<Scalar>("haptuator.current").expect("a current");
+    let options = PlayOptions::default().probe("texture/filter.acceleration");
+    let (mut player, _session) = Player::open(&graph, &options).expect("plays");
+    let mut vibration = player
+        .probe::<Scalar>("texture/filter.acceleration")
+        .expect("a probe");
+    let mut frames = [0.0; 480];
+    let count = allocations(|| {
+        for k in 0..50 {
+            let _ = force.set(f64::from(k % 7));
+            player.process(480);
+            current.read(&mut frames);
+            vibration.read(&mut frames);
+        }
+    });
+    assert_eq!(count, 0);
+}
