@@ -1,56 +1,25 @@
-//! The engine inside another program, with no file at all: `cargo run --example embed`.
+//! A texture inside another program, from the program's own positions and forces: `cargo run --example embed`.
 
-use haptograph::engine::document::{Builder, Part, hold};
-use haptograph::engine::graph::{CheckOptions, check};
-use haptograph::engine::plan::{Plan, PlanOptions};
-use haptograph::engine::run::Run;
-use std::io::Write;
-use std::sync::Arc;
+use haptograph::engine::graph::CheckOptions;
+use haptograph::engine::host::{PlayOptions, Player, Scalar, Vector};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let document = Builder::new("A tone that fades in.")
-        .driver("audio", 48_000.0)
-        .derived("control", "audio", 100.0)
-        .node("fade", Part::new("Ramp").on("control").set("duration_s", 1.0))
-        .node("tone", Part::new("Sine").on("audio").set("frequency_hz", 250.0))
-        .node(
-            "out",
-            Part::new("Multiply")
-                .wire("input", "tone")
-                .wire("by", hold("fade")),
-        )
-        .build()?;
-    let graph = check(
-        &document,
-        &haptograph::nodes::registry(),
-        &CheckOptions::default(),
-    )?;
-    let nodes = graph.nodes();
-    let out = nodes
-        .node_indices()
-        .find(|node| nodes[*node].path == "out")
-        .ok_or("no node `out`")?;
-    let plan = Plan::new(
-        &graph,
-        &PlanOptions {
-            block: 480,
-            taps: vec![(out, 0)],
-        },
-    );
-    let mut run = Run::new(Arc::new(plan));
-    let mut stdout = std::io::stdout();
-    for tenth in 1..=10 {
-        let mut peak = 0.0_f64;
-        for _ in 0..10 {
-            run.advance(480);
-            peak = run.tap(0).iter().fold(peak, |most, x| most.max(x.abs()));
-        }
-        writeln!(
-            stdout,
-            "{:.1} s  {}",
-            f64::from(tenth) / 10.0,
-            "#".repeat((peak * 40.0).round() as usize)
-        )?;
+    let graph = haptograph::open("graphs/texturepad.ron", &CheckOptions::hosted())?;
+    let mut position_m = graph.input::<Vector>("stylus.position")?;
+    let mut force_n = graph.input::<Scalar>("stylus.force")?;
+    let mut touching = graph.input::<Scalar>("stylus.touching")?;
+    let mut current = graph.output::<Scalar>("haptuator.current")?;
+    let (mut player, _session) = Player::open(&graph, &PlayOptions::default().rested())?;
+    let mut current_a = [0.0; 480];
+    for call in 0..100 {
+        let angle = f64::from(call) * 0.05;
+        position_m.set([0.03 * angle.cos(), 0.03 * angle.sin(), 0.0])?;
+        force_n.set(1.0)?;
+        touching.set(1.0)?;
+        player.process(current_a.len());
+        current.read(&mut current_a);
+        let peak_a = current_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
+        println!("{:4} ms  {:#<2$}", call * 10, "", (peak_a * 100.0) as usize);
     }
     Ok(())
 }

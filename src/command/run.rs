@@ -25,7 +25,7 @@ mod watch;
 use super::output::{self, Force};
 use super::{Failure, GraphArguments, remark, say};
 use folder::RunFolder;
-use haptograph::engine::graph::Graph;
+use haptograph::engine::graph::{Graph, GraphDevice};
 use haptograph::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 pub use shown::Shown;
@@ -118,20 +118,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Warnings of devices that only a live run hears: offline they sense nothing. What soundcards play is kept.
 pub fn unreached(graph: &Graph) -> Vec<String> {
-    let devices = graph.devices().iter();
-    let silent = devices.filter(|device| {
-        let spec = device.entry.spec;
-        !spec.simulated && !spec.senses.is_empty()
-    });
-    let warning = |name: &str, kind: &str| {
+    let silent = graph.read_devices().filter(|device| !device.entry.spec.simulated);
+    let warning = |device: &GraphDevice| {
+        let reached = match device.entry.is_host() {
+            true => "is heard only where another program embeds the graph".to_owned(),
+            false => format!(
+                "is {}, which is reached by `run --live` only",
+                device.entry.spec.name
+            ),
+        };
         format!(
-            "`{name}` is {kind}, which is reached by `run --live` only: it sensed nothing, and the actuators that depend on it \
-             stayed at zero"
+            "`{}` {reached}: it sensed nothing, and the actuators that depend on it stayed at zero",
+            device.name
         )
     };
-    silent
-        .map(|device| warning(&device.name, device.entry.spec.name))
-        .collect()
+    silent.map(warning).collect()
 }
 
 /// Refuses a run that ends before it begins.
