@@ -1,6 +1,8 @@
 //! Tests: what the silence of each kind of live input does to actuators, by the signal that they are delivered and by the
 //! status that is read from the run.
 
+mod tests;
+
 use crate::network::told_by_hand;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};

@@ -4,13 +4,15 @@
 //! driver holds just that, one callback a line:
 //!
 //! ```text
-//! audio frames,fade,arrived moves.output to moving.input,sent torque.output to arm.torque
-//! 48,0,1,48
+//! audio frames,fade,open out,arrived moves.output to moving.input,sent torque.output to arm.torque
+//! 48,0,1,1,48
 //! ```
 //!
-//! The frames it ran; 1 from where it was stopped and faded out; of each ring that it reads the frames that had arrived
-//! since the line before; of each that it fills the frames that found room. A last line with a 2 in place of that 1 says
-//! that another graph took over, which nothing is kept of. A second file a driver holds what was set meanwhile:
+//! The frames it ran; 1 from where it was stopped and faded out; of each actuator that depends on live inputs 1 where
+//! these let it be driven, and 0 from the callback on that found one of them silent; of each ring that it reads the frames
+//! that had arrived since the line before; of each that it fills the frames that found room. A last line with a 2 in place
+//! of that first 1 says that another graph took over, which nothing is kept of. What the live inputs sensed is in files of
+//! their own, see [`inputs`]. A second file a driver holds what was set meanwhile:
 //!
 //! ```text
 //! frame,from,to,glide frames,setting
@@ -19,18 +21,24 @@
 //!
 //! Beside these stands `graph.txt`: a fingerprint of everything that the samples come from, so that no other graph is
 //! taken for this one, and whether real actuators began with their heat spent.
+//!
+//! A replay reads each file twice, line by line: first all of it, to see whether a run of that length can have written it.
 
+mod inputs;
 mod log;
 mod replay;
+mod rows;
 
+pub(super) use inputs::{Input, InputLog, InputScript, InputWriter};
 pub(super) use log::{ArrivalLog, ArrivalWriter, SettingWriter};
-pub(super) use replay::Arrivals;
+pub(super) use replay::{Arrivals, check_logs};
 
 use crate::graph::fingerprint::of_graph;
 use crate::graph::{Graph, LiveSetting};
 use crate::plan::Plan;
 use haptograph_signal::files;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The folder of a run that holds what its drivers saw.
@@ -88,6 +96,16 @@ pub enum ReplayError {
         /// Where, from 1.
         line: usize,
     },
+    /// A line is not what a run of that length can have written.
+    #[error("{} line {line}: {why}; the file is damaged, or of another run", path.display())]
+    Implausible {
+        /// Which.
+        path: PathBuf,
+        /// Where, from 1.
+        line: usize,
+        /// What is wrong with it.
+        why: String,
+    },
     /// A callback saw what nobody had sent by then.
     #[error("{} does not go with the files of the other drivers: line {line} waits for ever", path.display())]
     Contradiction {
@@ -96,6 +114,25 @@ pub enum ReplayError {
         /// Where, from 1.
         line: usize,
     },
+}
+
+/// What is known of the run whose logs are read, for telling whether they can be its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReplayBounds {
+    /// No driver ran for longer, s.
+    pub longest_s: f64,
+    /// Frames of the first driver at most, and whether they are exactly so many.
+    pub frames: Option<(u64, bool)>,
+}
+
+impl Default for ReplayBounds {
+    /// Of a run that nothing is known of: 10^7 s.
+    fn default() -> Self {
+        Self {
+            longest_s: 1e7,
+            frames: None,
+        }
+    }
 }
 
 /// The file of the driver with this number, in a run's folder.
@@ -108,10 +145,17 @@ pub(super) fn settings_file(folder: &Path, driver: usize) -> PathBuf {
     folder.join(ARRIVALS).join(format!("{driver}.settings.csv"))
 }
 
+/// The file of what a live input sensed that this driver reads.
+pub(super) fn input_file(folder: &Path, driver: usize, device: usize) -> PathBuf {
+    folder.join(ARRIVALS).join(format!("{driver}.input-{device}.csv"))
+}
+
 fn graph_file(folder: &Path) -> PathBuf {
     folder.join(ARRIVALS).join("graph.txt")
 }
 
+/// The longest list of fingerprints that is read, bytes: a hundred thousand nodes.
+const MAX_GRAPH_BYTES: u64 = 16 << 20;
 /// In the file of a run whose real actuators began as warm as their limits allow.
 const UNRESTED: &str = "unrested actuators";
 
@@ -132,7 +176,7 @@ pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io:
 pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
-    let text = match files::read_text(&path, 1 << 28) {
+    let text = match files::read_text(&path, MAX_GRAPH_BYTES) {
         Ok(text) => text,
         Err(error) => return Err(ReplayError::Read { path, error }),
     };
@@ -187,11 +231,29 @@ fn header(plan: &Plan) -> String {
         .ring_writes
         .iter()
         .map(|write| format!("sent {}", write.ring.name));
+    let gates = gated(plan).map(|place| format!("open {}", plan.actuators[place].path));
     let names = [format!("{} frames", plan.driver_name()), "fade".to_owned()];
-    let cells = names.into_iter().chain(reads).chain(writes).map(quoted);
-    cells.collect::<Vec<_>>().join(",")
+    let cells = names.into_iter().chain(gates).chain(reads).chain(writes);
+    cells.map(quoted).collect::<Vec<_>>().join(",")
 }
 
 fn columns(plan: &Plan) -> usize {
-    2 + plan.ring_reads.len() + plan.ring_writes.len()
+    2 + gated(plan).count() + plan.ring_reads.len() + plan.ring_writes.len()
+}
+
+/// The places of the actuators that depend on live inputs.
+fn gated(plan: &Plan) -> impl Iterator<Item = usize> {
+    let actuators = plan.actuators.iter().enumerate();
+    actuators
+        .filter(|(_, actuator)| !actuator.silenced_by.is_empty())
+        .map(|(place, _)| place)
+}
+
+/// Writes a line of numbers, each in as many digits as make the same bits again.
+fn write_row(to: &mut impl Write, row: &[f64]) -> std::io::Result<()> {
+    for (place, number) in row.iter().enumerate() {
+        let comma = if place > 0 { "," } else { "" };
+        write!(to, "{comma}{number}")?;
+    }
+    writeln!(to)
 }

@@ -1,5 +1,6 @@
 //! The devices of a running plan.
 
+use super::arrivals::{InputLog, InputScript};
 use crate::device::Device;
 use crate::plan::DevicePlan;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,6 +16,10 @@ pub(super) struct DeviceState {
     pub part: Part,
     /// What each of the plan's reads is given at this tick, where the device is not this plan's alone.
     sensed: Vec<Box<[f64]>>,
+    /// Where what it senses is kept, of a live input.
+    pub log: Option<InputLog>,
+    /// What it senses in its place, in a replay.
+    pub script: Option<InputScript>,
 }
 
 /// Whose the device is.
@@ -41,6 +46,8 @@ impl DeviceState {
                 .iter()
                 .map(|(_, placing, _)| vec![0.0; placing.width as usize].into())
                 .collect(),
+            log: None,
+            script: None,
         }
     }
 
@@ -78,9 +85,20 @@ impl DeviceState {
 
     /// Fills one frame of the plan's read number `read`, of `channel`.
     pub(super) fn read(&mut self, read: usize, channel: usize, frame: &mut [f64]) {
-        match self.part {
-            Part::Alone => self.device.read(channel, frame),
-            Part::Leads | Part::Follows => frame.copy_from_slice(&self.sensed[read]),
+        match (&mut self.script, self.part) {
+            (Some(script), _) => script.read(frame),
+            (None, Part::Alone) => self.device.read(channel, frame),
+            (None, Part::Leads | Part::Follows) => frame.copy_from_slice(&self.sensed[read]),
+        }
+        if let Some(log) = &mut self.log {
+            log.note(frame);
+        }
+    }
+
+    /// All that the plan reads at this tick was read.
+    pub(super) fn end_tick(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.end_tick();
         }
     }
 
@@ -93,8 +111,10 @@ impl DeviceState {
 
     /// Moves the body to the next tick; at tick 0 it is where it was built.
     pub(super) fn advance(&mut self) {
-        if self.started {
-            self.device.advance();
+        match &mut self.script {
+            Some(script) => script.advance(),
+            None if self.started => self.device.advance(),
+            None => {}
         }
         self.started = true;
     }

@@ -29,7 +29,7 @@ mod window;
 pub use crate::histogram::{AgeMeter, Histogram, SharedHistogram};
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
-pub use arrivals::{ARRIVALS, ReplayError};
+pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
 pub use bridge::resampler;
 pub use control::{Change, Control, ControlError};
 pub use fault::Faults;

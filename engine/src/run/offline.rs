@@ -1,6 +1,6 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
-use super::arrivals::{Arrivals, ReplayError, check_graph};
+use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs};
 use super::files::Files;
 use super::fleet::Fleet;
 use super::outlets::{Outlets, WriteError};
@@ -125,13 +125,14 @@ impl<'a> Offline<'a> {
     }
 
     /// Repeats a live run from what its drivers saw of their rings then, and what was set meanwhile, as it stands in
-    /// `folder`: the same bits, up to where it ended or another graph took over.
+    /// `folder`, with what its live inputs sensed: the same bits, up to where it ended or another graph took over. What
+    /// stands there is checked against `bounds` before anything runs.
     ///
     /// # Errors
     /// [`OfflineError`] where a file cannot be written, or what is in the folder is not of such a run of this graph.
     pub fn replay(
         self,
-        folder: &Path,
+        (folder, bounds): (&Path, &ReplayBounds),
         stop: &AtomicBool,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Outcome, OfflineError> {
@@ -144,18 +145,21 @@ impl<'a> Offline<'a> {
             .map(Arc::new)
             .collect();
         let rested = check_graph(self.outlets.graph, folder)?;
-        let load = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::load(folder, driver, plan);
+        let graph = self.outlets.graph;
+        let goes_on = || !stop.load(Ordering::Relaxed);
+        check_logs((graph, &plans), folder, bounds, &goes_on)?;
+        let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
         let mut scripts = plans
             .iter()
             .enumerate()
-            .map(load)
+            .map(open)
             .collect::<Result<Vec<_>, _>>()?;
         let mut files = Files::new(self.outlets.written, plans.iter().map(Arc::as_ref));
         let mut fleet = Fleet::new(&plans);
+        fleet.repeat_inputs((graph, &plans), folder, bounds)?;
         if !rested {
             fleet.runs_mut().iter_mut().for_each(Run::begin_unrested);
         }
-        let goes_on = || !stop.load(Ordering::Relaxed);
         let played = fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;
             if driver == 0 {

@@ -5,7 +5,7 @@ mod change;
 
 pub use change::{ChangeError, Changed};
 
-use super::arrivals::{self, ArrivalLog, ArrivalWriter, SettingWriter};
+use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
 use super::fleet::join;
 use super::live::{Live, LiveState, live_until};
@@ -14,7 +14,7 @@ use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
 use super::silence::{self, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
-use crate::graph::LiveSetting;
+use crate::graph::{Graph, LiveSetting};
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
 use rtrb::Consumer;
@@ -143,6 +143,7 @@ impl Session {
             arrivals::keep_graph(outlets.graph, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
+                session.log_inputs(outlets.graph, (driver, live), folder)?;
             }
         }
         session.write(outlets, outs);
@@ -160,6 +161,23 @@ impl Session {
         let settings = Written::apart(Box::new(SettingWriter::create(&what, plan)?), what);
         self.writer.add(callbacks, vec![kept.callbacks]);
         self.writer.add(settings, vec![kept.settings]);
+        Ok(())
+    }
+
+    /// Keeps what the live inputs sense that a driver reads.
+    fn log_inputs(
+        &mut self,
+        graph: &Graph,
+        (driver, live): (usize, &mut Live),
+        folder: &Path,
+    ) -> std::io::Result<()> {
+        for input in Input::all(graph, self.controls[driver].plan()) {
+            let (log, kept) = InputLog::new(&input);
+            live.run_mut().log_input(input.place, log);
+            let what = arrivals::input_file(folder, driver, input.place);
+            let sensed = Written::apart(Box::new(InputWriter::create(&what, &input)?), what);
+            self.writer.add(sensed, vec![kept]);
+        }
         Ok(())
     }
 
@@ -305,6 +323,10 @@ fn tap_rings(plan: &Plan, kept: Vec<(usize, usize)>, outs: &mut [Option<Consumer
 }
 
 impl Run {
+    fn log_input(&mut self, device: usize, log: InputLog) {
+        self.state.devices[device].log = Some(log);
+    }
+
     /// Rate of the driver whose frames it counts, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.plan.driver_rate().hz()

@@ -41,6 +41,11 @@ impl SilenceGate {
         self.from + (to - self.from) * along
     }
 
+    /// Is it open, or opening?
+    pub fn is_open(&self) -> bool {
+        self.is_open
+    }
+
     /// Is nothing let through at `time` and after, until an input changes?
     fn is_closed_from(self, time: u64) -> bool {
         !self.is_open && time >= self.end
@@ -128,6 +133,12 @@ impl Run {
         for (plan, actuator) in actuators.filter(|(plan, _)| !plan.silenced_by.is_empty()) {
             actuator.gate.turn(plan.is_let_through(&self.plan.devices), span);
         }
+    }
+
+    /// Does with an actuator's gate what a live run did at this point of time.
+    pub(super) fn turn_gate(&mut self, actuator: usize, open: bool, seconds: f64) {
+        let span = self.fade_span(seconds);
+        self.state.actuators[actuator].gate.turn(open, span);
     }
 
     /// Lets others know what each actuator was given last.

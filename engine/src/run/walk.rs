@@ -238,6 +238,7 @@ impl State {
                 let buffer = &mut self.memory.all_mut()[program.range(*slot)];
                 state.read(read, *channel, &mut buffer[range]);
             }
+            state.end_tick();
         }
     }
 

@@ -19,6 +19,11 @@ pub fn facts_of(ended: &LiveOutcome) -> Vec<(&'static str, &'static str, Value)>
             "Numbers lost on the way to files",
             json!(ended.lost_numbers),
         ),
+        (
+            "lost_callbacks",
+            "Callbacks that a replay lacks",
+            json!(ended.lost_arrivals),
+        ),
     ];
     if let [_, _, ..] = ended.drivers[..] {
         let each = ended.drivers.iter().map(|(name, meters)| {

@@ -4,8 +4,8 @@ use super::super::Failure;
 use super::folder::MAX_FACTS_BYTES;
 use super::summary::Summary;
 use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
-use haptograph::engine::graph::{Graph, GraphDevice};
-use haptograph::engine::run::{ARRIVALS, Offline};
+use haptograph::engine::graph::Graph;
+use haptograph::engine::run::{ARRIVALS, Offline, ReplayBounds};
 use haptograph::signal::files;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -31,13 +31,20 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
             )));
         }
     }
+    let bounds = bounds(&graph, &facts).map_err(|why| {
+        let path = folder.join(FACTS);
+        Failure::Message(format!(
+            "{}: {why}; the file is damaged, or of another run",
+            path.display()
+        ))
+    })?;
     let mut made = Making::begin(arguments, &graph)?;
     let stop = stop_on_interrupt()?;
     made.kept.folder.begin();
     let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
     let start = Instant::now();
     let offline = Offline::new(made.outlets, usize::from(arguments.block));
-    let outcome = offline.replay(folder, &stop, &mut |done_s| {
+    let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
         bar.set_position((done_s * 1e3) as u64)
     });
     let outcome = outcome.map_err(message)?;
@@ -45,7 +52,7 @@ pub fn run(arguments: &Arguments, folder: &Path) -> Result<(), Failure> {
     let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
     summary.add(
         vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
-        differs(&graph, &facts),
+        differs(&facts),
     );
     made.kept.complete(arguments, &graph, &summary)
 }
@@ -62,22 +69,59 @@ fn spare(folder: &Path, target: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Why the samples cannot be those of the run, or end before it.
-fn differs(graph: &Graph, facts: &Value) -> Vec<String> {
-    let count = |fact: &str| facts[fact].as_u64().unwrap_or(0);
-    let senses = |device: &&GraphDevice| {
-        let spec = device.entry.spec;
-        !spec.simulated && !spec.senses.is_empty()
-    };
-    let real = graph.devices().iter().filter(senses);
-    let mut list: Vec<String> = real
-        .map(|device| {
-            format!(
-                "what `{}` sensed is not repeated, as it is not simulated: the actuators that depend on it stayed at zero",
-                device.name
-            )
-        })
+/// The longest run, s, and how much longer its drivers may have run than the clock on the wall says: a part of that, and s.
+const MAX_S: f64 = 1e7;
+const CLOCKS_DIFFER: f64 = 0.01;
+const SPARE_S: f64 = 1.0;
+
+/// What the facts of a run say of its length, if they go together and with the graph.
+fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
+    if facts["live"] != true {
+        return Err("it is not of a live run".to_owned());
+    }
+    let clocks: Vec<String> = { graph.clocks().iter() }
+        .map(|clock| format!("{} {}", clock.name, clock.rate))
         .collect();
+    if facts["clocks"] != json!(clocks) {
+        let (then, now) = (&facts["clocks"], json!(clocks));
+        return Err(format!("`clocks` is {then}, and the graph's are {now}"));
+    }
+    let time = |name: &str| {
+        let time_s = facts[name]
+            .as_f64()
+            .filter(|time_s| (0.0..=MAX_S).contains(time_s));
+        time_s.ok_or_else(|| format!("`{name}` is {}, and no run takes that", facts[name]))
+    };
+    let (seconds, took_s) = (time("seconds")?, time("took_s")?);
+    let longest_s = took_s * (1.0 + CLOCKS_DIFFER) + SPARE_S;
+    if seconds > longest_s {
+        return Err(format!(
+            "`seconds` is {seconds}, and that is more than `took_s`, {took_s}"
+        ));
+    }
+    let driver = graph
+        .drivers()
+        .first()
+        .map(|driver| graph.clocks()[*driver].rate.hz());
+    let rate_hz = driver.unwrap_or(1.0);
+    let frames = facts["driver_frames"].as_u64();
+    let is_right = |frames: &u64| (*frames as f64 - seconds * rate_hz).abs() <= 0.5 + 1e-9 * *frames as f64;
+    let frames = frames.filter(is_right).ok_or_else(|| {
+        let frames = &facts["driver_frames"];
+        format!("`driver_frames` is {frames}, and that is not {seconds} s at {rate_hz} Hz")
+    })?;
+    let none = |name: &str| facts[name] == 0;
+    let is_whole = none("swaps") && none("lost_callbacks") && facts["faults"] == json!([]);
+    Ok(ReplayBounds {
+        longest_s,
+        frames: Some((frames, is_whole)),
+    })
+}
+
+/// Why the samples cannot be those of the run, or end before it.
+fn differs(facts: &Value) -> Vec<String> {
+    let count = |fact: &str| facts[fact].as_u64().unwrap_or(0);
+    let mut list = Vec::new();
     let swaps = count("swaps");
     if swaps > 0 {
         list.push(format!(
@@ -114,30 +158,58 @@ mod tests {
 
     #[test]
     fn a_replay_names_what_it_does_not_repeat() {
-        let told = |stylus: &str, facts: Value| {
-            let text = format!(
-                r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 125) }},
-                nodes: {{ "stylus": Tablet(clock: "servo", endpoint: "stylus") }},
-                endpoints: {{ "simulated": {{ "stylus": {stylus} }} }})"#
-            );
-            let document = Document::parse("g.ron", &text).unwrap();
-            let graph = check(
-                &document,
-                &haptograph::nodes::registry(),
-                &CheckOptions::default(),
-            )
-            .unwrap();
-            differs(&graph, &facts)
-        };
-        let hand = "SimulatedTablet(stroke: Circles(radius_mm: 30, period_s: 1))";
         let quiet = json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 1, "swaps": 0, "vanished": 0});
-        assert_eq!(told(hand, quiet), Vec::<String>::new());
-        let real = "EvdevDevice(path: \"/dev/input/event0\", counts_per_mm: 40)";
-        let told = told(real, json!({"swaps": 2, "vanished": 1}));
+        assert_eq!(differs(&quiet), Vec::<String>::new());
+        let told = differs(&json!({"swaps": 2, "vanished": 1}));
         assert!(
-            told[0].contains("`stylus`") && told[1].contains("times: 2") && told[2].contains("soundcard"),
+            told[0].contains("times: 2") && told[1].contains("soundcard"),
             "{told:?}"
         );
+    }
+
+    #[test]
+    fn facts_that_do_not_go_together_are_refused() {
+        let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 125) },
+            nodes: { "one": Constant(clock: "servo", value: 1, quantity: "number") })"#;
+        let document = Document::parse("g.ron", text).unwrap();
+        let registry = haptograph::nodes::registry();
+        let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
+        let whole = json!({
+            "live": true, "clocks": ["servo 125 Hz"], "seconds": 2.0, "took_s": 2.1, "driver_frames": 250, "swaps": 0,
+            "lost_callbacks": 0, "faults": [],
+        });
+        let is = bounds(&graph, &whole).unwrap();
+        assert_eq!(is.frames, Some((250, true)));
+        assert!((2.1..5.0).contains(&is.longest_s), "{is:?}");
+        let with = |name: &str, value: Value| {
+            let mut facts = whole.clone();
+            facts[name] = value;
+            bounds(&graph, &facts)
+        };
+        for (name, value) in [
+            ("live", json!(false)),
+            ("clocks", json!(["servo 126 Hz"])),
+            ("clocks", json!("servo")),
+            ("seconds", json!(-1)),
+            ("seconds", json!(1e300)),
+            ("seconds", json!("2")),
+            ("seconds", json!(3.0)),
+            ("took_s", json!(0.0)),
+            ("took_s", json!(null)),
+            ("took_s", json!(1e18)),
+            ("driver_frames", json!(251)),
+            ("driver_frames", json!(2.5)),
+            ("driver_frames", json!(u64::MAX)),
+        ] {
+            assert!(with(name, value.clone()).is_err(), "{name}: {value}");
+        }
+        for (name, value) in [
+            ("swaps", json!(1)),
+            ("lost_callbacks", json!(7)),
+            ("faults", json!(["x"])),
+        ] {
+            assert_eq!(with(name, value).unwrap().frames, Some((250, false)), "{name}");
+        }
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use super::super::Run;
 use super::super::glide::Glide;
-use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, header};
+use super::InputLog;
+use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
 use crate::node::FrameWriter;
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -64,6 +65,13 @@ impl ArrivalLog {
         self.row.clear();
         let state = if is_fading { FADING } else { RUNNING };
         self.row.extend([frames as f64, state]);
+        let gates = gated(&run.plan).map(|place| run.state.actuators[place].gate.is_open());
+        self.row.extend(gates.map(|is_open| f64::from(u8::from(is_open))));
+        let mut inputs = run.state.devices.iter().filter_map(|device| device.log.as_ref());
+        if inputs.any(InputLog::is_torn) {
+            // What comes after it would be another signal.
+            self.lost += 1;
+        }
         for (reader, before) in run.state.links.readers.iter().zip(&mut self.before) {
             let arrived = reader.as_ref().map_or(0, |reader| reader.arrived());
             self.row.push((arrived - *before) as f64);
@@ -133,14 +141,8 @@ impl ArrivalWriter {
 
 impl FrameWriter for ArrivalWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
-        for row in rows.chunks(self.columns) {
-            for (place, number) in row.iter().enumerate() {
-                let comma = if place > 0 { "," } else { "" };
-                write!(self.file, "{comma}{number}")?;
-            }
-            writeln!(self.file)?;
-        }
-        Ok(())
+        rows.chunks(self.columns)
+            .try_for_each(|row| write_row(&mut self.file, row))
     }
 
     fn finish(mut self: Box<Self>) -> std::io::Result<()> {

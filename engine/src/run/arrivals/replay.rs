@@ -6,169 +6,331 @@ use super::super::fleet::Fleet;
 use super::super::glide::{Glide, Glides};
 use super::super::link::{LinkReader, LinkWriter};
 use super::super::live::FADE_S;
-use super::{FADING, REPLACED, ReplayError, SETTINGS_HEADER, cell, columns, file, header, settings_file};
+use super::inputs::scripts;
+use super::rows::Lines;
+use super::{
+    FADING, REPLACED, ReplayBounds, ReplayError, SETTINGS_HEADER, cell, columns, file, gated, header,
+    settings_file,
+};
+use crate::graph::{Graph, LiveSetting};
 use crate::plan::Plan;
-use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
-/// What a driver saw, as read from its file.
-pub(in super::super) struct Arrivals {
-    path: PathBuf,
-    numbers: Vec<u32>,
+/// What one callback or one glide lasts at most, s: no driver makes up for longer stalls.
+const LONGEST_S: f64 = 10.0;
+/// How often a driver wakes at most where it has nothing to run, Hz; and wakes that no time has to pass for.
+const WAKES_HZ: f64 = 2000.0;
+const SPARE_WAKES: f64 = 1e4;
+
+/// The callbacks of a driver as they stand in its file, each checked against those before it.
+struct Rows {
+    lines: Lines,
     columns: usize,
-    done: usize,
-    /// Of each ring that is read: frames that had arrived by the line done last.
-    arrived: Vec<u64>,
-    fading: bool,
-    /// Another graph took over.
-    replaced: bool,
-    /// What is to be set, and how much of it has been.
-    changes: Vec<Glide>,
-    changed: usize,
-    glides: Glides,
+    gates: usize,
+    /// At most: frames of a callback, frames in all, and lines.
+    most: [f64; 3],
+    /// Frames and lines so far.
+    frames: u64,
+    count: u64,
+    state: u32,
 }
 
-impl Arrivals {
-    pub fn load(folder: &Path, driver: usize, plan: &Plan) -> Result<Self, ReplayError> {
-        let path = file(folder, driver);
-        let read = |error| ReplayError::Read {
-            path: path.clone(),
-            error,
-        };
-        let mut lines = BufReader::new(files::open(&path, MAX_RECORDING_BYTES).map_err(read)?).lines();
-        let found = lines.next().transpose().map_err(read)?.unwrap_or_default();
-        let (wanted, columns) = (header(plan), columns(plan));
-        if found != wanted {
-            return Err(ReplayError::OtherGraph { path, found, wanted });
-        }
-        let mut numbers = Vec::new();
-        for (place, line) in lines.enumerate() {
-            let text = line.map_err(read)?;
-            let before = numbers.len();
-            for number in text.split(',') {
-                // Nothing is too large: a line with something that is no number is refused as a whole.
-                numbers.extend(number.parse::<u32>());
-            }
-            if numbers.len() != before + columns || text.split(',').count() != columns {
-                let line = place + 2;
-                return Err(ReplayError::Line { path, line, columns });
-            }
-        }
+impl Rows {
+    fn open(
+        plan: &Plan,
+        (folder, driver): (&Path, usize),
+        bounds: &ReplayBounds,
+    ) -> Result<Self, ReplayError> {
+        let rate_hz = plan.driver_rate().hz();
+        let in_time = bounds.longest_s * rate_hz;
+        let frames = bounds.frames.filter(|_| driver == 0);
+        let frames = frames.map_or(in_time, |(frames, _)| in_time.min(frames as f64));
         Ok(Self {
-            path,
-            numbers,
-            columns,
-            done: 0,
-            arrived: vec![0; plan.ring_reads.len()],
-            fading: false,
-            replaced: false,
-            changes: changes(settings_file(folder, driver), plan)?,
-            changed: 0,
-            glides: Glides::with_room_for(COMMANDS),
+            lines: Lines::open(file(folder, driver), &header(plan))?,
+            columns: columns(plan),
+            gates: gated(plan).count(),
+            most: [
+                (LONGEST_S * rate_hz).max(1.0),
+                frames,
+                bounds.longest_s * WAKES_HZ.max(rate_hz) + SPARE_WAKES,
+            ],
+            frames: 0,
+            count: 0,
+            state: 0,
         })
     }
 
-    pub fn is_over(&self) -> bool {
-        self.replaced || self.done * self.columns == self.numbers.len()
-    }
-
-    /// Runs the next callback, if everything that it saw has been sent by now and what it sent finds room.
-    fn run_next<E>(&mut self, run: &mut Run, mut each: impl FnMut(&Run) -> Result<(), E>) -> Result<bool, E> {
-        let Some(row) = self.numbers[self.done * self.columns..].get(..self.columns) else {
-            return Ok(false);
+    /// Reads the next line into `row`, which is empty behind the last.
+    fn next(&mut self, row: &mut Vec<u32>) -> Result<(), ReplayError> {
+        row.clear();
+        let Some(text) = self.lines.next()? else {
+            return Ok(());
         };
-        self.replaced |= f64::from(row[1]) == REPLACED;
-        if self.replaced {
-            return Ok(false);
+        // Nothing is too large: a line with something that is no whole number is refused as a whole.
+        row.extend(text.split(',').take(self.columns).flat_map(str::parse::<u32>));
+        if row.len() != self.columns || text.split(',').count() != self.columns {
+            return Err(self.lines.malformed(self.columns));
         }
-        let (arrived, sent) = row[2..].split_at(self.arrived.len());
-        let links = &mut run.state.links;
-        let seen = self
-            .arrived
-            .iter()
-            .zip(arrived)
-            .map(|(before, more)| before + u64::from(*more));
-        let sees = links.readers.iter().zip(seen).all(|(reader, seen)| {
-            let there = |reader: &LinkReader| reader.arrivals() >= seen;
-            reader.as_ref().is_none_or(there)
-        });
-        let fits = links.writers.iter().zip(sent).all(|(writer, sent)| {
-            let room = |writer: &LinkWriter| writer.free() >= u64::from(*sent);
-            writer.as_ref().is_none_or(room)
-        });
-        if !(sees && fits) {
-            return Ok(false);
-        }
-        for (reader, (before, more)) in links.readers.iter_mut().zip(self.arrived.iter_mut().zip(arrived)) {
-            *before += u64::from(*more);
-            if let Some(reader) = reader {
-                reader.look(*before);
+        self.frames += u64::from(row[0]);
+        self.count += 1;
+        let before = std::mem::replace(&mut self.state, row[1]);
+        let why = match f64::from(row[1]) {
+            _ if f64::from(before) == REPLACED => {
+                "it comes after the line that says that another graph took over"
             }
-        }
-        for (writer, sent) in links.writers.iter_mut().zip(sent) {
-            if let Some(writer) = writer {
-                writer.look_as(u64::from(*sent));
+            state if state > REPLACED => "its second number is none of 0, 1 and 2",
+            state if state < f64::from(before) => "the run goes on after it was faded out",
+            _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => "an actuator is neither 0 nor 1",
+            _ if f64::from(row[0]) > self.most[0] => "no callback runs so many frames",
+            _ if self.frames as f64 > self.most[1] => {
+                "the driver had run more frames by then than in all of the run"
             }
-        }
-        if f64::from(row[1]) == FADING && !std::mem::replace(&mut self.fading, true) {
-            run.fade_out(FADE_S);
-        }
-        while let Some(change) = self.changes.get(self.changed)
-            && change.begin <= run.driver_frames()
-        {
-            self.glides.start(*change, run);
-            self.changed += 1;
-        }
-        let mut left = row[0] as usize;
-        while left > 0 {
-            let rate_hz = run.rate_hz();
-            let block = left.min(run.plan.block).min(self.glides.step(run, rate_hz));
-            run.advance(block);
-            each(run)?;
-            left -= block;
-        }
-        self.done += 1;
-        Ok(true)
+            _ if self.count as f64 > self.most[2] => "no driver wakes that often in a run of that length",
+            _ => return Ok(()),
+        };
+        Err(self.lines.implausible(why))
     }
 }
 
-/// What is to be set of a driver, as read from its file.
-fn changes(path: PathBuf, plan: &Plan) -> Result<Vec<Glide>, ReplayError> {
-    let text = match files::read_text(&path, MAX_RECORDING_BYTES) {
-        Ok(text) => text,
-        Err(error) => return Err(ReplayError::Read { path, error }),
-    };
-    let known: Vec<String> = plan.live.iter().map(cell).collect();
-    let change = |line: &str| -> Option<Glide> {
+/// What is to be set of a driver, as it stands in its file.
+struct Changes {
+    lines: Lines,
+    /// The live settings, and how each is called in a line.
+    known: Vec<(String, LiveSetting)>,
+    most_frames: f64,
+    begin: u64,
+}
+
+impl Changes {
+    fn open(plan: &Plan, (folder, driver): (&Path, usize)) -> Result<Self, ReplayError> {
+        Ok(Self {
+            lines: Lines::open(settings_file(folder, driver), SETTINGS_HEADER)?,
+            known: plan.live.iter().map(|live| (cell(live), live.clone())).collect(),
+            most_frames: LONGEST_S * plan.driver_rate().hz(),
+            begin: 0,
+        })
+    }
+
+    fn next(&mut self) -> Result<Option<Glide>, ReplayError> {
+        let Some(text) = self.lines.next()? else {
+            return Ok(None);
+        };
+        let Some(glide) = self.glide(&text) else {
+            let (path, line) = self.lines.place();
+            return Err(ReplayError::Setting { path, line });
+        };
+        let range = self.known[glide.place].1.range.unwrap_or((f64::MIN, f64::MAX));
+        let is_in_range = |value: f64| (range.0..=range.1).contains(&value);
+        let why = match () {
+            () if glide.begin < self.begin => "it was set before what the line before says",
+            () if !(is_in_range(glide.from) && is_in_range(glide.to)) => "the setting cannot have that value",
+            () if glide.frames as f64 > self.most_frames => "no setting takes so many frames to its value",
+            () => {
+                self.begin = glide.begin;
+                return Ok(Some(glide));
+            }
+        };
+        Err(self.lines.implausible(why))
+    }
+
+    fn glide(&self, line: &str) -> Option<Glide> {
         let cells: Vec<&str> = line.splitn(5, ',').collect();
         let [begin, from, to, frames, name] = cells[..] else {
             return None;
         };
         let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
         Some(Glide {
-            place: known.iter().position(|known| known == name)?,
+            place: self.known.iter().position(|(known, _)| known == name)?,
             from: number(from)?,
             to: number(to)?,
             begin: begin.parse().ok()?,
             frames: frames.parse().ok()?,
         })
-    };
-    let mut changes = Vec::new();
-    for (place, line) in text.lines().enumerate() {
-        match change(line) {
-            Some(change) => changes.push(change),
-            None if place == 0 && line == SETTINGS_HEADER => {}
-            None => {
-                let line = place + 1;
-                return Err(ReplayError::Setting { path, line });
+    }
+}
+
+/// Reads all logs of a run in its folder, and refuses what a run of that length cannot have written. Memory is of a
+/// constant size; `goes_on` is asked now and then.
+pub(in super::super) fn check_logs(
+    (graph, plans): (&Graph, &[Arc<Plan>]),
+    folder: &Path,
+    bounds: &ReplayBounds,
+    goes_on: &impl Fn() -> bool,
+) -> Result<(), ReplayError> {
+    for (driver, plan) in plans.iter().enumerate() {
+        let mut rows = Rows::open(plan, (folder, driver), bounds)?;
+        let mut row = Vec::new();
+        rows.next(&mut row)?;
+        while !row.is_empty() && goes_on() {
+            rows.next(&mut row)?;
+        }
+        let whole = bounds.frames.filter(|(_, is_whole)| *is_whole && driver == 0);
+        if whole.is_some_and(|(frames, _)| rows.frames != frames) && goes_on() {
+            return Err(rows.lines.implausible("the file ends before the run did"));
+        }
+        let mut changes = Changes::open(plan, (folder, driver))?;
+        while let Some(change) = changes.next()?
+            && goes_on()
+        {
+            if change.begin > rows.frames {
+                return Err(changes.lines.implausible("it was set after the end of the run"));
             }
         }
+        for (_, script) in scripts(graph, plan, (folder, driver), bounds)? {
+            script.check(goes_on)?;
+        }
     }
-    Ok(changes)
+    Ok(())
+}
+
+/// What a driver saw, as it is read from its files while it is repeated.
+pub(in super::super) struct Arrivals {
+    rows: Rows,
+    /// The callback that is next; empty behind the last.
+    row: Vec<u32>,
+    gated: Vec<usize>,
+    /// Of each ring that is read: frames that had arrived by the line done last.
+    arrived: Vec<u64>,
+    fading: bool,
+    /// Another graph took over.
+    replaced: bool,
+    /// What is to be set, and what of it is next.
+    changes: Changes,
+    change: Option<Glide>,
+    glides: Glides,
+}
+
+impl Arrivals {
+    pub fn open(plan: &Plan, of: (&Path, usize), bounds: &ReplayBounds) -> Result<Self, ReplayError> {
+        let (mut rows, mut row) = (Rows::open(plan, of, bounds)?, Vec::new());
+        rows.next(&mut row)?;
+        let mut changes = Changes::open(plan, of)?;
+        Ok(Self {
+            rows,
+            row,
+            gated: gated(plan).collect(),
+            arrived: vec![0; plan.ring_reads.len()],
+            fading: false,
+            replaced: false,
+            change: changes.next()?,
+            changes,
+            glides: Glides::with_room_for(COMMANDS),
+        })
+    }
+
+    pub fn is_over(&self) -> bool {
+        self.replaced || self.row.is_empty()
+    }
+
+    /// Runs the next callback, if everything that it saw has been sent by now and what it sent finds room.
+    fn run_next<E: From<ReplayError>>(
+        &mut self,
+        run: &mut Run,
+        mut each: impl FnMut(&Run) -> Result<(), E>,
+    ) -> Result<bool, E> {
+        let Some((&[frames, state], seen)) = self.row.split_first_chunk() else {
+            return Ok(false);
+        };
+        self.replaced |= f64::from(state) == REPLACED;
+        if self.replaced {
+            return Ok(false);
+        }
+        let (gates, rings) = seen.split_at(self.gated.len());
+        let (arrived, sent) = rings.split_at(self.arrived.len());
+        if !can_see(run, (&self.arrived, arrived), sent) {
+            return Ok(false);
+        }
+        see(run, (&mut self.arrived, arrived), sent);
+        for (actuator, open) in self.gated.iter().zip(gates) {
+            run.turn_gate(*actuator, *open > 0, FADE_S);
+        }
+        if f64::from(state) == FADING && !std::mem::replace(&mut self.fading, true) {
+            run.fade_out(FADE_S);
+        }
+        while let Some(change) = self.change.take_if(|change| change.begin <= run.driver_frames()) {
+            self.glides.start(change, run);
+            self.change = self.changes.next()?;
+        }
+        let mut left = frames as usize;
+        while left > 0 {
+            let rate_hz = run.rate_hz();
+            let block = left.min(run.plan.block).min(self.glides.step(run, rate_hz));
+            run.advance(block);
+            run.check_inputs()?;
+            each(run)?;
+            left -= block;
+        }
+        self.rows.next(&mut self.row)?;
+        Ok(true)
+    }
+}
+
+/// Has everything been sent that a callback saw, and does what it sent find room?
+fn can_see(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
+    let links = &run.state.links;
+    let seen = before
+        .iter()
+        .zip(arrived)
+        .map(|(before, more)| before + u64::from(*more));
+    let sees = links.readers.iter().zip(seen).all(|(reader, seen)| {
+        let there = |reader: &LinkReader| reader.arrivals() >= seen;
+        reader.as_ref().is_none_or(there)
+    });
+    let fits = links.writers.iter().zip(sent).all(|(writer, sent)| {
+        let room = |writer: &LinkWriter| writer.free() >= u64::from(*sent);
+        writer.as_ref().is_none_or(room)
+    });
+    sees && fits
+}
+
+/// Lets a run see its rings as the callback did.
+fn see(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
+    let links = &mut run.state.links;
+    for (reader, (before, more)) in links.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
+        *before += u64::from(*more);
+        if let Some(reader) = reader {
+            reader.look(*before);
+        }
+    }
+    for (writer, sent) in links.writers.iter_mut().zip(sent) {
+        if let Some(writer) = writer {
+            writer.look_as(u64::from(*sent));
+        }
+    }
+}
+
+impl Run {
+    /// Was everything read of the live inputs that is repeated?
+    fn check_inputs(&mut self) -> Result<(), ReplayError> {
+        let scripts = self
+            .state
+            .devices
+            .iter_mut()
+            .filter_map(|device| device.script.as_mut());
+        scripts
+            .filter_map(|script| script.failure())
+            .next()
+            .map_or(Ok(()), Err)
+    }
 }
 
 impl Fleet {
+    /// Lets what the live inputs sensed come from a run's folder.
+    pub(in super::super) fn repeat_inputs(
+        &mut self,
+        (graph, plans): (&Graph, &[Arc<Plan>]),
+        folder: &Path,
+        bounds: &ReplayBounds,
+    ) -> Result<(), ReplayError> {
+        for (driver, (plan, run)) in plans.iter().zip(self.runs_mut()).enumerate() {
+            for (place, script) in scripts(graph, plan, (folder, driver), bounds)? {
+                run.state.devices[place].script = Some(script);
+            }
+        }
+        Ok(())
+    }
+
     /// Repeats the callbacks of a live run, each driver's in their order. `each` sees every block of every driver;
     /// `goes_on` is asked now and then.
     pub(in super::super) fn replay<E: From<ReplayError>>(
@@ -181,7 +343,7 @@ impl Fleet {
             let mut moved = false;
             for (driver, (script, run)) in scripts.iter_mut().zip(self.runs_mut()).enumerate() {
                 // As far as the others let it: a ring holds little.
-                while script.run_next(run, |run| each(driver, run))? {
+                while goes_on() && script.run_next(run, |run| each(driver, run))? {
                     moved = true;
                 }
             }
@@ -192,8 +354,10 @@ impl Fleet {
                 // The others saw what the graph after this one sent.
                 return Ok(());
             }
-            if let (false, Some(stuck)) = (moved, scripts.iter().find(|script| !script.is_over())) {
-                let (path, line) = (stuck.path.clone(), stuck.done + 2);
+            if let (false, true, Some(stuck)) =
+                (moved, goes_on(), scripts.iter().find(|script| !script.is_over()))
+            {
+                let (path, line) = stuck.rows.lines.place();
                 return Err(ReplayError::Contradiction { path, line }.into());
             }
         }

@@ -3,7 +3,7 @@
 use super::fleet::{all_bits, graphs, listening};
 use super::world::{random_graph, random_graph_with_drivers};
 use crate::graph::{Bridge, Graph, Work};
-use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayError, Session};
+use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayBounds, ReplayError, Session};
 use petgraph::graph::NodeIndex;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -88,7 +88,11 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
 
 fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<Vec<Vec<u64>>, OfflineError> {
     let (outlets, heard) = listening(graph);
-    Offline::new(outlets, block).replay(folder, &AtomicBool::new(false), &mut |_| {})?;
+    Offline::new(outlets, block).replay(
+        (folder, &ReplayBounds::default()),
+        &AtomicBool::new(false),
+        &mut |_| {},
+    )?;
     Ok(all_bits(&heard))
 }
 
@@ -207,7 +211,7 @@ fn a_replay_says_what_it_cannot_repeat() {
     }
     let columns = right.lines().next().unwrap().split(',').count();
     let impossible = vec!["4000000000"; columns - 2].join(",");
-    let wrong = with(&format!("{right}1,0,{impossible}\n"));
+    let wrong = with(&format!("{right}1,1,{impossible}\n"));
     assert!(
         matches!(wrong, OfflineError::Replay(ReplayError::Contradiction { .. })),
         "{wrong}"
@@ -228,6 +232,98 @@ fn a_replay_says_what_it_cannot_repeat() {
         matches!(wrong, OfflineError::Replay(ReplayError::Read { .. })),
         "{wrong}"
     );
+}
+
+/// Where a log of a run of this graph is refused, as not of the run or as no line at all.
+fn refused_at(graph: &Graph, folder: &Path, bounds: &ReplayBounds) -> Option<usize> {
+    let (outlets, _) = listening(graph);
+    let replayed = Offline::new(outlets, 64).replay((folder, bounds), &AtomicBool::new(false), &mut |_| {});
+    match replayed.err()? {
+        OfflineError::Replay(ReplayError::Implausible { line, .. } | ReplayError::Line { line, .. }) => {
+            Some(line)
+        }
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn damaged_and_forged_callbacks_are_refused_at_their_line() {
+    let (seed, graph) = graphs().next().unwrap();
+    let folder = Folder::new("forged-callbacks");
+    live_run(&graph, seed, &folder.0);
+    let path = folder.0.join("arrivals/0.csv");
+    let right = std::fs::read_to_string(&path).unwrap();
+    let lines: Vec<&str> = right.lines().collect();
+    let columns = lines[0].split(',').count();
+    let zeros = ",0".repeat(columns - 2);
+    let total = lines[1..]
+        .iter()
+        .map(|line| line.split(',').next().unwrap().parse::<u64>().unwrap());
+    let (total, end) = (total.sum::<u64>(), lines.len());
+    let whole = ReplayBounds {
+        longest_s: 2.0,
+        frames: Some((total, true)),
+    };
+    assert_eq!(refused_at(&graph, &folder.0, &whole), None);
+    let with = |text: &[u8]| {
+        std::fs::write(&path, text).unwrap();
+        refused_at(&graph, &folder.0, &whole)
+    };
+    let third = |line: &str| {
+        let mut lines = lines.clone();
+        lines[2] = line;
+        with((lines.join("\n") + "\n").as_bytes())
+    };
+    for line in [
+        format!("4294967295,0{zeros}"),
+        format!("4294967296,0{zeros}"),
+        format!("-1,0{zeros}"),
+        format!("1e3,0{zeros}"),
+        format!("1,3{zeros}"),
+        format!("1,0{zeros},0"),
+        "9".repeat(1 << 20),
+        ",".repeat(1 << 12),
+        "\0\0\0".to_owned(),
+        String::new(),
+    ] {
+        assert_eq!(third(&line), Some(3), "{:.40}", line);
+    }
+    let longer = |more: &[u8]| with(&[right.as_bytes(), more].concat());
+    assert_eq!(longer(b"\xff\xfe\n"), Some(end + 1));
+    // It was faded out; another graph took over.
+    assert_eq!(longer(format!("0,0{zeros}\n").as_bytes()), Some(end + 1));
+    assert_eq!(
+        longer(format!("0,2{zeros}\n0,2{zeros}\n").as_bytes()),
+        Some(end + 2)
+    );
+    assert_eq!(longer(format!("1,1{zeros}\n").as_bytes()), Some(end + 1));
+    let many = format!("0,1{zeros}\n").repeat(200_000);
+    assert!(longer(many.as_bytes()).is_some_and(|line| line < 100_000));
+    assert_eq!(
+        with((lines[..end - 20].join("\n") + "\n").as_bytes()),
+        Some(end - 20)
+    );
+}
+
+#[test]
+fn forged_settings_are_refused_at_their_line() {
+    let (seed, graph) = graphs().next().unwrap();
+    let graph = settable(graph);
+    let folder = Folder::new("forged-settings");
+    live_run(&graph, seed, &folder.0);
+    let path = folder.0.join("arrivals/0.settings.csv");
+    let right = std::fs::read_to_string(&path).unwrap();
+    let (header, rest) = right.split_once('\n').unwrap();
+    let name = rest.lines().next().unwrap().rsplit(',').next().unwrap();
+    for lines in [
+        format!("9,0.5,0.7,20,{name}\n8,0.5,0.7,20,{name}"),
+        format!("1,0.5,0.7,20,{name}\n18446744073709551615,0.5,0.7,20,{name}"),
+        format!("1,0.5,0.7,20,{name}\n1,0.5,0.7,18446744073709551615,{name}"),
+    ] {
+        std::fs::write(&path, format!("{header}\n{lines}\n")).unwrap();
+        let refused = refused_at(&graph, &folder.0, &ReplayBounds::default());
+        assert_eq!(refused, Some(3), "{lines}");
+    }
 }
 
 /// The run's graph after one change, and what is then refused.

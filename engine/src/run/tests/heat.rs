@@ -5,7 +5,7 @@ use super::world::with_processor;
 use crate::device::{Device, DeviceEntry, DeviceKind, DeviceSpec};
 use crate::graph::{Graph, Work};
 use crate::node::{BuildContext, BuildError, Io, Limit, Processor, Tick};
-use crate::run::{Change, Live, LiveOptions, Offline, Outlets, Session, live};
+use crate::run::{Change, Live, LiveOptions, Offline, Outlets, ReplayBounds, Session, live};
 use crate::settings::NoSettings;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -253,7 +253,9 @@ fn a_replay_begins_as_warm_as_its_run_did() {
         coils[0].clone().write(0, &[0.0]);
         let stop = AtomicBool::new(false);
         let replay = Offline::new(Outlets::new(&graph), 64);
-        replay.replay(&folder, &stop, &mut |_| {}).unwrap();
+        replay
+            .replay((&folder, &ReplayBounds::default()), &stop, &mut |_| {})
+            .unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(coils[0].given(), given);
         assert_eq!(given > 0.25, rested);

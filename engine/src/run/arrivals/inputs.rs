@@ -1,0 +1,284 @@
+//! What live inputs sensed, tick by tick: noted where it is read, and read again from there by a replay.
+//!
+//! A file a device holds a line for each tick at which something differs from the line before:
+//!
+//! ```text
+//! tick,stylus.position 1,stylus.position 2,stylus.position 3,stylus.force 1
+//! 0,0,0,0,0
+//! 412,0.03,0.01,0,1.25
+//! ```
+//!
+//! Values are in SI units, in as many digits as make the same bits again.
+
+use super::rows::Lines;
+use super::{ReplayBounds, ReplayError, input_file, quoted};
+use crate::frame::Kind;
+use crate::graph::Graph;
+use crate::node::FrameWriter;
+use crate::plan::Plan;
+use haptograph_signal::quantity::Quantity;
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// What can be on its way to the file, in seconds of the device's ticks.
+const RING_S: f64 = 1.0;
+const LEAST_ROWS: usize = 1024;
+
+/// A live input that a driver reads.
+pub(in super::super) struct Input {
+    /// Its place among the devices of the plan.
+    pub place: usize,
+    /// Rate of its ticks, Hz.
+    pub rate_hz: f64,
+    /// Names of what a tick reads, one a component, and the largest magnitude that each can plausibly have.
+    columns: Vec<(String, f64)>,
+}
+
+impl Input {
+    /// The live inputs that the driver of a plan reads.
+    pub fn all(graph: &Graph, plan: &Plan) -> Vec<Self> {
+        let devices = plan.devices.iter().enumerate();
+        let inputs = devices.filter(|(_, device)| device.input.is_some() && !device.reads.is_empty());
+        inputs
+            .map(|(place, device)| Self {
+                place,
+                rate_hz: plan.rates[device.clock].hz(),
+                columns: columns(graph, plan, place),
+            })
+            .collect()
+    }
+
+    fn header(&self) -> String {
+        let names = self.columns.iter().map(|(name, _)| quoted(name.clone()));
+        let cells: Vec<String> = std::iter::once("tick".to_owned()).chain(names).collect();
+        cells.join(",")
+    }
+}
+
+fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
+    let device = &plan.devices[place];
+    let known = graph.devices().iter().find(|known| known.name == device.name);
+    let mut columns = Vec::new();
+    for (_, placing, channel) in &device.reads {
+        let channel = known.and_then(|known| known.entry.spec.senses.get(*channel));
+        let (name, quantity) = channel.map_or(("", Quantity::NUMBER), |one| (one.name, one.quantity));
+        for component in 1..=placing.width {
+            let number = match channel.map(|one| one.kind) {
+                Some(Kind::Scalar) => String::new(),
+                _ => format!(" {component}"),
+            };
+            columns.push((format!("{}.{name}{number}", device.name), plausible(quantity)));
+        }
+    }
+    columns
+}
+
+/// The largest magnitude that a device senses of a quantity, in SI units: packets bring at most 1e6, and soundcards
+/// have full scales of at most 1e6, which filters overshoot.
+fn plausible(quantity: Quantity) -> f64 {
+    match quantity {
+        Quantity::LENGTH | Quantity::ANGLE | Quantity::TORQUE => 1e6,
+        _ => 1e7,
+    }
+}
+
+/// The real-time end of an input's file.
+pub(in super::super) struct InputLog {
+    out: Producer<f64>,
+    row: Vec<f64>,
+    last: Vec<f64>,
+    ticks: u64,
+    is_torn: bool,
+}
+
+impl InputLog {
+    /// Of an input; with the far end for its writer.
+    pub fn new(input: &Input) -> (Self, Consumer<f64>) {
+        let width = 1 + input.columns.len();
+        // Whole rows, so that none is torn where the ring ends.
+        let rows = LEAST_ROWS.max((RING_S * input.rate_hz).ceil() as usize);
+        let (out, far) = RingBuffer::new(rows * width);
+        let log = Self {
+            out,
+            row: Vec::with_capacity(width),
+            last: Vec::with_capacity(width),
+            ticks: 0,
+            is_torn: false,
+        };
+        (log, far)
+    }
+
+    /// Notes what is read next in this tick. Does not allocate: the row has room for all that a tick reads.
+    pub fn note(&mut self, components: &[f64]) {
+        if self.row.is_empty() {
+            self.row.push(self.ticks as f64);
+        }
+        if self.row.len() + components.len() <= self.row.capacity() {
+            self.row.extend_from_slice(components);
+        }
+    }
+
+    /// All of a tick was read.
+    pub fn end_tick(&mut self) {
+        self.ticks += 1;
+        let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        let is_news = self.last.len() != self.row.len() || !self.row.iter().zip(&self.last).skip(1).all(same);
+        if is_news && !self.is_torn {
+            self.is_torn = self.out.push_entire_slice(&self.row).is_err();
+            std::mem::swap(&mut self.row, &mut self.last);
+        }
+        self.row.clear();
+    }
+
+    /// Did a row find no room? What comes after it would be another signal.
+    pub fn is_torn(&self) -> bool {
+        self.is_torn
+    }
+}
+
+/// Writes the file of an input, in a folder that is there.
+pub(in super::super) struct InputWriter {
+    file: BufWriter<File>,
+    columns: usize,
+}
+
+impl InputWriter {
+    pub fn create(path: &Path, input: &Input) -> std::io::Result<Self> {
+        let mut file = BufWriter::new(File::create(path)?);
+        writeln!(file, "{}", input.header())?;
+        let columns = 1 + input.columns.len();
+        Ok(Self { file, columns })
+    }
+}
+
+impl FrameWriter for InputWriter {
+    fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
+        rows.chunks(self.columns)
+            .try_for_each(|row| super::write_row(&mut self.file, row))
+    }
+
+    fn finish(mut self: Box<Self>) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// What an input sensed, as read from its file while it is repeated.
+pub(in super::super) struct InputScript {
+    lines: Lines,
+    limits: Vec<f64>,
+    most_ticks: f64,
+    /// Ticks done, and the present values.
+    ticks: u64,
+    values: Vec<f64>,
+    read: usize,
+    /// The next line: its tick and its values.
+    next: Option<(u64, Vec<f64>)>,
+    failed: Option<ReplayError>,
+}
+
+impl InputScript {
+    pub fn open(path: PathBuf, input: &Input, bounds: &ReplayBounds) -> Result<Self, ReplayError> {
+        let lines = Lines::open(path, &input.header())?;
+        let limits: Vec<f64> = input.columns.iter().map(|(_, limit)| *limit).collect();
+        let mut script = Self {
+            lines,
+            values: vec![0.0; limits.len()],
+            limits,
+            most_ticks: bounds.longest_s * input.rate_hz,
+            ticks: 0,
+            read: 0,
+            next: None,
+            failed: None,
+        };
+        script.next = script.row(None)?;
+        Ok(script)
+    }
+
+    /// Reads the whole file; it is then known to be plausible.
+    pub fn check(mut self, goes_on: &impl Fn() -> bool) -> Result<(), ReplayError> {
+        while let Some((tick, _)) = self.next.take()
+            && goes_on()
+        {
+            self.next = self.row(Some(tick))?;
+        }
+        Ok(())
+    }
+
+    /// The next line, which comes after that of tick `before`.
+    fn row(&mut self, before: Option<u64>) -> Result<Option<(u64, Vec<f64>)>, ReplayError> {
+        let Some(text) = self.lines.next()? else {
+            return Ok(None);
+        };
+        let (tick, cells) = text.split_once(',').unwrap_or((&text, ""));
+        let values: Vec<f64> = cells.split(',').flat_map(str::parse).collect();
+        let tick = tick
+            .parse::<u64>()
+            .ok()
+            .filter(|_| values.len() == self.limits.len());
+        let Some(tick) = tick.filter(|_| cells.split(',').count() == self.limits.len()) else {
+            return Err(self.lines.malformed(1 + self.limits.len()));
+        };
+        if before.is_some_and(|before| tick <= before) {
+            return Err(self
+                .lines
+                .implausible("its tick does not come after that of the line before"));
+        }
+        if tick as f64 > self.most_ticks {
+            return Err(self.lines.implausible("its tick is after the end of the run"));
+        }
+        let limits = values.iter().zip(&self.limits);
+        // Also where a value is not a number.
+        if let Some((value, limit)) = limits
+            .into_iter()
+            .find(|(value, limit)| !(value.abs() <= **limit))
+        {
+            let why = format!("{value:e} is beyond {limit:e} in its SI unit, which no device senses");
+            return Err(self.lines.implausible(why));
+        }
+        Ok(Some((tick, values)))
+    }
+
+    /// Comes to the next tick.
+    pub fn advance(&mut self) {
+        self.read = 0;
+        if let Some((tick, values)) = self.next.take_if(|(tick, _)| *tick == self.ticks) {
+            self.values = values;
+            match self.row(Some(tick)) {
+                Ok(next) => self.next = next,
+                Err(error) => self.failed = Some(error),
+            }
+        }
+        self.ticks += 1;
+    }
+
+    /// What is read next in this tick.
+    pub fn read(&mut self, components: &mut [f64]) {
+        if let Some(values) = self.values.get(self.read..self.read + components.len()) {
+            components.copy_from_slice(values);
+        }
+        self.read += components.len();
+    }
+
+    /// Why it could not go on, if it could not: the file changed meanwhile.
+    pub fn failure(&mut self) -> Option<ReplayError> {
+        self.failed.take()
+    }
+}
+
+/// The scripts of the inputs of a driver, by their places among its devices.
+pub(in super::super) fn scripts(
+    graph: &Graph,
+    plan: &Plan,
+    (folder, driver): (&Path, usize),
+    bounds: &ReplayBounds,
+) -> Result<Vec<(usize, InputScript)>, ReplayError> {
+    let inputs = Input::all(graph, plan).into_iter();
+    inputs
+        .map(|input| {
+            let path = input_file(folder, driver, input.place);
+            Ok((input.place, InputScript::open(path, &input, bounds)?))
+        })
+        .collect()
+}

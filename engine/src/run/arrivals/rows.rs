@@ -1,0 +1,79 @@
+//! The lines of a log, read one by one in memory of a constant size, whoever wrote them.
+
+use super::ReplayError;
+use haptograph_signal::files::{self, MAX_LINE_BYTES, MAX_RECORDING_BYTES};
+use std::io::{self, BufReader};
+use std::path::PathBuf;
+
+/// A log that is being read, behind its header.
+pub(super) struct Lines {
+    path: PathBuf,
+    lines: Box<dyn Iterator<Item = io::Result<Vec<u8>>> + Send + Sync>,
+    /// That of the line read last, from 1.
+    number: usize,
+}
+
+impl Lines {
+    /// Opens a log, which has to begin with this header.
+    pub fn open(path: PathBuf, wanted: &str) -> Result<Self, ReplayError> {
+        let file = match files::open(&path, MAX_RECORDING_BYTES) {
+            Ok(file) => file,
+            Err(error) => return Err(ReplayError::Read { path, error }),
+        };
+        let lines = Box::new(files::lines(BufReader::new(file), MAX_LINE_BYTES));
+        let mut log = Self {
+            path,
+            lines,
+            number: 0,
+        };
+        let found = log.next()?.unwrap_or_default();
+        if found != wanted {
+            const SHOWN: usize = 200;
+            return Err(ReplayError::OtherGraph {
+                path: log.path,
+                found: found.chars().take(SHOWN).collect(),
+                wanted: wanted.to_owned(),
+            });
+        }
+        Ok(log)
+    }
+
+    /// The next line.
+    pub fn next(&mut self) -> Result<Option<String>, ReplayError> {
+        let Some(line) = self.lines.next() else {
+            return Ok(None);
+        };
+        self.number += 1;
+        let error = match line.map(String::from_utf8) {
+            Ok(Ok(text)) => return Ok(Some(text)),
+            Ok(Err(_)) => return Err(self.implausible("it is not UTF-8 text")),
+            Err(error) => error,
+        };
+        if files::Refusal::of(&error).is_some() {
+            return Err(self.implausible(error));
+        }
+        let path = self.path.clone();
+        Err(ReplayError::Read { path, error })
+    }
+
+    /// Where it is: the number of the line read last, from 1.
+    pub fn place(&self) -> (PathBuf, usize) {
+        (self.path.clone(), self.number)
+    }
+
+    /// That the line read last is not what a run can have written.
+    pub fn implausible(&self, why: impl ToString) -> ReplayError {
+        let (path, line) = self.place();
+        ReplayError::Implausible {
+            path,
+            line,
+            why: why.to_string(),
+        }
+    }
+
+    /// That the line read last does not have so many numbers.
+    pub fn malformed(&self, columns: usize) -> ReplayError {
+        let (path, line) = self.place();
+        ReplayError::Line { path, line, columns }
+    }
+}
