@@ -2,7 +2,7 @@
 
 use super::link::{Count, DRIVEN, SENSED};
 use super::protocol::are_within_reason;
-use super::remote::{DRIVES, Remote, SENSES, Watch, Way, address, link_at};
+use super::remote::{DRIVES, Remote, SENSES, Watch, Way, address, link_at, place_of};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
@@ -70,7 +70,7 @@ impl DeviceKind for OscDevice {
             every: Duration::from_secs_f64(1.0 / settings.send_rate_hz),
         };
         let plug = Plug {
-            link: link_at(&settings.listen),
+            link: link_at(&place_of(&settings.listen, &cx.path)),
             listen,
             only: None,
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),

@@ -120,7 +120,7 @@ impl DeviceKind for UdpDevice {
     fn build(settings: UdpDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         let only = settings.only.map(|only| address("only", &only)).transpose()?;
         let plug = Plug {
-            link: link_at(&settings.listen),
+            link: link_at(&place_of(&settings.listen, &cx.path)),
             listen: address("listen", &settings.listen)?,
             only,
             timeout: Duration::from_secs_f64(settings.timeout_ms * 1e-3),
@@ -141,6 +141,14 @@ pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, Bui
         BuildError::at(field, format!("`{text}` is not an address with a port"))
             .help("write numbers: \"127.0.0.1:9750\", or \"[::1]:9750\"")
     })
+}
+
+/// What a device is known by: the address at which it listens; at port 0, which is any free port, also its name.
+pub(super) fn place_of(listen: &str, device: &str) -> String {
+    match listen.parse::<SocketAddr>() {
+        Ok(address) if address.port() == 0 => format!("{listen} of {device}"),
+        _ => listen.to_owned(),
+    }
 }
 
 /// One link a place: a graph that is loaded again while it runs finds what the old one opened.

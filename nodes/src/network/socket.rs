@@ -24,6 +24,13 @@ pub(super) struct Plug {
     pub codec: Codec,
 }
 
+impl Plug {
+    /// Do both listen at the same place? At port 0 each has a free port of its own.
+    fn shares_with(&self, link: &Arc<Link>, listen: SocketAddr) -> bool {
+        Arc::ptr_eq(&self.link, link) || self.listen == listen && listen.port() != 0
+    }
+}
+
 /// The language of a device.
 #[derive(Debug, Clone)]
 pub(super) enum Codec {
@@ -51,9 +58,7 @@ pub struct Connections {
 #[derive(Debug)]
 struct Listening {
     device: String,
-    /// Address or path as the graph gives it.
-    asked: String,
-    /// The same with the port that the system chose for port 0.
+    /// Address, with the port that the system chose for port 0, or path.
     place: String,
     link: Arc<Link>,
 }
@@ -68,6 +73,7 @@ struct Reading {
 
 #[derive(Debug)]
 struct Connection {
+    link: Arc<Link>,
     /// As the graph gives it.
     listen: SocketAddr,
     /// With the port that the system chose for port 0.
@@ -114,11 +120,11 @@ impl Connections {
     /// counted on, and they are there when a graph has them again.
     pub fn rename_for(&mut self, graph: &Graph) {
         for (device, way) in remotes(graph) {
-            let asked = match way {
-                Way::Socket(plug) => plug.listen.to_string(),
-                Way::Input(input) => input.path.display().to_string(),
+            let link = match way {
+                Way::Socket(plug) => &plug.link,
+                Way::Input(input) => &input.link,
             };
-            if let Some(known) = self.heard.iter_mut().find(|known| known.asked == asked) {
+            if let Some(known) = self.heard.iter_mut().find(|known| Arc::ptr_eq(&known.link, link)) {
                 device.clone_into(&mut known.device);
             }
         }
@@ -129,7 +135,8 @@ impl Connections {
         for (device, way) in remotes(graph) {
             match way {
                 Way::Socket(plug) => {
-                    if let Some((other, _)) = plugs.iter().find(|(_, known)| known.listen == plug.listen) {
+                    let shared = |(_, known): &&(&str, &Plug)| known.shares_with(&plug.link, plug.listen);
+                    if let Some((other, _)) = plugs.iter().find(shared) {
                         let (one, two) = ((*other).to_owned(), device.to_owned());
                         return Err(NetworkError::Shared(one, two, plug.listen));
                     }
@@ -144,17 +151,18 @@ impl Connections {
                     {
                         self.inputs.push(Reading::begin(device, input)?);
                         let place = input.path.display().to_string();
-                        self.listen(device, place.clone(), place, &input.link);
+                        self.listen(device, place, &input.link);
                     }
                 }
             }
         }
         for (device, plug) in plugs {
-            if !self.list.iter().any(|known| known.listen == plug.listen) {
+            let is_it = |known: &Connection| plug.shares_with(&known.link, known.listen);
+            if !self.list.iter().any(is_it) {
                 let connection = Connection::open(device, plug)?;
                 let place = connection.bound.to_string();
                 self.list.push(connection);
-                self.listen(device, plug.listen.to_string(), place, &plug.link);
+                self.listen(device, place, &plug.link);
             }
         }
         Ok(())
@@ -174,10 +182,9 @@ impl Connections {
             .map(|known| (known.device.as_str(), known.place.as_str()))
     }
 
-    fn listen(&mut self, device: &str, asked: String, place: String, link: &Arc<Link>) {
+    fn listen(&mut self, device: &str, place: String, link: &Arc<Link>) {
         self.heard.push(Listening {
             device: device.to_owned(),
-            asked,
             place,
             link: Arc::clone(link),
         });
@@ -241,6 +248,7 @@ impl Connection {
             .spawn(move || Conversation::new(theirs, &socket).hold(&flag))
             .map_err(failed)?;
         Ok(Self {
+            link: Arc::clone(&plug.link),
             listen: plug.listen,
             bound,
             stop,
