@@ -67,6 +67,44 @@ fn recover_makes_a_dead_runs_folder_whole_and_removes_nothing() {
 }
 
 #[test]
+fn recover_completes_the_move_of_a_complete_run_and_replaces_nothing_of_others() {
+    let parent = tempfile::tempdir().unwrap();
+    let at = |name: &str| parent.path().join(name);
+    let leftover = at("out.partial-1");
+    fs::create_dir_all(leftover.join(".probes/0")).unwrap();
+    let probe = at("elsewhere/x.csv");
+    fs::create_dir(at("elsewhere")).unwrap();
+    fs::write(&probe, "mine").unwrap();
+    let moves = format!(
+        r#"{{"inside": false, "earlier": null, "probes": [{:?}, "/etc/forged"]}}"#,
+        probe
+    );
+    for (name, text) in [
+        (".haptograph-partial", "{}"),
+        (".haptograph-moves", &moves),
+        (".probes/0/x.csv", "time_s,x\n"),
+        ("run.json", "{}"),
+        ("hand.csv", "time_s,x_n\n"),
+    ] {
+        fs::write(leftover.join(name), text).unwrap();
+    }
+    fs::create_dir(at("out")).unwrap();
+    fs::write(at("out/hand.csv"), "mine too").unwrap();
+    let output = haptograph(parent.path(), &["recover", "out.partial-1"]);
+    assert!(output.status.success(), "{output:?}");
+    let read = |name: &str| fs::read_to_string(at(name)).unwrap();
+    assert!(!leftover.exists() && at("out/manifest.json").is_file() && at("out/run.json").is_file());
+    assert_eq!(
+        (read("out/hand.csv"), read("out/hand-1.csv")),
+        ("time_s,x_n\n".to_owned(), "mine too".to_owned())
+    );
+    assert_eq!(
+        (read("elsewhere/x.csv"), read("elsewhere/x-1.csv")),
+        ("mine".to_owned(), "time_s,x\n".to_owned())
+    );
+}
+
+#[test]
 fn recover_leaves_a_run_alone_that_is_still_writing() {
     let parent = tempfile::tempdir().unwrap();
     let leftover = parent.path().join("out.partial-1");

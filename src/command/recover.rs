@@ -1,9 +1,11 @@
 //! `haptograph recover`: what a run left that came to a sudden end.
 //!
 //! Nothing is removed and no sample is changed: headers of WAV files are made to say what is in the file, recordings are
-//! made of their parts, which stay where they are, and the folder gets a name of its own.
+//! made of their parts, which stay where they are, and the folder gets a name of its own. A run that was complete and was
+//! killed while it was put in its place is put there.
 
 use super::run::folder::{MARKER, PARTIAL, PROBES};
+use super::run::placing::{MovePlan, resume};
 use super::{Failure, remark, say};
 use haptograph::nodes::wav::{Repair, repair};
 use haptograph::signal::files;
@@ -54,6 +56,9 @@ fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
         let message = "a run is being written there now";
         return Err(Failure::file("recover", path, &message));
     }
+    if let Some(plan) = MovePlan::read(path) {
+        return Ok(vec![complete(path, &plan)]);
+    }
     let mut done = Vec::new();
     folder(path, DEPTH, &mut done);
     let is_whole = done.iter().all(Result::is_ok);
@@ -64,6 +69,19 @@ fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
         done.push(Ok(format!("{}: there is nothing to recover", path.display())));
     }
     Ok(done)
+}
+
+/// Goes on with a move that was interrupted: the run itself was complete.
+fn complete(path: &Path, plan: &MovePlan) -> Done {
+    let failed = |error: &dyn std::fmt::Display| Failure::file("complete the move of", path, error);
+    let content = path.canonicalize().map_err(|error| failed(&error))?;
+    let place = plan.place(&content);
+    let place = place.ok_or_else(|| failed(&"its name does not tell where it was moved to"))?;
+    resume(&content, &place, plan)?;
+    Ok(format!(
+        "{}: the run that was being moved there is there",
+        place.display()
+    ))
 }
 
 /// Does a living run hold the folder?

@@ -15,7 +15,7 @@ mod latency;
 mod live;
 mod loading;
 mod outputs;
-mod placing;
+pub mod placing;
 mod replay;
 mod shown;
 mod silence;
@@ -160,12 +160,13 @@ fn target(arguments: &Arguments) -> PathBuf {
 }
 
 /// What a run leaves in its folder whatever the graph.
-const OWN_FILES: [&str; 9] = [
+const OWN_FILES: [&str; 10] = [
     folder::MARK,
     folder::MANIFEST,
     folder::MARKER,
     folder::PROBES,
     folder::REPLACED,
+    placing::MOVES,
     PAGE,
     DRAWING,
     ARRIVALS,
@@ -250,7 +251,9 @@ impl Kept {
             DRAWING,
             &haptograph::report::drawing::standalone_svg(graph, &arguments.graph.name()),
         )?;
-        let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)?;
+        self.folder.seal(&self.probes)?;
+        let probes = outputs::place_probes(&self.folder, &self.probes, arguments.force)
+            .inspect_err(|_| self.folder.unseal())?;
         for line in outputs::full_scales(&probes)? {
             remark(&format!("note: {line}\n"));
         }

@@ -2,7 +2,7 @@
 //! recorded stays: in a folder `NAME.partial-1` beside the target, with a marker that tells dead runs from running ones.
 
 use super::super::{Failure, remark};
-use super::placing::{self, Placed};
+use super::placing::{self, MOVES, MovePlan, Placed};
 use haptograph::signal::files;
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -42,6 +42,7 @@ impl RunFolder {
     /// An empty folder for a run that is to be put at `target`, which must be free, empty or left by an earlier run.
     pub fn beside(target: &Path) -> Result<Self, Failure> {
         let place = resolved(target)?;
+        complete_moves(&place)?;
         placing::refuse_foreign(target, &place)?;
         let folder = Self::make(target, place)?;
         for leftover in leftovers_of(&folder.place) {
@@ -106,16 +107,52 @@ impl RunFolder {
         fs::write(&path, text).map_err(|error| Failure::file("write", &path, &error))
     }
 
+    /// The run is complete: from here on what a kill interrupts is completed by the next run.
+    pub fn seal(&self, probes: &[PathBuf]) -> Result<(), Failure> {
+        let plan = MovePlan::of(&self.content, &self.place);
+        let saved = plan.save(&self.content, probes);
+        saved.map_err(|error| Failure::file("write", &self.content.join(MOVES), &error))
+    }
+
+    /// It is not moved after all.
+    pub fn unseal(&self) {
+        // Where it stays, the next run tries again.
+        let _ = fs::remove_file(self.content.join(MOVES));
+    }
+
     /// Puts the files in their place. What an earlier run wrote there and nobody changed is replaced, all else is kept.
     pub fn put_in_place(mut self) -> Result<Placed, Failure> {
         self.has_begun = true;
-        placing::refuse_foreign(&self.target, &self.place)?;
-        let placed = placing::place(&self.content, &self.place)
-            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))?;
+        let placed = self.try_to_place().inspect_err(|_| self.unseal())?;
         // It holds nothing any more that is not in its place.
         self.has_begun = false;
         Ok(placed)
     }
+
+    fn try_to_place(&self) -> Result<Placed, Failure> {
+        placing::refuse_foreign(&self.target, &self.place)?;
+        let plan = MovePlan::read(&self.content);
+        let plan = plan.unwrap_or_else(|| MovePlan::of(&self.content, &self.place));
+        placing::place(&self.content, &self.place, &plan)
+            .map_err(|error| Failure::file("put the run in place at", &self.target, &error))
+    }
+}
+
+/// Goes on with the moves to `place` that were interrupted.
+fn complete_moves(place: &Path) -> Result<(), Failure> {
+    for leftover in leftovers_of(place) {
+        if let Some(plan) = MovePlan::read(&leftover)
+            && plan.place(&leftover).as_deref() == Some(place)
+            && let Some(_lock) = lock_dead(&leftover)
+        {
+            placing::resume(&leftover, place, &plan)?;
+            let (leftover, place) = (leftover.display(), place.display());
+            remark(&format!(
+                "note: the run in {leftover} was complete, and its move to {place} was interrupted; it is there now\n"
+            ));
+        }
+    }
+    Ok(())
 }
 
 impl Drop for RunFolder {
@@ -211,6 +248,13 @@ fn is_alive(leftover: &Path) -> bool {
     let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES);
     let locked = marker.map(|marker| marker.as_file().try_lock());
     matches!(locked, Ok(Err(TryLockError::WouldBlock)))
+}
+
+/// The lock of a folder whose run is dead.
+fn lock_dead(leftover: &Path) -> Option<files::Bounded> {
+    let marker = files::open(&leftover.join(MARKER), MAX_FACTS_BYTES).ok()?;
+    let is_locked = matches!(marker.as_file().try_lock(), Err(TryLockError::WouldBlock));
+    (!is_locked).then_some(marker)
 }
 
 /// What runs left that wait for `place`, dead and running.

@@ -1,10 +1,15 @@
 //! How the files of a run come to their place: what an earlier run wrote there and nobody changed goes, all else stays, and
 //! where a step fails every step before it is taken back.
+//!
+//! Where the process is killed in between, files are in two places. What was to be done stands in the folder until it is
+//! done, so that the next run or `haptograph recover` goes on with it: see [`MovePlan`].
 
 use super::super::Failure;
+use super::super::output::{self, Force};
 use super::super::written::{Written, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use haptograph::signal::files;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
@@ -78,15 +83,101 @@ pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// The plan of a move, in the folder of a complete run from before its first file is moved until its last one is.
+pub const MOVES: &str = ".haptograph-moves";
+
+/// What was settled before the first file was moved, and cannot be found out afterwards. JSON.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct MovePlan {
+    /// Does the folder wait in its place, and not beside it?
+    inside: bool,
+    /// Where an earlier run goes that cannot be repeated: a name beside the place.
+    earlier: Option<String>,
+    /// Where the probes go, by their numbers; absolute.
+    probes: Vec<String>,
+}
+
+impl MovePlan {
+    /// Of a run in `content` that is to be at `place`.
+    pub fn of(content: &Path, place: &Path) -> Self {
+        let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
+        let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
+        Self {
+            inside: content.parent() == Some(place),
+            earlier: earlier.and_then(name),
+            probes: Vec::new(),
+        }
+    }
+
+    /// Writes it down: from here on the move can be completed whatever happens. Where a path is no Unicode, nothing is
+    /// written, and what a kill leaves is two halves.
+    pub fn save(mut self, content: &Path, probes: &[PathBuf]) -> io::Result<()> {
+        for probe in probes {
+            let Some(path) = std::path::absolute(probe)?.to_str().map(str::to_owned) else {
+                return Ok(());
+            };
+            self.probes.push(path);
+        }
+        let text = serde_json::to_string_pretty(&self)? + "\n";
+        super::super::write_whole(&content.join(MOVES), text.as_bytes())
+    }
+
+    /// The plan of a folder whose run was being moved.
+    pub fn read(content: &Path) -> Option<Self> {
+        let text = files::read_text(&content.join(MOVES), MAX_FACTS_BYTES).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+
+    /// Where the run in `content` goes; none where that is not told by its name.
+    pub fn place(&self, content: &Path) -> Option<PathBuf> {
+        let near = content.parent()?;
+        let name = content.file_name()?.to_str()?;
+        let (name, _) = name.rsplit_once(super::folder::PARTIAL)?;
+        Some(if self.inside {
+            near.to_owned()
+        } else {
+            near.join(name)
+        })
+    }
+}
+
+/// Goes on with a move that a kill interrupted. A plan can be forged: nothing is replaced that haptograph did not write.
+pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
+    for (number, probe) in plan.probes.iter().enumerate() {
+        let waiting = content.join(PROBES).join(number.to_string());
+        let probe = Path::new(probe);
+        let is_signal = probe
+            .extension()
+            .is_some_and(|ending| ending == "wav" || ending == "csv");
+        let names = [probe.to_owned(), super::outputs::note_of(probe)];
+        for target in names.iter().filter(|_| is_signal) {
+            let from = waiting.join(target.file_name().unwrap_or_default());
+            if from.is_file() {
+                output::place(&from, target, Force::default())?;
+            }
+        }
+    }
+    let failed = |error| Failure::file("complete the move of", content, &error);
+    // The facts are moved last but one, and the manifest last.
+    if [MARK, MANIFEST].iter().any(|name| content.join(name).is_file()) {
+        self::place(content, place, plan).map_err(failed)?;
+    }
+    remove(content);
+    Ok(())
+}
+
 /// Moves all files of `content` to `place`, and removes `content`.
-pub fn place(content: &Path, place: &Path) -> io::Result<Placed> {
-    let new = files_in(content, &[MARKER, PROBES, REPLACED])?;
-    let mut manifest = Written::default();
-    new.iter().try_for_each(|name| manifest.note(content, name))?;
+pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
+    let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
     let new_manifest = content.join(MANIFEST);
-    manifest.save(&new_manifest)?;
+    // It is there where a move was interrupted, and lists what was moved then too.
+    if Written::read(&new_manifest).is_none() {
+        let mut manifest = Written::default();
+        new.iter().try_for_each(|name| manifest.note(content, name))?;
+        manifest.save(&new_manifest)?;
+    }
     let mut moves = Moves::default();
-    let placed = clear(content, place, &new, &mut moves).and_then(|placed| {
+    let placed = clear((content, place), &new, plan, &mut moves).and_then(|placed| {
         // The facts last but one, so that a folder with new facts is whole.
         let (facts, files): (Vec<_>, Vec<_>) = new.iter().partition(|name| *name == Path::new(MARK));
         let last = PathBuf::from(MANIFEST);
@@ -97,18 +188,35 @@ pub fn place(content: &Path, place: &Path) -> io::Result<Placed> {
     });
     let placed = placed.inspect_err(|_| moves.take_back())?;
     remove_empty(place, &moves.left);
-    // Named by the next run where it cannot be removed.
-    let _ = fs::remove_dir_all(content);
+    remove(content);
     Ok(placed)
 }
 
+/// Removes a folder whose run is in its place, the marker by which it is found last.
+fn remove(content: &Path) {
+    step();
+    // Named by the next run where it cannot be removed.
+    for name in [REPLACED, PROBES] {
+        let _ = fs::remove_dir_all(content.join(name));
+    }
+    step();
+    let _ = fs::remove_dir_all(content);
+}
+
 /// Makes room in `place`: moves away what an earlier run wrote, and what is in the way.
-fn clear(content: &Path, place: &Path, new: &[PathBuf], moves: &mut Moves) -> io::Result<Placed> {
+fn clear(
+    (content, place): (&Path, &Path),
+    new: &[PathBuf],
+    plan: &MovePlan,
+    moves: &mut Moves,
+) -> io::Result<Placed> {
     let mut placed = Placed::default();
     let list = place.join(MANIFEST);
     let old = Written::read(&list).unwrap_or_default();
     let mut names: Vec<PathBuf> = old.names().filter(|name| place.join(name).is_file()).collect();
-    let kept = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
+    // A name alone: a plan can be forged.
+    let kept = plan.earlier.as_ref().and_then(|name| Path::new(name).file_name());
+    let kept = kept.map(|name| place.with_file_name(name));
     // An earlier run that is kept is kept as it is now.
     let is_kept = kept.is_some();
     names.retain(|name| is_kept || old.is_unchanged(place, name));
@@ -217,6 +325,7 @@ impl Moves {
             let message = format!("{} appeared meanwhile", to.display());
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
         }
+        step();
         fs::rename(from, to)?;
         self.left.extend(from.parent().map(Path::to_owned));
         self.done.push((from.to_owned(), to.to_owned()));
@@ -228,6 +337,24 @@ impl Moves {
             // The first error is the one to tell; what cannot be moved back is still where it was moved to.
             let _ = fs::rename(to, from);
         }
+    }
+}
+
+/// Where a test interrupts a move.
+#[cfg(not(test))]
+fn step() {}
+
+#[cfg(test)]
+std::thread_local! {
+    /// Steps until a kill, in this thread.
+    pub static STEPS_LEFT: std::cell::Cell<Option<u32>> = const { std::cell::Cell::new(None) };
+}
+
+#[cfg(test)]
+fn step() {
+    match STEPS_LEFT.get() {
+        Some(0) => panic!("killed on purpose"),
+        left => STEPS_LEFT.set(left.map(|left| left - 1)),
     }
 }
 

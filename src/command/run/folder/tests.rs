@@ -134,3 +134,94 @@ fn links_are_not_followed_out_of_the_folder_and_the_folder_may_be_one() {
     assert_eq!(fs::read_to_string(real.join("record/a")).unwrap(), "2");
     assert!(real.join("record-1").is_symlink() && names(&elsewhere).is_empty());
 }
+
+/// All files below a folder, and what they hold.
+fn tree(folder: &Path) -> Vec<(PathBuf, String)> {
+    let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => {
+                    let name = path.strip_prefix(folder).unwrap().to_owned();
+                    found.push((name, fs::read_to_string(&path).unwrap()));
+                }
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// An earlier run with these facts, files of others among it, and another run, killed after so many steps of its move if
+/// they are reached.
+fn killed_after(steps: Option<u32>, facts: &str, parent: &Path) -> bool {
+    let (target, probe) = (parent.join("out"), parent.join("probe.csv"));
+    let earlier = [
+        (MARK, facts),
+        ("a.csv", "1"),
+        ("gone.csv", "1"),
+        ("record/b.csv", "1"),
+    ];
+    run(&target, &earlier).unwrap();
+    fs::write(target.join("analysis.py"), "mine").unwrap();
+    fs::write(target.join("a.csv"), "edited").unwrap();
+    let mut folder = RunFolder::beside(&target).unwrap();
+    folder.begin();
+    for (name, text) in [
+        (MARK, "{}"),
+        ("a.csv", "2"),
+        ("c.csv", "2"),
+        ("record-b.csv", "2"),
+    ] {
+        folder.write(name, text).unwrap();
+    }
+    fs::write(folder.probe(0).unwrap().join("probe.csv"), "2").unwrap();
+    folder.seal(std::slice::from_ref(&probe)).unwrap();
+    placing::STEPS_LEFT.set(steps);
+    let moved = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        super::super::outputs::place_probes(&folder, &[probe], Default::default()).unwrap();
+        folder.put_in_place().unwrap();
+    }));
+    placing::STEPS_LEFT.set(None);
+    moved.is_err()
+}
+
+#[test]
+fn a_move_that_is_killed_at_any_step_is_completed_by_the_next_run() {
+    for facts in ["{}", r#"{"live": true, "real_devices": true}"#] {
+        let whole = tempfile::tempdir().unwrap();
+        assert!(!killed_after(None, facts, whole.path()));
+        let whole = tree(whole.path());
+        let mut steps = 0;
+        loop {
+            let parent = tempfile::tempdir().unwrap();
+            if !killed_after(Some(steps), facts, parent.path()) {
+                break;
+            }
+            assert!(tree(parent.path()) != whole, "{steps}: nothing was left to do");
+            drop(RunFolder::beside(&parent.path().join("out")).unwrap());
+            assert_eq!(tree(parent.path()), whole, "{steps}");
+            steps += 1;
+        }
+        assert!(steps > 8, "{steps}");
+    }
+}
+
+#[test]
+fn a_move_that_was_taken_back_is_not_completed() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    let mut folder = RunFolder::beside(&target).unwrap();
+    folder.begin();
+    folder.write("a.csv", "1").unwrap();
+    folder.seal(&[]).unwrap();
+    fs::create_dir(&target).unwrap();
+    fs::write(target.join("thesis.tex"), "mine").unwrap();
+    let waiting = folder.path().to_owned();
+    assert!(folder.put_in_place().is_err());
+    fs::remove_file(target.join("thesis.tex")).unwrap();
+    drop(RunFolder::beside(&target).unwrap());
+    assert!(waiting.join("a.csv").is_file() && names(&target).is_empty());
+}
