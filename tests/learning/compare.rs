@@ -62,6 +62,46 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     assert!(fail(folder.path(), &["compare", "a.wav", "a.wav", "--rate", "20000"]).contains("at most"));
 }
 
+/// An RF64 file (EBU Tech 3306) of 32-bit floats that announces so many frames, and holds these.
+fn rf64(frames: u64, samples: &[f64]) -> Vec<u8> {
+    let mut bytes = b"RF64\xff\xff\xff\xffWAVEds64\x1c\0\0\0".to_vec();
+    for size in [4 * frames + 72, 4 * frames, frames] {
+        bytes.extend(size.to_le_bytes());
+    }
+    bytes.extend(0_u32.to_le_bytes());
+    bytes.extend(b"fmt \x10\0\0\0\x03\0\x01\0");
+    for rate in [10_000_u32, 40_000] {
+        bytes.extend(rate.to_le_bytes());
+    }
+    bytes.extend(b"\x04\0\x20\0data\xff\xff\xff\xff");
+    for sample in samples {
+        bytes.extend((*sample as f32).to_le_bytes());
+    }
+    bytes
+}
+
+#[test]
+fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let a = noise(20_000, 1);
+    column(&folder.path().join("a.csv"), "accel_m_s2", &a);
+    let large = folder.path().join("large.wav");
+    fs::write(&large, rf64(20_000, &a)).unwrap();
+    let arguments = ["compare", "large.wav", "a.csv", "--rate", "10000", "--json"];
+    let same = json(folder.path(), &arguments);
+    assert!(
+        same["NSE"].as_f64().unwrap() < 1e-6 && same["PE"].as_f64().unwrap() < 1e-5,
+        "{same}"
+    );
+    // A hole in the file: it takes no room on the disk, and none of it is read.
+    fs::write(&large, rf64(2_000_000_000, &a)).unwrap();
+    let file = fs::OpenOptions::new().write(true).open(&large).unwrap();
+    file.set_len(8_000_000_080).unwrap();
+    assert!(fail(folder.path(), &arguments).contains("2000000000 frames"));
+    fs::write(&large, rf64(20_001, &a)).unwrap();
+    assert!(fail(folder.path(), &arguments).contains("20000"));
+}
+
 #[test]
 fn an_evaluation_prints_the_tables_of_the_thesis() {
     let folder = workshop();

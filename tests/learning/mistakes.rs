@@ -231,7 +231,7 @@ fn comparisons_without_a_number_say_why() {
         .for_each(|&x| writer.write_sample(x as f32).unwrap());
     writer.finalize().unwrap();
     let whole = whole.into_inner();
-    for (bytes, said) in [(20, "cut off"), (5000, "announces 3000 samples")] {
+    for (bytes, said) in [(20, "within its header"), (5000, "announces 3000 frames")] {
         fs::write(folder.path().join("short.wav"), &whole[..bytes]).unwrap();
         let error = fail(folder.path(), &["compare", "short.wav", "a.csv"]);
         assert!(error.contains(said), "{error}");

@@ -1,13 +1,18 @@
 //! One vibration from whatever file it is in.
 
 use crate::command::{Failure, read_file, recording as recordings, remark};
+use haptograph::nodes::wav::{read_channel, read_layout};
+use haptograph::signal::files;
 use haptograph::signal::resample::{Quality, resample_whole};
 use haptograph::signal::time::Rate;
 use haptograph::surfaces::Origin;
 use haptograph::surfaces::learning::processing::{combined, processed};
 use haptograph::surfaces::recording::read_signal;
-use hound::{SampleFormat, WavReader};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+
+/// The most samples of a WAV file that are compared: two hours at 48 kHz, 3 GB of memory.
+const MAX_SAMPLES: u64 = 400_000_000;
 
 /// A vibration. Its rate is unknown where a CSV file does not say it.
 #[derive(Debug)]
@@ -27,22 +32,9 @@ type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 impl Signal {
     /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
     pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
-        let bytes = read_file(path)?;
-        let (samples, rate_hz, unit, simulated) = match &bytes {
-            bytes if bytes.starts_with(b"RIFF") => wav(path, bytes, column)?,
-            bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path)?,
-            bytes if column.is_none() && is_recording(bytes) => recording(path)?,
-            bytes => {
-                let column = read_signal(bytes, column)
-                    .map_err(|error| recordings::unreadable(path, bytes, &error))?;
-                let unit = column.unit.map(str::to_owned);
-                (
-                    column.values,
-                    column.rate_hz,
-                    unit,
-                    recordings::is_simulated(path)?,
-                )
-            }
+        let (samples, rate_hz, unit, simulated) = match is_wav(path)? {
+            true => wav(path, column)?,
+            false => other(path, column)?,
         };
         Ok(Self {
             path: path.to_owned(),
@@ -115,6 +107,21 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
     }
 }
 
+/// What is in a file that is no WAV file.
+fn other(path: &Path, column: Option<&str>) -> Result<Read, Failure> {
+    match &read_file(path)?[..] {
+        bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path),
+        bytes if column.is_none() && is_recording(bytes) => recording(path),
+        bytes => {
+            let column =
+                read_signal(bytes, column).map_err(|error| recordings::unreadable(path, bytes, &error))?;
+            let unit = column.unit.map(str::to_owned);
+            let simulated = recordings::is_simulated(path)?;
+            Ok((column.values, column.rate_hz, unit, simulated))
+        }
+    }
+}
+
 fn is_xml(bytes: &[u8]) -> bool {
     bytes
         .strip_prefix(b"\xef\xbb\xbf")
@@ -148,54 +155,41 @@ fn recording(path: &Path) -> Result<Read, Failure> {
 }
 
 /// The only channel, that of the given number, or three axes combined.
-fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<Read, Failure> {
+fn wav(path: &Path, channel: Option<&str>) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
-    let mut reader = WavReader::new(bytes).map_err(|error| {
-        failed(&match error {
-            hound::Error::IoError(_) => "the file ends within its header: it was cut off".to_owned(),
-            error => error.to_string(),
-        })
-    })?;
-    let spec = reader.spec();
-    let (channels, rate_hz) = (usize::from(spec.channels), f64::from(spec.sample_rate));
+    // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
+    let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
+    let mut file = opened.as_file();
+    let layout = read_layout(&mut file).map_err(|error| failed(&error))?;
+    if layout.frames() > MAX_SAMPLES {
+        let frames = layout.frames();
+        return Err(failed(&format!(
+            "it has {frames} frames, and at most {MAX_SAMPLES} are compared; cut out a part"
+        )));
+    }
+    let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
     let note = recordings::note(path)?;
     let full_scale = note.full_scale.unwrap_or(1.0);
-    let announced = reader.len();
-    let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
-        SampleFormat::Float => reader
-            .samples::<f32>()
-            .map(|s| s.map(|s| f64::from(s) * full_scale))
-            .collect(),
-        SampleFormat::Int => {
-            let scale = full_scale / f64::from(spec.bits_per_sample - 1).exp2();
-            reader
-                .samples::<i32>()
-                .map(|s| s.map(|s| f64::from(s) * scale))
-                .collect()
-        }
+    let mut one = |channel: usize| -> Result<Vec<f64>, Failure> {
+        let mut samples = read_channel(&mut file, &layout, channel).map_err(|error| failed(&error))?;
+        samples.iter_mut().for_each(|sample| *sample *= full_scale);
+        Ok(samples)
     };
-    let samples = samples.map_err(|error| {
-        failed(&match error {
-            hound::Error::IoError(_) => {
-                let there = bytes.len();
-                format!("its header announces {announced} samples, but the file ends after {there} bytes: it was cut off")
-            }
-            error => error.to_string(),
-        })
-    })?;
-    let one = |channel: usize| samples.iter().copied().skip(channel).step_by(channels).collect();
-    let chosen: Vec<f64> = match (channel, channels) {
+    let chosen = match (channel, channels) {
         (Some(number), _) => match number.parse::<usize>() {
-            Ok(number) if number < channels => one(number),
+            Ok(number) if number < channels => one(number)?,
             _ => {
                 return Err(failed(&format!(
                     "there is no channel {number}; there are {channels}, counted from 0"
                 )));
             }
         },
-        (None, 1) => samples,
+        (None, 1) => one(0)?,
         (None, 3) => {
-            let axes: Vec<[f64; 3]> = samples.as_chunks::<3>().0.to_vec();
+            let (x, y, z) = (one(0)?, one(1)?, one(2)?);
+            let axes: Vec<[f64; 3]> = { x.iter().zip(&y).zip(&z) }
+                .map(|((x, y), z)| [*x, *y, *z])
+                .collect();
             combined(&axes, rate_hz, &Default::default()).map_err(|error| failed(&error))?
         }
         (None, _) => {
@@ -205,4 +199,12 @@ fn wav(path: &Path, bytes: &[u8], channel: Option<&str>) -> Result<Read, Failure
         }
     };
     Ok((chosen, Some(rate_hz), note.unit, note.simulated))
+}
+
+fn is_wav(path: &Path) -> Result<bool, Failure> {
+    let failed = |error: io::Error| Failure::file("read", path, &error);
+    let mut start = Vec::new();
+    let file = files::open(path, u64::MAX).map_err(failed)?;
+    file.take(4).read_to_end(&mut start).map_err(failed)?;
+    Ok(matches!(&start[..], b"RIFF" | b"RF64"))
 }
