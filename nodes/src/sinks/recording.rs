@@ -7,8 +7,10 @@ use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, input,
 };
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::recording::{Calibration, Gesture, Member, RawHead, Spool, load, save};
+use haptograph_surfaces::recording::{Calibration, Gesture, Member, Pose, RawHead, RawTable, Spool, Wrench};
 use haptograph_surfaces::{Origin, Provenance};
+use std::collections::VecDeque;
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -71,7 +73,8 @@ impl FileKind for RecordingSink {
         group: "sinks",
         doc: "Writes what a recording tool felt to one file, each sensor at its own rate, with the calibration that makes physical \
               quantities of the readings, and where it came from. While the run goes on the readings are written to a folder `<file>.part`, \
-              at least once a second; the file is made of it at the end. Surfaces are learned from it.",
+              at least once a second; the file is made of it at the end. A table is written as it goes, calibrated. Surfaces are \
+              learned from both.",
         source: "2.2",
         inputs: &[
             input(
@@ -167,9 +170,15 @@ impl FileSink for Session {
             gesture: self.gesture,
             provenance: &self.provenance,
         };
-        Ok(Box::new(Tape {
+        let tape = match is_csv(path) {
+            true => Tape::Table(RawTable::begin(File::create(path)?, &head)?),
+            false => Tape::Spool(Spool::create(path, &head)?),
+        };
+        Ok(Box::new(Writer {
             path: path.to_owned(),
-            spool: Spool::create(path, &head)?,
+            tape,
+            position: VecDeque::new(),
+            turned: VecDeque::new(),
             second: 3 * voltage.rate.hz() as u64,
             since: 0,
             flushed_at: Instant::now(),
@@ -177,10 +186,24 @@ impl FileSink for Session {
     }
 }
 
+fn is_csv(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
+}
+
+/// Where a recording is written while it is made: parts of which an archive is made at the end, or a table as it stands.
+enum Tape {
+    Spool(Spool),
+    Table(RawTable<File>),
+}
+
 /// A recording that is written as it comes.
-struct Tape {
+struct Writer {
     path: PathBuf,
-    spool: Spool,
+    tape: Tape,
+    /// Halves of poses, for a table.
+    position: VecDeque<[f64; 3]>,
+    turned: VecDeque<[f64; 4]>,
     /// Readings of the accelerometer in a second, and those since what waited was written.
     second: u64,
     since: u64,
@@ -190,29 +213,80 @@ struct Tape {
 /// How often at least what waits is written.
 const PACE: Duration = Duration::from_secs(1);
 
-impl FrameWriter for Tape {
-    fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
-        match stream {
-            0 => self.spool.write(Member::PositionM, frames)?,
-            1 => {
-                for turned in frames.as_chunks().0 {
-                    self.spool
-                        .write(Member::Orientation, &from_rotation_vector(*turned))?;
-                }
-            }
-            2 => {
-                for load in frames.as_chunks::<6>().0 {
-                    self.spool.write(Member::ForceN, &load[..3])?;
-                    self.spool.write(Member::TorqueNM, &load[3..])?;
-                }
-            }
-            _ => {
-                self.spool.write(Member::AccelerationV, frames)?;
-                self.since += frames.len() as u64;
-            }
+fn spool(spool: &mut Spool, stream: usize, frames: &[f64]) -> io::Result<()> {
+    match stream {
+        0 => spool.write(Member::PositionM, frames),
+        1 => {
+            let mut turns = frames.as_chunks().0.iter();
+            turns.try_for_each(|turned| spool.write(Member::Orientation, &from_rotation_vector(*turned)))
         }
+        2 => frames.as_chunks::<6>().0.iter().try_for_each(|load| {
+            spool.write(Member::ForceN, &load[..3])?;
+            spool.write(Member::TorqueNM, &load[3..])
+        }),
+        _ => spool.write(Member::AccelerationV, frames),
+    }
+}
+
+impl Writer {
+    /// Appends frames to a table, which has no place for what is not finite.
+    fn tabulate(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
+        let Tape::Table(table) = &mut self.tape else {
+            return Ok(());
+        };
+        if let Some(number) = frames.iter().find(|number| !number.is_finite()) {
+            return Err(io::Error::other(format!(
+                "a reading is {number}, not a finite number"
+            )));
+        }
+        match stream {
+            0 => self.position.extend(frames.as_chunks::<3>().0),
+            1 => self.turned.extend(
+                frames
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|turned| from_rotation_vector(*turned)),
+            ),
+            2 => frames.as_chunks::<6>().0.iter().for_each(|&[x, y, z, u, v, w]| {
+                table.push_load(&Wrench {
+                    force_n: [x, y, z],
+                    torque_n_m: [u, v, w],
+                });
+            }),
+            _ => { frames.as_chunks::<3>().0.iter() }.for_each(|volts| table.push_acceleration(volts)),
+        }
+        while !self.position.is_empty()
+            && let Some(orientation) = self.turned.pop_front()
+        {
+            let position_m = self.position.pop_front().unwrap_or_default();
+            table.push_pose(&Pose {
+                position_m,
+                orientation,
+            });
+        }
+        table.write_due()
+    }
+
+    /// Hands what waits to the disk.
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.tape {
+            Tape::Spool(spool) => spool.flush()?.for_each(sync::request),
+            Tape::Table(table) => sync::request(table.flush()?),
+        }
+        Ok(())
+    }
+}
+
+impl FrameWriter for Writer {
+    fn write(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
+        match &mut self.tape {
+            Tape::Spool(parts) => spool(parts, stream, frames)?,
+            Tape::Table(_) => self.tabulate(stream, frames)?,
+        }
+        self.since += if stream == 3 { frames.len() as u64 } else { 0 };
         if self.since >= self.second || self.flushed_at.elapsed() >= PACE {
-            self.spool.flush()?.for_each(sync::request);
+            self.flush()?;
             self.since = 0;
             self.flushed_at = Instant::now();
         }
@@ -220,17 +294,18 @@ impl FrameWriter for Tape {
     }
 
     fn finish(self: Box<Self>) -> io::Result<()> {
-        let is_csv = self
-            .path
-            .extension()
-            .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
-        self.spool.finish(&self.path)?;
-        if !is_csv {
-            return Ok(());
+        let counts = match self.tape {
+            Tape::Spool(spool) => return spool.finish(&self.path),
+            Tape::Table(table) => table.finish()?,
+        };
+        let [poses, loads, accelerations] = counts;
+        match counts.iter().all(|count| *count >= 2) {
+            true => Ok(()),
+            false => Err(io::Error::other(format!(
+                "a recording needs two samples of each sensor; here are {poses} poses, {loads} loads and {accelerations} \
+                 accelerations"
+            ))),
         }
-        // A table is made of the archive, which is replaced when the table is complete.
-        let recording = load(&self.path).map_err(io::Error::other)?;
-        save(&recording, &self.path)
     }
 }
 
@@ -240,7 +315,7 @@ mod tests {
     use crate::vector::{norm, sub};
     use haptograph_signal::time::Rate;
     use haptograph_surfaces::learning::processing::{acceleration_axes, tip_positions, tool_wrench};
-    use haptograph_surfaces::recording::{AnyRecording, Recording, assemble, spool_folder};
+    use haptograph_surfaces::recording::{AnyRecording, Recording, assemble, load, spool_folder, write_csv};
 
     fn stream(name: &str, kind: Kind, rate: &str, simulated: bool) -> Stream {
         Stream {
@@ -330,6 +405,39 @@ mod tests {
                 assert!(file.ends_with("csv") || provenance.settings[name] == value);
             }
         }
+    }
+
+    #[test]
+    fn a_table_is_written_as_it_goes_and_is_that_of_the_whole_recording() {
+        let cx = context(["500", "500"], true);
+        let folder = tempfile::tempdir().unwrap();
+        let open = |file: &str| {
+            let sink = RecordingSink::build(settings(file), &cx).unwrap();
+            let path = folder.path().join(sink.file_name());
+            (sink.open(&path, &cx.streams).unwrap(), path)
+        };
+        let ((mut table, at), (mut archive, whole)) = (open("x.csv"), open("x.npz"));
+        for block in 0..2000 {
+            let t = f64::from(block);
+            for writer in [&mut table, &mut archive] {
+                writer.write(3, &[1.5, 1.5, t, 1.5, 1.5, 0.3 * t]).unwrap();
+                writer.write(1, &[0.0, 0.001 * t, 0.0]).unwrap();
+                writer.write(0, &[0.1 * t, 2.0, 3.0]).unwrap();
+                writer.write(2, &[0.7; 12]).unwrap();
+            }
+        }
+        // All but the last second is there for a process that is killed.
+        let killed = std::fs::read_to_string(&at).unwrap();
+        table.finish().unwrap();
+        archive.finish().unwrap();
+        assert!(killed.lines().count() > 2000, "{}", killed.lines().count());
+        let now = std::fs::read_to_string(&at).unwrap();
+        assert!(now.starts_with(&killed) && !spool_folder(&at).exists());
+        // But for the provenance, of which a table keeps less.
+        let of_whole = write_csv(&load(&whole).unwrap()).unwrap();
+        assert!(now.as_bytes() == of_whole);
+        let (mut wrong, _) = open("y.csv");
+        assert!(wrong.write(3, &[f64::NAN; 3]).is_err());
     }
 
     #[test]

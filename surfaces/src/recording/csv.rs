@@ -18,7 +18,7 @@ pub(super) use table::{
     Table, cell_start, csv_error, header, line_of, not_a_number, notes, number, reader, without_mark,
 };
 pub(super) use units::{Scale, parse_name, si_unit};
-pub use write::write_csv;
+pub use write::{RawTable, write_csv};
 
 use super::ReadError;
 use super::{

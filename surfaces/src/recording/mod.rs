@@ -15,7 +15,7 @@ mod signal;
 mod spool;
 
 pub use archive::{RawHead, read_archive, write_archive};
-pub use csv::{COLUMNS, CsvHead, csv_head, read_csv, write_csv};
+pub use csv::{COLUMNS, CsvHead, RawTable, csv_head, read_csv, write_csv};
 pub use error::ReadError;
 pub use file::{LoadError, load, save};
 pub use hatt::read_hatt;

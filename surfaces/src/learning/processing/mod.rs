@@ -14,7 +14,7 @@ pub use rate::LOWEST_RATE_HZ;
 pub use reduction::{AxisReduction, reduce};
 
 use crate::recording::{
-    AnyRecording, ProcessedRecording, Recording, RecordingError, Series, Signals, Wrench,
+    AnyRecording, Calibration, Pose, ProcessedRecording, Recording, RecordingError, Series, Signals, Wrench,
 };
 use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
 use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
@@ -171,31 +171,49 @@ pub fn combined(
 
 /// Acceleration, m/s², sample by sample of the accelerometer.
 pub fn acceleration_axes(recording: &Recording) -> Vec<[f64; 3]> {
-    let calibration = recording.calibration();
-    let physical = |volts: &[f64; 3]| {
-        std::array::from_fn(|axis| {
-            (volts[axis] - calibration.acceleration_zero_v[axis]) * calibration.acceleration_m_s2_per_v[axis]
-        })
-    };
-    recording.acceleration_v().samples.iter().map(physical).collect()
+    let volts = recording.acceleration_v().samples.iter();
+    volts
+        .map(|volts| axes_of(recording.calibration(), volts))
+        .collect()
+}
+
+/// Acceleration of a reading, m/s2.
+pub(crate) fn axes_of(calibration: &Calibration, volts: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        (volts[axis] - calibration.acceleration_zero_v[axis]) * calibration.acceleration_m_s2_per_v[axis]
+    })
 }
 
 /// Loads on the tool in its own frame, sample by sample of the force sensor.
 pub fn tool_wrench(recording: &Recording) -> Vec<Wrench> {
-    let rotation = recording.calibration().force_sensor_to_tool;
-    let turn = |v: [f64; 3]| rotation.map(|row| dot(row, v));
-    let turned = |w: &Wrench| Wrench {
-        force_n: turn(w.force_n),
-        torque_n_m: turn(w.torque_n_m),
-    };
-    recording.wrench().samples.iter().map(turned).collect()
+    let loads = recording.wrench().samples.iter();
+    loads
+        .map(|load| load_on_tool(recording.calibration(), load))
+        .collect()
+}
+
+/// A load in the tool's own frame, of one in the force sensor's.
+pub(crate) fn load_on_tool(calibration: &Calibration, load: &Wrench) -> Wrench {
+    let turn = |v: [f64; 3]| calibration.force_sensor_to_tool.map(|row| dot(row, v));
+    Wrench {
+        force_n: turn(load.force_n),
+        torque_n_m: turn(load.torque_n_m),
+    }
 }
 
 /// The tip in the world, m, sample by sample of the tracker.
 pub fn tip_positions(recording: &Recording) -> Vec<[f64; 3]> {
-    let to_tip = recording.calibration().tracker_to_tip_m;
-    let tip = |pose: &crate::recording::Pose| along(pose.position_m, 1.0, rotate(pose.orientation, to_tip));
-    recording.motion().samples.iter().map(tip).collect()
+    let poses = recording.motion().samples.iter();
+    poses.map(|pose| tip_of(recording.calibration(), pose)).collect()
+}
+
+/// The tip in the world, m, of a pose of the tracker's sensor.
+pub(crate) fn tip_of(calibration: &Calibration, pose: &Pose) -> [f64; 3] {
+    along(
+        pose.position_m,
+        1.0,
+        rotate(pose.orientation, calibration.tracker_to_tip_m),
+    )
 }
 
 /// Forces and speed at given moments.

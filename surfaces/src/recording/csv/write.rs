@@ -1,30 +1,39 @@
 //! Recordings written as CSV.
 
-use super::super::{AnyRecording, ProcessedRecording, Recording};
+use super::super::{
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, RawHead, Recording, Wrench,
+};
 use super::AXES;
+use crate::Provenance;
 use crate::files::decimal::format_thousandfold;
 use crate::learning::processing;
+use std::collections::VecDeque;
+use std::io::Write;
 
 /// The bytes of a CSV file. A raw recording comes out calibrated: acceleration in m/s² and forces in the tool's frame, positions of
 /// the tip.
 pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
-    let provenance = recording.provenance();
+    let mut bytes = origin_lines(recording.gesture(), recording.provenance()).into_bytes();
+    match recording {
+        AnyRecording::Processed(processed) => {
+            let mut writer = csv::Writer::from_writer(&mut bytes);
+            write_processed(processed, &mut writer)?;
+            writer.flush()?;
+        }
+        AnyRecording::Raw(raw) => write_raw(raw, &mut bytes)?,
+    }
+    Ok(bytes)
+}
+
+/// What stands above the header.
+fn origin_lines(gesture: Gesture, provenance: &Provenance) -> String {
     let one_line = |text: &str| text.replace(['\n', '\r'], " ");
-    let mut bytes = format!(
+    format!(
         "# gesture: {}\n# origin: {}\n# source: {}\n",
-        recording.gesture().word(),
+        gesture.word(),
         provenance.origin.word(),
         one_line(&provenance.source)
     )
-    .into_bytes();
-    let mut writer = csv::Writer::from_writer(&mut bytes);
-    match recording {
-        AnyRecording::Processed(processed) => write_processed(processed, &mut writer)?,
-        AnyRecording::Raw(raw) => write_raw(raw, &mut writer)?,
-    }
-    writer.flush()?;
-    drop(writer);
-    Ok(bytes)
 }
 
 type Writer<'a> = csv::Writer<&'a mut Vec<u8>>;
@@ -57,74 +66,170 @@ fn write_processed(processed: &ProcessedRecording, writer: &mut Writer) -> std::
     Ok(())
 }
 
-fn write_raw(raw: &Recording, writer: &mut Writer) -> std::io::Result<()> {
-    let mut header = vec!["time_s".to_owned()];
-    header.extend(AXES.map(|axis| format!("accel_{axis}_m_s2")));
-    header.extend(AXES.map(|axis| format!("force_{axis}_n")));
-    header.extend(AXES.map(|axis| format!("torque_{axis}_n_mm")));
-    header.extend(AXES.map(|axis| format!("position_{axis}_mm")));
-    header.extend(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
-    writer.write_record(&header)?;
-    let plain = |value: f64| format!("{value:?}");
-    let acceleration = processing::acceleration_axes(raw);
-    let load = processing::tool_wrench(raw);
-    let tips = processing::tip_positions(raw);
-    let mut next = [0; 3];
-    loop {
-        let times = [
-            (next[0] < acceleration.len()).then(|| raw.acceleration_v().time_s(next[0])),
-            (next[1] < load.len()).then(|| raw.wrench().time_s(next[1])),
-            (next[2] < tips.len()).then(|| raw.motion().time_s(next[2])),
+fn write_raw(raw: &Recording, bytes: &mut Vec<u8>) -> std::io::Result<()> {
+    let clock = |rate_hz, start_s| Clock { rate_hz, start_s };
+    let clocks = [
+        clock(raw.acceleration_v().rate_hz, raw.acceleration_v().start_s),
+        clock(raw.wrench().rate_hz, raw.wrench().start_s),
+        clock(raw.motion().rate_hz, raw.motion().start_s),
+    ];
+    let mut table = RawTable::over(bytes, raw.calibration(), clocks)?;
+    table.acceleration.extend(processing::acceleration_axes(raw));
+    table.loads.extend(processing::tool_wrench(raw));
+    let tips = processing::tip_positions(raw).into_iter();
+    let turned = raw.motion().samples.iter().map(|pose| pose.orientation);
+    table.poses.extend(tips.zip(turned));
+    table.finish().map(|_| ())
+}
+
+/// When a sensor's samples were taken.
+#[derive(Debug, Clone, Copy)]
+struct Clock {
+    rate_hz: f64,
+    start_s: f64,
+}
+
+/// A raw recording that is written as a table while it is made: the same bytes as of the whole recording, in memory of
+/// what one sensor is ahead of the others.
+pub struct RawTable<W: Write> {
+    writer: csv::Writer<W>,
+    calibration: Calibration,
+    clocks: [Clock; 3],
+    /// Samples of each sensor that were written, and those that wait for the other sensors.
+    written: [u64; 3],
+    acceleration: VecDeque<[f64; 3]>,
+    loads: VecDeque<Wrench>,
+    /// The tip, and the orientation.
+    poses: VecDeque<([f64; 3], [f64; 4])>,
+}
+
+impl<W: Write> RawTable<W> {
+    /// Begins a table: the lines above its header, and the header.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn begin(mut to: W, head: &RawHead<'_>) -> std::io::Result<Self> {
+        to.write_all(origin_lines(head.gesture, head.provenance).as_bytes())?;
+        let clocks = [head.acceleration_hz, head.wrench_hz, head.motion_hz];
+        let clocks = clocks.map(|rate_hz| Clock {
+            rate_hz,
+            start_s: 0.0,
+        });
+        Self::over(to, head.calibration, clocks)
+    }
+
+    fn over(to: W, calibration: &Calibration, clocks: [Clock; 3]) -> std::io::Result<Self> {
+        let mut writer = csv::Writer::from_writer(to);
+        let mut header = vec!["time_s".to_owned()];
+        header.extend(AXES.map(|axis| format!("accel_{axis}_m_s2")));
+        header.extend(AXES.map(|axis| format!("force_{axis}_n")));
+        header.extend(AXES.map(|axis| format!("torque_{axis}_n_mm")));
+        header.extend(AXES.map(|axis| format!("position_{axis}_mm")));
+        header.extend(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
+        writer.write_record(&header)?;
+        Ok(Self {
+            writer,
+            calibration: *calibration,
+            clocks,
+            written: [0; 3],
+            acceleration: VecDeque::new(),
+            loads: VecDeque::new(),
+            poses: VecDeque::new(),
+        })
+    }
+
+    /// Appends readings of the accelerometer, V.
+    pub fn push_acceleration(&mut self, volts: &[f64; 3]) {
+        self.acceleration
+            .push_back(processing::axes_of(&self.calibration, volts));
+    }
+
+    /// Appends a load in the force sensor's frame.
+    pub fn push_load(&mut self, load: &Wrench) {
+        self.loads
+            .push_back(processing::load_on_tool(&self.calibration, load));
+    }
+
+    /// Appends a pose of the tracker's sensor.
+    pub fn push_pose(&mut self, pose: &Pose) {
+        let tip = processing::tip_of(&self.calibration, pose);
+        self.poses.push_back((tip, pose.orientation));
+    }
+
+    /// Writes the rows that nothing can come before any more.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn write_due(&mut self) -> std::io::Result<()> {
+        while !(self.acceleration.is_empty() || self.loads.is_empty() || self.poses.is_empty()) {
+            self.write_row()?;
+        }
+        Ok(())
+    }
+
+    /// Hands what was written to the file, which is returned to be synced.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn flush(&mut self) -> std::io::Result<&W> {
+        self.writer.flush()?;
+        Ok(self.writer.get_ref())
+    }
+
+    /// Writes all that waits; how many poses, loads and accelerations there are in all.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn finish(mut self) -> std::io::Result<[u64; 3]> {
+        while self.write_row()? {}
+        self.writer.flush()?;
+        let [accelerations, loads, poses] = self.written;
+        Ok([poses, loads, accelerations])
+    }
+
+    /// Writes the row of the earliest time; was there one?
+    fn write_row(&mut self) -> std::io::Result<bool> {
+        let waits = [
+            !self.acceleration.is_empty(),
+            !self.loads.is_empty(),
+            !self.poses.is_empty(),
         ];
+        let time = |sensor: usize| {
+            let Clock { rate_hz, start_s } = self.clocks[sensor];
+            waits[sensor].then_some(start_s + self.written[sensor] as f64 / rate_hz)
+        };
+        let times = [time(0), time(1), time(2)];
         let Some(now) = times.into_iter().flatten().min_by(f64::total_cmp) else {
-            return Ok(());
+            return Ok(false);
         };
         let due = times.map(|time| time == Some(now));
-        let mut row = vec![format!("{now}")];
-        let mut put = |due: bool, width: usize, cells: &mut dyn Iterator<Item = String>| {
-            if due {
-                row.extend(cells);
-            } else {
-                row.extend(std::iter::repeat_n(String::new(), width));
-            }
-        };
-        put(
-            due[0],
-            3,
-            &mut acceleration.get(next[0]).into_iter().flatten().map(|&a| plain(a)),
-        );
-        put(
-            due[1],
-            3,
-            &mut load.get(next[1]).into_iter().flat_map(|w| w.force_n).map(plain),
-        );
-        put(
-            due[1],
-            3,
-            &mut load
-                .get(next[1])
-                .into_iter()
-                .flat_map(|w| w.torque_n_m)
-                .map(format_thousandfold),
-        );
-        put(
-            due[2],
-            3,
-            &mut tips
-                .get(next[2])
-                .into_iter()
-                .flatten()
-                .map(|&p| format_thousandfold(p)),
-        );
-        let pose = raw.motion().samples.get(next[2]);
-        put(
-            due[2],
-            4,
-            &mut pose.into_iter().flat_map(|pose| pose.orientation).map(plain),
-        );
-        writer.write_record(&row)?;
-        for (next, due) in next.iter_mut().zip(due) {
-            *next += usize::from(due);
+        let plain = |value: f64| format!("{value:?}");
+        self.writer.write_field(format!("{now}"))?;
+        let acceleration = due[0].then(|| self.acceleration.pop_front()).flatten();
+        let load = due[1].then(|| self.loads.pop_front()).flatten();
+        let pose = due[2].then(|| self.poses.pop_front()).flatten();
+        self.cells::<3>(acceleration, plain)?;
+        self.cells::<3>(load.as_ref().map(|load| load.force_n), plain)?;
+        self.cells::<3>(load.map(|load| load.torque_n_m), format_thousandfold)?;
+        self.cells::<3>(pose.map(|(tip, _)| tip), format_thousandfold)?;
+        self.cells::<4>(pose.map(|(_, orientation)| orientation), plain)?;
+        self.writer.write_record(None::<&[u8]>)?;
+        for (written, due) in self.written.iter_mut().zip(due) {
+            *written += u64::from(due);
         }
+        Ok(true)
+    }
+
+    /// Writes numbers, or as many empty cells.
+    fn cells<const N: usize>(
+        &mut self,
+        numbers: Option<[f64; N]>,
+        text: impl Fn(f64) -> String,
+    ) -> std::io::Result<()> {
+        for place in 0..N {
+            let cell = numbers.map_or_else(String::new, |numbers| text(numbers[place]));
+            self.writer.write_field(cell)?;
+        }
+        Ok(())
     }
 }
