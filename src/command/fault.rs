@@ -62,10 +62,32 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
     let payload = info.payload();
     let text = payload.downcast_ref::<String>().map(String::as_str);
     let message = text.or_else(|| payload.downcast_ref::<&str>().copied());
-    let message = message.unwrap_or("no message");
+    words(&at, thread, message.unwrap_or("no message"))
+}
+
+fn words(at: &str, thread: &str, message: &str) -> String {
     format!(
         "error: haptograph {} panicked{at}, on the thread `{thread}`: {message}\n\
          This is a fault of haptograph. Please report it where you have haptograph from, with these lines and the graph.\n",
         env!("CARGO_PKG_VERSION")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_says_what_to_report() {
+        let text = words(" at src/x.rs:1:2", "main", "index out of bounds");
+        for part in [
+            env!("CARGO_PKG_VERSION"),
+            "src/x.rs:1:2",
+            "`main`",
+            "index out of bounds",
+            "report",
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
+    }
 }

@@ -1,24 +1,26 @@
 //! A live run that is looked after: what is typed, told and saved while it runs.
 
-use super::super::{GraphArguments, fault, remark, warnings};
+mod change;
+
+use super::super::{GraphArguments, fault, remark};
 use super::Arguments;
 use super::afar;
 use super::console::{Asked, HELP, Typed};
 use super::drivers::Drivers;
+use super::endpoints::Endpoints;
 use super::guards::Guards;
 use super::history::{History, Notes};
-use super::loading::{self, Job, Loaded, Loader, Loading, Ready, Saved, texts};
+use super::loading::{self, Job, Loader, Loading, Saved, texts};
 use super::silence::SilenceMonitor;
 use super::watch::Watch;
 use haptograph::engine::diagnostic::{Diagnostics, render};
 use haptograph::engine::graph::Graph;
-use haptograph::engine::run::{Change, Changed, RingReport, Session};
+use haptograph::engine::run::{RingReport, Session};
 use haptograph::engine::settings::closest;
 use haptograph::nodes::network::{Connections, Told};
 use haptograph::nodes::soundcard::CardNote;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::collections::VecDeque;
-use std::fs;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -100,6 +102,8 @@ pub struct Attended {
     /// Graphs that were put in place, and those of them that differed in more than live settings.
     pub changes: u32,
     pub swaps: u32,
+    /// The devices of all graphs that ran.
+    pub endpoints: Endpoints,
     /// Of those that were saved: when, what came of it, and where its files are kept.
     pub saved: Vec<Value>,
     pub history: History,
@@ -140,6 +144,7 @@ impl Attended {
             start: Instant::now(),
             changes: 0,
             swaps: 0,
+            endpoints: Endpoints::of(graph, true),
             saved: Vec::new(),
             history: History::default(),
             refused: Vec::new(),
@@ -153,15 +158,16 @@ impl Attended {
         }
     }
 
-    /// Looks after the run until it is over. Returns what the driver had to say.
+    /// Looks after the run until it is over, and does `each` in every round. Returns what the driver had to say.
     pub fn attend(
         &mut self,
         driver: &mut Drivers,
         asked: &Receiver<Asked>,
-        stop: &AtomicBool,
+        (stop, each): (&AtomicBool, fn()),
     ) -> Vec<String> {
         let (mut shown, mut stopping, mut notes) = (self.start, false, Notes::default());
         while !driver.is_finished(stopping) {
+            each();
             let pause = if self.loading.is_some() { LOOK } else { PAUSE };
             let first = asked.recv_timeout(pause).ok();
             self.tell_faults();
@@ -347,81 +353,6 @@ impl Attended {
         }
     }
 
-    /// Puts a graph that was loaded in place of the one that runs, if it can be.
-    fn take(&mut self, driver: &Drivers, wish: Wish, loaded: Loaded, loading: &Loading, says: Says) {
-        self.known = loaded.known;
-        let taken = match loaded.result {
-            Ok(ready) => self.put(driver, ready, loading, says),
-            Err(wrong) => {
-                show(&wrong, says);
-                says.refusal("the graph stays as it was\n");
-                None
-            }
-        };
-        let Some(taken) = taken else {
-            return self.give_up(wish);
-        };
-        self.arguments.set = loaded.set;
-        self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
-        self.parameters = loaded.parameters;
-        match wish {
-            Wish::Set { name, value, by } => {
-                let default = self.parameters.iter().find(|(known, _)| *known == name);
-                let default = default.and_then(|(_, text)| text.clone());
-                self.typed.retain(|(known, _)| *known != name);
-                self.typed.push((name.clone(), default));
-                // A file that was saved just before is still seen by the watch, for what else follows from that; it may
-                // find that this graph runs already.
-                if let Some(watch) = &mut self.watch {
-                    watch.also(taken.watch);
-                }
-                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
-                    self.keep(&taken.graph, taken.change);
-                }
-                self.note(true, name, &value, by);
-            }
-            Wish::Saved => {
-                // A changed graph may read other files.
-                if let Some(watch) = &mut self.watch {
-                    watch.turn_to(taken.watch);
-                }
-                if taken.change != Change::Settings(0) {
-                    self.keep(&taken.graph, taken.change);
-                }
-            }
-        }
-    }
-
-    /// Keeps the files of a graph that was saved, so that the run can be understood.
-    fn keep(&mut self, graph: &Graph, change: Change) {
-        // A fader may change the graph a hundred times a second.
-        if self.saved.len() >= History::MOST {
-            return;
-        }
-        let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
-        let folder = self.folder.join(&place);
-        let written = fs::create_dir_all(&folder).and_then(|()| {
-            for (number, source) in graph.sources().iter().enumerate() {
-                let name = source.path.file_name().unwrap_or_default().to_string_lossy();
-                let file = match folder.join(&*name) {
-                    file if file.exists() => folder.join(format!("{number}-{name}")),
-                    file => file,
-                };
-                fs::write(file, source.text.as_bytes())?;
-            }
-            Ok(())
-        });
-        if let Err(error) = written {
-            remark(&format!(
-                "the saved graph is not kept in {}: {error}\n",
-                place.display()
-            ));
-        }
-        let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
-        self.saved
-            .push(json!({ "at_s": at_s, "what": what(change), "graph": place.to_string_lossy() }));
-    }
-
     fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
         let Ok(number) = value.parse::<f64>() else {
             says.refusal(&format!("`{value}` is not a number\n"));
@@ -449,74 +380,6 @@ impl Attended {
             remark(&format!("{} = {}\n", live.name(), live.value));
         }
     }
-
-    /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
-    fn put(&mut self, driver: &Drivers, ready: Ready, loading: &Loading, says: Says) -> Option<Taken> {
-        let graph = ready.graph;
-        if says == Says::Everything {
-            show(&warnings(&graph), says);
-        }
-        let lack = ready.wanted.and_then(|wanted| match driver.lack(&wanted) {
-            Some(what) => Err(format!("it asks for {what} now, and that needs a new run")),
-            None => ready.own_files,
-        });
-        let guarded = match says < Says::Everything && ready.guards != self.guards {
-            true => {
-                Err("an actuator's limit or device would change, and that is not done from afar".to_owned())
-            }
-            false => Ok(()),
-        };
-        let changed = lack.and(guarded).and_then(|()| self.change(&graph));
-        let changed = match changed {
-            Ok(changed) => changed,
-            Err(why) => {
-                says.refusal(&format!("the graph stays as it was: {why}\n"));
-                return None;
-            }
-        };
-        // The file may have been edited meanwhile, so another graph is always told of.
-        if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
-            remark(&told(&changed, loading.took()));
-        }
-        for change in ready.guards.changes(&self.guards) {
-            remark(&format!("{change}\n"));
-        }
-        self.guards = ready.guards;
-        let before = std::mem::replace(&mut self.texts, ready.texts);
-        Some(Taken {
-            is_saved: before != self.texts,
-            graph,
-            change: changed.change,
-            watch: ready.watch,
-        })
-    }
-
-    /// Connects what a graph is connected to, and hands it to the drivers.
-    fn change(&mut self, graph: &Graph) -> Result<Changed, String> {
-        let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
-        match self.session.change(graph, &self.folder) {
-            Ok(changed) => {
-                self.network.rename_for(graph);
-                self.changes += 1;
-                self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
-                Ok(changed)
-            }
-            Err(error) => {
-                self.network.let_go(connected);
-                Err(error.to_string())
-            }
-        }
-    }
-}
-
-/// A graph that took over.
-struct Taken {
-    graph: Graph,
-    change: Change,
-    /// Of its files, as they were when it was loaded.
-    watch: Watch,
-    /// Are its texts others than those of the graph before?
-    is_saved: bool,
 }
 
 /// How time is kept, by driver where there are several, and how the rings between them are.
@@ -544,31 +407,5 @@ fn status(session: &mut Session, heard: impl Iterator<Item = RingReport>) -> Str
 fn show(findings: &Diagnostics, says: Says) {
     if !findings.list.is_empty() {
         says.refusal(&render(findings, std::io::stderr().is_terminal()));
-    }
-}
-
-fn told(changed: &Changed, took: Duration) -> String {
-    let mut text = what(changed.change);
-    for (paths, what) in [
-        (&changed.begun, "begins"),
-        (&changed.ended, "is complete"),
-        (&changed.left_out, "holds other signals and is not begun again"),
-    ] {
-        for path in paths {
-            let name = path.file_name().unwrap_or(path.as_os_str()).display();
-            text += &format!("; {name} {what}");
-        }
-    }
-    text + &format!(" ({:.0} ms)\n", took.as_secs_f64() * 1e3)
-}
-
-fn what(change: Change) -> String {
-    match change {
-        Change::Settings(0) => "nothing changed".to_owned(),
-        Change::Settings(1) => "a setting changed".to_owned(),
-        Change::Settings(count) => format!("{count} settings changed"),
-        Change::CrossFade => "the graph changed, cross-faded".to_owned(),
-        Change::AtOnce => "the graph changed".to_owned(),
-        Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
     }
 }

@@ -20,7 +20,7 @@ impl Role {
     }
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 struct Endpoint {
     name: String,
     kind: &'static str,
@@ -29,7 +29,7 @@ struct Endpoint {
 }
 
 /// The devices of a run, by role.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Endpoints {
     list: Vec<Endpoint>,
     /// Real devices are reached by live runs only.
@@ -49,9 +49,34 @@ impl Endpoints {
         let outputs = graph
             .driven_devices()
             .map(|device| endpoint(device, Role::Output));
-        let mut list: Vec<Endpoint> = inputs.chain(outputs).collect();
-        list.sort_by(|a, b| (a.role.as_str(), &a.name).cmp(&(b.role.as_str(), &b.name)));
-        Self { list, is_live }
+        let list = inputs.chain(outputs).collect();
+        let mut endpoints = Self { list, is_live };
+        endpoints.sort();
+        endpoints
+    }
+
+    fn sort(&mut self) {
+        self.list
+            .sort_by(|a, b| (a.role.as_str(), &a.name, a.kind).cmp(&(b.role.as_str(), &b.name, b.kind)));
+    }
+
+    /// Those of a graph that took over are the run's too.
+    pub fn add(&mut self, graph: &Graph) {
+        for endpoint in Self::of(graph, self.is_live).list {
+            if !self.list.contains(&endpoint) {
+                self.list.push(endpoint);
+            }
+        }
+        self.sort();
+    }
+
+    /// The facts of a run that are about its devices.
+    pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
+        [
+            ("devices", "Devices", self.to_json()),
+            ("simulated", "Simulated", json!(self.any_simulated())),
+            ("real_devices", "Real devices", json!(self.any_real())),
+        ]
     }
 
     fn which(&self, simulated: bool) -> impl Iterator<Item = &Endpoint> {
@@ -140,6 +165,10 @@ mod tests {
     use haptograph::engine::graph::{CheckOptions, check};
 
     fn endpoints(stylus: &str, coil: &str, is_live: bool) -> Endpoints {
+        Endpoints::of(&graph(stylus, coil), is_live)
+    }
+
+    fn graph(stylus: &str, coil: &str) -> Graph {
         let text = format!(
             r#"Graph(format: 1, 
             clocks: {{ "servo": Driver(rate_hz: 125), "audio": Driver(rate_hz: 48000) }},
@@ -152,8 +181,7 @@ mod tests {
         );
         let document = Document::parse("g.ron", &text).unwrap();
         let registry = haptograph::nodes::registry();
-        let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
-        Endpoints::of(&graph, is_live)
+        check(&document, &registry, &CheckOptions::default()).unwrap()
     }
 
     #[test]
@@ -184,6 +212,12 @@ mod tests {
             (&json!("SimulatedHaptuator"), &json!(true), &json!(true))
         );
         assert!(matches!(mixed.simulation(), Simulation::Some(_)));
+        let mut grown = endpoints(tablet, coil, true);
+        grown.add(&graph(osc, coil));
+        grown.add(&graph(osc, coil));
+        let kinds: Vec<&str> = grown.list.iter().map(|endpoint| endpoint.kind).collect();
+        assert_eq!(kinds, ["OscDevice", "SimulatedTablet", "SimulatedHaptuator"]);
+        assert!(grown.any_real() && grown.any_simulated());
         assert_eq!(endpoints(osc, card, true).simulation(), Simulation::None);
     }
 }

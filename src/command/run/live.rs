@@ -22,14 +22,15 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Instant;
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    run_with(arguments, stop_on_interrupt, Loader::new(loading::load))
+    run_with(arguments, stop_on_interrupt, (Loader::new(loading::load), || ()))
 }
 
-/// Runs until what `stopping` gives is set, and takes over what `loader` loads.
+/// Runs until what `stopping` gives is set, takes over what `loader` loads, and does `each` whenever it looks after the
+/// run: this is where tests come in.
 fn run_with(
     arguments: &Arguments,
     stopping: impl FnOnce() -> Result<Arc<AtomicBool>, Failure>,
-    loader: Loader,
+    (loader, each): (Loader, fn()),
 ) -> Result<(), Failure> {
     let arguments = Arguments {
         graph: arguments.graph.for_live()?,
@@ -77,7 +78,7 @@ fn run_with(
         (session, network),
         (watch, parameters, loader),
     );
-    let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, &stop));
+    let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, (&stop, each)));
     let panicked = match catch_unwind(attending) {
         Ok(said) => {
             notes.extend(said);
@@ -146,6 +147,7 @@ fn run_with(
     }
     let panicked = panicked || ended.panicked || !attended.faults.is_empty();
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
+    summary.set_endpoints(attended.endpoints);
     facts.extend(facts_of(&ended));
     facts.push(("faults", "Panics of haptograph", json!(attended.faults)));
     notes.extend(warnings_of(&ended));
@@ -228,7 +230,7 @@ mod tests {
     use crate::command::run::loading::Loaded;
     use clap::Parser;
     use std::fs;
-    use std::sync::atomic::Ordering;
+    use std::sync::atomic::{AtomicU32, Ordering};
     use std::time::Duration;
 
     #[derive(Parser)]
@@ -252,12 +254,28 @@ mod tests {
         }
     }
 
+    /// What came of a run, what was delivered in it, and its facts.
+    struct Ended {
+        result: Result<(), Failure>,
+        given: Vec<f64>,
+        facts: serde_json::Value,
+    }
+
+    impl Ended {
+        /// That the actuator fell to zero, in a hundredth of a second and not at once, and that the files go as far.
+        fn assert_ramped_down(&self) {
+            let given = &self.given;
+            let fall = &given[given.len().saturating_sub(20)..];
+            let steps = fall.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            assert!(steps.fold(0.0, f64::max) <= 0.11 && fall[0] == 1.0, "{fall:?}");
+            assert!(fall[fall.len() - 1] <= 0.11, "{fall:?}");
+            assert_eq!(self.facts["driver_frames"], given.len());
+            assert!(self.facts["stopped"] == true && self.facts["seconds"].as_f64().unwrap() < 30.0);
+        }
+    }
+
     /// Runs with a loader that does `work`, and saves the graph until `until` is so; then stops if it runs still.
-    /// Returns what came of it, what was delivered at the end, and the facts of the run.
-    fn run_with_saves(
-        work: fn(Job) -> Loaded,
-        until: impl Fn() -> bool + Send + 'static,
-    ) -> (Result<(), Failure>, f64, serde_json::Value) {
+    fn run_with_saves(work: (fn(Job) -> Loaded, fn()), until: impl Fn() -> bool + Send + 'static) -> Ended {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::write(at("g.ron"), GRAPH).unwrap();
@@ -277,31 +295,54 @@ mod tests {
             }
             stops.store(true, Ordering::Relaxed);
         });
-        let ended = run_with(&Line::parse_from(line).run, || Ok(stop), Loader::new(work));
+        let around = (Loader::new(work.0), work.1);
+        let result = run_with(&Line::parse_from(line).run, || Ok(stop), around);
         saver.join().unwrap();
         let given = fs::read_to_string(at("out/given.csv")).unwrap();
-        let last = given
-            .lines()
-            .last()
-            .and_then(|line| line.rsplit(',').next()?.parse().ok());
+        let cells = given.lines().skip(1).map(|line| line.rsplit(',').next().unwrap());
         let facts = fs::read_to_string(at("out/run.json")).unwrap();
-        (ended, last.unwrap(), serde_json::from_str(&facts).unwrap())
+        Ended {
+            result,
+            given: cells.map(|cell| cell.parse().unwrap()).collect(),
+            facts: serde_json::from_str(&facts).unwrap(),
+        }
     }
 
     #[test]
     fn a_graph_that_loads_for_ever_holds_up_no_stop() {
-        let (ended, last, facts) = run_with_saves(hang, || LOADS.load(Ordering::Relaxed));
-        assert!(ended.is_ok());
+        let ended = run_with_saves((hang, || ()), || LOADS.load(Ordering::Relaxed));
+        assert!(ended.result.is_ok());
         assert!(LOADS.load(Ordering::Relaxed));
-        assert!(last < 0.2, "{last} is not what a stop leaves");
-        assert!(facts["stopped"] == true && facts["seconds"].as_f64().unwrap() < 30.0);
+        ended.assert_ramped_down();
     }
 
     #[test]
     fn a_panic_while_a_graph_loads_stops_the_actuators_and_keeps_the_files() {
-        let (ended, last, facts) = run_with_saves(|_| panic!("on purpose"), || false);
-        assert!(matches!(ended, Err(Failure::Message(_))));
-        assert!(last < 0.2, "{last} is not what a stop leaves");
-        assert!(facts["stopped"] == true && facts["seconds"].as_f64().unwrap() < 30.0);
+        let ended = run_with_saves((|_| panic!("on purpose"), || ()), || false);
+        assert!(matches!(ended.result, Err(Failure::Message(_))));
+        ended.assert_ramped_down();
+    }
+
+    /// Rounds in which the run was looked after, of the one test that counts them.
+    static ROUNDS: AtomicU32 = AtomicU32::new(0);
+
+    fn panic_later() {
+        if ROUNDS.fetch_add(1, Ordering::Relaxed) == 10 {
+            panic!("on purpose");
+        }
+    }
+
+    #[test]
+    fn a_panic_of_what_looks_after_the_run_stops_the_actuators_and_keeps_the_files() {
+        let ended = run_with_saves((loading::load, panic_later), || false);
+        assert!(ROUNDS.load(Ordering::Relaxed) > 10);
+        let Err(Failure::Message(said)) = &ended.result else {
+            panic!("it succeeded");
+        };
+        assert!(said.contains("panicked"), "{said}");
+        let warnings = ended.facts["warnings"].as_array().unwrap();
+        let is_said = |warning: &serde_json::Value| warning.as_str().unwrap().contains("haptograph panicked");
+        assert!(warnings.iter().any(is_said), "{warnings:?}");
+        ended.assert_ramped_down();
     }
 }

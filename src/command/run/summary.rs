@@ -60,9 +60,6 @@ impl Summary {
             ("seconds", "Seconds", json!(outcome.seconds)),
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
-            ("devices", "Devices", endpoints.to_json()),
-            ("simulated", "Simulated", json!(endpoints.any_simulated())),
-            ("real_devices", "Real devices", json!(endpoints.any_real())),
             ("block", "Block (driver frames)", json!(arguments.block)),
             ("threads", "Threads", json!(arguments.threads)),
             ("took_s", "Time taken (s)", json!((took_s * 1e4).round() / 1e4)),
@@ -73,6 +70,7 @@ impl Summary {
             ),
             ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
         ];
+        facts.extend(endpoints.facts());
         if !rings.is_empty() {
             facts.push(("rings", "Rings", Value::Object(rings)));
         }
@@ -95,6 +93,16 @@ impl Summary {
     pub fn add(&mut self, facts: Vec<(&'static str, &'static str, Value)>, warnings: Vec<String>) {
         self.facts.extend(facts);
         self.warnings.extend(warnings);
+    }
+
+    /// The run had these devices: graphs with others took over.
+    pub fn set_endpoints(&mut self, endpoints: Endpoints) {
+        let facts = endpoints.facts();
+        self.facts
+            .retain(|(key, ..)| facts.iter().all(|(new, ..)| new != key));
+        self.facts.extend(facts);
+        self.simulation = endpoints.simulation();
+        self.endpoints = endpoints;
     }
 
     pub fn simulation(&self) -> &Simulation {
