@@ -102,3 +102,44 @@ pub(crate) fn folder(sources: &Sources, id: SourceId) -> PathBuf {
     let parent = |source: &Source| source.path.parent().map(Path::to_path_buf);
     sources.get(id).and_then(parent).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The codes of what is wrong with a graph that includes files of these lengths, where all may have 2000 bytes.
+    fn codes(lengths: [usize; 2]) -> Vec<&'static str> {
+        let folder = std::env::temp_dir().join(format!(
+            "haptograph-includes-{}-{}-{}",
+            lengths[0],
+            lengths[1],
+            std::process::id()
+        ));
+        std::fs::create_dir_all(&folder).unwrap();
+        let includes = r#"Graph(format: 1, include: ["a.ron", "b.ron"], clocks: {}, nodes: {})"#;
+        for (name, length) in [("a.ron", lengths[0]), ("b.ron", lengths[1])] {
+            let text = "Parts(format: 1, templates: {})".to_owned();
+            let text = text.clone() + &" ".repeat(length - text.len());
+            std::fs::write(folder.join(name), text).unwrap();
+        }
+        std::fs::write(folder.join("g.ron"), includes).unwrap();
+        let options = LoadOptions { max_bytes: 2000 };
+        let loaded = Document::load(&folder.join("g.ron"), &options);
+        std::fs::remove_dir_all(&folder).unwrap();
+        let findings = match loaded {
+            Ok(document) => document.findings,
+            Err(wrong) => wrong.list,
+        };
+        findings.iter().map(|finding| finding.code).collect()
+    }
+
+    #[test]
+    fn a_graph_and_all_that_it_includes_have_one_bound() {
+        let graph = r#"Graph(format: 1, include: ["a.ron", "b.ron"], clocks: {}, nodes: {})"#.len();
+        let left = 2000 - graph;
+        assert_eq!(codes([left - 100, 100]), Vec::<&str>::new());
+        // Each would fit alone.
+        assert_eq!(codes([left - 100, 101]), ["E0108"]);
+        assert_eq!(codes([left + 1, 100]), ["E0108"]);
+    }
+}
