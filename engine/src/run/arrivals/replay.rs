@@ -6,6 +6,7 @@ use super::super::fleet::Fleet;
 use super::super::glide::{Glide, Glides};
 use super::super::link::{LinkReader, LinkWriter};
 use super::super::live::FADE_S;
+use super::super::silence::SilenceGate;
 use super::inputs::scripts;
 use super::rows::Lines;
 use super::{
@@ -326,6 +327,10 @@ impl Fleet {
         for (driver, (plan, run)) in plans.iter().zip(self.runs_mut()).enumerate() {
             for (place, script) in scripts(graph, plan, (folder, driver), bounds)? {
                 run.state.devices[place].script = Some(script);
+            }
+            // Nothing was heard yet, whatever these devices told this process before.
+            for place in gated(plan) {
+                run.state.actuators[place].gate = SilenceGate::new(false);
             }
         }
         Ok(())
