@@ -1,0 +1,187 @@
+//! What is told from afar while a graph runs, and stops that nothing holds up.
+
+use super::*;
+
+/// How long a run may go on after a stop, by its own frames, s: a stop is acted on in its next callback.
+#[cfg(unix)]
+const MOST_RUN_ON_S: f64 = 2.0;
+
+/// Sends packets to where a run listens for settings.
+fn teller(run: &Running) -> impl Fn(&[u8]) + use<> {
+    let said = run.said();
+    let (_, rest) = said.split_once("Open Sound Control at ").unwrap();
+    let address = rest.lines().next().unwrap().to_owned();
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    move |bytes| assert_eq!(socket.send_to(bytes, &address).unwrap(), bytes.len())
+}
+
+#[test]
+fn settings_are_told_by_open_sound_control() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let arguments = [
+        "run",
+        "tone.ron",
+        "--live",
+        "--osc",
+        "127.0.0.1:0",
+        "--out",
+        "out",
+    ];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let tell = teller(&run);
+    tell(&osc("/loud/gain", 0.5));
+    tell(b"nonsense");
+    for _ in 0..3 {
+        tell(&osc("/loud/gian", 1.0));
+    }
+    run.wait_for("did you mean `loud.gain`");
+    tell(&osc("/loudness", 0.75));
+    tell(&osc("/nobody", 0.75));
+    run.wait_for("no parameter `nobody`");
+    // The graph is loaded for the parameter, which then takes 20 ms to get there.
+    std::thread::sleep(Duration::from_millis(300));
+    let told = run.stop();
+    assert_eq!(told.matches("did you mean").count(), 1, "{told}");
+    let out = folder.path().join("out");
+    let facts = facts(&out);
+    let set: Vec<&str> = facts["set_while_running"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|set| set.as_str())
+        .collect();
+    assert!(
+        set[0].ends_with("loud.gain=0.5 (OSC)") && set[1].ends_with("loudness=0.75 (OSC)"),
+        "{set:?}"
+    );
+    assert_eq!((set.len(), &facts["osc_malformed"]), (2, &serde_json::json!(1)));
+    assert_eq!(samples(&out.join("loud.wav")).last(), Some(&0.75));
+}
+
+#[test]
+fn no_limit_is_changed_from_afar() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = r#"Graph(format: 1, parameters: { "most": 0.5, "strong": 2.9 }, clocks: { "audio": Driver(rate_hz: 10000) },
+        nodes: {
+            "two": Constant(clock: "audio", value: 2, quantity: "current"),
+            "out": ActuatorSink(current: "two", endpoint: "a", limit: (peak_a: Param("most"), continuous_a: Param("most"))),
+            "file": CsvSink(inputs: ["out.delivered"], file: "given.csv"),
+        },
+        endpoints: { "simulated": { "a": SimulatedHaptuator(force_n_per_a: Param("strong")) } })"#;
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    let arguments = ["run", "g.ron", "--live", "--osc", "127.0.0.1:0", "--out", "out"];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    teller(&run)(&osc("/most", 2.0));
+    run.wait_for("an actuator's limit or device would change");
+    // What the device is set to says what its numbers mean: an amplifier's full scale, here what a coil does of a current.
+    teller(&run)(&osc("/strong", 29.0));
+    run.wait_for_times("an actuator's limit or device would change", 2);
+    // Who sits there may, and is told.
+    run.type_line("set most=0.4");
+    run.wait_for("limit of `out`: peak 0.5 -> 0.4 A");
+    run.stop();
+    let given = fs::read_to_string(folder.path().join("out/given.csv")).unwrap();
+    let most = given
+        .lines()
+        .skip(1)
+        .filter_map(|line| line.rsplit(',').next()?.parse::<f64>().ok());
+    assert!(most.fold(0.0, f64::max) <= 0.5);
+}
+
+/// A text that is told.
+fn osc_text(address: &str, text: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for text in [address, ",s", text] {
+        bytes.extend(text.bytes());
+        bytes.resize(bytes.len() / 4 * 4 + 4, 0);
+    }
+    bytes
+}
+
+/// A ctrl-C, and how long the run goes on after it, by its own frames, s. Machines stall; what is allowed for that is
+/// little beside what a load takes that holds up a stop.
+#[cfg(unix)]
+fn interrupt(mut run: Running, out: &Path) -> (String, f64) {
+    let before_s = run.started.elapsed().as_secs_f64();
+    let pid = run.child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert!(run.child.wait().unwrap().success(), "{}", run.said());
+    let ran_on_s = facts(out)["seconds"].as_f64().unwrap() - before_s;
+    (run.said(), ran_on_s)
+}
+
+#[cfg(unix)]
+#[test]
+fn a_surface_that_never_comes_holds_up_no_stop_and_none_is_named_from_afar() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo");
+    assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let (graph, fifo) = (shipped("texturepad.ron"), fifo.display().to_string());
+    let arguments = ["run", &graph, "--live", "--endpoints", "simulated"];
+    let more = ["--osc", "127.0.0.1:0", "--out", "out"];
+    let mut run = Running::start(folder.path(), &[&arguments[..], &more].concat());
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let tell = teller(&run);
+    for path in [&fifo, "fifo", "/dev/zero", "/dev/stdin", "../fifo", "\"fifo\""] {
+        tell(&osc_text("/surface", path));
+    }
+    run.wait_for("`surface` stays: from afar");
+    run.type_line("set surface=/dev/stdin");
+    run.type_line(&format!("set surface={fifo}"));
+    std::thread::sleep(Duration::from_millis(200));
+    let out = folder.path().join("out");
+    let (said, ran_on_s) = interrupt(run, &out);
+    assert!(ran_on_s < MOST_RUN_ON_S, "{ran_on_s} s: {said}");
+    let facts = facts(&out);
+    assert_eq!((&facts["changes"], &facts["stopped"]), (&0.into(), &true.into()));
+}
+
+#[cfg(unix)]
+#[test]
+fn what_the_graph_does_not_have_is_not_looked_for_in_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("tone.ron"), TONE).unwrap();
+    let arguments = [
+        "run",
+        "tone.ron",
+        "--live",
+        "--osc",
+        "127.0.0.1:0",
+        "--out",
+        "out",
+    ];
+    let mut run = Running::start(folder.path(), &arguments);
+    run.wait_for("Open Sound Control at 127.0.0.1:");
+    let tell = teller(&run);
+    // To look would be to find something wrong.
+    fs::write(folder.path().join("tone.ron"), "Graph(").unwrap();
+    for number in 0..400 {
+        tell(&osc(&format!("/p{number}"), 1.0));
+    }
+    for hostile in [
+        "(((((((",
+        "[1",
+        "Param(\"loudness\")",
+        "1), gain: (9",
+        "\u{202e}x",
+    ] {
+        tell(&osc_text("/loudness", hostile));
+    }
+    for number in [f32::NAN, f32::INFINITY, -1e30] {
+        tell(&osc("/loud/gain", number));
+    }
+    run.wait_for("no parameter `p");
+    let (said, ran_on_s) = interrupt(run, &folder.path().join("out"));
+    assert!(ran_on_s < MOST_RUN_ON_S, "{ran_on_s} s: {said}");
+    assert!(!said.contains("E01"), "{said}");
+    assert_eq!(facts(&folder.path().join("out"))["changes"], 0);
+}
