@@ -75,10 +75,7 @@ fn recover_completes_the_move_of_a_complete_run_and_replaces_nothing_of_others()
     let probe = at("elsewhere/x.csv");
     fs::create_dir(at("elsewhere")).unwrap();
     fs::write(&probe, "mine").unwrap();
-    let moves = format!(
-        r#"{{"inside": false, "earlier": null, "probes": [{:?}, "/etc/forged"]}}"#,
-        probe
-    );
+    let moves = format!(r#"{{"inside": false, "earlier": null, "probes": [{probe:?}, "/etc/forged"]}}"#);
     for (name, text) in [
         (".haptograph-partial", "{}"),
         (".haptograph-moves", &moves),

@@ -228,12 +228,9 @@ impl InputScript {
         if tick as f64 > self.most_ticks {
             return Err(self.lines.implausible("its tick is after the end of the run"));
         }
-        let limits = values.iter().zip(&self.limits);
-        // Also where a value is not a number.
-        if let Some((value, limit)) = limits
-            .into_iter()
-            .find(|(value, limit)| !(value.abs() <= **limit))
-        {
+        let mut limits = values.iter().zip(&self.limits);
+        let is_beyond = |(value, limit): &(&f64, &f64)| value.is_nan() || value.abs() > **limit;
+        if let Some((value, limit)) = limits.find(is_beyond) {
             let why = format!("{value:e} is beyond {limit:e} in its SI unit, which no device senses");
             return Err(self.lines.implausible(why));
         }

@@ -286,7 +286,7 @@ fn damaged_and_forged_callbacks_are_refused_at_their_line() {
         "\0\0\0".to_owned(),
         String::new(),
     ] {
-        assert_eq!(third(&line), Some(3), "{:.40}", line);
+        assert_eq!(third(&line), Some(3), "{line:.40}");
     }
     let longer = |more: &[u8]| with(&[right.as_bytes(), more].concat());
     assert_eq!(longer(b"\xff\xfe\n"), Some(end + 1));
