@@ -12,12 +12,17 @@
 //! ```
 //!
 //! and a start whose bound exceeds what is known to reach t need not be looked at. The idea is that of PELT (Killick, Fearnhead
-//! and Eckley 2012), but works as well where nothing ever changes.
+//! and Eckley 2012), but works as well where nothing ever changes. The bounds of all starts grow by the same surprise from one
+//! [`mark`](MARK) to the next, so a heap ordered by what they exceed it by yields those that may matter, and the others cost nothing: the
+//! search takes time in proportion to the signal's length where its character changes, and little more where it does not.
 
 use super::objective::{Objective, put_lane};
 use super::variance::{Estimator, LANES, Lanes, Scratch, end_size};
+use bounds::{Bounds, Marks};
 use std::array::from_fn;
 use std::f64::consts::TAU;
+
+mod bounds;
 
 /// A prefix of the signal, segmented.
 #[derive(Debug, Clone, Copy)]
@@ -29,8 +34,9 @@ struct Prefix {
     from_prefix: usize,
 }
 
-/// Starts this many grid points before an end are always rated: their least surprise carries the bounds of all others forward.
-const RECENT: usize = 32;
+/// Starts at most this many grid points before an end are always rated: their least surprise carries the bounds of all others forward
+/// from mark to mark, which lie as far apart.
+const MARK: usize = 32;
 
 /// The first samples of the second and later segments of the best segmentation whose breaks are multiples of the moments' step.
 pub(super) fn best_on_grid<E: Estimator>(objective: &Objective<'_, E>) -> Vec<usize> {
@@ -54,8 +60,10 @@ struct Search<'a, E> {
     /// What it knows of the end at hand.
     ends: Vec<Lanes>,
     discounts: Discounts,
-    /// Least surprise from each of the last [`RECENT`] grid points, the latest first, to the end at hand.
-    surprise_since: [f64; RECENT + 1],
+    /// Least surprise from each of the last [`MARK`] grid points, the latest first, to the end at hand.
+    surprise_since: [f64; MARK + 1],
+    bounds: Bounds,
+    marks: Marks,
     /// The cheapest way known to reach the end at hand: cost and number of segments.
     incumbent: (f64, usize),
     /// Starts through which the end at hand was rated, and the cost of reaching it.
@@ -70,11 +78,9 @@ struct Block {
     first_samples: Lanes,
     /// Cost of the cheapest prefix that ends at each start; infinite where there is none.
     before: Lanes,
-    /// At most the cost of reaching grid point `bounded_at` through each start.
-    bound: Lanes,
+    /// At most the cost of reaching grid point `bounded_at` through any of the starts.
+    bound: f64,
     bounded_at: usize,
-    /// At most the cost of reaching the end at hand through any of them.
-    lowest: f64,
 }
 
 /// Rates all starts that may matter for one end, with the widest vectors the processor has.
@@ -90,26 +96,33 @@ impl<E: Estimator> pulp::WithSimd for RateStarts<'_, '_, E> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let Self { end, search } = self;
         let recent = if E::SUPERADDITIVE {
-            end.saturating_sub(RECENT) / LANES
+            end.saturating_sub(MARK) / LANES
         } else {
             0
         };
-        let mut most_promising = 0;
-        for turn in (0..end.div_ceil(LANES)).rev() {
-            let mut block = turn;
-            if turn < recent {
-                // The most promising one swaps places with the first in turn, because the incumbent is what all are measured by.
-                if turn + 1 == recent {
-                    most_promising = search.carry_bounds(recent, end);
-                    block = most_promising;
-                } else if turn == most_promising {
-                    block = recent - 1;
-                }
-                if !search.may_matter(block) {
-                    continue;
-                }
-            }
+        for block in (recent..end.div_ceil(LANES)).rev() {
             search.rate(block, end);
+        }
+        if !E::SUPERADDITIVE {
+            return;
+        }
+        search.bounds.take_in(recent);
+        if end.is_multiple_of(MARK) {
+            search.pass_mark(end);
+        }
+        // The most promising first, because the incumbent is what all are measured by.
+        while let Some(block) = search.next_waiting(end) {
+            search.rate(block, end);
+            search.bounds.renew(block);
+        }
+        for index in 0..search.bounds.fresh().len() {
+            let block = search.bounds.fresh()[index];
+            let Block {
+                bound, bounded_at, ..
+            } = search.blocks[block];
+            if bounded_at < end && bound + search.surprise_since[end - bounded_at] < search.limit() {
+                search.rate(block, end);
+            }
         }
     }
 }
@@ -123,9 +136,8 @@ impl<'a, E: Estimator> Search<'a, E> {
         let block = Block {
             first_samples: Lanes::splat(samples as f64),
             before: Lanes::splat(f64::INFINITY),
-            bound: Lanes::splat(f64::NEG_INFINITY),
+            bound: f64::NEG_INFINITY,
             bounded_at: 0,
-            lowest: f64::NEG_INFINITY,
         };
         let mut blocks = vec![block; positions.len().div_ceil(LANES)];
         let mut starts = vec![Lanes::default(); blocks.len() * size];
@@ -154,7 +166,9 @@ impl<'a, E: Estimator> Search<'a, E> {
             starts,
             ends: vec![Lanes::default(); size],
             discounts: Discounts::new(objective, &positions),
-            surprise_since: [0.0; RECENT + 1],
+            surprise_since: [0.0; MARK + 1],
+            bounds: Bounds::default(),
+            marks: Marks::new::<E>(moments, &positions),
             incumbent: (f64::INFINITY, 1),
             reached: vec![],
             scratch: Scratch::new(moments.order),
@@ -177,32 +191,49 @@ impl<'a, E: Estimator> Search<'a, E> {
         self.keep_candidates(end);
     }
 
-    /// Carries the bounds of the first blocks forward to `end`; returns the block with the lowest one.
-    #[inline(always)]
-    fn carry_bounds(&mut self, blocks: usize, end: usize) -> usize {
-        let mut most_promising = 0;
-        for index in 0..blocks {
-            let block = &mut self.blocks[index];
-            let since = self.surprise_since[end - block.bounded_at];
-            block.lowest = block.bound.0.iter().fold(f64::INFINITY, |least, &b| least.min(b)) + since;
-            if end - block.bounded_at == RECENT {
-                block.bound = block.bound + Lanes::splat(since);
-                block.bounded_at = end;
-            }
-            if block.lowest < self.blocks[most_promising].lowest {
-                most_promising = index;
-            }
+    /// Carries all bounds forward to the mark `end`.
+    fn pass_mark(&mut self, end: usize) {
+        let since_last = self.surprise_since[MARK.min(end)];
+        for block in self.bounds.pass_mark(end, since_last) {
+            let Block {
+                bound, bounded_at, ..
+            } = &mut self.blocks[block];
+            *bound += self.surprise_since[end - *bounded_at];
+            *bounded_at = end;
+            self.bounds.push(block, *bound);
         }
-        most_promising
     }
 
-    /// Whether a start of the block may lead to a prefix worth keeping: one cheaper than the incumbent, or dearer by less than the break term can
-    /// refund for the incumbent's every segment.
+    /// What a prefix worth keeping costs less than: the incumbent, and what the break term can refund for the incumbent's every segment.
     #[inline(always)]
-    fn may_matter(&self, block: usize) -> bool {
+    fn limit(&self) -> f64 {
         let (cost, segments) = self.incumbent;
         // The last term covers the rounding of the sums that make a bound.
-        self.blocks[block].lowest < cost + (segments as f64).ln() + 1e-9 * (1.0 + cost.abs())
+        cost + (segments as f64).ln() + 1e-9 * (1.0 + cost.abs() + self.bounds.carried().abs())
+    }
+
+    /// The most promising of the blocks that were not rated since the latest mark, if it may matter.
+    #[inline(always)]
+    fn next_waiting(&mut self, end: usize) -> Option<usize> {
+        let mark = self.bounds.mark();
+        let limit = self.limit() - self.surprise_since[end - mark];
+        while let Some((block, bound)) = self.bounds.pop_below(limit) {
+            let Block {
+                bound: rated,
+                bounded_at,
+                ..
+            } = self.blocks[block];
+            let (scratch, variances) = (&mut self.scratch, &mut self.variances);
+            let since = self
+                .marks
+                .surprise(bounded_at, mark, self.objective, scratch, variances);
+            let tightened = bound.max(rated + since);
+            if tightened < limit {
+                return Some(block);
+            }
+            self.bounds.push(block, tightened);
+        }
+        None
     }
 
     /// The cost of reaching `end` through each of a block's starts.
@@ -233,21 +264,23 @@ impl<'a, E: Estimator> Search<'a, E> {
         let clear = self.objective.min_span.max(2 * self.objective.moments.order) as f64;
         let least_variance = self.variances[self.variances.len() - 1];
         block.bounded_at = end;
+        block.bound = f64::INFINITY;
         for l in 0..LANES {
             let start = index * LANES + l;
             let cost = block.before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln();
-            block.bound.0[l] = if spans.0[l] >= clear {
+            let bound = if spans.0[l] >= clear {
                 cost
             } else {
                 f64::NEG_INFINITY
             };
+            block.bound = block.bound.min(bound);
             if cost < f64::INFINITY {
                 self.reached.push((start, cost));
                 if cost < self.incumbent.0 {
                     self.incumbent = (cost, self.prefixes[start][0].segments + 1);
                 }
             }
-            if E::SUPERADDITIVE && start < end && end - start <= RECENT {
+            if E::SUPERADDITIVE && start < end && end - start <= MARK {
                 let span = self.positions[end] - self.positions[start];
                 self.surprise_since[end - start] = self.objective.surprise(least_variance.0[l], span);
             }

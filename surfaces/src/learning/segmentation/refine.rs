@@ -3,6 +3,7 @@
 
 use super::objective::Objective;
 use super::variance::Estimator;
+use std::collections::HashSet;
 
 /// Breaks that no single move within `reach` samples, no removal and no replacement of two close neighbours by one improves.
 pub(super) fn refined<E: Estimator>(
@@ -10,11 +11,20 @@ pub(super) fn refined<E: Estimator>(
     mut breaks: Vec<usize>,
     reach: usize,
 ) -> Vec<usize> {
+    // Breaks that stay where they are between the same neighbours; shifting costs most.
+    let mut settled = HashSet::new();
     loop {
         let mut improved = false;
         let mut i = 0;
         while i < breaks.len() {
-            improved |= shift(objective, &mut breaks, i, reach);
+            let (before, after) = neighbours(objective, &breaks, i);
+            let place = (before, breaks[i], after);
+            if !settled.contains(&place) {
+                match shift(objective, &mut breaks, i, reach) {
+                    true => improved = true,
+                    false => _ = settled.insert(place),
+                }
+            }
             if merge(objective, &mut breaks, i) || replace_pair(objective, &mut breaks, i, reach) {
                 improved = true;
             } else {
