@@ -6,7 +6,7 @@
 //!   one thermal time constant), stays at or below `continuous` squared, so that a short overload is possible and a
 //!   long one is not;
 //! - slew: two successive outputs differ by at most `slew_per_s` / rate;
-//! - faults: NaN or infinity gives exactly zero in the same tick (here the slew limit yields).
+//! - faults: NaN or infinity asks for zero, from the same tick on, as fast as the slew limit allows; each is counted.
 //!
 //! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
 //! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
@@ -182,11 +182,9 @@ impl<const N: usize> Limiter<N> {
     /// The output for this tick: the request, held back as far as the limits ask.
     pub fn apply(&mut self, request: [f64; N]) -> [f64; N] {
         self.counts.ticks += 1;
-        if !request.iter().all(|x| x.is_finite()) {
-            self.counts.fault += 1;
-            return self.put_out([0.0; N]);
-        }
-        let wanted = self.within_peak(request);
+        let is_number = request.iter().all(|x| x.is_finite());
+        self.counts.fault += u64::from(!is_number);
+        let wanted = self.within_peak(if is_number { request } else { [0.0; N] });
         let reachable = self.within_slew(wanted);
         let sustainable = self.within_heat(reachable);
         self.put_out(sustainable)

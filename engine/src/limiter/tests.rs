@@ -39,8 +39,10 @@ impl Judge {
             self.mean_square.sqrt()
         );
         if !request.is_finite() {
-            assert_eq!(output, 0.0);
-        } else if let Some(slew_per_s) = self.limit.slew_per_s {
+            let (before, now) = (self.previous.abs(), output.abs());
+            assert!(now < before || output == 0.0, "{now} is asked for by nothing");
+        }
+        if let Some(slew_per_s) = self.limit.slew_per_s {
             let most = slew_per_s / self.rate_hz;
             let change = (output - self.previous).abs();
             assert!(
@@ -316,6 +318,24 @@ fn faults_are_zero_at_once_and_counted() {
         assert_eq!(limiter.apply([bad]), [0.0]);
     }
     assert_eq!(limiter.apply([0.2]), [0.2]);
+    assert_eq!(limiter.counts().fault, 3);
+}
+
+#[test]
+fn faults_go_to_zero_within_the_slew_and_are_counted() {
+    // A tenth of a unit in a tick.
+    let slewing = Limit {
+        slew_per_s: Some(0.1 * RATE_HZ),
+        ..LIMIT
+    };
+    let mut limiter = Limiter::<1>::new(&slewing, RATE_HZ).unwrap();
+    let mut given = Vec::new();
+    for request in [0.1, 0.2, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.05] {
+        given.push(limiter.apply([request])[0]);
+    }
+    for (given, expected) in given.iter().zip([0.1, 0.2, 0.1, 0.0, 0.0, 0.05]) {
+        assert!((given - expected).abs() < 1e-9, "{given:?} for {expected}");
+    }
     assert_eq!(limiter.counts().fault, 3);
 }
 

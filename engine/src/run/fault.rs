@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// What was seen of signals that are not numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// Ticks at which an actuator was given NaN or infinity, and got zero instead.
+    /// Ticks at which an actuator was given NaN or infinity, which asks for zero.
     pub ticks: u64,
     /// Path of the first node found to put one out. It may be gone from the graph by now.
     pub origin: Option<Arc<str>>,

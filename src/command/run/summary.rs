@@ -264,7 +264,7 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
         let origin = outcome.faults.origin.as_ref();
         let origin = origin.map_or_else(String::new, |path| format!("; it came from {path}"));
         list.push(format!(
-            "an actuator was given no number in {} ticks and got zero{origin}",
+            "an actuator was given no number in {} ticks and was taken to zero{origin}",
             outcome.faults.ticks
         ));
     }
