@@ -150,7 +150,7 @@ card_kind! {
     Soundcard(SoundcardSettings): drives &[CURRENT], senses &[],
     "A soundcard and the amplifier behind it, calibrated in current: it drives a graph that runs live. It has to tick on \
      a driver clock, at a rate that the card has. Offline, what it would play is written to `<endpoint>.soundcard.wav`.",
-    "3.1.2",
+    "3.1.3",
     r#""haptuator": Soundcard(amperes_full_scale: 1.0)"#,
     |settings, cx| (Some(settings.output(cx)?), None)
 }
@@ -189,7 +189,7 @@ card_kind! {
     SoundcardHaptuator(SoundcardHaptuatorSettings): drives &[CURRENT], senses &[ACCELERATION],
     "A `Soundcard` before an actuator and a `SoundcardAccelerometer` behind the tool that it shakes, as one body: what \
      `SimulatedHaptuator` simulates. While the accelerometer is silent the actuator is at zero.",
-    "3.1.2",
+    "3.1.3",
     r#""haptuator": SoundcardHaptuator(amperes_full_scale: 1.0, accelerometer: (m_s2_full_scale: 50.0))"#,
     |settings, cx| {
         let within = |error| BuildError { field: Some("accelerometer"), ..error };
