@@ -164,11 +164,12 @@ pub(crate) struct ActuatorPlan {
 
 impl ActuatorPlan {
     /// Is every live input that it depends on heard, or held?
-    pub(crate) fn is_let_through(&self, devices: &[DevicePlan]) -> bool {
-        self.silenced_by.iter().all(|(device, own)| {
-            let input = devices.get(*device).and_then(|device| device.input.as_ref());
-            input.is_none_or(|input| input.lets_through(*own))
-        })
+    pub(crate) fn is_let_through(&self, input: impl Fn(usize) -> Option<LiveInput>) -> bool {
+        let mut inputs = self
+            .silenced_by
+            .iter()
+            .map(|(device, own)| (input(*device), *own));
+        inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
     /// Is it the same but for its gain, which is a live setting?

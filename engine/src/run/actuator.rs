@@ -83,12 +83,12 @@ impl Role {
 }
 
 impl ActuatorState {
-    /// `let_through`: is every live input that it depends on heard?
-    pub(super) fn new(plan: &ActuatorPlan, let_through: bool) -> Self {
+    /// Open, until it is known what its live inputs are like.
+    pub(super) fn new(plan: &ActuatorPlan) -> Self {
         Self {
             gain: plan.gain,
             limiter: AnyLimiter::new(plan),
-            gate: SilenceGate::new(let_through),
+            gate: SilenceGate::new(true),
             role: Role::Alone,
         }
     }

@@ -126,11 +126,7 @@ impl Run {
                 .collect(),
             singles: program.singles.clone(),
             devices: plan.devices.iter().map(DeviceState::new).collect(),
-            actuators: plan
-                .actuators
-                .iter()
-                .map(|actuator| ActuatorState::new(actuator, actuator.is_let_through(&plan.devices)))
-                .collect(),
+            actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
             links: Links {
@@ -143,7 +139,9 @@ impl Run {
             drive: Drive::Full,
             ramped: 0,
         };
-        Self { plan, program, state }
+        let mut run = Self { plan, program, state };
+        run.meet_inputs();
+        run
     }
 
     /// Runs `frames` driver frames, at most the plan's block.

@@ -1,7 +1,8 @@
 //! What the silence of live inputs does to actuators: the gate in front of each limiter, and what is known of it outside.
 
 use super::Run;
-use crate::plan::Plan;
+use super::device::DeviceState;
+use crate::plan::{ActuatorPlan, Plan};
 use crate::silence::InputState;
 
 /// The factor on an actuator's request: a straight line from what it was when the inputs changed to 0 or 1.
@@ -110,10 +111,15 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
             path: actuator.path.clone(),
             delivered,
             unit: actuator.unit.clone(),
-            is_closed: !actuator.is_let_through(&plan.devices),
+            is_closed: !actuator.is_let_through(|device| plan.devices.get(device)?.input.clone()),
             at_zero,
         }
     })
+}
+
+/// Is every live input that an actuator depends on heard, or held? As the devices themselves say.
+fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
+    plan.is_let_through(|device| devices.get(device)?.device.live_input())
 }
 
 impl Run {
@@ -129,9 +135,17 @@ impl Run {
     /// The frames until the next call go by that, however they are cut into blocks.
     pub(crate) fn follow_inputs(&mut self, seconds: f64) {
         let span = self.fade_span(seconds);
-        let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
+        let (devices, actuators) = (&self.state.devices, &mut self.state.actuators);
+        let actuators = self.plan.actuators.iter().zip(actuators);
         for (plan, actuator) in actuators.filter(|(plan, _)| !plan.silenced_by.is_empty()) {
-            actuator.gate.turn(plan.is_let_through(&self.plan.devices), span);
+            actuator.gate.turn(lets_through(plan, devices), span);
+        }
+    }
+
+    /// Opens and closes the gates as the devices are that it has by now: those of another run, where they went on.
+    pub(super) fn meet_inputs(&mut self) {
+        for (plan, actuator) in self.plan.actuators.iter().zip(&mut self.state.actuators) {
+            actuator.gate = SilenceGate::new(lets_through(plan, &self.state.devices));
         }
     }
 

@@ -187,6 +187,8 @@ impl Next {
         for (from, to) in &self.writers {
             std::mem::swap(&mut old.links.writers[*from], &mut new.links.writers[*to]);
         }
+        self.run.meet_inputs();
+        let (old, new) = (&mut running.state, &mut self.run.state);
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);
         new.faults = std::mem::take(&mut old.faults);

@@ -16,10 +16,10 @@ const RATE_HZ: f64 = 1000.0;
 
 /// An actuator that can be looked at; nobody drives it where it is in no graph.
 #[derive(Clone, Default)]
-struct Coil(Arc<AtomicU64>);
+pub struct Coil(Arc<AtomicU64>);
 
 impl Coil {
-    fn given(&self) -> f64 {
+    pub fn given(&self) -> f64 {
         f64::from_bits(self.0.load(Ordering::Relaxed))
     }
 }
@@ -34,7 +34,7 @@ impl Device for Coil {
 
 /// Asks for this much.
 #[derive(Clone)]
-struct Asks(f64);
+pub struct Asks(pub f64);
 
 impl Processor for Asks {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {

@@ -1,10 +1,13 @@
 //! Live runs under virtual time: stops, faults and panics.
 
+use super::heat::Asks;
 use super::world::{Body, LIMIT, random_graph, with_processor};
+use crate::device::Device;
 use crate::graph::{Graph, Node, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{ControlError, LiveState, Offline, Outlets, Run, live};
+use crate::run::{ControlError, Live, LiveState, Offline, Outlets, Run, live};
+use crate::silence::{InputCell, InputState, LiveInput};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -243,4 +246,54 @@ fn a_stop_waits_for_no_command() {
     control.stop();
     live.callback(1000, |_, _| {});
     assert_eq!(live.state(), LiveState::Stopped);
+}
+
+/// A body that is heard when it is told so.
+#[derive(Clone)]
+struct Heard {
+    cell: Arc<InputCell>,
+}
+
+impl Device for Heard {
+    fn advance(&mut self) {}
+    fn read(&mut self, _: usize, _: &mut [f64]) {}
+    fn write(&mut self, _: usize, _: &[f64]) {}
+    fn live_input(&self) -> Option<LiveInput> {
+        Some(LiveInput {
+            cell: Arc::clone(&self.cell),
+            holds: false,
+            timeout_s: 0.1,
+        })
+    }
+}
+
+/// A graph that is read again has inputs of its own, which nobody hears; the device that goes on is the one that is heard.
+#[test]
+fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_takes_over() {
+    let cells: Vec<Arc<InputCell>> = (0..3).map(|_| Arc::default()).collect();
+    let plans = cells.iter().zip([1.0, 1.0, 2.0]).map(|(cell, asks)| {
+        let (mut graph, node, _) = with_processor(Box::new(Asks(asks)));
+        graph.nodes[node].fingerprint = f64::to_bits(asks);
+        graph.devices[0].device = Box::new(Heard {
+            cell: Arc::clone(cell),
+        });
+        plan(&graph, 1)
+    });
+    let plans: Vec<Arc<Plan>> = plans.collect();
+    cells[0].set(InputState::Heard);
+    let (mut live, mut control) = live(Arc::clone(&plans[0]));
+    let given = |live: &Live| live.run().state.actuators[0].limiter.output()[0];
+    live.callback(20, |_, _| {});
+    assert!((given(&live) - 0.1).abs() < 1e-12);
+    for (next, wanted) in [(1, 0.1), (2, 0.2)] {
+        control.swap(Arc::clone(&plans[next])).unwrap();
+        for _ in 0..40 {
+            live.callback(1, |_, _| {});
+            assert!(given(&live) > 0.1 - 1e-12, "plan {next}: {}", given(&live));
+        }
+        assert!((given(&live) - wanted).abs() < 1e-12, "plan {next}");
+    }
+    cells[0].set(InputState::Silent);
+    (0..20).for_each(|_| live.callback(1, |_, _| {}));
+    assert_eq!(given(&live), 0.0);
 }
