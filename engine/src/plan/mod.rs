@@ -356,6 +356,17 @@ impl Plan {
         self.devices.iter().filter(used).map(|device| &*device.name)
     }
 
+    /// A device that it drives and another plan does not.
+    pub(crate) fn drives_beyond(&self, other: &Self) -> Option<&str> {
+        let driven = |plan: &Self, key: &NodeKey| {
+            let mut devices = plan.devices.iter();
+            devices.any(|device| device.key == *key && !device.driven_by.is_empty())
+        };
+        let mut own = self.devices.iter().filter(|device| driven(self, &device.key));
+        own.find(|device| !driven(other, &device.key))
+            .map(|device| &*device.name)
+    }
+
     pub(crate) fn inputs(&self, step: &Step) -> &[Binding] {
         &self.bindings[step.inputs.start as usize..step.inputs.end as usize]
     }

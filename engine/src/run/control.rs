@@ -8,6 +8,7 @@ use crate::graph::LiveSetting;
 use crate::plan::Plan;
 use petgraph::graph::NodeIndex;
 use rtrb::{Consumer, Producer};
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -40,6 +41,8 @@ pub struct Control {
     /// Its live settings as they were set last.
     settings: Vec<LiveSetting>,
     meters: Meters,
+    /// The plans that were put out of their places, and are not home yet: they may still drive what they drove.
+    leaving: VecDeque<Arc<Plan>>,
     /// Old plans that came home.
     freed: u64,
 }
@@ -112,6 +115,7 @@ impl Control {
             settings: plan.live.clone(),
             plan,
             meters: Meters::default(),
+            leaving: VecDeque::new(),
             freed: 0,
         }
     }
@@ -190,12 +194,15 @@ impl Control {
         }
         let mut settings = plan.live.clone();
         let mut changes = Vec::new();
+        let name = |live: &LiveSetting| (live.path.clone(), live.field);
+        // As they were set, and as the file said before.
+        let both = self.settings.iter().zip(&self.plan.live);
+        let known: HashMap<_, _> = both.map(|(was, written)| (name(was), (was, written))).collect();
         for (place, live) in settings.iter_mut().enumerate() {
-            let Some(was) = self.settings.iter().find(|was| was.is_same_as(live)) else {
+            let Some((was, written)) = known.get(&name(live)) else {
                 continue;
             };
-            let written = self.plan.live.iter().find(|written| written.is_same_as(live));
-            let by_file = written.is_some_and(|written| written.value.to_bits() != live.value.to_bits());
+            let by_file = written.value.to_bits() != live.value.to_bits();
             let possible = live
                 .range
                 .is_none_or(|(low, high)| (low..=high).contains(&was.value));
@@ -240,7 +247,8 @@ impl Control {
         let drives = |plan: &Plan| !plan.actuators.is_empty();
         let fades = drives(&self.plan) || drives(&plan);
         self.send(Command::Swap(next))?;
-        (self.plan, self.settings) = (plan, settings);
+        self.leaving.push_back(std::mem::replace(&mut self.plan, plan));
+        self.settings = settings;
         for (place, wanted) in &changes {
             self.set_at(*place, *wanted)?;
         }
@@ -257,6 +265,13 @@ impl Control {
         &self.plan
     }
 
+    /// The plans that may drive something now: the one that runs, or will, and those on their way out.
+    pub(super) fn plans(&self) -> impl Iterator<Item = &Plan> {
+        std::iter::once(&self.plan)
+            .chain(&self.leaving)
+            .map(|plan| &**plan)
+    }
+
     /// Takes in what the real-time side reported since, frees what came home, and returns what was counted so far.
     pub fn poll(&mut self) -> &Meters {
         while let Ok(report) = self.reports.pop() {
@@ -264,6 +279,8 @@ impl Control {
                 Report::Wake(wake) => self.meters.record(&wake),
                 Report::Old(old) => {
                     drop(old);
+                    // They come in the order in which they were put out of their places.
+                    self.leaving.pop_front();
                     self.freed += 1;
                 }
             }

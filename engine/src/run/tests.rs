@@ -2,6 +2,7 @@
 
 mod arrivals;
 mod change;
+mod edits;
 mod fleet;
 mod heat;
 mod live;

@@ -52,6 +52,21 @@ pub enum ChangeError {
         /// The driver that it hangs from in the new graph.
         driver: String,
     },
+    /// One driver gets an actuator before another has let go of one: by another name it may be the same, and still warm.
+    #[error(
+        "`{device}` would be driven by {driver} before {other} has let go of `{left}`: save the graph without \
+         `{device}` first, and with it a second later"
+    )]
+    NotLetGo {
+        /// The device that is new.
+        device: String,
+        /// Its driver.
+        driver: String,
+        /// The device that is not let go of yet.
+        left: String,
+        /// Its driver.
+        other: String,
+    },
 }
 
 /// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
@@ -181,11 +196,9 @@ impl Session {
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        for (control, mut plan) in self
-            .controls
-            .iter()
-            .zip(self.by_driver(Plan::all(outlets.graph, &options))?)
-        {
+        let all = self.by_driver(Plan::all(outlets.graph, &options))?;
+        self.lets_go_first(&all)?;
+        for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
             let own = kept
                 .iter()
@@ -211,12 +224,36 @@ impl Session {
             .controls
             .iter()
             .filter(|other| !std::ptr::eq(*other, control));
-        let theirs = others.flat_map(|other| other.plan().used_devices());
-        for device in theirs {
-            if plan.used_devices().any(|own| own == device) {
+        for theirs in others.flat_map(Control::plans) {
+            let mut shared = theirs.used_devices();
+            if let Some(device) = shared.find(|device| plan.used_devices().any(|own| own == *device)) {
                 return Err(ChangeError::MovedDevice {
                     device: device.to_owned(),
                     driver: plan.driver_name().to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses plans of which one drives something new while something that another driver drove may still be driven.
+    fn lets_go_first(&self, plans: &[Plan]) -> Result<(), ChangeError> {
+        let changes = || self.controls.iter().zip(plans);
+        for (driver, (control, plan)) in changes().enumerate() {
+            let Some(device) = plan.drives_beyond(control.plan()) else {
+                continue;
+            };
+            let mut others = changes().enumerate().filter(|(other, _)| *other != driver);
+            let left = others.find_map(|(_, (other, next))| {
+                let left = other.plans().find_map(|plan| plan.drives_beyond(next))?;
+                Some((left, other.plan().driver_name()))
+            });
+            if let Some((left, other)) = left {
+                return Err(ChangeError::NotLetGo {
+                    device: device.to_owned(),
+                    driver: plan.driver_name().to_owned(),
+                    left: left.to_owned(),
+                    other: other.to_owned(),
                 });
             }
         }

@@ -512,3 +512,66 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
     let (node, sink) = (find(&paths[node]), find(&paths[sink]));
     (graph, node, sink)
 }
+
+/// What drives an actuator in [`with_drives`].
+pub struct TestDrive {
+    pub processor: Box<dyn Processor>,
+    pub fingerprint: u64,
+    /// The driver: 0 of 1000 Hz, 1 of 2000 Hz.
+    pub driver: usize,
+    pub sink: String,
+    pub limit: Limit,
+    pub endpoint: String,
+    pub device: Box<dyn Device>,
+    pub device_fingerprint: u64,
+}
+
+/// Two drivers, each with a node that drives nothing; and these drives, with a gain of a tenth that is a live setting.
+pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
+    let rates = vec![Rate::from_hz(1000).unwrap(), Rate::from_hz(2000).unwrap()];
+    let base = TimeBase::new(&rates).unwrap();
+    let mut world = World {
+        random: Xoshiro256PlusPlus::seed_from_u64(0),
+        rates,
+        drivers: vec![0, 1],
+        base,
+        fingerprint: 0,
+        nodes: Vec::new(),
+        edges: Vec::new(),
+    };
+    let mut devices = Vec::new();
+    for driver in 0..2 {
+        let (kept, weight, held) = (0.0, 0.5, Vec::new());
+        world.node(driver, Work::Process(Box::new(Leaky { kept, weight, held })));
+    }
+    for drive in drives {
+        let node = world.node(drive.driver, Work::Process(drive.processor));
+        world.nodes[node].path = format!("asks of {}", drive.sink);
+        world.nodes[node].fingerprint = drive.fingerprint;
+        let (device, channel, gain, limit) = (devices.len(), 0, 0.1, drive.limit);
+        let sink = world.node(
+            drive.driver,
+            Work::Actuator {
+                device,
+                channel,
+                gain,
+                limit,
+            },
+        );
+        world.nodes[sink].path = drive.sink;
+        world.nodes[sink].live.push((0, gain));
+        world.connect(node, sink, Bridge::Direct, false);
+        devices.push(GraphDevice {
+            name: drive.endpoint,
+            entry: DeviceEntry::of::<NoBody>(),
+            clock: drive.driver,
+            device: drive.device,
+            span: Span::default(),
+            fingerprint: drive.device_fingerprint,
+        });
+    }
+    let order: Vec<usize> = (0..world.nodes.len()).collect();
+    let mut graph = world.finish(&order, None);
+    graph.devices = devices;
+    graph
+}
