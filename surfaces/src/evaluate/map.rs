@@ -18,8 +18,8 @@ pub struct MapSettings {
     pub walk: RandomWalk,
     /// How they are played. Each texture has an excitation of its own, seeded by its number as well.
     pub synthesis: SynthesisSettings,
-    /// Windows of the metric.
-    pub windows: WindowSettings,
+    /// Windows of the metric; of 25.6 ms if `None`.
+    pub windows: Option<WindowSettings>,
     /// What deviations are pooled over: by default all windows of all pairs, so that all differences are in the same units. Pooled by
     /// pair, a texture that is much louder than another is hundreds of deviations away (its power error is near 2 in every window and
     /// hardly varies), and one such pair flattens the whole map.
@@ -39,7 +39,7 @@ impl Default for MapSettings {
         Self {
             walk: RandomWalk::default(),
             synthesis: SynthesisSettings::default(),
-            windows: WindowSettings::COMPARISON,
+            windows: None,
             pooling: Pooling::All,
             scree_dimensions: 6,
             dimensions: 2,
@@ -183,7 +183,11 @@ fn play_all(
                 name: name.clone(),
                 source,
             })?;
-        let spectra = WindowedSpectra::new(&vibration, texture.rate_hz(), &settings.windows)?;
+        let rate_hz = texture.rate_hz();
+        let windows = settings
+            .windows
+            .unwrap_or_else(|| WindowSettings::comparison_at(rate_hz));
+        let spectra = WindowedSpectra::new(&vibration, rate_hz, &windows)?;
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / textures.len() as f64);
         Ok(spectra)
     };

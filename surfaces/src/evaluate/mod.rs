@@ -3,12 +3,14 @@
 //! - [`tables`]: virtual textures against recordings of all materials (Table 2.1) and of one material by several people (Table 2.2).
 //! - [`map`]: virtual textures against each other, as places on a map (Fig. 2.11).
 //! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
+//! - [`holdout`]: textures and plain baselines on parts of recordings that they were not learned from.
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
 //! - [`scaling`], [`clusters`]: the statistics behind the map.
 
 pub mod clusters;
 pub mod conditions;
+pub mod holdout;
 pub mod map;
 pub mod scaling;
 pub mod study;
@@ -17,6 +19,7 @@ pub mod tables;
 
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 pub use conditions::{Condition, centre_for};
+pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
 pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};

@@ -121,8 +121,10 @@ pub enum StudyError {
     Map(#[from] MapError),
 }
 
-fn show(name: &RecordingName) -> String {
-    format!("{}.{}.{}", name.material, name.person, name.take)
+impl std::fmt::Display for RecordingName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}.{}.{}", self.material, self.person, self.take)
+    }
 }
 
 /// Evaluates a set of recordings, learning on all cores. `progress` gets the part done.
@@ -209,7 +211,7 @@ pub fn evaluate(
     };
     let named: Vec<(String, String, &TextureModel)> = learned
         .iter()
-        .map(|l| (show(&l.name), l.name.material.clone(), &l.texture))
+        .map(|l| (l.name.to_string(), l.name.material.clone(), &l.texture))
         .collect();
     let map = match named.len() {
         0..3 => None,
@@ -244,7 +246,7 @@ fn expert(drags: &[&Take]) -> Option<String> {
 
 fn process_one(take: &Take, settings: &StudySettings) -> Result<ProcessedRecording, StudyError> {
     processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
-        recording: show(&take.name),
+        recording: take.name.to_string(),
         source: Box::new(source),
     })
 }
@@ -269,7 +271,7 @@ fn learn_all(
         let recording = process_one(take, settings)?;
         let found = settings.texture.learn(std::slice::from_ref(&recording), &|_| ());
         let (texture, report) = found.map_err(|source| StudyError::Learning {
-            recording: show(&take.name),
+            recording: take.name.to_string(),
             source: Box::new(source),
         })?;
         progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / takes.len() as f64);
@@ -301,6 +303,7 @@ fn learn_all(
 mod tests {
     use super::*;
     use crate::evaluate::RandomWalk;
+    use crate::metrics::Pooling;
     use crate::recording::synthetic::drag;
 
     #[test]
@@ -381,11 +384,11 @@ mod tests {
             "{:?}",
             evaluation.materials_table
         );
-        let people = evaluation.people_table.unwrap();
+        let people = evaluation.people_table.unwrap().pooled(Pooling::Pair);
         assert_eq!((people.rows.len(), people.columns.len()), (2, 3));
-        // The expert's row of Table 2.2 is the diagonal of Table 2.1.
+        // The expert's row of Table 2.2 is the diagonal of Table 2.1, where deviations are each pair's own.
         let row: Vec<f64> = people.differences[0].iter().copied().flatten().collect();
-        assert_eq!(row, evaluation.materials_table.diagonal());
+        assert_eq!(row, evaluation.materials_table.pooled(Pooling::Pair).diagonal());
         assert_eq!(evaluation.map.unwrap().k_means_purity, 1.0);
     }
 

@@ -6,6 +6,7 @@ use crate::{Coefficients, Interpolator, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
 use haptograph_signal::filter::{SectionsState, butterworth_lowpass, filtfilt};
 use haptograph_signal::noise::{Gaussian, stream_seed};
+use std::ops::Range;
 
 /// How vibrations are synthesised.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -176,37 +177,31 @@ pub fn synthesise(
             forces: force_n.len(),
         });
     }
-    let every = rate_hz / settings.update_hz;
-    if !(every.is_finite() && every > 0.0) {
+    if !(settings.update_hz.is_finite() && settings.update_hz > 0.0) {
         return Err(SynthesisError::UpdateRate {
             update_hz: settings.update_hz,
         });
     }
-    let samples = speed_m_s.len();
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
-    let mut filter = ArmaFilter::new(Form::Direct);
+    let mut filter = ArmaFilter::new(Form::Lattice);
     let mut warped = WarpedLattice::new();
     let mut noise = Gaussian::new(settings.seed);
     let mut crackle = texture.crackle().map(|crackle| {
         let seed = stream_seed(settings.seed, "crackle");
         CrackleSource::new(crackle, *rate_hz, seed)
     });
-    let mut vibration = vec![0.0; samples];
+    let mut vibration = vec![0.0; speed_m_s.len()];
     let mut excitation = vec![];
-    let mut start = 0;
-    let mut update = 0.0;
-    while start < samples {
-        update += 1.0;
-        let end = ((update * every).round() as usize).clamp(start + 1, samples);
-        interpolator.interpolate(speed_m_s[start], force_n[start], &mut coefficients);
+    for (place, samples) in updates(*rate_hz, settings.update_hz, speed_m_s.len()) {
+        interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
         let is_warped = coefficients.warping != 0.0;
         if is_warped {
             warped.set_coefficients(coefficients.ar(), coefficients.warping, coefficients.gain)?;
         } else {
             filter.set_coefficients(coefficients.ar(), coefficients.ma(), coefficients.gain)?;
         }
-        excitation.resize(end - start, 0.0);
+        excitation.resize(samples.len(), 0.0);
         noise.fill(&mut excitation);
         if let Some(crackle) = &mut crackle {
             crackle.modulate(&mut excitation);
@@ -214,16 +209,32 @@ pub fn synthesise(
         let deviation = coefficients.variance.sqrt();
         excitation.iter_mut().for_each(|e| *e *= deviation);
         if is_warped {
-            warped.process(&excitation, &mut vibration[start..end]);
+            warped.process(&excitation, &mut vibration[samples]);
         } else {
-            filter.process(&excitation, &mut vibration[start..end]);
+            filter.process(&excitation, &mut vibration[samples]);
         }
-        start = end;
     }
     if let Some(highpass) = texture.output_highpass() {
         SectionsState::new(&highpass).process_in_place(&mut vibration);
     }
     Ok(vibration)
+}
+
+/// The updates of a filter as a graph's clocks make them: at which sample speed and force are taken, and for which samples
+/// the filter then stands. Update k is at the first sample at or after k / `update_hz`, and takes the last at or before it.
+pub(super) fn updates(
+    rate_hz: f64,
+    update_hz: f64,
+    samples: usize,
+) -> impl Iterator<Item = (usize, Range<usize>)> {
+    let every = (rate_hz / update_hz).max(1.0);
+    let start = move |update: usize| ((update as f64 * every - 1e-9).ceil() as usize).min(samples);
+    (0..)
+        .map(move |update| {
+            let place = (update as f64 * every + 1e-9).floor() as usize;
+            (place, start(update)..start(update + 1))
+        })
+        .take_while(move |(_, range)| range.start < samples)
 }
 
 #[cfg(test)]

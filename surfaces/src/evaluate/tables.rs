@@ -13,12 +13,19 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// How tables are made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TableSettings {
-    /// Windows of the metric.
-    pub windows: WindowSettings,
+    /// Windows of the metric; of 25.6 ms if `None`.
+    pub windows: Option<WindowSettings>,
     /// What deviations are pooled over.
     pub pooling: Pooling,
     /// How textures are played.
     pub synthesis: SynthesisSettings,
+}
+
+impl TableSettings {
+    fn windows_at(&self, rate_hz: f64) -> WindowSettings {
+        self.windows
+            .unwrap_or_else(|| WindowSettings::comparison_at(rate_hz))
+    }
 }
 
 /// Test recordings of one material.
@@ -135,7 +142,8 @@ struct Reference {
 fn references(tests: &[TestSet], settings: &TableSettings) -> Result<Vec<Vec<Reference>>, TableError> {
     let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
         let signals = recording.signals();
-        let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &settings.windows);
+        let windows = settings.windows_at(signals.rate_hz);
+        let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
         let failed = |source| TableError::Recording {
             material: material.to_owned(),
             recording: index,
@@ -178,14 +186,18 @@ fn cell(
                         source,
                     }
                 })?;
-            WindowedSpectra::new(&vibration, texture.rate_hz(), &settings.windows)
-                .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
-                .map(|errors| errors.statistics())
-                .map_err(|source| TableError::Comparison {
-                    row: row(),
-                    material: material(),
-                    source,
-                })
+            WindowedSpectra::new(
+                &vibration,
+                texture.rate_hz(),
+                &settings.windows_at(texture.rate_hz()),
+            )
+            .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
+            .map(|errors| errors.statistics())
+            .map_err(|source| TableError::Comparison {
+                row: row(),
+                material: material(),
+                source,
+            })
         })
         .collect()
 }

@@ -4,10 +4,12 @@
 //!   centroid.
 //! - [`responsiveness`]: the changes in their variation of section 4.5.3.
 //! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance; [`pacinian`]: what is felt of them.
+//! - [`level`]: peakedness and the course of levels.
 //! - [`image`]: roughness and fineness of a photograph, section 3.2.
 
 pub mod bands;
 pub mod image;
+pub mod level;
 pub mod pacinian;
 mod pairs;
 pub mod responsiveness;

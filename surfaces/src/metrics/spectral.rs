@@ -28,6 +28,9 @@ pub struct WindowSettings {
     pub window: Window,
 }
 
+/// Length of the windows of section 2.5.1, s.
+const COMPARISON_S: f64 = 0.0256;
+
 impl WindowSettings {
     /// Section 2.5.1: 256 samples (25.6 ms at 10 kHz), half of them shared, Hamming. Ten seconds make 780 windows.
     pub const COMPARISON: Self = Self {
@@ -35,6 +38,16 @@ impl WindowSettings {
         overlap: 128,
         window: Window::Hamming,
     };
+    /// The windows of section 2.5.1 in seconds: 25.6 ms at any rate, half of them shared, 8 samples at least.
+    pub fn comparison_at(rate_hz: f64) -> Self {
+        let samples = ((COMPARISON_S * rate_hz).round() as usize).max(8);
+        Self {
+            samples,
+            overlap: samples / 2,
+            ..Self::COMPARISON
+        }
+    }
+
     /// Section 4.5.3: 32 samples at 1 kHz, none shared; no taper is mentioned.
     pub const RESPONSIVENESS: Self = Self {
         samples: 32,
@@ -250,9 +263,9 @@ impl PairErrors {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Pooling {
     /// Those of the compared pair.
-    #[default]
     Pair,
-    /// Those of all pairs that are compared.
+    /// Those of all pairs that are compared: only so the printed table's spread comes out.
+    #[default]
     All,
 }
 

@@ -1,0 +1,195 @@
+//! What a vibration is compared with, and by what.
+
+use super::super::synthesis::{SynthesisError, Trajectory};
+use super::HoldoutSettings;
+use super::methods::Player;
+use crate::metrics::level::{envelope_error_db, excess_kurtosis, levels_db, unexplained_level_db};
+use crate::metrics::{BandErrors, BandPowers, Bands, WindowSettings, compare, log_spectral_distance};
+use crate::recording::ProcessedRecording;
+use crate::statistics::mean;
+use haptograph_signal::noise::Gaussian;
+
+/// How many pairs of stationary takes tell the estimator's own distance.
+const STATIONARY: u64 = 8;
+
+/// How far a method is from the test part. What is played is Gaussian noise of several seeds: their powers are averaged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measures {
+    /// Errors by band and over bands.
+    pub bands: BandErrors,
+    /// Excess kurtosis less the recorded one.
+    pub kurtosis: f64,
+    /// Root mean square difference of levels over 50 ms, dB; none for the floor.
+    pub envelope_db: Option<f64>,
+    /// The same between two seeds of the same method.
+    pub envelope_floor_db: Option<f64>,
+    /// Normalized spectral error and power error of the first seed, Eq. 2.5.1 and 2.5.2; none for the floor.
+    pub nse_pe: Option<(f64, f64)>,
+}
+
+/// The part of a recording that a method has to meet, and what it learned from.
+pub struct Target<'a> {
+    train: &'a [ProcessedRecording],
+    test: &'a [ProcessedRecording],
+    rate_hz: f64,
+    bands: Bands,
+    recorded: BandPowers,
+}
+
+impl<'a> Target<'a> {
+    pub fn new(train: &'a [ProcessedRecording], test: &'a [ProcessedRecording]) -> Self {
+        let rate_hz = test.first().map_or(1.0, ProcessedRecording::rate_hz);
+        let bands = Bands::counted(seconds(train).min(seconds(test)), rate_hz);
+        let recorded = bands.of_signal(vibrations(test), rate_hz);
+        Self {
+            train,
+            test,
+            rate_hz,
+            bands,
+            recorded,
+        }
+    }
+
+    pub fn bands(&self) -> &Bands {
+        &self.bands
+    }
+
+    /// The training part itself against the test part.
+    pub fn floor(&self) -> Measures {
+        let trained = self.bands.of_signal(vibrations(self.train), self.rate_hz);
+        Measures {
+            bands: BandErrors::new(&trained, &self.recorded),
+            kurtosis: kurtosis(vibrations(self.train)) - kurtosis(vibrations(self.test)),
+            envelope_db: None,
+            envelope_floor_db: None,
+            nse_pe: None,
+        }
+    }
+
+    /// What force and speed leave unexplained of the test part's levels, dB; the mean over its pieces.
+    pub fn unexplained_level_db(&self) -> Option<f64> {
+        let left = self.test.iter().map(|piece| {
+            let s = piece.signals();
+            unexplained_level_db(&s.acceleration_m_s2, &s.speed_m_s, &s.force_normal_n, s.rate_hz)
+        });
+        left.collect::<Option<Vec<f64>>>().map(|left| mean(&left))
+    }
+
+    /// The estimator's own distance: between two takes of white noise as long as the two parts, and between one and the
+    /// mean of as many as there are seeds.
+    pub fn estimator_db(&self, seeds: u64) -> (f64, f64) {
+        let white = |parts: &[ProcessedRecording], seed: u64| {
+            let mut noise = Gaussian::new(0x5eed ^ seed);
+            let pieces: Vec<Vec<f64>> = parts
+                .iter()
+                .map(|part| (0..part.samples()).map(|_| noise.next_sample()).collect())
+                .collect();
+            self.bands
+                .of_signal(pieces.iter().map(Vec::as_slice), self.rate_hz)
+        };
+        let tests: Vec<BandPowers> = (0..seeds.max(STATIONARY))
+            .map(|k| white(self.test, 2 * k))
+            .collect();
+        let mean_of_seeds = BandPowers::mean(&tests);
+        let distances = (0..STATIONARY).map(|k| {
+            let trained = white(self.train, 2 * k + 1);
+            let alone = log_spectral_distance(trained.powers(), tests[k as usize].powers());
+            let against = mean_of_seeds
+                .as_ref()
+                .map_or(0.0, |mean| log_spectral_distance(trained.powers(), mean.powers()));
+            (alone, against)
+        });
+        let (alone, against): (Vec<f64>, Vec<f64>) = distances.unzip();
+        (mean(&alone), mean(&against))
+    }
+}
+
+fn seconds(parts: &[ProcessedRecording]) -> f64 {
+    parts
+        .iter()
+        .map(|part| part.samples() as f64 / part.rate_hz())
+        .sum()
+}
+
+fn vibrations(parts: &[ProcessedRecording]) -> impl Iterator<Item = &[f64]> {
+    parts
+        .iter()
+        .map(|part| part.signals().acceleration_m_s2.as_slice())
+}
+
+/// The mean over pieces, each by its length.
+fn kurtosis<'a>(pieces: impl Iterator<Item = &'a [f64]>) -> f64 {
+    let (sum, samples) = pieces.fold((0.0, 0), |(sum, samples), piece| {
+        (
+            sum + excess_kurtosis(piece) * piece.len() as f64,
+            samples + piece.len(),
+        )
+    });
+    sum / samples.max(1) as f64
+}
+
+/// Plays what was learned along the test part and compares.
+pub fn measured(
+    player: &Player,
+    target: &Target<'_>,
+    settings: &HoldoutSettings,
+) -> Result<Measures, SynthesisError> {
+    let trajectories: Vec<Trajectory> = target.test.iter().map(Trajectory::of).collect();
+    let recorded: Vec<Vec<f64>> = vibrations(target.test)
+        .map(|x| levels_db(x, target.rate_hz))
+        .collect();
+    let (mut powers, mut kurtoses, mut envelopes, mut floors) = (vec![], vec![], vec![], vec![]);
+    let mut last: Option<Vec<Vec<f64>>> = None;
+    let mut nse_pe = None;
+    for seed in 0..settings.seeds.max(1) {
+        let played = trajectories
+            .iter()
+            .zip(0..)
+            // Pieces are excited by noise of their own.
+            .map(|(along, piece)| player.play(along, settings.seed.wrapping_add(seed + 1000 * piece)))
+            .collect::<Result<Vec<_>, _>>()?;
+        let pieces = || played.iter().map(Vec::as_slice);
+        powers.push(target.bands.of_signal(pieces(), target.rate_hz));
+        kurtoses.push(kurtosis(pieces()));
+        let levels: Vec<Vec<f64>> = pieces().map(|x| levels_db(x, target.rate_hz)).collect();
+        envelopes.push(envelopes_apart(&levels, &recorded));
+        if let Some(last) = &last {
+            floors.push(envelopes_apart(&levels, last));
+        }
+        last = Some(levels);
+        if seed == 0 {
+            nse_pe = windowed(&played, target);
+        }
+    }
+    let bands = match BandPowers::mean(&powers) {
+        Some(powers) => BandErrors::new(&powers, &target.recorded),
+        None => BandErrors::new(&target.recorded, &target.recorded),
+    };
+    Ok(Measures {
+        bands,
+        kurtosis: mean(&kurtoses) - kurtosis(vibrations(target.test)),
+        envelope_db: Some(mean(&envelopes)),
+        envelope_floor_db: (!floors.is_empty()).then(|| mean(&floors)),
+        nse_pe,
+    })
+}
+
+fn envelopes_apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+    let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| envelope_error_db(a, b)).collect();
+    mean(&apart)
+}
+
+/// Errors of windows, the mean over the pieces.
+fn windowed(played: &[Vec<f64>], target: &Target<'_>) -> Option<(f64, f64)> {
+    let windows = WindowSettings::comparison_at(target.rate_hz);
+    let found = played
+        .iter()
+        .zip(vibrations(target.test))
+        .map(|(played, recorded)| {
+            let found = compare(played, recorded, target.rate_hz, &windows).ok()?;
+            Some((found.nse, found.pe))
+        });
+    let found: Vec<(f64, f64)> = found.collect::<Option<_>>()?;
+    let (nse, pe): (Vec<f64>, Vec<f64>) = found.into_iter().unzip();
+    Some((mean(&nse), mean(&pe)))
+}

@@ -1,0 +1,195 @@
+//! What is compared: the floor, ways to learn a texture, and plain baselines that any texture has to beat.
+
+use super::super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, synthesise, updates};
+use crate::learning::TextureMethod;
+use crate::learning::texture::LearnTextureError;
+use crate::recording::ProcessedRecording;
+use crate::statistics::{mean, median, standard_deviation};
+use crate::{ArmaModel, TextureModel};
+use haptograph_signal::arma::{ArmaFilter, Form};
+use haptograph_signal::noise::Gaussian;
+use haptograph_signal::prediction::burg;
+
+/// Order of the baselines' models.
+const PLAIN_ORDER: usize = 20;
+/// Length of the fixed windows, s.
+const WINDOW_S: f64 = 0.2;
+
+/// A way to tell the vibration of one part of a recording from another part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// The training part's own spectrum: what no method that knows the material alone can be expected to beat by much.
+    Floor,
+    /// The method that surfaces are learned by unless told otherwise.
+    Default,
+    /// The thesis's.
+    Thesis,
+    /// One autoregressive model of order 20 for the whole part, whatever force and speed.
+    OneModel,
+    /// One autoregressive model of order 20 for each 0.2 s, the nearest in force and speed.
+    Windows,
+}
+
+/// The plain ones.
+pub const BASELINES: [Method; 2] = [Method::OneModel, Method::Windows];
+
+impl Method {
+    /// All, the floor first.
+    pub const ALL: [Self; 5] = [
+        Self::Floor,
+        Self::Default,
+        Self::Thesis,
+        Self::OneModel,
+        Self::Windows,
+    ];
+
+    /// Its word, as in files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Floor => "floor",
+            Self::Default => "default",
+            Self::Thesis => "thesis",
+            Self::OneModel => "one_model",
+            Self::Windows => "windows",
+        }
+    }
+
+    /// What it is, for tables.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Floor => "floor: the training part's spectrum",
+            Self::Default => "default",
+            Self::Thesis => "thesis's",
+            Self::OneModel => "plain: one model of order 20",
+            Self::Windows => "plain: windows of 0.2 s, nearest",
+        }
+    }
+}
+
+/// What a method has learned, ready to be played.
+#[derive(Debug, Clone)]
+pub enum Player {
+    /// A surface's texture, as a graph renders it.
+    Texture(Box<TextureModel>),
+    /// Models at places of speed and force, of which the nearest plays.
+    Nearest {
+        /// Rate of the models, Hz.
+        rate_hz: f64,
+        /// Speed, force and model.
+        models: Vec<([f64; 2], ArmaModel)>,
+        /// Inverse standard deviations of speed and force.
+        scales: [f64; 2],
+    },
+}
+
+impl Player {
+    /// Learns from parts of a recording; `None` for the floor, which plays nothing.
+    ///
+    /// # Errors
+    /// [`LearnTextureError`].
+    pub fn learned(
+        method: Method,
+        parts: &[ProcessedRecording],
+        usual: &TextureMethod,
+    ) -> Result<Option<Self>, LearnTextureError> {
+        let texture = |method: &TextureMethod| {
+            let (texture, _) = method.learn(parts, &|_| ())?;
+            Ok(Some(Self::Texture(Box::new(texture))))
+        };
+        match method {
+            Method::Floor => Ok(None),
+            Method::Default => texture(usual),
+            Method::Thesis => texture(&TextureMethod::thesis()),
+            Method::OneModel => nearest(parts, usize::MAX).map(Some),
+            Method::Windows => {
+                let rate_hz = parts.first().map_or(0.0, ProcessedRecording::rate_hz);
+                nearest(parts, (WINDOW_S * rate_hz) as usize).map(Some)
+            }
+        }
+    }
+
+    /// The vibration along a trajectory.
+    ///
+    /// # Errors
+    /// [`SynthesisError`].
+    pub fn play(&self, along: &Trajectory, seed: u64) -> Result<Vec<f64>, SynthesisError> {
+        let settings = SynthesisSettings {
+            seed,
+            ..SynthesisSettings::default()
+        };
+        match self {
+            Self::Texture(texture) => synthesise(texture, along, &settings),
+            Self::Nearest { models, scales, .. } => play_nearest(models, *scales, along, &settings),
+        }
+    }
+}
+
+/// A model for each window of all parts, or for each part whole where it is shorter than a window.
+fn nearest(parts: &[ProcessedRecording], window: usize) -> Result<Player, LearnTextureError> {
+    let mut models = vec![];
+    for part in parts {
+        let signals = part.signals();
+        let span = window.min(part.samples()).max(1);
+        for start in (0..=part.samples() - span).step_by(span) {
+            let samples = start..start + span;
+            let fitted = burg(&signals.acceleration_m_s2[samples.clone()], PLAIN_ORDER);
+            let model = fitted
+                .map_err(|error| error.to_string())
+                .and_then(|fit| ArmaModel::from_ar(&fit.ar, fit.variance).map_err(|error| error.to_string()));
+            if let Ok(model) = model {
+                let place =
+                    [&signals.speed_m_s, &signals.force_normal_n].map(|x| median(&x[samples.clone()]));
+                models.push((place, model));
+            }
+        }
+    }
+    if models.is_empty() {
+        return Err(LearnTextureError::NoModels {
+            reason: "no stretch has a model of order 20".to_owned(),
+        });
+    }
+    let scale = |axis: usize| {
+        let values: Vec<f64> = models.iter().map(|(place, _)| place[axis]).collect();
+        let spread = standard_deviation(&values);
+        // Of one model alone any scale does.
+        if spread > 0.0 {
+            1.0 / spread
+        } else {
+            1.0 / mean(&values).max(1e-6)
+        }
+    };
+    Ok(Player::Nearest {
+        rate_hz: parts.first().map_or(0.0, ProcessedRecording::rate_hz),
+        scales: [scale(0), scale(1)],
+        models,
+    })
+}
+
+fn play_nearest(
+    models: &[([f64; 2], ArmaModel)],
+    scales: [f64; 2],
+    along: &Trajectory,
+    settings: &SynthesisSettings,
+) -> Result<Vec<f64>, SynthesisError> {
+    let mut filter = ArmaFilter::new(Form::Lattice);
+    let mut noise = Gaussian::new(settings.seed);
+    let mut excitation = vec![];
+    let mut vibration = vec![0.0; along.speed_m_s.len()];
+    for (place, samples) in updates(along.rate_hz, settings.update_hz, vibration.len()) {
+        let here = [along.speed_m_s[place], along.force_n[place]];
+        let away = |at: &[f64; 2]| {
+            let off = |axis: usize| ((at[axis] - here[axis]) * scales[axis]).powi(2);
+            off(0) + off(1)
+        };
+        let Some((_, model)) = models.iter().min_by(|(a, _), (b, _)| away(a).total_cmp(&away(b))) else {
+            continue;
+        };
+        filter.set_coefficients(model.ar(), model.ma(), model.gain())?;
+        excitation.resize(samples.len(), 0.0);
+        noise.fill(&mut excitation);
+        let deviation = model.variance().sqrt();
+        excitation.iter_mut().for_each(|e| *e *= deviation);
+        filter.process(&excitation, &mut vibration[samples]);
+    }
+    Ok(vibration)
+}

@@ -1,0 +1,242 @@
+//! How well textures hold on recordings that they were not learned from, beside floors and plain baselines.
+//!
+//! Each material's takes are split several ways ([`Split`]) into folds: a part to learn from and a part to test on. Every
+//! [`Method`] learns from the one, is played along the force and speed of the other by several seeds of noise, and is compared
+//! with it: [`Measures`]. Errors are paired by fold, then averaged over a material's folds; the standard error is over
+//! materials, as folds and seeds of one material are no samples of materials.
+
+mod folds;
+mod measures;
+mod methods;
+mod summary;
+
+pub use folds::{Fold, Split};
+pub use measures::Measures;
+pub use methods::{BASELINES, Method, Player};
+pub use summary::{Holdout, Mean, MethodMean, SplitResult};
+
+use super::study::{RecordingName, StudyError};
+use super::synthesis::SynthesisError;
+use crate::learning::TextureMethod;
+use crate::learning::processing::{ProcessingSettings, processed};
+use crate::learning::texture::LearnTextureError;
+use crate::recording::{Gesture, ProcessedRecording, RecordingError};
+use measures::{Target, measured};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How folds are evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HoldoutSettings {
+    /// From sensor readings to physical quantities.
+    pub processing: ProcessingSettings,
+    /// The method that counts as the default.
+    pub texture: TextureMethod,
+    /// Seeds of noise whose powers are averaged before the logarithm.
+    pub seeds: u64,
+    /// The first of them.
+    pub seed: u64,
+    /// How recordings are split; those that a set of recordings has not enough takes for are left out.
+    pub splits: Vec<Split>,
+}
+
+impl Default for HoldoutSettings {
+    fn default() -> Self {
+        Self {
+            processing: ProcessingSettings::default(),
+            texture: TextureMethod::default(),
+            seeds: 16,
+            seed: 1,
+            splits: Split::ALL.to_vec(),
+        }
+    }
+}
+
+/// Why recordings cannot be held out.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum HoldoutError {
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    #[error("a part of {material} is no recording: {source}")]
+    Part {
+        material: String,
+        source: RecordingError,
+    },
+    #[error("{method} cannot learn from a part of {material} ({split}): {reason}")]
+    Learning {
+        material: String,
+        split: &'static str,
+        method: &'static str,
+        reason: String,
+    },
+    #[error("what {method} learned from a part of {material} cannot be played: {source}")]
+    Synthesis {
+        material: String,
+        method: &'static str,
+        source: SynthesisError,
+    },
+    #[error("{material}: its parts have {samples} samples, too few to tell the power of any third octave")]
+    TooShort { material: String, samples: usize },
+}
+
+impl HoldoutError {
+    fn learning(material: &str, split: Split, method: Method, error: &LearnTextureError) -> Self {
+        Self::Learning {
+            material: material.to_owned(),
+            split: split.word(),
+            method: method.word(),
+            reason: error.to_string(),
+        }
+    }
+}
+
+/// What one fold gave, by method in the order of [`Method::ALL`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoldResult {
+    /// Which material, by number.
+    pub material: usize,
+    /// How it was split.
+    pub split: Split,
+    /// By method.
+    pub measures: Vec<Measures>,
+    /// Standard deviation of the test part's levels that its force and speed leave unexplained, dB.
+    pub unexplained_level_db: Option<f64>,
+    /// Log-spectral distance between two stationary takes as long as the two parts, dB; and between one and the mean of as
+    /// many as there are seeds.
+    pub estimator_db: (f64, f64),
+}
+
+/// Holds out parts of the drags among `takes`. `progress` gets the part done.
+///
+/// # Errors
+/// [`HoldoutError`].
+pub fn hold_out(
+    takes: &[super::Take],
+    settings: &HoldoutSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Holdout, HoldoutError> {
+    let recordings = by_material(takes, settings)?;
+    let materials: Vec<String> = recordings.keys().cloned().collect();
+    let mut jobs = vec![];
+    for (number, (name, takes)) in recordings.iter().enumerate() {
+        for split in &settings.splits {
+            for fold in split.folds(takes) {
+                jobs.push((number, name, *split, fold));
+            }
+        }
+    }
+    let done = AtomicUsize::new(0);
+    let count = jobs.len();
+    let work = |(number, name, split, fold): &(usize, &String, Split, Fold)| {
+        let result = one_fold(*number, name, *split, fold, settings);
+        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / count as f64);
+        result
+    };
+    let results = on_all_cores(&jobs, &work).into_iter().collect::<Result<_, _>>()?;
+    Ok(Holdout {
+        materials,
+        seeds: settings.seeds,
+        folds: results,
+    })
+}
+
+/// Processed drags by material.
+fn by_material(
+    takes: &[super::Take],
+    settings: &HoldoutSettings,
+) -> Result<BTreeMap<String, Vec<ProcessedRecording>>, HoldoutError> {
+    let mut drags: Vec<&super::Take> = takes
+        .iter()
+        .filter(|take| take.recording.gesture() == Gesture::Drag)
+        .collect();
+    drags.sort_by(|a, b| a.name.cmp(&b.name));
+    if drags.is_empty() {
+        return Err(StudyError::NoRecordings.into());
+    }
+    let mut found: BTreeMap<String, Vec<ProcessedRecording>> = BTreeMap::new();
+    for take in drags {
+        let RecordingName { material, .. } = &take.name;
+        let recording =
+            processed(&take.recording, &settings.processing).map_err(|source| StudyError::Processing {
+                recording: take.name.to_string(),
+                source: Box::new(source),
+            })?;
+        found.entry(material.clone()).or_default().push(recording);
+    }
+    Ok(found)
+}
+
+fn one_fold(
+    number: usize,
+    material: &str,
+    split: Split,
+    fold: &Fold,
+    settings: &HoldoutSettings,
+) -> Result<FoldResult, HoldoutError> {
+    let part = |source| HoldoutError::Part {
+        material: material.to_owned(),
+        source,
+    };
+    let train = fold.train.recordings().map_err(part)?;
+    let test = fold.test.recordings().map_err(part)?;
+    let target = Target::new(&train, &test);
+    if target.bands().is_empty() {
+        return Err(HoldoutError::TooShort {
+            material: material.to_owned(),
+            samples: test.iter().map(ProcessedRecording::samples).sum(),
+        });
+    }
+    let mut measures = vec![];
+    for method in Method::ALL {
+        let Some(player) = Player::learned(method, &train, &settings.texture)
+            .map_err(|error| HoldoutError::learning(material, split, method, &error))?
+        else {
+            measures.push(target.floor());
+            continue;
+        };
+        let found = measured(&player, &target, settings).map_err(|source| HoldoutError::Synthesis {
+            material: material.to_owned(),
+            method: method.word(),
+            source,
+        })?;
+        measures.push(found);
+    }
+    Ok(FoldResult {
+        material: number,
+        split,
+        measures,
+        unexplained_level_db: target.unexplained_level_db(),
+        estimator_db: target.estimator_db(settings.seeds),
+    })
+}
+
+/// Each job's result, in order.
+fn on_all_cores<J: Sync, R: Send>(jobs: &[J], work: &(dyn Fn(&J) -> R + Sync)) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism()
+        .map_or(1, usize::from)
+        .min(jobs.len());
+    let take = || {
+        let mut finished = vec![];
+        while let Some((number, job)) = Some(next.fetch_add(1, Ordering::Relaxed))
+            .and_then(|number| jobs.get(number).map(|job| (number, job)))
+        {
+            finished.push((number, work(job)));
+        }
+        finished
+    };
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(take)).collect();
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().ok())
+            .flatten()
+            .collect()
+    });
+    results.sort_by_key(|(number, _)| *number);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,225 @@
+//! What folds come to: means by material, and over materials with their standard errors.
+
+use super::FoldResult;
+use super::folds::Split;
+use super::measures::Measures;
+use super::methods::{BASELINES, Method};
+use crate::statistics::{mean, standard_deviation};
+
+/// All folds of all materials.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Holdout {
+    /// Materials, by name.
+    pub materials: Vec<String>,
+    /// Seeds of noise that each method was played with.
+    pub seeds: u64,
+    /// Results of the folds.
+    pub folds: Vec<FoldResult>,
+}
+
+/// A mean over materials and its standard error (`None` of one material).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error.
+    pub error: Option<f64>,
+}
+
+impl Mean {
+    fn of(values: &[f64]) -> Self {
+        Self {
+            mean: mean(values),
+            error: (values.len() > 1).then(|| standard_deviation(values) / (values.len() as f64).sqrt()),
+        }
+    }
+}
+
+/// A method over all materials.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MethodMean {
+    /// Which.
+    pub method: Method,
+    /// Log-spectral distance, dB, by material.
+    pub lsd_by_material: Vec<f64>,
+    /// The same over materials.
+    pub lsd_db: Mean,
+    /// Log-spectral distance less the floor's in the same fold, dB.
+    pub above_floor_db: Mean,
+    /// Log-spectral distance less that of the better plain baseline over all materials, in the same folds, dB.
+    pub above_baseline_db: Mean,
+    /// From 100 to 500 Hz, dB.
+    pub middle_lsd_db: Option<Mean>,
+    /// The same less the floor's, dB.
+    pub middle_above_floor_db: Option<Mean>,
+    /// Weighted by what is felt, dB.
+    pub pacinian_lsd_db: Mean,
+    /// Mean absolute error of bands, dB.
+    pub absolute_db: Mean,
+    /// Signed error from 20 to 40 Hz, dB.
+    pub low_db: Option<Mean>,
+    /// Signed error of the total power, dB.
+    pub total_db: Mean,
+    /// Energy in the wrong one of nine bands, 0 to 1.
+    pub misplaced: Mean,
+    /// Error of the excess kurtosis.
+    pub kurtosis: Mean,
+    /// Error of levels over 50 ms, dB.
+    pub envelope_db: Option<Mean>,
+    /// The same between seeds, dB.
+    pub envelope_floor_db: Option<Mean>,
+    /// Normalized spectral error.
+    pub nse: Option<Mean>,
+    /// Power error.
+    pub pe: Option<Mean>,
+    /// Signed error by band, dB: centre in Hz and mean over materials, where all materials have the same bands.
+    pub signed_db: Vec<(f64, f64)>,
+    /// Is this no plain baseline, and worse than one on the mean over materials?
+    pub loses: bool,
+}
+
+/// One split over all materials.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SplitResult {
+    /// Which.
+    pub split: Split,
+    /// Methods, the floor first.
+    pub methods: Vec<MethodMean>,
+    /// The plain baseline with the least mean distance.
+    pub best_baseline: Method,
+    /// What force and speed leave unexplained of recorded levels, dB.
+    pub unexplained_level_db: Option<Mean>,
+    /// Distance of two stationary takes as long as the parts, dB, and of one from the mean over seeds.
+    pub estimator_db: (f64, f64),
+}
+
+type Value = dyn Fn(&Measures) -> Option<f64>;
+
+impl Holdout {
+    /// The splits that there are folds of.
+    pub fn splits(&self) -> Vec<SplitResult> {
+        Split::ALL
+            .into_iter()
+            .filter_map(|split| self.split(split))
+            .collect()
+    }
+
+    fn split(&self, split: Split) -> Option<SplitResult> {
+        let folds: Vec<&FoldResult> = self.folds.iter().filter(|fold| fold.split == split).collect();
+        if folds.is_empty() {
+            return None;
+        }
+        let lsd = |method: Method| {
+            mean(
+                &self
+                    .over_materials(&folds, &|fold| Some(fold.of(method).bands.lsd_db))
+                    .unwrap_or_default(),
+            )
+        };
+        let best_baseline = if lsd(BASELINES[1]) < lsd(BASELINES[0]) {
+            BASELINES[1]
+        } else {
+            BASELINES[0]
+        };
+        let part = |value: fn(&FoldResult) -> Option<f64>| self.over_materials(&folds, &value);
+        let estimator = |value: fn(&FoldResult) -> Option<f64>| mean(&part(value).unwrap_or_default());
+        Some(SplitResult {
+            split,
+            methods: Method::ALL
+                .into_iter()
+                .map(|method| self.method(&folds, method, best_baseline))
+                .collect(),
+            best_baseline,
+            unexplained_level_db: part(|fold| fold.unexplained_level_db).map(|values| Mean::of(&values)),
+            estimator_db: (
+                estimator(|fold| Some(fold.estimator_db.0)),
+                estimator(|fold| Some(fold.estimator_db.1)),
+            ),
+        })
+    }
+
+    /// Means over a material's folds; `None` where a fold has no value. Materials without folds are left out.
+    fn over_materials(
+        &self,
+        folds: &[&FoldResult],
+        value: &dyn Fn(&FoldResult) -> Option<f64>,
+    ) -> Option<Vec<f64>> {
+        let of = |material: usize| {
+            let own = folds.iter().filter(move |fold| fold.material == material);
+            own.map(|fold| value(fold)).collect::<Option<Vec<f64>>>()
+        };
+        let values = (0..self.materials.len()).map(of).collect::<Option<Vec<_>>>()?;
+        Some(
+            values
+                .iter()
+                .filter(|values| !values.is_empty())
+                .map(|values| mean(values))
+                .collect(),
+        )
+    }
+
+    fn method(&self, folds: &[&FoldResult], method: Method, best: Method) -> MethodMean {
+        let over = |value: &dyn Fn(&FoldResult) -> Option<f64>| self.over_materials(folds, value);
+        let maybe = |value: &Value| over(&|fold| value(fold.of(method))).map(|values| Mean::of(&values));
+        let sure = |value: &Value| {
+            maybe(value).unwrap_or(Mean {
+                mean: 0.0,
+                error: None,
+            })
+        };
+        // Differences within the same fold.
+        let above = |other: Method, value: &Value| {
+            over(&|fold| Some(value(fold.of(method))? - value(fold.of(other))?))
+                .map(|values| Mean::of(&values))
+        };
+        let lsd: &Value = &|m| Some(m.bands.lsd_db);
+        let middle: &Value = &|m| m.bands.middle_lsd_db;
+        let none = Mean {
+            mean: 0.0,
+            error: None,
+        };
+        let above_baseline_db = above(best, lsd).unwrap_or(none);
+        MethodMean {
+            method,
+            lsd_by_material: over(&|fold| lsd(fold.of(method))).unwrap_or_default(),
+            lsd_db: sure(lsd),
+            above_floor_db: above(Method::Floor, lsd).unwrap_or(none),
+            above_baseline_db,
+            middle_lsd_db: maybe(middle),
+            middle_above_floor_db: above(Method::Floor, middle),
+            pacinian_lsd_db: sure(&|m| Some(m.bands.pacinian_lsd_db)),
+            absolute_db: sure(&|m| Some(m.bands.absolute_db)),
+            low_db: maybe(&|m| m.bands.low_db),
+            total_db: sure(&|m| Some(m.bands.total_db)),
+            misplaced: sure(&|m| Some(m.bands.misplaced)),
+            kurtosis: sure(&|m| Some(m.kurtosis)),
+            envelope_db: maybe(&|m| m.envelope_db),
+            envelope_floor_db: maybe(&|m| m.envelope_floor_db),
+            nse: maybe(&|m| m.nse_pe.map(|(nse, _)| nse)),
+            pe: maybe(&|m| m.nse_pe.map(|(_, pe)| pe)),
+            signed_db: self.signed(folds, method),
+            loses: matches!(method, Method::Default | Method::Thesis) && above_baseline_db.mean > 0.0,
+        }
+    }
+
+    fn signed(&self, folds: &[&FoldResult], method: Method) -> Vec<(f64, f64)> {
+        let bands = &folds[0].of(method).bands.bands;
+        if folds.iter().any(|fold| fold.of(method).bands.bands != *bands) {
+            return vec![];
+        }
+        let band = |number: usize| {
+            let values = self.over_materials(folds, &|fold| Some(fold.of(method).bands.signed_db[number]));
+            (
+                bands.as_slice()[number].centre_hz,
+                mean(&values.unwrap_or_default()),
+            )
+        };
+        (0..bands.len()).map(band).collect()
+    }
+}
+
+impl FoldResult {
+    fn of(&self, method: Method) -> &Measures {
+        &self.measures[method as usize]
+    }
+}
