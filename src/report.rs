@@ -5,6 +5,7 @@ pub mod asked;
 pub mod drawing;
 pub mod evaluation;
 pub mod figures;
+pub mod holdout;
 mod layout;
 pub mod learning;
 mod loci;

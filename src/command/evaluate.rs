@@ -1,5 +1,7 @@
 //! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
 
+mod holdout;
+
 use super::output::{Force, LEDGER, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
@@ -7,7 +9,8 @@ use super::{Failure, learn as learning, recording, remark, say, say_json};
 use clap::ValueEnum;
 use haptograph::surfaces::Origin;
 use haptograph::surfaces::evaluate::{
-    DifferenceTable, Evaluation, MapSettings, RecordingName, StudySettings, TableSettings, Take, evaluate,
+    DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudySettings, TableSettings,
+    Take, evaluate,
 };
 use haptograph::surfaces::learning::{LearnSettings, learn};
 use haptograph::surfaces::metrics::Pooling;
@@ -32,9 +35,13 @@ pub struct Arguments {
     #[command(flatten)]
     force: Force,
     /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
-    /// materials are shown by both, the one chosen first (by pair if none is); the map of textures takes all unless told otherwise
-    #[arg(long, value_enum)]
-    pooling: Option<PoolingArgument>,
+    /// materials are shown by both, the one chosen first
+    #[arg(long, value_enum, default_value = "all")]
+    pooling: PoolingArgument,
+    /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes), test on the rest, and
+    /// show all measures beside a floor, the thesis's method and plain baselines
+    #[arg(long, conflicts_with = "pooling")]
+    holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -57,6 +64,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
     let takes = read_takes(&arguments.dir)?;
+    if arguments.holdout {
+        return run_holdout(arguments, page.as_ref(), &takes);
+    }
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
     let found = evaluate(&takes, &settings, &|part| progress.at(part))
@@ -66,11 +76,36 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(page) => Some(write_report(page, arguments, &takes, &found)?),
         None => None,
     };
-    let simulated = takes.iter().filter(|take| is_simulated(take)).count();
     if arguments.json {
-        return say_json(&to_json(&found, simulated > 0));
+        return say_json(&to_json(&found, takes.iter().any(is_simulated)));
     }
     say(&describe(&found))?;
+    conclude(&takes, page)
+}
+
+fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> Result<(), Failure> {
+    let settings = HoldoutSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        seed: arguments.seed,
+        ..HoldoutSettings::default()
+    };
+    let found = holdout::found(&arguments.dir, takes, &settings)?;
+    let simulated = takes.iter().any(is_simulated);
+    let title = title(&arguments.dir);
+    let page = page
+        .map(|page| page.write(&haptograph::report::holdout::page(&title, &found, simulated)))
+        .transpose()?;
+    if arguments.json {
+        return say_json(&holdout::to_json(&found, simulated));
+    }
+    say(&holdout::describe(&found))?;
+    conclude(takes, page)
+}
+
+/// What is simulated, and where to look.
+fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
+    let simulated = takes.iter().filter(|take| is_simulated(take)).count();
     if simulated > 0 {
         say(&format!(
             "\n{simulated} of {} recordings are simulated\n",
@@ -78,6 +113,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ))?;
     }
     page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+fn title(dir: &Path) -> String {
+    dir.file_name().map_or_else(
+        || "Evaluation".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
 }
 
 fn is_simulated(take: &Take) -> bool {
@@ -117,11 +159,11 @@ fn write_report(
         learned.push(one);
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
-    let title = arguments
-        .dir
-        .file_name()
-        .map_or_else(|| "Evaluation".into(), |name| name.to_string_lossy());
-    page.write(&haptograph::report::evaluation::page(&title, found, &learned))
+    page.write(&haptograph::report::evaluation::page(
+        &title(&arguments.dir),
+        found,
+        &learned,
+    ))
 }
 
 fn study_settings(arguments: &Arguments) -> StudySettings {
@@ -131,13 +173,11 @@ fn study_settings(arguments: &Arguments) -> StudySettings {
         table: TableSettings::default(),
         map: MapSettings::default(),
     };
-    if let Some(pooling) = arguments.pooling {
-        let pooling = match pooling {
-            PoolingArgument::Pair => Pooling::Pair,
-            PoolingArgument::All => Pooling::All,
-        };
-        (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
-    }
+    let pooling = match arguments.pooling {
+        PoolingArgument::Pair => Pooling::Pair,
+        PoolingArgument::All => Pooling::All,
+    };
+    (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
     settings.table.synthesis.seed = arguments.seed;
     settings.map.synthesis.seed = arguments.seed;
     settings.map.walk.seed = arguments.seed;

@@ -11,20 +11,46 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     column(&folder.path().join("b.csv"), "accel_m_s2", &b);
     let same = json(
         folder.path(),
-        &["compare", "a.csv", "a.csv", "--rate", "10000", "--json"],
+        &[
+            "compare",
+            "a.csv",
+            "a.csv",
+            "--rate",
+            "10000",
+            "--deviations",
+            "0.01,0.3",
+            "--json",
+        ],
     );
-    assert_eq!(
-        (&same["NSE"], &same["PE"], &same["SD"]),
-        (&0.0.into(), &0.0.into(), &0.0.into())
-    );
+    for measure in [
+        "NSE",
+        "PE",
+        "SD",
+        "lsd_db",
+        "lsd_pacinian_db",
+        "error_total_db",
+        "envelope_db",
+    ] {
+        assert_eq!(same[measure], 0.0, "{measure}");
+    }
     assert_eq!(same["simulated"], false);
     let other = json(
         folder.path(),
         &["compare", "a.csv", "b.csv", "--rate", "10000", "--json"],
     );
-    for measure in ["NSE", "PE", "SD"] {
+    for measure in ["NSE", "PE", "lsd_db", "absolute_db", "envelope_db"] {
         assert!(other[measure].as_f64().unwrap() > 0.0);
     }
+    // Of one pair alone there is no deviation to count in. Two seconds tell 20 to 40 Hz as one band.
+    assert!(other["SD"].is_null() && other["reason"].is_string());
+    assert_eq!(other["bands"].as_array().unwrap().len(), 15);
+    assert!(
+        fail(
+            folder.path(),
+            &["compare", "a.csv", "b.csv", "--deviations", "0.1"]
+        )
+        .contains("--deviations")
+    );
     assert!(fail(folder.path(), &["compare", "a.csv", "b.csv"]).contains("--rate"));
 
     let spec = hound::WavSpec {
@@ -52,13 +78,16 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     );
     assert_eq!(kept["simulated"], true);
     let text = succeed(folder.path(), &["compare", "a.csv", "a.wav", "--rate", "10000"]);
-    assert!(text.contains("simulated                        a.wav"), "{text}");
+    assert!(
+        text.contains("simulated                             a.wav"),
+        "{text}"
+    );
     // Both are brought down to a tenth of the rate, with the same windows of the same moments.
     let slow = json(
         folder.path(),
         &["compare", "a.wav", "a.wav", "--rate", "1000", "--json"],
     );
-    assert_eq!((&slow["SD"], &slow["windows"]), (&0.0.into(), &14.into()));
+    assert_eq!((&slow["NSE"], &slow["windows"]), (&0.0.into(), &152.into()));
     assert!(fail(folder.path(), &["compare", "a.wav", "a.wav", "--rate", "20000"]).contains("at most"));
 }
 
@@ -103,6 +132,33 @@ fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
 }
 
 #[test]
+fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
+    let folder = workshop();
+    let text = succeed(folder, &["evaluate", "study", "--holdout"]);
+    for word in ["halves", "quarters", "takes", "floor", "plain", "T1", "20-40 Hz"] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let found = json(
+        folder,
+        &["evaluate", "study", "--holdout", "--json", "--report", "held-out"],
+    );
+    assert_eq!((&found["simulated"], &found["seeds"]), (&true.into(), &16.into()));
+    let splits = found["splits"].as_array().unwrap();
+    assert_eq!(splits.len(), 3);
+    for split in splits {
+        let methods = split["methods"].as_array().unwrap();
+        assert_eq!(methods.len(), 5);
+        for method in methods {
+            let lsd = method["lsd_db"]["mean"].as_f64().unwrap();
+            assert!(lsd > 0.0 && lsd < 20.0, "{method}");
+            assert_eq!(method["lsd_by_material_db"].as_array().unwrap().len(), 2);
+        }
+    }
+    let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
+    assert!(page.contains("simulated") && page.contains("Log-spectral distance by material"));
+}
+
+#[test]
 fn an_evaluation_prints_the_tables_of_the_thesis() {
     let folder = workshop();
     let text = succeed(folder, &["evaluate", "study"]);
@@ -114,7 +170,18 @@ fn an_evaluation_prints_the_tables_of_the_thesis() {
             && text.contains("6 of 6 recordings are simulated"),
         "{text}"
     );
-    let found = json(folder, &["evaluate", "study", "--json", "--report", "evaluation"]);
+    let found = json(
+        folder,
+        &[
+            "evaluate",
+            "study",
+            "--json",
+            "--pooling",
+            "pair",
+            "--report",
+            "evaluation",
+        ],
+    );
     assert_eq!(
         (&found["expert"], &found["simulated"]),
         (&"anna".into(), &true.into())
