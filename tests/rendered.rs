@@ -1,0 +1,90 @@
+//! What evaluations play is what graphs render, to the bit.
+
+use haptograph::engine::document::Document;
+use haptograph::engine::graph::{CheckOptions, check};
+use haptograph::engine::plan::{Plan, PlanOptions};
+use haptograph::engine::run::Run;
+use haptograph::signal::noise::stream_seed;
+use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, synthesise};
+use haptograph::surfaces::files;
+use std::path::Path;
+use std::sync::Arc;
+
+const RATE_HZ: f64 = 10_000.0;
+const SEED: u64 = 11;
+
+/// The four nodes of the texture template behind a hand whose speed and force are sines.
+fn graph(surface: &Path) -> String {
+    format!(
+        r#"Graph(
+    format: 1,
+    seed: {SEED},
+    clocks: {{ "synth": Driver(rate_hz: 10000), "control": Derived(of: "synth", rate_hz: 240) }},
+    nodes: {{
+        "to and fro": Sine(clock: "synth", frequency_hz: 1.7, amplitude: 0.09, quantity: "speed"),
+        "speed": Offset(input: "to and fro", offset: 0.1),
+        "to and down": Sine(clock: "synth", frequency_hz: 1.1, amplitude: 0.8, phase_deg: 40, quantity: "force"),
+        "force": Offset(input: "to and down", offset: 1.0),
+        "locate": TriangleLocator(clock: "control", surface: {surface:?}, speed: Hold("speed"), force: Hold("force")),
+        "interpolate": LsfInterpolator(surface: {surface:?}, weights: "locate"),
+        "excite": Excitation(clock: "synth", coefficients: Hold("interpolate")),
+        "filter": ArmaFilter(surface: {surface:?}, coefficients: Hold("interpolate"), excitation: "excite"),
+    }},
+)"#
+    )
+}
+
+#[test]
+fn an_evaluation_plays_what_a_graph_renders() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for surface in ["graphs/surfaces/t3-tile.ron", "tests/data/canvas-thesis.ron"] {
+        let surface = root.join(surface);
+        let document = Document::parse("rendered.ron", &graph(&surface)).expect("the graph is well written");
+        let registry = haptograph::nodes::registry();
+        let graph =
+            check(&document, &registry, &CheckOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
+        let find = |name: &str| {
+            let node = graph
+                .nodes()
+                .node_indices()
+                .find(|node| graph.nodes()[*node].path == name);
+            (node.expect("the node is there"), 0)
+        };
+        let taps = ["speed", "force", "filter"].map(find).to_vec();
+        let plans = Plan::all(&graph, &PlanOptions { block: 64, taps });
+        let plan = plans.into_iter().next().expect("there is one driver");
+        let mut run = Run::new(Arc::new(plan));
+        let mut heard = [vec![], vec![], vec![]];
+        for _ in 0..400 {
+            run.advance(64);
+            for (tap, heard) in heard.iter_mut().enumerate() {
+                heard.extend_from_slice(run.tap(tap));
+            }
+        }
+        let [speed_m_s, force_n, rendered] = heard;
+        let texture = files::load(&surface)
+            .expect("it is a surface")
+            .texture
+            .expect("it has a texture");
+        let along = Trajectory {
+            rate_hz: RATE_HZ,
+            speed_m_s,
+            force_n,
+        };
+        let settings = SynthesisSettings {
+            seed: stream_seed(SEED, "excite"),
+            ..SynthesisSettings::default()
+        };
+        let played = synthesise(&texture, &along, &settings).expect("it can be played");
+        assert_eq!(played.len(), rendered.len());
+        let differ = played.iter().zip(&rendered).position(|(a, b)| a != b);
+        assert_eq!(
+            differ,
+            None,
+            "{}: {:?}",
+            surface.display(),
+            differ.map(|at| (played[at], rendered[at]))
+        );
+        assert!(played.iter().any(|x| x.abs() > 0.1));
+    }
+}
