@@ -27,7 +27,7 @@ fn graph(surface: &Path) -> String {
         "force": Offset(input: "to and down", offset: 1.0),
         "locate": TriangleLocator(clock: "control", surface: {surface:?}, speed: Hold("speed"), force: Hold("force")),
         "interpolate": LsfInterpolator(surface: {surface:?}, weights: "locate"),
-        "excite": Excitation(clock: "synth", coefficients: Hold("interpolate")),
+        "excite": Excitation(clock: "synth", surface: {surface:?}, coefficients: Hold("interpolate")),
         "filter": ArmaFilter(surface: {surface:?}, coefficients: Hold("interpolate"), excitation: "excite"),
     }},
 )"#

@@ -245,6 +245,7 @@ fn describe(found: &Evaluation) -> String {
                 significant(table.baseline(), 3),
             ),
             ("each texture nearest to its own material", yes.to_owned()),
+            ("smallest margin", margin(table)),
         ]);
         text += "\n";
     }
@@ -274,6 +275,19 @@ fn describe(found: &Evaluation) -> String {
         ]);
     }
     text
+}
+
+/// By how much the worst-told material is told apart, and from which.
+fn margin(table: &DifferenceTable) -> String {
+    table.smallest_margin().map_or_else(
+        || "none".to_owned(),
+        |(margin, row, column)| {
+            format!(
+                "{margin:.2} (virtual {} on {})",
+                table.rows[row], table.columns[column]
+            )
+        },
+    )
 }
 
 fn other(pooling: Pooling) -> Pooling {
@@ -341,6 +355,7 @@ fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
             "diagonal": table.diagonal(),
             "baseline": table.baseline(),
             "diagonal_is_least": table.diagonal_is_least(),
+            "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
         })
     };
     json!({

@@ -134,10 +134,6 @@ fn files_beyond_four_gibibytes_are_compared_too_and_bounded() {
 #[test]
 fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
     let folder = workshop();
-    let text = succeed(folder, &["evaluate", "study", "--holdout"]);
-    for word in ["halves", "quarters", "takes", "floor", "plain", "T1", "20-40 Hz"] {
-        assert!(text.contains(word), "{word}: {text}");
-    }
     let found = json(
         folder,
         &["evaluate", "study", "--holdout", "--json", "--report", "held-out"],
