@@ -5,7 +5,8 @@ mod contest;
 
 use contest::Work;
 use criterion::{Criterion, Throughput};
-use haptograph_signal::arma::{ArmaFilter, Form, VoiceBank};
+use haptograph_signal::arma::{ArmaFilter, Form, VoiceBank, WarpedBank, WarpedLattice};
+use haptograph_signal::filter::{Sections, SectionsState, butterworth_highpass};
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::resample::{Quality, Resampler};
 use haptograph_signal::time::Rate;
@@ -49,8 +50,11 @@ fn ratios() {
         "ARMA(20, 4), one voice, new coefficients every 41 samples",
     );
     frozen();
+    warped_voice();
+    updates();
     voices(Form::Direct);
     voices(Form::Lattice);
+    warped_voices();
     resampling();
 }
 
@@ -177,6 +181,78 @@ fn one_voice(ma: &[f64], title: &str) {
     contest::compare(samples(title, BLOCK), contenders);
 }
 
+/// The warping factor of learned surfaces.
+const WARPING: f64 = 0.8;
+
+/// The high-pass of learned surfaces, at rest.
+fn output_highpass() -> Option<SectionsState> {
+    let once = butterworth_highpass(2, 20.0, 10_000.0).ok()?;
+    let sections = once.sections.iter().chain(&once.sections).copied().collect();
+    Some(SectionsState::new(&Sections { sections }))
+}
+
+/// The warped lattice with its high-pass beside the plain one, which has none.
+fn warped_voice() {
+    let sets = models(BLOCK / FRAME, 0);
+    let mut e = vec![0.0; BLOCK];
+    Gaussian::new(2).fill(&mut e);
+    let (mut plain, mut warped) = (ArmaFilter::new(Form::Lattice), WarpedLattice::new());
+    let Some(mut highpass) = output_highpass() else {
+        return;
+    };
+    let (mut x, mut y, mut z) = (vec![0.0; BLOCK], vec![0.0; BLOCK], vec![0.0; BLOCK]);
+    for (lasting, title) in [
+        (FRAME, "new coefficients every 41 samples"),
+        (BLOCK, "one set of coefficients"),
+    ] {
+        let chunks = || sets.iter().zip(e.chunks(lasting));
+        let mut run_plain = || {
+            for ((set, e), out) in chunks().zip(black_box(&mut x).chunks_mut(lasting)) {
+                let _ = plain.set_coefficients(set, &[], 1.0);
+                plain.process(e, out);
+            }
+        };
+        let mut run_warped = || {
+            for ((set, e), out) in chunks().zip(black_box(&mut y).chunks_mut(lasting)) {
+                let _ = warped.set_coefficients(set, WARPING, 1.0);
+                warped.process(e, out);
+            }
+        };
+        let mut run_highpass = || highpass.process_in_place(black_box(&mut z));
+        let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
+            ("Lattice", &mut run_plain),
+            ("WarpedLattice", &mut run_warped),
+            ("its high-pass, to be added", &mut run_highpass),
+        ];
+        contest::compare(samples(&format!("AR(20), one voice, {title}"), BLOCK), contenders);
+    }
+}
+
+/// What new coefficients cost by themselves.
+fn updates() {
+    let sets = models(BLOCK / FRAME, 0);
+    let (mut plain, mut warped) = (ArmaFilter::new(Form::Lattice), WarpedLattice::new());
+    let mut set_plain = || {
+        for set in &sets {
+            let _ = plain.set_coefficients(black_box(set), &[], 1.0);
+        }
+    };
+    let mut set_warped = || {
+        for set in &sets {
+            let _ = warped.set_coefficients(black_box(set), WARPING, 1.0);
+        }
+    };
+    let contenders: &mut [(&str, &mut dyn FnMut())] =
+        &mut [("Lattice", &mut set_plain), ("WarpedLattice", &mut set_warped)];
+    let work = Work {
+        title: "AR(20), new coefficients",
+        unit: "set",
+        units: sets.len(),
+        turns: TURNS,
+    };
+    contest::compare(work, contenders);
+}
+
 fn frozen() {
     let sets = models(1, 0);
     let mut e = vec![0.0; BLOCK];
@@ -246,6 +322,51 @@ fn voices(form: Form) {
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [("VoiceBank", &mut run_together)];
     let many = contest::compare(samples("", BLOCK * VOICES), contenders)[0];
     println_ratio(one / many);
+}
+
+/// Plain and warped lattices side by side.
+fn warped_voices() {
+    const VOICES: usize = 64;
+    let sets = models(BLOCK / FRAME, 0);
+    let mut e = vec![0.0; FRAME * VOICES];
+    Gaussian::new(3).fill(&mut e);
+    let (mut x, mut y) = (e.clone(), e.clone());
+    let (mut plain, mut warped) = (VoiceBank::new(Form::Lattice, VOICES), WarpedBank::new(VOICES));
+    let mut run_plain = || {
+        for i in 0..sets.len() {
+            for voice in 0..VOICES {
+                let _ = plain.set_coefficients(voice, &sets[(i + voice) % sets.len()], &[], 1.0);
+            }
+            plain.process(&e, black_box(&mut x));
+        }
+    };
+    let mut run_warped = || {
+        for i in 0..sets.len() {
+            for voice in 0..VOICES {
+                let _ = warped.set_coefficients(voice, &sets[(i + voice) % sets.len()], WARPING, 1.0);
+            }
+            warped.process(&e, black_box(&mut y));
+        }
+    };
+    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
+        ("VoiceBank of lattices", &mut run_plain),
+        ("WarpedBank", &mut run_warped),
+    ];
+    let title = "AR(20), 64 voices, new coefficients every 41 samples, a voice";
+    contest::compare(samples(title, BLOCK * VOICES), contenders);
+    let (mut plain, mut warped) = (VoiceBank::new(Form::Lattice, VOICES), WarpedBank::new(VOICES));
+    for voice in 0..VOICES {
+        let _ = plain.set_coefficients(voice, &sets[voice % sets.len()], &[], 1.0);
+        let _ = warped.set_coefficients(voice, &sets[voice % sets.len()], WARPING, 1.0);
+    }
+    let mut run_plain = || plain.process(&e, black_box(&mut x));
+    let mut run_warped = || warped.process(&e, black_box(&mut y));
+    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
+        ("VoiceBank of lattices", &mut run_plain),
+        ("WarpedBank", &mut run_warped),
+    ];
+    let title = "AR(20), 64 voices, one set of coefficients, a voice";
+    contest::compare(samples(title, FRAME * VOICES), contenders);
 }
 
 #[expect(clippy::print_stdout, reason = "a bench reports")]

@@ -17,7 +17,7 @@ mod direct;
 mod lattice;
 mod warped;
 
-pub use bank::VoiceBank;
+pub use bank::{VoiceBank, WarpedBank};
 pub use direct::DirectForm;
 pub use lattice::Lattice;
 pub use warped::WarpedLattice;
@@ -104,6 +104,39 @@ impl ArmaFilter {
         match self {
             Self::Direct(filter) => filter.reset(),
             Self::Lattice(filter) => filter.reset(),
+        }
+    }
+}
+
+/// A filter that looks every [`SETTLE`] frames whether its state has died away.
+trait Settling {
+    /// Most frames of a run.
+    const RUN: usize;
+
+    /// Frames since it last looked.
+    fn since_settled(&mut self) -> &mut usize;
+
+    /// Filters up to [`Self::RUN`] frames.
+    fn run(&mut self, excitation: &[f64], out: &mut [f64]);
+
+    /// Puts to rest what has died away or is no longer finite.
+    fn settle(&mut self);
+}
+
+/// Filters frames of `width` samples, up to the last whole one of the shorter slice, in runs that end where the filter looks.
+#[inline(always)]
+fn in_runs<F: Settling>(filter: &mut F, width: usize, excitation: &[f64], out: &mut [f64]) {
+    let frames = excitation.len().min(out.len()) / width;
+    let mut done = 0;
+    while done < frames {
+        let run = (frames - done).min(SETTLE - *filter.since_settled()).min(F::RUN);
+        let part = done * width..(done + run) * width;
+        filter.run(&excitation[part.clone()], &mut out[part]);
+        done += run;
+        *filter.since_settled() += run;
+        if *filter.since_settled() == SETTLE {
+            *filter.since_settled() = 0;
+            filter.settle();
         }
     }
 }

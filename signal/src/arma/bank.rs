@@ -2,28 +2,38 @@
 
 mod direct;
 mod lattice;
+mod warped;
 
-use super::{ArmaError, Form, SETTLE};
+use super::{ArmaError, Form, Settling, in_runs};
 use direct::DirectGroup;
 use lattice::LatticeGroup;
 use pulp::{Arch, Simd, WithSimd};
+use warped::WarpedGroup;
 
 /// Frames a group of voices works on before the next group has its turn, so that its state stays in the cache.
 const RUN: usize = 64;
 
 /// Synthesis filters side by side in SIMD lanes; each gives the samples it would give alone, to the bit.
 #[derive(Debug, Clone)]
-pub struct VoiceBank {
-    voices: usize,
-    groups: Groups,
-    since_settled: usize,
-    arch: Arch,
-}
+pub struct VoiceBank(Plain);
 
 #[derive(Debug, Clone)]
-enum Groups {
-    Direct(Box<[DirectGroup]>),
-    Lattice(Box<[LatticeGroup]>),
+enum Plain {
+    Direct(Bank<DirectGroup>),
+    Lattice(Bank<LatticeGroup>),
+}
+
+/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give alone, to the bit.
+#[derive(Debug, Clone)]
+pub struct WarpedBank(Bank<WarpedGroup>);
+
+/// Voices of one kind.
+#[derive(Debug, Clone)]
+struct Bank<G> {
+    voices: usize,
+    groups: Box<[G]>,
+    since_settled: usize,
+    arch: Arch,
 }
 
 /// Voices that share the lanes of a vector.
@@ -31,11 +41,8 @@ trait Group: Clone {
     /// How many.
     const LANES: usize;
 
-    /// Voices at rest that pass their excitation on.
+    /// Voices at rest.
     fn new() -> Self;
-
-    /// See [`VoiceBank::set_coefficients`].
-    fn set_coefficients(&mut self, lane: usize, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError>;
 
     /// Filters up to [`RUN`] frames.
     fn run(&mut self, frames: Frames<'_>);
@@ -90,20 +97,18 @@ impl Frames<'_> {
 impl VoiceBank {
     /// So many filters at rest, each passing its excitation on. Allocates here and never again.
     pub fn new(form: Form, voices: usize) -> Self {
-        Self {
-            voices,
-            groups: match form {
-                Form::Direct => Groups::Direct(groups(voices)),
-                Form::Lattice => Groups::Lattice(groups(voices)),
-            },
-            since_settled: 0,
-            arch: Arch::new(),
-        }
+        Self(match form {
+            Form::Direct => Plain::Direct(Bank::new(voices)),
+            Form::Lattice => Plain::Lattice(Bank::new(voices)),
+        })
     }
 
     /// How many voices there are.
     pub fn voices(&self) -> usize {
-        self.voices
+        match &self.0 {
+            Plain::Direct(bank) => bank.voices,
+            Plain::Lattice(bank) => bank.voices,
+        }
     }
 
     /// The coefficients of one voice from the next sample on, as in [`ArmaFilter`](super::ArmaFilter).
@@ -117,90 +122,144 @@ impl VoiceBank {
         ma: &[f64],
         gain: f64,
     ) -> Result<(), ArmaError> {
-        match &mut self.groups {
-            Groups::Direct(groups) => set(groups, voice, ar, ma, gain),
-            Groups::Lattice(groups) => set(groups, voice, ar, ma, gain),
+        match &mut self.0 {
+            Plain::Direct(bank) => bank.set(voice, |group, lane| group.set_coefficients(lane, ar, ma, gain)),
+            Plain::Lattice(bank) => bank.set(voice, |group, lane| group.set_coefficients(lane, ar, ma, gain)),
         }
     }
 
     /// Filters frames of one sample a voice, voice after voice, up to the last whole frame of the shorter slice.
     pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
-        if self.voices == 0 {
-            return;
-        }
-        let frames = excitation.len().min(out.len()) / self.voices;
-        let mut done = 0;
-        while done < frames {
-            let run = (frames - done).min(SETTLE - self.since_settled).min(RUN);
-            let part = done * self.voices..(done + run) * self.voices;
-            self.arch.dispatch(Run {
-                groups: &mut self.groups,
-                voices: self.voices,
-                excitation: &excitation[part.clone()],
-                out: &mut out[part],
-            });
-            done += run;
-            self.since_settled += run;
-            if self.since_settled == SETTLE {
-                self.since_settled = 0;
-                match &mut self.groups {
-                    Groups::Direct(groups) => groups.iter_mut().for_each(Group::settle),
-                    Groups::Lattice(groups) => groups.iter_mut().for_each(Group::settle),
-                }
-            }
+        match &mut self.0 {
+            Plain::Direct(bank) => bank.process(excitation, out),
+            Plain::Lattice(bank) => bank.process(excitation, out),
         }
     }
 
     /// Puts every voice to rest; the coefficients stay.
     pub fn reset(&mut self) {
-        match &mut self.groups {
-            Groups::Direct(groups) => groups.iter_mut().for_each(Group::reset),
-            Groups::Lattice(groups) => groups.iter_mut().for_each(Group::reset),
+        match &mut self.0 {
+            Plain::Direct(bank) => bank.reset(),
+            Plain::Lattice(bank) => bank.reset(),
         }
+    }
+}
+
+impl WarpedBank {
+    /// So many silent filters at rest, without coefficients yet. Allocates here and never again.
+    pub fn new(voices: usize) -> Self {
+        Self(Bank::new(voices))
+    }
+
+    /// How many voices there are.
+    pub fn voices(&self) -> usize {
+        self.0.voices
+    }
+
+    /// The coefficients of one voice from the next sample on, as in [`WarpedLattice`](super::WarpedLattice).
+    ///
+    /// # Errors
+    /// As there. A voice that does not exist is ignored.
+    pub fn set_coefficients(
+        &mut self,
+        voice: usize,
+        ar: &[f64],
+        warping: f64,
+        gain: f64,
+    ) -> Result<(), ArmaError> {
+        self.0.set(voice, |group, lane| {
+            group.set_coefficients(lane, ar, warping, gain)
+        })
+    }
+
+    /// Filters frames of one sample a voice, voice after voice, up to the last whole frame of the shorter slice.
+    pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
+        self.0.process(excitation, out);
+    }
+
+    /// Puts every voice to rest; the coefficients stay.
+    pub fn reset(&mut self) {
+        self.0.reset();
+    }
+}
+
+impl<G: Group> Bank<G> {
+    fn new(voices: usize) -> Self {
+        Self {
+            voices,
+            groups: vec![G::new(); voices.div_ceil(G::LANES)].into_boxed_slice(),
+            since_settled: 0,
+            arch: Arch::new(),
+        }
+    }
+
+    /// Sets the voice in its lane, if it exists.
+    fn set(
+        &mut self,
+        voice: usize,
+        set: impl FnOnce(&mut G, usize) -> Result<(), ArmaError>,
+    ) -> Result<(), ArmaError> {
+        match self.groups.get_mut(voice / G::LANES) {
+            Some(group) => set(group, voice % G::LANES),
+            None => Ok(()),
+        }
+    }
+
+    fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
+        if self.voices > 0 {
+            in_runs(self, self.voices, excitation, out);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.groups.iter_mut().for_each(Group::reset);
         self.since_settled = 0;
     }
 }
 
-fn groups<G: Group>(voices: usize) -> Box<[G]> {
-    vec![G::new(); voices.div_ceil(G::LANES)].into_boxed_slice()
-}
+impl<G: Group> Settling for Bank<G> {
+    const RUN: usize = RUN;
 
-fn set<G: Group>(groups: &mut [G], voice: usize, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
-    match groups.get_mut(voice / G::LANES) {
-        Some(group) => group.set_coefficients(voice % G::LANES, ar, ma, gain),
-        None => Ok(()),
+    fn since_settled(&mut self) -> &mut usize {
+        &mut self.since_settled
+    }
+
+    #[inline(always)]
+    fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
+        self.arch.dispatch(Run {
+            groups: &mut self.groups,
+            voices: self.voices,
+            excitation,
+            out,
+        });
+    }
+
+    fn settle(&mut self) {
+        self.groups.iter_mut().for_each(Group::settle);
     }
 }
 
 /// Filters up to [`RUN`] frames of all voices.
-struct Run<'a> {
-    groups: &'a mut Groups,
+struct Run<'a, G> {
+    groups: &'a mut [G],
     voices: usize,
     excitation: &'a [f64],
     out: &'a mut [f64],
 }
 
-impl WithSimd for Run<'_> {
+impl<G: Group> WithSimd for Run<'_, G> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        match self.groups {
-            Groups::Direct(groups) => run(groups, self.voices, self.excitation, self.out),
-            Groups::Lattice(groups) => run(groups, self.voices, self.excitation, self.out),
+        for (group, first) in self.groups.iter_mut().zip((0..self.voices).step_by(G::LANES)) {
+            group.run(Frames {
+                voices: self.voices,
+                first,
+                columns: G::LANES.min(self.voices - first),
+                excitation: self.excitation,
+                out: &mut *self.out,
+            });
         }
-    }
-}
-
-#[inline(always)]
-fn run<G: Group>(groups: &mut [G], voices: usize, excitation: &[f64], out: &mut [f64]) {
-    for (group, first) in groups.iter_mut().zip((0..voices).step_by(G::LANES)) {
-        group.run(Frames {
-            voices,
-            first,
-            columns: G::LANES.min(voices - first),
-            excitation,
-            out,
-        });
     }
 }

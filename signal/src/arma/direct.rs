@@ -1,6 +1,6 @@
 //! The direct form of the thesis.
 
-use super::{ArmaError, MAX_ORDER, SETTLE, check, is_over};
+use super::{ArmaError, MAX_ORDER, Settling, check, in_runs, is_over};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Outputs computed together.
@@ -50,6 +50,30 @@ pub struct DirectForm {
 impl Default for DirectForm {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl Settling for DirectForm {
+    const RUN: usize = RUN;
+
+    fn since_settled(&mut self) -> &mut usize {
+        &mut self.since_settled
+    }
+
+    #[inline(always)]
+    fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
+        self.arch.dispatch(Run {
+            filter: self,
+            excitation,
+            out,
+        });
+    }
+
+    fn settle(&mut self) {
+        let past = self.now - MAX_ORDER..self.now;
+        if is_over(&self.e[past.clone()], &self.y[past]) {
+            self.reset();
+        }
     }
 }
 
@@ -103,25 +127,7 @@ impl DirectForm {
 
     /// Filters `excitation` into `out`, up to the shorter of the two.
     pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
-        let length = excitation.len().min(out.len());
-        let mut done = 0;
-        while done < length {
-            let run = (length - done).min(SETTLE - self.since_settled).min(RUN);
-            self.arch.dispatch(Run {
-                filter: self,
-                excitation: &excitation[done..done + run],
-                out: &mut out[done..done + run],
-            });
-            done += run;
-            self.since_settled += run;
-            if self.since_settled == SETTLE {
-                self.since_settled = 0;
-                let past = self.now - MAX_ORDER..self.now;
-                if is_over(&self.e[past.clone()], &self.y[past]) {
-                    self.reset();
-                }
-            }
-        }
+        in_runs(self, 1, excitation, out);
     }
 
     /// Puts the filter to rest; the coefficients stay.

@@ -1,6 +1,6 @@
 //! The normalised lattice-ladder: bounded however its coefficients change.
 
-use super::{ArmaError, MAX_ORDER, SETTLE, check, is_over};
+use super::{ArmaError, MAX_ORDER, SETTLE, Settling, check, in_runs, is_over};
 use crate::prediction::{PredictionError, ladder};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -112,32 +112,7 @@ impl Lattice {
 
     /// Filters `excitation` into `out`, up to the shorter of the two.
     pub fn process(&mut self, excitation: &[f64], out: &mut [f64]) {
-        let length = excitation.len().min(out.len());
-        let mut done = 0;
-        while done < length {
-            let run = (length - done).min(SETTLE - self.since_settled);
-            let (excitation, out) = (&excitation[done..done + run], &mut out[done..done + run]);
-            if run < self.coefficients.order / 2 {
-                // Too short to fill the stages.
-                for (e, out) in excitation.iter().zip(out) {
-                    *out = self.step(*e);
-                }
-            } else {
-                self.arch.dispatch(Run {
-                    lattice: self,
-                    excitation,
-                    out,
-                });
-            }
-            done += run;
-            self.since_settled += run;
-            if self.since_settled == SETTLE {
-                self.since_settled = 0;
-                if is_over(&[], &self.backward[..self.coefficients.order]) {
-                    self.reset();
-                }
-            }
-        }
+        in_runs(self, 1, excitation, out);
     }
 
     /// Puts the filter to rest; the coefficients stay.
@@ -166,6 +141,36 @@ impl Lattice {
         }
         self.backward[0] = forward;
         out + taps[0] * forward
+    }
+}
+
+impl Settling for Lattice {
+    const RUN: usize = SETTLE;
+
+    fn since_settled(&mut self) -> &mut usize {
+        &mut self.since_settled
+    }
+
+    #[inline(always)]
+    fn run(&mut self, excitation: &[f64], out: &mut [f64]) {
+        if out.len() < self.coefficients.order / 2 {
+            // Too short to fill the stages.
+            for (e, out) in excitation.iter().zip(out) {
+                *out = self.step(*e);
+            }
+        } else {
+            self.arch.dispatch(Run {
+                lattice: self,
+                excitation,
+                out,
+            });
+        }
+    }
+
+    fn settle(&mut self) {
+        if is_over(&[], &self.backward[..self.coefficients.order]) {
+            self.reset();
+        }
     }
 }
 

@@ -41,14 +41,6 @@ impl Group for DirectGroup {
         }
     }
 
-    fn set_coefficients(&mut self, lane: usize, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
-        check(ar, ma, gain)?;
-        replace(&mut self.ar[1..], lane, self.p[lane], ar);
-        replace(&mut self.ma[1..], lane, self.q[lane], ma);
-        (self.p[lane], self.q[lane], self.gain[lane]) = (ar.len(), ma.len(), gain);
-        Ok(())
-    }
-
     #[inline(always)]
     fn run(&mut self, mut frames: Frames<'_>) {
         let count = frames.count();
@@ -103,6 +95,21 @@ fn replace(rows: &mut [Lanes], lane: usize, old: usize, new: &[f64]) {
     reason = "constant indices keep the sums in registers"
 )]
 impl DirectGroup {
+    /// See [`VoiceBank::set_coefficients`](super::VoiceBank::set_coefficients).
+    pub fn set_coefficients(
+        &mut self,
+        lane: usize,
+        ar: &[f64],
+        ma: &[f64],
+        gain: f64,
+    ) -> Result<(), ArmaError> {
+        check(ar, ma, gain)?;
+        replace(&mut self.ar[1..], lane, self.p[lane], ar);
+        replace(&mut self.ma[1..], lane, self.q[lane], ma);
+        (self.p[lane], self.q[lane], self.gain[lane]) = (ar.len(), ma.len(), gain);
+        Ok(())
+    }
+
     /// The outputs from `now` on.
     #[inline(always)]
     fn tile<const FRAMES: usize>(&mut self, now: usize, p: usize, q: usize) {

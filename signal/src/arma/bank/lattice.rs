@@ -37,24 +37,6 @@ impl Group for LatticeGroup {
         }
     }
 
-    fn set_coefficients(&mut self, lane: usize, ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
-        let coefficients = Coefficients::new(ar, ma, gain)?;
-        let old = self.order[lane];
-        let order = coefficients.order;
-        for m in 0..order.max(old) {
-            self.sine[m][lane] = coefficients.sine[m];
-            self.cosine[m][lane] = coefficients.cosine[m];
-        }
-        for m in 0..=order.max(old) {
-            self.taps[m][lane] = coefficients.taps[m];
-        }
-        for row in &mut self.backward[order.min(old)..] {
-            row[lane] = 0.0;
-        }
-        (self.order[lane], self.has_ladder[lane]) = (order, coefficients.has_ladder);
-        Ok(())
-    }
-
     #[inline(always)]
     fn run(&mut self, frames: Frames<'_>) {
         if self.has_ladder.contains(&true) {
@@ -81,6 +63,31 @@ impl Group for LatticeGroup {
 }
 
 impl LatticeGroup {
+    /// See [`VoiceBank::set_coefficients`](super::VoiceBank::set_coefficients).
+    pub fn set_coefficients(
+        &mut self,
+        lane: usize,
+        ar: &[f64],
+        ma: &[f64],
+        gain: f64,
+    ) -> Result<(), ArmaError> {
+        let coefficients = Coefficients::new(ar, ma, gain)?;
+        let old = self.order[lane];
+        let order = coefficients.order;
+        for m in 0..order.max(old) {
+            self.sine[m][lane] = coefficients.sine[m];
+            self.cosine[m][lane] = coefficients.cosine[m];
+        }
+        for m in 0..=order.max(old) {
+            self.taps[m][lane] = coefficients.taps[m];
+        }
+        for row in &mut self.backward[order.min(old)..] {
+            row[lane] = 0.0;
+        }
+        (self.order[lane], self.has_ladder[lane]) = (order, coefficients.has_ladder);
+        Ok(())
+    }
+
     #[inline(always)]
     fn run_with<const LADDER: bool>(&mut self, mut frames: Frames<'_>) {
         let order = self.order.into_iter().fold(0, usize::max).min(MAX_ORDER);

@@ -1,0 +1,224 @@
+//! The step of a warped lattice as a matrix.
+
+use crate::arma::{ArmaError, MAX_ORDER, check};
+use crate::prediction::{PredictionError, step_down};
+use crate::warped::MAX_WARPING;
+use pulp::{Arch, Simd, WithSimd};
+
+/// Rows of the largest step matrix.
+pub const ROWS: usize = MAX_ORDER;
+/// Sums that a product of matrix and state is split into, so that none waits for the other: column j goes to sum j % 2.
+pub const SUMS: usize = 2;
+
+/// A column of a step matrix.
+type Column = [f64; ROWS];
+
+/// What a warped lattice runs with: how each state, and the excitation, enters the next states, and what comes out.
+///
+/// Rows and columns from the order on are 0, as far as the next whole vector. Columns lie on whole cache lines: a vector
+/// across two of them would take twice as long to load.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub struct Step {
+    pub columns: [Column; MAX_ORDER],
+    pub drive: Column,
+    pub order: usize,
+    /// The output is `(next x_1 - l x_1) * out_scale`: the all-pass rotation solved for its input.
+    pub warping: f64,
+    pub out_scale: f64,
+}
+
+impl Step {
+    pub const SILENT: Self = Self {
+        columns: [[0.0; ROWS]; MAX_ORDER],
+        drive: [0.0; ROWS],
+        order: 0,
+        warping: 0.0,
+        out_scale: 0.0,
+    };
+
+    /// See [`WarpedLattice::set_coefficients`](super::WarpedLattice::set_coefficients).
+    pub fn set(&mut self, arch: Arch, ar: &[f64], warping: f64, gain: f64) -> Result<(), ArmaError> {
+        check(ar, &[], gain)?;
+        if ar.is_empty() || !(0.0..=MAX_WARPING).contains(&warping) {
+            return Err(PredictionError::NotFinite.into());
+        }
+        let mut reflection = [0.0; MAX_ORDER];
+        let reflection = &mut reflection[..ar.len()];
+        reflection.copy_from_slice(ar);
+        step_down(reflection)?;
+        if self.set_reflection(arch, reflection, warping, gain) {
+            Ok(())
+        } else {
+            Err(PredictionError::NotFinite.into())
+        }
+    }
+
+    /// Takes up to [`MAX_ORDER`] reflection coefficients between -1 and 1; whether the output's scale is finite, without which
+    /// the step stays as it was.
+    pub fn set_reflection(&mut self, arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> bool {
+        arch.dispatch(Set {
+            step: self,
+            reflection,
+            warping,
+            gain,
+        })
+    }
+}
+
+/// See [`Step::set_reflection`].
+struct Set<'a> {
+    step: &'a mut Step,
+    reflection: &'a [f64],
+    warping: f64,
+    gain: f64,
+}
+
+impl WithSimd for Set<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        match self.reflection.len() {
+            0..=16 => self.set::<16>(),
+            17..=24 => self.set::<24>(),
+            _ => self.set::<32>(),
+        }
+    }
+}
+
+impl Set<'_> {
+    #[inline(always)]
+    fn set<const PADDED: usize>(self) -> bool {
+        let stages = Stages::<PADDED>::new(self.reflection, self.warping);
+        let turn = 1.0 - self.warping * self.warping;
+        // f_0 = prod c_m / A(D) e.
+        let out_scale = self.gain / stages.product_of_cosines / turn.sqrt();
+        if !out_scale.is_finite() {
+            return false;
+        }
+        let order = self.reflection.len();
+        let step = self.step;
+        (step.order, step.warping, step.out_scale) = (order, self.warping, out_scale);
+        stages.write(step);
+        // What is beyond the order may be left from before.
+        for column in &mut step.columns[order..order.next_multiple_of(SUMS)] {
+            column.fill(0.0);
+        }
+        true
+    }
+}
+
+/// One set of coefficients, stage by stage; the step takes the sines `k_m` and cosines `c_m` of the stages' angles into what
+/// the formulas below need of them.
+struct Stages<const PADDED: usize> {
+    /// `c_m delta_m`: what goes on upwards as `beta_m` and downwards as `f_{m-1}`.
+    pass: [f64; PADDED],
+    /// `-k_m delta_m`: what is turned from `q_m` into `f_{m-1}`.
+    turned: [f64; PADDED],
+    /// `alpha_{m-1}`: the share of a forward signal in the backward signal below the stage.
+    alpha: [f64; PADDED],
+    product_of_cosines: f64,
+}
+
+impl<const PADDED: usize> Stages<PADDED> {
+    /// `alpha_m = (k_m - l alpha_{m-1}) delta_m` with `delta_m = 1 / (1 - l k_m alpha_{m-1})`, from `alpha_0 = 1`: as a
+    /// quotient `above / below`, so that the chain of the stages has no division.
+    #[inline(always)]
+    fn new(reflection: &[f64], warping: f64) -> Self {
+        let mut sine = [0.0; PADDED];
+        for (sine, k) in sine.iter_mut().zip(reflection) {
+            *sine = *k;
+        }
+        let cosine: [f64; PADDED] = std::array::from_fn(|m| ((1.0 - sine[m]) * (1.0 + sine[m])).sqrt());
+        let (mut above, mut below, mut next_below) = ([0.0; PADDED], [1.0; PADDED], [1.0; PADDED]);
+        let mut quotient = (1.0, 1.0_f64);
+        for (m, k) in reflection.iter().enumerate().take(PADDED) {
+            (above[m], below[m]) = quotient;
+            let (a, b) = quotient;
+            quotient = (k.mul_add(b, -(warping * a)), (-(warping * k)).mul_add(a, b));
+            next_below[m] = quotient.1;
+        }
+        let mut this = Self {
+            pass: [0.0; PADDED],
+            turned: [0.0; PADDED],
+            alpha: [0.0; PADDED],
+            product_of_cosines: product(&cosine),
+        };
+        for m in 0..PADDED {
+            // One division for both quotients.
+            let inverse = 1.0 / (below[m] * next_below[m]);
+            let delta = below[m] * below[m] * inverse;
+            this.pass[m] = cosine[m] * delta;
+            this.turned[m] = -(sine[m] * delta);
+            this.alpha[m] = above[m] * next_below[m] * inverse;
+        }
+        this
+    }
+
+    /// Writes the step as a matrix. Stage by stage it is, with `s^2 = 1 - l^2`, `q_m = s x_m - l beta_{m-1}` and
+    /// `beta_m = c_m delta_m q_m`, upwards; then, downwards, `f_{m-1} = delta_m (c_m f_m - k_m q_m)`,
+    /// `b_m = alpha_m f_m + beta_m` and `next x_m = l x_m + s b_{m-1}`.
+    ///
+    /// What a single `q_j` does is the sum of what it does through `f` below it and of what it does through `beta` above
+    /// it, which is what `q_{j+1}` does, scaled: so each column follows from its neighbour.
+    #[inline(always)]
+    fn write(&self, step: &mut Step) {
+        let (order, warping) = (step.order, step.warping);
+        let turn = 1.0 - warping * warping;
+        // What the forward signal below stage j does below it, times s.
+        let (mut below, mut pass) = ([0.0_f64; PADDED], 0.0);
+        for (j, column) in step.columns[..order].iter_mut().enumerate() {
+            let (here, share) = (unit::<PADDED>(j), turn * self.alpha[j]);
+            for i in 0..PADDED {
+                below[i] = below[i].mul_add(pass, here[i] * share);
+            }
+            for i in 0..PADDED {
+                column[i] = self.turned[j] * below[i];
+            }
+            pass = self.pass[j];
+        }
+        let drive = pass / turn.sqrt();
+        for (place, below) in step.drive.iter_mut().zip(&below) {
+            *place = drive * below;
+        }
+        // What q_{j+1} does; above the highest stage there is none.
+        let (mut through, mut entering) = ([0.0; PADDED], 0.0);
+        for (j, column) in step.columns[..order].iter_mut().enumerate().rev() {
+            let (above, onwards) = (unit::<PADDED>(j + 1), -warping * self.pass[j]);
+            let entered = entering * self.pass[j];
+            for i in 0..PADDED {
+                through[i] = onwards.mul_add(through[i], entered.mul_add(above[i], column[i]));
+            }
+            column[..PADDED].copy_from_slice(&through);
+            column[j] += warping;
+            entering = turn;
+        }
+    }
+}
+
+/// The product, in lanes.
+#[inline(always)]
+fn product<const PADDED: usize>(values: &[f64; PADDED]) -> f64 {
+    let mut lanes = [1.0; 8];
+    for row in values.as_chunks::<8>().0 {
+        for (lane, value) in lanes.iter_mut().zip(row) {
+            *lane *= value;
+        }
+    }
+    lanes.iter().product()
+}
+
+/// The unit vector along an axis; none for an axis that there is not.
+#[inline(always)]
+fn unit<const PADDED: usize>(axis: usize) -> &'static [f64; PADDED] {
+    const LONGEST: usize = 2 * MAX_ORDER + 1;
+    static ONE: [f64; LONGEST] = {
+        let mut one = [0.0; LONGEST];
+        one[MAX_ORDER] = 1.0;
+        one
+    };
+    static NONE: [f64; LONGEST] = [0.0; LONGEST];
+    let window = ONE[MAX_ORDER - axis.min(MAX_ORDER)..].first_chunk();
+    window.or(NONE.first_chunk()).unwrap_or(&[0.0; PADDED])
+}
