@@ -6,8 +6,8 @@ use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
 use haptograph_signal::filter::{Sections, butterworth_highpass};
 
-/// Order of the high-pass of processing, each way.
-const HIGHPASS_ORDER: usize = 2;
+/// Order of the high-pass of processing, each way. The thesis does not give it.
+pub(crate) const HIGHPASS_ORDER: usize = 2;
 
 /// Models over (speed, force) at one rate, triangulated from rest to the largest modelled speed and force.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,5 +1,6 @@
 //! The spectrum of a stretch of vibration on the warped axis: multitaper estimates, averaged over equal cells.
 
+use crate::texture::HIGHPASS_ORDER;
 use haptograph_signal::Complex64;
 use haptograph_signal::fft;
 use haptograph_signal::filter::butterworth_highpass;
@@ -10,8 +11,6 @@ use std::f64::consts::PI;
 pub(super) const CELLS: usize = 128;
 /// Sine tapers of an estimate: its resolution is twice its length's inverse each way (Riedel and Sidorenko 1995).
 const TAPERS: usize = 3;
-/// Order of the high-pass of processing, each way.
-const HIGHPASS_ORDER: usize = 2;
 
 /// Estimates the density of stretches of one length.
 pub(super) struct CellSpectrum {
@@ -127,7 +126,7 @@ mod tests {
     fn a_high_pass_that_was_applied_is_divided_out() {
         let mut noise = vec![0.0; 40_000];
         Gaussian::new(2).fill(&mut noise);
-        let filter = butterworth_highpass(2, 20.0, 10_000.0).unwrap();
+        let filter = butterworth_highpass(HIGHPASS_ORDER, 20.0, 10_000.0).unwrap();
         let filtered = haptograph_signal::filter::filtfilt(&filter, &noise);
         let cells = CellSpectrum::new(40_000, 10_000.0, 0.85, Some(20.0)).of(&filtered);
         // The lowest cells, 20 Hz and below, are estimates of a few bins each.

@@ -16,6 +16,7 @@ pub use reduction::{AxisReduction, reduce};
 use crate::recording::{
     AnyRecording, Calibration, Pose, ProcessedRecording, Recording, RecordingError, Series, Signals, Wrench,
 };
+use crate::texture::HIGHPASS_ORDER;
 use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
 use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
 use haptograph_signal::resample::ResampleError;
@@ -52,8 +53,8 @@ impl Default for ProcessingSettings {
     }
 }
 
-/// Order of each Butterworth filter; run forward and backward they count twice. The thesis does not give it.
-const FILTER_ORDER: usize = 2;
+/// Order of the Butterworth low-passes; run forward and backward they count twice. The thesis does not give it.
+const LOWPASS_ORDER: usize = 2;
 /// A tool slower than this keeps its last direction of motion, m/s.
 const SLOWEST_DIRECTION_M_S: f64 = 0.002;
 
@@ -155,7 +156,7 @@ pub fn combined(
     rate_hz: f64,
     settings: &ProcessingSettings,
 ) -> Result<Vec<f64>, ProcessingError> {
-    let highpass = butterworth_highpass(FILTER_ORDER, settings.highpass_hz, rate_hz)?;
+    let highpass = butterworth_highpass(HIGHPASS_ORDER, settings.highpass_hz, rate_hz)?;
     let filtered: [Vec<f64>; 3] =
         std::array::from_fn(|axis| filtfilt(&highpass, &axes.iter().map(|a| a[axis]).collect::<Vec<_>>()));
     let combined = reduce(&filtered, settings.reduction).ok_or(match settings.reduction {
@@ -258,7 +259,7 @@ pub(super) fn contact_signals(
     let smooth = |signal: &[f64], sensor_hz: f64| -> Result<Vec<f64>, ProcessingError> {
         let cutoff_hz = settings.lowpass_hz.min(0.45 * sensor_hz.min(rate_hz));
         Ok(filtfilt(
-            &butterworth_lowpass(FILTER_ORDER, cutoff_hz, rate_hz)?,
+            &butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, rate_hz)?,
             signal,
         ))
     };
@@ -326,7 +327,7 @@ fn velocities(
 ) -> Result<Series<Vector>, ProcessingError> {
     let motion = recording.motion();
     let cutoff_hz = settings.velocity_lowpass_hz.min(0.45 * motion.rate_hz);
-    let lowpass = butterworth_lowpass(FILTER_ORDER, cutoff_hz, motion.rate_hz)?;
+    let lowpass = butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, motion.rate_hz)?;
     let last = tips.len() - 1;
     let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
         let derivative: Vec<f64> = (0..=last)
