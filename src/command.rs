@@ -157,6 +157,7 @@ impl GraphArguments {
             set: self.set.clone(),
             endpoints: self.endpoints().to_owned(),
             seed,
+            ..CheckOptions::default()
         };
         check(&document, &haptograph::nodes::registry(), &options)
     }

@@ -414,6 +414,7 @@ pub(super) fn assemble(
                     fingerprint: fingerprint::of_device(&cx, &clocks, &device),
                     name: device.name,
                     device: body,
+                    senses: device.senses,
                     span: device.span,
                 });
                 Some(graph_devices.len() - 1)

@@ -22,7 +22,7 @@ pub use check::{CheckOptions, Hosted, check};
 pub use latency::PathLatency;
 pub use petgraph::graph::NodeIndex;
 
-use crate::device::{Device, DeviceEntry};
+use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
 use crate::node::{AfterData, DataEnd, FileSink, Limit, NodeEntry, Processor};
@@ -167,6 +167,8 @@ pub struct GraphDevice {
     /// The clock that it ticks on.
     pub clock: usize,
     pub(crate) device: Box<dyn Device>,
+    /// What nodes can read; a channel's place is its number.
+    pub senses: Vec<Channel>,
     /// Where it is declared.
     pub span: Span,
     /// Of its kind, its settings and its rate.

@@ -128,7 +128,8 @@ impl Live {
         self.run.look();
         self.run.look_at_devices(Instant::now());
         if self.frames == 0 {
-            self.run.begin_as_heard();
+            // What was heard before the first frame is let through at once.
+            self.run.meet_inputs();
         }
         if self.follows_every == 0 || self.frames.is_multiple_of(self.follows_every) {
             self.run.follow_inputs(FADE_S);

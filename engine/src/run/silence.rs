@@ -123,14 +123,6 @@ fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
 }
 
 impl Run {
-    /// Before the first frame: an actuator whose live inputs have been heard already is let through at once.
-    pub(crate) fn begin_as_heard(&mut self) {
-        let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
-        for (plan, actuator) in actuators {
-            actuator.gate = SilenceGate::new(plan.is_let_through(&self.plan.devices));
-        }
-    }
-
     /// Closes the gates of actuators whose live inputs are silent, and opens them when these are heard, in `seconds`.
     /// The frames until the next call go by that, however they are cut into blocks.
     pub(crate) fn follow_inputs(&mut self, seconds: f64) {

@@ -171,7 +171,7 @@ impl FileSink for Session {
             provenance: &self.provenance,
         };
         let tape = match is_csv(path) {
-            true => Tape::Table(RawTable::begin(File::create(path)?, &head)?),
+            true => Tape::Table(Box::new(RawTable::begin(File::create(path)?, &head)?)),
             false => Tape::Spool(Spool::create(path, &head)?),
         };
         Ok(Box::new(Writer {
@@ -194,7 +194,7 @@ fn is_csv(path: &Path) -> bool {
 /// Where a recording is written while it is made: parts of which an archive is made at the end, or a table as it stands.
 enum Tape {
     Spool(Spool),
-    Table(RawTable<File>),
+    Table(Box<RawTable<File>>),
 }
 
 /// A recording that is written as it comes.

@@ -170,6 +170,7 @@ pub fn load(mut job: Job) -> Loaded {
         set: job.arguments.set.clone(),
         endpoints: job.arguments.endpoints().to_owned(),
         seed: job.seed,
+        ..CheckOptions::default()
     };
     let graph = check(&document, &haptograph::nodes::registry(), &options);
     Loaded {

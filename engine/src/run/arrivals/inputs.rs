@@ -62,7 +62,7 @@ fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
     let known = graph.devices().iter().find(|known| known.name == device.name);
     let mut columns = Vec::new();
     for (_, placing, channel) in &device.reads {
-        let channel = known.and_then(|known| known.entry.spec.senses.get(*channel));
+        let channel = known.and_then(|known| known.senses.get(*channel));
         let (name, quantity) = channel.map_or(("", Quantity::NUMBER), |one| (one.name, one.quantity));
         for component in 1..=placing.width {
             let number = match channel.map(|one| one.kind) {

@@ -428,6 +428,7 @@ impl World {
             nodes.add_edge(placed[from], placed[to], edge);
         }
         let devices = device_clock.map(|clock| GraphDevice {
+            senses: Vec::new(),
             name: "body".into(),
             entry: DeviceEntry::of::<NoBody>(),
             clock,
@@ -562,6 +563,7 @@ pub fn with_drives(drives: Vec<TestDrive>) -> Graph {
         world.nodes[sink].live.push((0, gain));
         world.connect(node, sink, Bridge::Direct, false);
         devices.push(GraphDevice {
+            senses: Vec::new(),
             name: drive.endpoint,
             entry: DeviceEntry::of::<NoBody>(),
             clock: drive.driver,
