@@ -2,6 +2,7 @@
 
 use haptograph::engine::graph::CheckOptions;
 use haptograph::engine::host::{PlayOptions, Player, Scalar, Vector};
+use std::io::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = haptograph::open("graphs/texturepad.ron", &CheckOptions::hosted())?;
@@ -19,7 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         player.process(current_a.len());
         current.read(&mut current_a);
         let peak_a = current_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
-        println!("{:4} ms  {:#<2$}", call * 10, "", (peak_a * 100.0) as usize);
+        let bar = "#".repeat((peak_a * 100.0) as usize);
+        writeln!(std::io::stdout(), "{:4} ms  {bar}", call * 10)?;
     }
     Ok(())
 }

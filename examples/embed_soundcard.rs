@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             frame.fill((current_a.take().unwrap_or(0.0) / FULL_SCALE_A) as f32);
         }
     };
-    let stream = card.build_output_stream(config, callback, |error| eprintln!("{error}"), None)?;
+    let stream = card.build_output_stream(config, callback, |_| (), None)?;
     stream.play()?;
     // The hand: a circle a second, from this thread.
     let pause = Duration::from_millis(8);
