@@ -1,8 +1,7 @@
 //! A texture inside another program, from the program's own positions and forces: `cargo run --example embed`.
-
+#![allow(clippy::print_stdout)]
 use haptograph::engine::graph::CheckOptions;
 use haptograph::engine::host::{PlayOptions, Player, Scalar, Vector};
-use std::io::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let graph = haptograph::open("graphs/texturepad.ron", &CheckOptions::hosted())?;
@@ -15,13 +14,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for call in 0..100 {
         let angle = f64::from(call) * 0.05;
         position_m.set([0.03 * angle.cos(), 0.03 * angle.sin(), 0.0])?;
-        force_n.set(1.0)?;
-        touching.set(1.0)?;
+        force_n.set(1.0).and(touching.set(1.0))?;
         player.process(current_a.len());
         current.read(&mut current_a);
         let peak_a = current_a.iter().fold(0.0_f64, |most, i| most.max(i.abs()));
-        let bar = "#".repeat((peak_a * 100.0) as usize);
-        writeln!(std::io::stdout(), "{:4} ms  {bar}", call * 10)?;
+        println!("{:4} ms  {}", call * 10, "#".repeat((peak_a * 100.0) as usize));
     }
     Ok(())
 }

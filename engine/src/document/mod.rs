@@ -124,7 +124,7 @@ mod tests {
         }
         std::fs::write(folder.join("g.ron"), includes).unwrap();
         let options = LoadOptions { max_bytes: 2000 };
-        let loaded = Document::load(&folder.join("g.ron"), &options);
+        let loaded = Document::load(folder.join("g.ron"), &options);
         std::fs::remove_dir_all(&folder).unwrap();
         let findings = match loaded {
             Ok(document) => document.findings,

@@ -274,8 +274,11 @@ mod tests {
         }
     }
 
+    /// A loader, and what is done at each look at the run.
+    type Work = (fn(Job) -> Loaded, fn());
+
     /// Runs with a loader that does `work`, and saves the graph until `until` is so; then stops if it runs still.
-    fn run_with_saves(work: (fn(Job) -> Loaded, fn()), until: impl Fn() -> bool + Send + 'static) -> Ended {
+    fn run_with_saves(work: Work, until: impl Fn() -> bool + Send + 'static) -> Ended {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::write(at("g.ron"), GRAPH).unwrap();

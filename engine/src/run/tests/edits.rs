@@ -206,7 +206,7 @@ fn attack(seed: u64, edits: usize, seen: &mut Seen) {
         let ticks = [1, 4, 30, 100, 1200][random.random_range(0..5)];
         for _ in 0..random.random_range(0..2 * ticks) {
             lives[1].callback(1, |_, _| {});
-            if judge.tick % 2 == 0 {
+            if judge.tick.is_multiple_of(2) {
                 lives[0].callback(1, |_, _| {});
             }
             judge.watch(&lives, seen);
