@@ -11,6 +11,7 @@ pub mod files;
 pub mod hull;
 pub mod interpolation;
 pub mod learning;
+pub mod lines;
 pub mod lsf;
 pub mod metrics;
 pub mod model;
@@ -26,6 +27,7 @@ pub mod triangulation;
 
 pub use crackle::Crackle;
 pub use interpolation::{Coefficients, Interpolator, Spot};
+pub use lines::SpatialLine;
 pub use model::{ArmaModel, MAX_ORDER, ModelError};
 pub use provenance::{Origin, Provenance};
 pub use statistics::Line;

@@ -2,6 +2,7 @@
 
 use crate::crackle::{self, Crackle};
 use crate::hull::{self, Hull};
+use crate::lines::{self, SpatialLine};
 use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
 use haptograph_signal::filter::{Sections, butterworth_highpass};
@@ -17,6 +18,7 @@ pub struct TextureModel {
     triangulation: Triangulation,
     highpass_hz: Option<f64>,
     crackle: Option<Crackle>,
+    lines: Vec<SpatialLine>,
 }
 
 /// A model and where on the map it stands.
@@ -84,6 +86,7 @@ impl TextureModel {
             triangulation,
             highpass_hz: None,
             crackle: None,
+            lines: vec![],
         })
     }
 
@@ -108,11 +111,37 @@ impl TextureModel {
         self
     }
 
-    /// The same models with all that `other` has beside its models: high-pass and crackle.
+    /// The same texture with lines fixed in space beside its noise.
+    ///
+    /// Checked: at most [`lines::MAX_LINES`], each with a power for every model, none at zero speed and force.
+    pub fn with_lines(mut self, lines: Vec<SpatialLine>) -> Result<Self, TextureError> {
+        if lines.len() > lines::MAX_LINES {
+            return Err(TextureError::Lines { count: lines.len() });
+        }
+        for (number, line) in lines.iter().enumerate() {
+            let (powers, models) = (line.powers_m2_s4(), self.models.len());
+            if powers.len() != models {
+                return Err(TextureError::LinePowers {
+                    line: number,
+                    powers: powers.len(),
+                    models,
+                });
+            }
+            let loud =
+                |(at, power): (&ModelAt, &f64)| (at.speed_m_s == 0.0 || at.force_n == 0.0) && *power != 0.0;
+            if let Some(vertex) = self.models.iter().zip(powers).position(loud) {
+                return Err(TextureError::LineAtRest { line: number, vertex });
+            }
+        }
+        self.lines = lines;
+        Ok(self)
+    }
+
+    /// As many models with all that `other` has beside its models: high-pass, crackle and lines.
     pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
-        Ok(self
-            .with_highpass_hz(other.highpass_hz)?
-            .with_crackle(other.crackle))
+        self.with_highpass_hz(other.highpass_hz)?
+            .with_crackle(other.crackle)
+            .with_lines(other.lines.clone())
     }
 
     /// A texture of `models`, border included, with the Delaunay triangulation of their z-scores.
@@ -153,6 +182,11 @@ impl TextureModel {
     /// How the level of the excitation fluctuates; `None` where it is plain white noise.
     pub fn crackle(&self) -> Option<Crackle> {
         self.crackle
+    }
+
+    /// Lines fixed in space, whose powers are in the models' order.
+    pub fn lines(&self) -> &[SpatialLine] {
+        &self.lines
     }
 
     /// The filter of [`Self::highpass_hz`] for a renderer: causal, of the same magnitude.
@@ -278,6 +312,42 @@ pub enum TextureError {
         depth: f64,
         /// The time constant given.
         time_constant_s: f64,
+    },
+    /// A line of numbers that no line has.
+    #[error(
+        "a line of {cycles_per_m} cycles a metre: they must be finite and above 0, its diffusion and powers finite and at least 0"
+    )]
+    Line {
+        /// The cycles given.
+        cycles_per_m: f64,
+    },
+    /// More lines than are rendered.
+    #[error("the texture has {count} lines; it may have {} at most", lines::MAX_LINES)]
+    Lines {
+        /// How many are given.
+        count: usize,
+    },
+    /// A line that does not belong to the map.
+    #[error(
+        "line {line} (from 0) has {powers} powers where the map has {models} models; it needs one for each"
+    )]
+    LinePowers {
+        /// The line's number, from 0.
+        line: usize,
+        /// How many powers it has.
+        powers: usize,
+        /// How many models there are.
+        models: usize,
+    },
+    /// A line that sounds where the tool rests or is lifted.
+    #[error(
+        "line {line} (from 0) has power at model {vertex}, which stands at zero speed or force; it must be 0 there"
+    )]
+    LineAtRest {
+        /// The line's number, from 0.
+        line: usize,
+        /// The model's number, from 0.
+        vertex: usize,
     },
     /// A model that makes sound where the tool rests or is lifted.
     #[error(

@@ -82,6 +82,10 @@ fn texture_json(texture: &TextureModel) -> Value {
         "crackle": texture.crackle().map(|crackle| json!({
             "depth": crackle.depth(), "time_constant_ms": 1000.0 * crackle.time_constant_s(),
         })),
+        "lines": texture.lines().iter().map(|line| json!({
+            "cycles_per_mm": line.cycles_per_m() / 1000.0, "diffusion_rad2_per_mm": line.diffusion_rad2_per_m() / 1000.0,
+            "powers_m2_s4": line.powers_m2_s4(),
+        })).collect::<Vec<_>>(),
         "rate_hz": texture.rate_hz(),
         "ar_order": texture.ar_order(),
         "ma_order": texture.ma_order(),
@@ -171,8 +175,16 @@ fn describe_texture(texture: &TextureModel) -> String {
             significant(1000.0 * crackle.time_constant_s(), 2)
         )
     });
+    let lines = texture
+        .lines()
+        .iter()
+        .map(|line| significant(line.cycles_per_m() / 1000.0, 3));
+    let lines = match lines.collect::<Vec<_>>().join(" and ") {
+        none if none.is_empty() => none,
+        some => format!("; lines of {some} cycles/mm"),
+    };
     format!(
-        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{crackle}",
+        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{crackle}{lines}",
         texture.models().len(),
         texture.rate_hz(),
         texture.triangles().len(),

@@ -3,6 +3,11 @@
 
 /// A thousandth of the decimal number `text`, correctly rounded.
 pub fn parse_thousandth(text: &str) -> Option<f64> {
+    parse_shifted(text, -3)
+}
+
+/// The decimal number `text` with its point moved right by `places`, correctly rounded.
+pub fn parse_shifted(text: &str, places: i32) -> Option<f64> {
     let text = text.trim();
     let is_digit = |c: char| c.is_ascii_digit();
     // Words that `f64::from_str` knows, such as "inf", have no decimal point to move.
@@ -14,7 +19,7 @@ pub fn parse_thousandth(text: &str) -> Option<f64> {
         Some((digits, exponent)) => (digits, parse_exponent(exponent)?),
         None => (text, 0),
     };
-    format!("{digits}e{}", exponent - 3).parse().ok()
+    format!("{digits}e{}", exponent + i64::from(places)).parse().ok()
 }
 
 fn parse_exponent(text: &str) -> Option<i64> {
@@ -29,6 +34,12 @@ fn parse_exponent(text: &str) -> Option<i64> {
 /// A thousand times `value` as a decimal number that [`parse_thousandth`] takes back to the same bits, the shortest
 /// such.
 pub fn format_thousandfold(value: f64) -> String {
+    format_shifted(value, 3)
+}
+
+/// `value` as the shortest decimal number with its point moved right by `places`, which [`parse_shifted`] by as many to the
+/// left takes back to the same bits.
+pub fn format_shifted(value: f64, places: i32) -> String {
     if value == 0.0 {
         return format!("{value:?}");
     }
@@ -36,7 +47,7 @@ pub fn format_thousandfold(value: f64) -> String {
     let Some((digits, exponent)) = scientific.split_once('e') else {
         return scientific;
     };
-    let exponent = exponent.parse::<i32>().unwrap_or(0) + 3;
+    let exponent = exponent.parse::<i32>().unwrap_or(0) + places;
     if !(-5..=15).contains(&exponent) {
         return format!("{digits}e{exponent}");
     }

@@ -1,6 +1,7 @@
 //! The file's own model: what may be written, field by field. No internal type carries serde.
 
 use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS, decimal};
+use crate::lines::MAX_LINES;
 use crate::{MAX_ORDER, Origin};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -86,6 +87,7 @@ pub(super) struct TextureDocument {
     pub warping: Option<f64>,
     pub highpass_hz: Option<f64>,
     pub crackle: Option<CrackleDocument>,
+    pub lines: Option<Bounded<LineDocument, MAX_LINES>>,
     pub filters: Bounded<FilterDocument, MAX_MODELS>,
     pub vertices: Bounded<VertexDocument, MAX_MODELS>,
     pub triangles: Option<Bounded<[u32; 3], { 2 * MAX_MODELS }>>,
@@ -96,6 +98,14 @@ pub(super) struct TextureDocument {
 pub(super) struct CrackleDocument {
     pub depth: f64,
     pub time_constant_ms: Thousandths,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LineDocument {
+    pub cycles_per_mm: PerMm,
+    pub diffusion_rad2_per_mm: PerMm,
+    pub powers_m2_s4: Bounded<f64, MAX_MODELS>,
 }
 
 #[derive(Deserialize)]
@@ -187,22 +197,28 @@ impl<'de> Deserialize<'de> for Settings {
     }
 }
 
-/// A number written in thousandths of a unit (mm/s, ms), kept exactly in the unit (m/s, s).
-pub(super) struct Thousandths {
-    pub unit: f64,
+/// A number written in another unit than SI's, 10^`PLACES` of it, and kept exactly in SI.
+pub(super) struct Scaled<const PLACES: i32> {
+    pub si: f64,
 }
 
-impl<'de> Deserialize<'de> for Thousandths {
+/// In mm/s or ms.
+pub(super) type Thousandths = Scaled<-3>;
+/// By the millimetre.
+pub(super) type PerMm = Scaled<3>;
+
+impl<'de, const PLACES: i32> Deserialize<'de> for Scaled<PLACES> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let raw = <&'de ron::value::RawValue>::deserialize(deserializer)?;
         // What is not a plain decimal (with a comment beside it, or digits grouped) loses the last bit at most.
         let grouped = || {
-            raw.into_rust::<f64>()
-                .map(|thousandths| thousandths / 1000.0)
-                .map_err(D::Error::custom)
+            let scale = 10_f64.powi(PLACES.abs());
+            let number = raw.into_rust::<f64>();
+            let scaled = |x: f64| if PLACES < 0 { x / scale } else { x * scale };
+            number.map(scaled).map_err(D::Error::custom)
         };
-        let unit = decimal::parse_thousandth(raw.get_ron()).map_or_else(grouped, Ok)?;
-        Ok(Thousandths { unit })
+        let si = decimal::parse_shifted(raw.get_ron(), PLACES).map_or_else(grouped, Ok)?;
+        Ok(Scaled { si })
     }
 }
 

@@ -35,8 +35,9 @@
 //!
 //! Further fields of a texture that may be left out: `warping`, the factor of the models' frequency axis (vertices then have
 //! `power_m2_s4`, the power of the vibration, instead of `variance`); `highpass_hz`, the high-pass that the models leave to
-//! the renderer; and `crackle: (depth: 0.6, time_constant_ms: 8)`, how strongly and how fast the level of the excitation
-//! fluctuates ([`crate::Crackle`]). A file without them means what it always meant, so the version stays 1; a program that
+//! the renderer; `crackle: (depth: 0.6, time_constant_ms: 8)`, how strongly and how fast the level of the excitation
+//! fluctuates ([`crate::Crackle`]); and at most three `lines: [(cycles_per_mm: 0.34, diffusion_rad2_per_mm: 0.02, powers_m2_s4:
+//! [...])]`, each with a power for every vertex, 0 at rest ([`crate::SpatialLine`]). A file without them means what it always meant, so the version stays 1; a program that
 //! does not know one of them refuses the file.
 //!
 //! LSFs are in radians. Where a filter has coefficients and LSFs, both are kept and the LSFs lead

@@ -8,8 +8,8 @@ use crate::files::{Place, Problem, ReadError};
 use crate::lsf;
 use crate::model::{ArmaModel, ModelError, StoredModel};
 use crate::{
-    Crackle, Friction, ModelAt, Provenance, Stiffness, Surface, Tap, Taps, TextureModel, VertexKind,
-    texture::TextureError,
+    Crackle, Friction, ModelAt, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps, TextureModel,
+    VertexKind, texture::TextureError,
 };
 use ron::extensions::Extensions;
 
@@ -77,7 +77,7 @@ fn taps(document: TapsDocument) -> Result<Taps, Problem> {
     let taps = document.taps.0.into_iter();
     let taps = taps
         .map(|tap| Tap {
-            speed_m_s: tap.speed_mm_s.unit,
+            speed_m_s: tap.speed_mm_s.si,
             acceleration_m_s2: tap.acceleration_m_s2.0,
             peak_force_n: tap.peak_force_n,
         })
@@ -113,7 +113,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
             KindDocument::Edge => VertexKind::Edge,
         };
         models.push(ModelAt {
-            speed_m_s: document.speed_mm_s.unit,
+            speed_m_s: document.speed_mm_s.si,
             force_n: document.force_n,
             model,
             kind,
@@ -125,11 +125,20 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
     };
     let crackle = document
         .crackle
-        .map(|crackle| Crackle::new(crackle.depth, crackle.time_constant_ms.unit))
+        .map(|crackle| Crackle::new(crackle.depth, crackle.time_constant_ms.si))
         .transpose()?;
+    let lines = document.lines.map_or(vec![], |lines| lines.0).into_iter();
+    let lines = lines.map(|line| {
+        SpatialLine::new(
+            line.cycles_per_mm.si,
+            line.diffusion_rad2_per_mm.si,
+            line.powers_m2_s4.0,
+        )
+    });
     Ok(texture
         .with_highpass_hz(document.highpass_hz)?
-        .with_crackle(crackle))
+        .with_crackle(crackle)
+        .with_lines(lines.collect::<Result<_, _>>()?)?)
 }
 
 /// A filter with whichever of coefficients and LSFs the file leaves out worked out from the other.

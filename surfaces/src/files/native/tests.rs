@@ -2,8 +2,8 @@ use super::*;
 use crate::files::{Place, Problem, read_surface};
 use crate::hull::Hull;
 use crate::{
-    ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, Stiffness, Surface, Tap, Taps, TextureModel,
-    VertexKind,
+    ArmaModel, Crackle, Friction, ModelAt, Origin, Provenance, SpatialLine, Stiffness, Surface, Tap, Taps,
+    TextureModel, VertexKind,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -48,6 +48,20 @@ fn random_surface(seed: u64) -> Surface {
     );
     let crackle = Crackle::new(random.random_range(0.1..2.0), random.random_range(0.001..0.1)).unwrap();
     let texture = TextureModel::from_measured(1000.0, measured, &Hull::default()).unwrap();
+    let mut power = |at: &ModelAt| {
+        if at.speed_m_s * at.force_n == 0.0 {
+            0.0
+        } else {
+            random.random()
+        }
+    };
+    let powers: Vec<f64> = texture.models().iter().map(&mut power).collect();
+    let line = SpatialLine::new(
+        random.random_range(10.0..5000.0),
+        random.random_range(0.0..100.0),
+        powers,
+    );
+    let texture = texture.with_lines(vec![line.unwrap()]).unwrap();
     surface.texture = Some(texture.with_crackle(Some(crackle)));
     surface
 }
@@ -143,6 +157,14 @@ fn errors_of_meaning_have_a_line_and_column_too() {
         "rate_hz: 1000, crackle: (depth: -1, time_constant_ms: 5)",
     ));
     assert!(message.contains("depth -1"), "{message}");
+    let line = |powers: &str| {
+        let line = format!("(cycles_per_mm: 0.3, diffusion_rad2_per_mm: 0.1, powers_m2_s4: {powers})");
+        SQUARE.replace("rate_hz: 1000", &format!("rate_hz: 1000, lines: [{line}]"))
+    };
+    assert!(read(&line("[0, 0, 1, 0]")).is_ok());
+    assert!(error(&line("[0, 0, 1]")).1.contains("3 powers"));
+    assert!(error(&line("[1, 0, 1, 0]")).1.contains("model 0"));
+    assert!(error(&line("[0, 0, -1, 0]")).1.contains("300 cycles"));
     let (_, message) = error(&SQUARE.replace("speed_mm_s: 200", "speed_mm_s: fast"));
     assert!(message.contains("line 10"), "{message}");
 }

@@ -1,7 +1,7 @@
 //! From a surface to text: laid out by hand, as RON's own printer gives each number a line.
 
 use super::FORMAT;
-use crate::files::decimal::format_thousandfold;
+use crate::files::decimal::{format_shifted, format_thousandfold};
 use crate::{ArmaModel, Surface, Taps, TextureModel, VertexKind};
 use std::fmt::Write;
 
@@ -100,6 +100,7 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
             format_thousandfold(crackle.time_constant_s())
         )?;
     }
+    write_lines(out, texture)?;
     writeln!(out, "        filters: [")?;
     for filter in filters {
         writeln!(out, "            (")?;
@@ -141,6 +142,27 @@ fn write_texture(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
         writeln!(out, "            {}", row.join(" "))?;
     }
     writeln!(out, "        ],\n    ),")
+}
+
+fn write_lines(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
+    if texture.lines().is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "        lines: [")?;
+    for line in texture.lines() {
+        let per_mm = |per_m: f64| format_shifted(per_m, -3);
+        writeln!(out, "            (")?;
+        writeln!(
+            out,
+            "                cycles_per_mm: {},",
+            per_mm(line.cycles_per_m())
+        )?;
+        let diffusion = per_mm(line.diffusion_rad2_per_m());
+        writeln!(out, "                diffusion_rad2_per_mm: {diffusion},")?;
+        write_numbers(out, "                powers_m2_s4: ", line.powers_m2_s4())?;
+        writeln!(out, "            ),")?;
+    }
+    writeln!(out, "        ],")
 }
 
 /// Each filter once, and which one each vertex has.

@@ -1,0 +1,312 @@
+//! Lines fixed in space: what threads, ridges and grooves at even distances add to the noise of a texture.
+//!
+//! A line of K cycles a metre sounds at K times the speed. Its phase is 2 pi K times the way, plus a random walk for
+//! distances that are not quite even; its power at a speed and force is interpolated over the map like that of the models.
+
+use crate::TextureError;
+use haptograph_signal::noise::Gaussian;
+use std::f64::consts::TAU;
+
+/// Most lines of a texture.
+pub const MAX_LINES: usize = 3;
+/// Lines below this frequency are silent, and whole from [`WHOLE`] times it on, Hz.
+pub const LOWEST_HZ: f64 = 5.0;
+const WHOLE: f64 = 1.5;
+/// Lines above this part of the models' rate are silent, and whole up to [`WHOLE_OF_RATE`] of it.
+pub const HIGHEST_OF_RATE: f64 = 0.4;
+const WHOLE_OF_RATE: f64 = 0.36;
+
+/// A line fixed in space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpatialLine {
+    cycles_per_m: f64,
+    diffusion_rad2_per_m: f64,
+    powers_m2_s4: Vec<f64>,
+}
+
+impl SpatialLine {
+    /// A line of `cycles_per_m` (above 0) of which the phase's variance grows by `diffusion_rad2_per_m` (at least 0) a metre,
+    /// with the power at each of the texture's models, (m/s²)², in their order.
+    ///
+    /// # Errors
+    /// [`TextureError::Line`] for numbers that are not finite or out of range.
+    pub fn new(
+        cycles_per_m: f64,
+        diffusion_rad2_per_m: f64,
+        powers_m2_s4: Vec<f64>,
+    ) -> Result<Self, TextureError> {
+        let sound = |x: f64| x.is_finite() && x >= 0.0;
+        let all = sound(cycles_per_m)
+            && cycles_per_m > 0.0
+            && sound(diffusion_rad2_per_m)
+            && powers_m2_s4.iter().all(|power| sound(*power));
+        if !all {
+            return Err(TextureError::Line { cycles_per_m });
+        }
+        Ok(Self {
+            cycles_per_m,
+            diffusion_rad2_per_m,
+            powers_m2_s4,
+        })
+    }
+
+    /// Cycles a metre of the tool's way.
+    pub fn cycles_per_m(&self) -> f64 {
+        self.cycles_per_m
+    }
+
+    /// Growth of the phase's variance with the way, rad²/m.
+    pub fn diffusion_rad2_per_m(&self) -> f64 {
+        self.diffusion_rad2_per_m
+    }
+
+    /// Power at each model of the map, (m/s²)².
+    pub fn powers_m2_s4(&self) -> &[f64] {
+        &self.powers_m2_s4
+    }
+}
+
+/// Powers of `lines` at a mix of three models by number, (m/s²)²; 0 for numbers of no model and from the lines' number on.
+pub fn mixed_powers(lines: &[SpatialLine], models: [u32; 3], weights: [f64; 3]) -> [f64; MAX_LINES] {
+    let mut powers = [0.0; MAX_LINES];
+    for (power, line) in powers.iter_mut().zip(lines) {
+        *power = models.iter().zip(weights).fold(0.0, |sum, (model, weight)| {
+            let at_model = line.powers_m2_s4.get(*model as usize).copied();
+            sum + weight * at_model.unwrap_or(0.0)
+        });
+    }
+    powers
+}
+
+/// How much of a line's power is heard at a frequency: nothing where hand or filter would not follow it.
+fn audible(frequency_hz: f64, models_hz: f64) -> f64 {
+    let above = (frequency_hz / LOWEST_HZ - 1.0) / (WHOLE - 1.0);
+    let below = (HIGHEST_OF_RATE - frequency_hz / models_hz) / (HIGHEST_OF_RATE - WHOLE_OF_RATE);
+    above.min(below).clamp(0.0, 1.0)
+}
+
+/// Samples for which a step of the random walk is spread, so that phases move evenly.
+const STEP: u32 = 32;
+/// Time in which amplitudes follow the map, s.
+const FOLLOW_S: f64 = 0.003;
+/// An amplitude that counts as silent, m/s².
+const SILENT_M_S2: f64 = 1e-9;
+
+/// Makes the lines of a texture in real time: it neither allocates nor depends on how samples are grouped.
+#[derive(Debug, Clone)]
+pub struct LineSource {
+    lines: Vec<Voice>,
+    noise: Gaussian,
+    rate_hz: f64,
+    models_hz: f64,
+    follow: f64,
+    speed_m_s: f64,
+    until_step: u32,
+}
+
+#[derive(Debug, Clone)]
+struct Voice {
+    cycles_per_m: f64,
+    diffusion_rad2_per_m: f64,
+    /// In cycles, 0 to 1.
+    phase: f64,
+    /// What a sample adds to the phase: by the way, and by the random walk.
+    turn: f64,
+    wander: f64,
+    amplitude_m_s2: f64,
+    wanted_m_s2: f64,
+}
+
+impl LineSource {
+    /// A source of `lines` at `rate_hz`, of a texture whose models are for `models_hz`. Their phases begin at random.
+    pub fn new(lines: &[SpatialLine], rate_hz: f64, models_hz: f64, seed: u64) -> Self {
+        let mut noise = Gaussian::new(seed);
+        let voice = |line: &SpatialLine| Voice {
+            cycles_per_m: line.cycles_per_m,
+            diffusion_rad2_per_m: line.diffusion_rad2_per_m,
+            // Many deviations of a normal number, wrapped, are even.
+            phase: (100.0 * noise.next_sample()).rem_euclid(1.0),
+            turn: 0.0,
+            wander: 0.0,
+            amplitude_m_s2: 0.0,
+            wanted_m_s2: 0.0,
+        };
+        Self {
+            lines: lines.iter().map(voice).collect(),
+            noise,
+            rate_hz,
+            models_hz,
+            follow: 1.0 - (-1.0 / (FOLLOW_S * rate_hz)).exp(),
+            speed_m_s: 0.0,
+            until_step: 0,
+        }
+    }
+
+    /// Moves to a speed, and to the lines' powers there ([`mixed_powers`]).
+    pub fn set(&mut self, speed_m_s: f64, powers_m2_s4: [f64; MAX_LINES]) {
+        self.speed_m_s = if speed_m_s.is_finite() {
+            speed_m_s.max(0.0)
+        } else {
+            0.0
+        };
+        for (line, power) in self.lines.iter_mut().zip(powers_m2_s4) {
+            let frequency_hz = line.cycles_per_m * self.speed_m_s;
+            let power = power.max(0.0) * audible(frequency_hz, self.models_hz);
+            line.wanted_m_s2 = (2.0 * power).sqrt();
+            line.turn = frequency_hz / self.rate_hz;
+        }
+    }
+
+    /// Adds the next samples of the lines to `out`.
+    pub fn add_to(&mut self, out: &mut [f64]) {
+        for y in out {
+            if self.until_step == 0 {
+                self.wander();
+            }
+            self.until_step -= 1;
+            for line in &mut self.lines {
+                *y += line.next(self.follow);
+            }
+        }
+    }
+
+    /// The random walk's next step.
+    fn wander(&mut self) {
+        self.until_step = STEP;
+        let way_m = self.speed_m_s / self.rate_hz * f64::from(STEP);
+        for line in &mut self.lines {
+            let step_rad = (line.diffusion_rad2_per_m * way_m).sqrt() * self.noise.next_sample();
+            line.wander = step_rad / (TAU * f64::from(STEP));
+        }
+    }
+
+    /// Continues the phases, amplitudes and random walk of `other`, line by line. Does not allocate.
+    pub fn copy_state_from(&mut self, other: &Self) {
+        self.noise.clone_from(&other.noise);
+        (self.speed_m_s, self.until_step) = (other.speed_m_s, other.until_step);
+        for (new, old) in self.lines.iter_mut().zip(&other.lines) {
+            (new.phase, new.turn, new.wander) = (old.phase, old.turn, old.wander);
+            (new.amplitude_m_s2, new.wanted_m_s2) = (old.amplitude_m_s2, old.wanted_m_s2);
+        }
+    }
+}
+
+impl Voice {
+    #[inline]
+    fn next(&mut self, follow: f64) -> f64 {
+        let turned = self.phase + self.turn + self.wander;
+        self.phase = turned - turned.floor();
+        self.amplitude_m_s2 += follow * (self.wanted_m_s2 - self.amplitude_m_s2);
+        if self.wanted_m_s2 == 0.0 && self.amplitude_m_s2 < SILENT_M_S2 {
+            self.amplitude_m_s2 = 0.0;
+            return 0.0;
+        }
+        self.amplitude_m_s2 * (TAU * self.phase).sin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RATE_HZ: f64 = 10_000.0;
+
+    /// One line of 1 cycle a millimetre.
+    fn source(diffusion_rad2_per_m: f64) -> LineSource {
+        let line = SpatialLine::new(1000.0, diffusion_rad2_per_m, vec![]).expect("sound");
+        LineSource::new(&[line], RATE_HZ, RATE_HZ, 1)
+    }
+
+    const LOUD: [f64; 3] = [0.0, 0.5, 0.5];
+
+    /// Of a line that is silent at model 0 and has power 2 at the others.
+    fn played(source: &mut LineSource, weights: [f64; 3], speed_m_s: f64, samples: usize) -> Vec<f64> {
+        let line = SpatialLine::new(1.0, 0.0, vec![0.0, 2.0, 2.0]).expect("sound");
+        source.set(speed_m_s, mixed_powers(&[line], [0, 1, 2], weights));
+        let mut out = vec![0.0; samples];
+        source.add_to(&mut out);
+        out
+    }
+
+    /// Share of the power within 2 Hz of a frequency.
+    fn share(y: &[f64], frequency_hz: f64) -> f64 {
+        let spectrum = haptograph_signal::spectrum::welch(
+            y,
+            RATE_HZ,
+            10_000,
+            5000,
+            haptograph_signal::window::Window::Hann,
+        )
+        .expect("long enough");
+        spectrum.power_between(frequency_hz - 2.0, frequency_hz + 2.0) / spectrum.power_between(1.0, 4999.0)
+    }
+
+    #[test]
+    fn it_sounds_at_speed_times_cycles_with_the_maps_power() {
+        for speed_m_s in [0.05, 0.2] {
+            let y = played(&mut source(0.0), LOUD, speed_m_s, 40_000);
+            let power = y[2000..].iter().map(|y| y * y).sum::<f64>() / 38_000.0;
+            assert!((power - 2.0).abs() < 0.02, "{power}");
+            assert!(share(&y[2000..], 1000.0 * speed_m_s) > 0.99);
+            let half = played(&mut source(0.0), [0.5, 0.25, 0.25], speed_m_s, 40_000);
+            let power = half[2000..].iter().map(|y| y * y).sum::<f64>() / 38_000.0;
+            assert!((power - 1.0).abs() < 0.01, "{power}");
+        }
+    }
+
+    #[test]
+    fn the_random_walk_widens_it_and_keeps_its_power() {
+        let y = played(&mut source(400.0), LOUD, 0.2, 400_000);
+        let power = y.iter().map(|y| y * y).sum::<f64>() / y.len() as f64;
+        assert!((power - 2.0).abs() < 0.1, "{power}");
+        // A coherence of 5 mm at 200 mm/s is a width of 13 Hz.
+        assert!((0.1..0.4).contains(&share(&y, 200.0)), "{}", share(&y, 200.0));
+    }
+
+    #[test]
+    fn it_is_silent_where_it_would_be_too_slow_or_too_fast_and_dies_away_at_rest() {
+        assert!(
+            played(&mut source(1.0), LOUD, 0.005, 2000)
+                .iter()
+                .all(|y| *y == 0.0)
+        );
+        assert!(
+            played(&mut source(1.0), LOUD, 4.0, 2000)
+                .iter()
+                .all(|y| *y == 0.0)
+        );
+        let mut source = source(1.0);
+        assert!(played(&mut source, LOUD, 0.1, 2000).iter().any(|y| y.abs() > 1.0));
+        let tail = played(&mut source, [1.0, 0.0, 0.0], 0.0, 2000);
+        assert!(tail[1000..].iter().all(|y| *y == 0.0));
+    }
+
+    #[test]
+    fn the_grouping_of_samples_changes_no_bit_and_a_successor_goes_on() {
+        let whole = played(&mut source(50.0), LOUD, 0.1, 1000);
+        let mut first = source(50.0);
+        let mut parts = played(&mut first, LOUD, 0.1, 333);
+        let mut second = source(50.0);
+        second.copy_state_from(&first);
+        for samples in [1, 65, 601] {
+            parts.extend(played(&mut second, LOUD, 0.1, samples));
+        }
+        assert_eq!(parts, whole);
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused_and_models_of_no_number_are_silent() {
+        for (cycles, diffusion, power) in [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, f64::NAN)] {
+            let refused = SpatialLine::new(cycles, diffusion, vec![power]);
+            assert!(matches!(refused, Err(TextureError::Line { .. })));
+        }
+        let line = SpatialLine::new(1.0, 0.0, vec![1.0]).expect("sound");
+        let powers = mixed_powers(&[line], [7, 8, u32::MAX], [0.4, 0.3, 0.3]);
+        assert_eq!(powers, [0.0; MAX_LINES]);
+        let mut source = source(0.0);
+        source.set(f64::NAN, [f64::NAN; MAX_LINES]);
+        let mut out = [0.0; 10];
+        source.add_to(&mut out);
+        assert_eq!(out, [0.0; 10]);
+    }
+}
