@@ -67,7 +67,8 @@ impl Kind {
                 let head = ["ar_order", "ma_order", "gain", "variance", "warping"].map(str::to_owned);
                 let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
                 let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
-                return head.into_iter().chain(ar).chain(ma).collect();
+                let lines = LinesAt::LANES.map(str::to_owned);
+                return head.into_iter().chain(ar).chain(ma).chain(lines).collect();
             }
         };
         fixed.iter().map(|name| (*name).to_owned()).collect()
@@ -221,13 +222,13 @@ impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
     pub const MAX_ORDER: usize = 32;
     /// Lanes of one coefficients frame.
-    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER;
+    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::LANES.len();
     const HEAD: usize = 5;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
     pub fn from_lanes(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
         let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
-        let (ar, ma) = lanes[Self::HEAD..].split_at(Self::MAX_ORDER);
+        let (ar, ma) = lanes[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
         Self {
             ar: &ar[..order(lanes[0])],
             ma: &ma[..order(lanes[1])],
@@ -237,7 +238,7 @@ impl<'a> Coefficients<'a> {
         }
     }
 
-    /// Writes a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
+    /// Writes a frame without lines. Orders beyond [`Self::MAX_ORDER`] are cut to it.
     pub fn write(&self, lanes: &mut [f64; Coefficients::WIDTH]) {
         let p = self.ar.len().min(Self::MAX_ORDER);
         let q = self.ma.len().min(Self::MAX_ORDER);
@@ -246,6 +247,35 @@ impl<'a> Coefficients<'a> {
         lanes[4] = self.warping;
         lanes[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
         lanes[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+    }
+}
+
+/// Lines fixed in space, at the place that a frame of [`Coefficients`] is for and in the same frame.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct LinesAt {
+    /// The speed for which the coefficients are.
+    pub speed_m_s: f64,
+    /// Power of each line of the surface, (m/s2)^2; 0 from their number on.
+    pub powers_m2_s4: [f64; 3],
+}
+
+impl LinesAt {
+    const LANES: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
+
+    /// Reads them from a frame of coefficients.
+    pub fn from_lanes(lanes: &[f64; Coefficients::WIDTH]) -> Self {
+        let [.., speed_m_s, a, b, c] = *lanes;
+        Self {
+            speed_m_s,
+            powers_m2_s4: [a, b, c],
+        }
+    }
+
+    /// Adds them to a frame of coefficients that is written.
+    pub fn write(&self, lanes: &mut [f64; Coefficients::WIDTH]) {
+        let [.., speed_m_s, a, b, c] = lanes;
+        *speed_m_s = self.speed_m_s;
+        [*a, *b, *c] = self.powers_m2_s4;
     }
 }
 
@@ -312,6 +342,14 @@ mod tests {
             (read.ar, read.ma, read.gain, read.variance, read.warping),
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
+        assert_eq!(LinesAt::from_lanes(&lanes), LinesAt::default());
+        let lines = LinesAt {
+            speed_m_s: 0.1,
+            powers_m2_s4: [0.5, 0.25, 0.0],
+        };
+        lines.write(&mut lanes);
+        assert_eq!(LinesAt::from_lanes(&lanes), lines);
+        assert_eq!(Coefficients::from_lanes(&lanes).ma, &[0.1]);
     }
 
     #[test]

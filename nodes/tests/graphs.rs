@@ -10,6 +10,7 @@ use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{AtZero, Change, Fleet, LiveOptions, Outlets, Run, Session, live};
+use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
 use petgraph::graph::NodeIndex;
 use realtime::allocations;
 use std::convert::Infallible;
@@ -165,6 +166,79 @@ fn no_callback_of_a_swap_allocates() {
         faded += usize::from(change == Change::CrossFade);
     }
     assert!(faded >= 3, "{faded} graphs faded into another");
+}
+
+/// Surfaces of every kind and rate: as shipped; with crackle and a line; the thesis's at a lower rate, and with a line.
+fn surfaces_of_every_kind(folder: &Path) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let canvas = root.join("graphs/surfaces/t2-canvas.ron");
+    let with_structure = |surface: &Surface| {
+        let mut surface = surface.clone();
+        surface.texture = surface.texture.map(|texture| {
+            let rests = |at: &ModelAt| at.speed_m_s == 0.0 || at.force_n == 0.0;
+            let powers = texture
+                .models()
+                .iter()
+                .map(|at| if rests(at) { 0.0 } else { 0.5 });
+            let line = SpatialLine::new(900.0, 20.0, powers.collect()).unwrap();
+            let crackle = Crackle::new(0.8, 0.008).unwrap();
+            texture
+                .with_crackle(Some(crackle))
+                .with_lines(vec![line])
+                .unwrap()
+        });
+        surface
+    };
+    let shipped = files::load(&canvas).unwrap();
+    let thesis = files::load(&root.join("tests/data/canvas-thesis.ron")).unwrap();
+    let (slow, _) = resampling::resample_surface(&thesis, 2500.0, resampling::Method::Spectral).unwrap();
+    let made = [with_structure(&shipped), slow.clone(), with_structure(&slow)];
+    let written = made.iter().enumerate().map(|(number, surface)| {
+        let path = folder.join(format!("{number}.ron"));
+        std::fs::write(&path, files::native::write(surface)).unwrap();
+        path
+    });
+    std::iter::once(canvas).chain(written).collect()
+}
+
+/// From each kind of surface to each other one, while the hand moves: cross-fades without a fault or an allocation.
+#[test]
+fn surfaces_of_every_kind_fade_into_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
+    let surfaces = surfaces_of_every_kind(folder.path());
+    let plan_of = |surface: &Path| {
+        let options = CheckOptions {
+            set: vec![("surface".into(), surface.display().to_string())],
+            ..CheckOptions::default()
+        };
+        let graph = graph_with(&path, &options).unwrap_or_else(|wrong| panic!("{wrong}"));
+        Arc::clone(&plans(&graph, 64)[0])
+    };
+    for from in &surfaces {
+        for to in surfaces.iter().filter(|to| *to != from) {
+            let plan = plan_of(from);
+            let taps = plan.tap_streams().count();
+            let (mut live, mut control) = live(plan);
+            live.callback(20_000, |_, _| {});
+            assert_eq!(control.swap(plan_of(to)).unwrap(), Change::CrossFade);
+            let mut largest = 0.0_f64;
+            for _ in 0..200 {
+                let allocated = allocations(|| {
+                    live.callback(64, |run, _| {
+                        for x in (0..taps).flat_map(|tap| run.tap(tap)) {
+                            assert!(x.is_finite());
+                            largest = largest.max(x.abs());
+                        }
+                    });
+                });
+                assert_eq!(allocated, 0, "{} to {}", from.display(), to.display());
+            }
+            control.poll();
+            assert_eq!(live.faults().ticks, 0);
+            assert!(largest > 0.0);
+        }
+    }
 }
 
 /// With other rings between its drivers.

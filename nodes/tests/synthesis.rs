@@ -14,6 +14,7 @@ use haptograph_nodes::texture::interpolator::LsfInterpolator;
 use haptograph_nodes::texture::locator::{SurfaceSettings, TriangleLocator};
 use haptograph_signal::spectrum::{expected_welch, welch};
 use haptograph_signal::window::Window;
+use haptograph_surfaces::{ModelAt, SpatialLine};
 use std::path::{Path, PathBuf};
 
 type Frame = [f64; Coefficients::WIDTH];
@@ -206,6 +207,58 @@ fn rest_is_silence() {
             }
         }
     }
+}
+
+/// A filter that renders a surface file.
+fn renderer(surface: &Path, rate_hz: f64) -> Bench {
+    let settings = ArmaFilterSettings {
+        form: Form::Lattice,
+        surface: Some(surface.to_owned()),
+    };
+    Bench::new::<ArmaFilter>(settings, rate_hz, &[Kind::Coefficients, Kind::Scalar]).unwrap()
+}
+
+#[test]
+fn lines_are_added_to_the_noise_with_the_maps_power() {
+    let plain = surfaces().remove(0);
+    let mut surface = haptograph_surfaces::files::load(&plain).unwrap();
+    surface.texture = surface.texture.map(|texture| {
+        let rests = |at: &ModelAt| at.speed_m_s == 0.0 || at.force_n == 0.0;
+        let powers = texture
+            .models()
+            .iter()
+            .map(|at| if rests(at) { 0.0 } else { 8.0 });
+        let line = SpatialLine::new(1000.0, 0.0, powers.collect()).unwrap();
+        texture.with_lines(vec![line]).unwrap()
+    });
+    let file = tempfile::NamedTempFile::with_suffix(".ron").unwrap();
+    let written = haptograph_surfaces::files::native::write(&surface);
+    std::fs::write(file.path(), written).unwrap();
+
+    let frames = 20_000;
+    let (mut bare, mut lined) = (Map::of(&plain), Map::of(file.path()));
+    let (at, without) = (lined.at(0.8, 0.8), bare.at(0.8, 0.8));
+    let tail = Coefficients::WIDTH - 4;
+    assert_eq!(at[..tail], without[..tail]);
+    let (at, without) = (at.repeat(frames), without.repeat(frames));
+    let noise: Vec<f64> = (0..frames).map(|n| (n as f64 * n as f64 * 0.37).sin()).collect();
+    let play = |e: &[f64]| {
+        renderer(file.path(), bare.rate_hz)
+            .run_in_blocks(&[&at, e], &[7, 64, 1])
+            .remove(0)
+    };
+    let line = play(&vec![0.0; frames]);
+    let power = line[1000..].iter().map(|y| y * y).sum::<f64>() / (frames - 1000) as f64;
+    assert!((power / 8.0 - 1.0).abs() < 0.02, "{power}");
+    let crossings = line.windows(2).filter(|y| y[0] < 0.0 && y[1] >= 0.0).count();
+    let expected = 1000.0 * 0.8 * bare.most_m_s * frames as f64 / bare.rate_hz;
+    assert!(
+        (crossings as f64 - expected).abs() <= 1.0,
+        "{crossings} for {expected}"
+    );
+    let noisy = renderer(&plain, bare.rate_hz).run(&[&without, &noise]).remove(0);
+    let sum: Vec<f64> = noisy.iter().zip(&line).map(|(a, b)| a + b).collect();
+    assert_eq!(play(&noise), sum);
 }
 
 const PERIOD: usize = 41;

@@ -1,14 +1,16 @@
 //! The synthesis filter.
 
-use haptograph_engine::frame::{Coefficients, Kind};
+use haptograph_engine::frame::{Coefficients, Kind, LinesAt};
 use haptograph_engine::node::{
     BuildContext, BuildError, Io, Latency, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::arma::{self, WarpedLattice};
 use haptograph_signal::filter::SectionsState;
+use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
 use haptograph_surfaces::TextureModel;
+use haptograph_surfaces::lines::LineSource;
 use std::path::PathBuf;
 
 use super::load_texture;
@@ -49,7 +51,7 @@ impl NodeKind for ArmaFilter {
               the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken. Models on a \
               warped frequency axis run in a lattice of all-pass sections, and the high-pass that such a surface was learned \
               without is applied at the output. Models of a lower rate than the clock's run at theirs, and are interpolated \
-              without spectrum above half of it.",
+              without spectrum above half of it. The surface's lines fixed in space are added.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
         inputs: &[
             input(
@@ -76,13 +78,14 @@ impl NodeKind for ArmaFilter {
     };
 
     fn build(settings: ArmaFilterSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let (mut upsampler, mut highpass) = (None, None);
+        let (mut upsampler, mut highpass, mut lines) = (None, None, None);
         if let Some(surface) = &settings.surface {
             let texture = load_texture(surface)?;
             upsampler = upsampler_of(&texture, cx.rate)?;
             highpass = texture
                 .output_highpass()
                 .map(|sections| SectionsState::new(&sections));
+            lines = line_source(&texture, cx);
         }
         let form = match settings.form {
             Form::Direct => arma::Form::Direct,
@@ -98,6 +101,7 @@ impl NodeKind for ArmaFilter {
             form,
             lanes: [f64::NAN; Coefficients::WIDTH],
             upsampler,
+            lines,
         }))
     }
 
@@ -119,6 +123,15 @@ impl NodeKind for ArmaFilter {
                 .help("learn the surface at the clock's rate to have the rest of its spectrum"),
         ]
     }
+}
+
+/// What makes the lines of a surface that has some.
+fn line_source(texture: &TextureModel, cx: &BuildContext) -> Option<Box<LineSource>> {
+    let lines = texture.lines();
+    (!lines.is_empty()).then(|| {
+        let seed = stream_seed(cx.seed, "lines");
+        Box::new(LineSource::new(lines, cx.rate.hz(), texture.rate_hz(), seed))
+    })
 }
 
 /// What brings the vibration from the rate of a surface's models to the clock's, if they differ.
@@ -154,6 +167,7 @@ struct Synthesis {
     /// The coefficients at work, at first none: converting them again would cost more than comparing.
     lanes: [f64; Coefficients::WIDTH],
     upsampler: Option<Box<Upsampler>>,
+    lines: Option<Box<LineSource>>,
 }
 
 /// From excitation to vibration at the models' rate.
@@ -221,7 +235,7 @@ impl Synthesis {
 
 impl Processor for Synthesis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (runs, excitation) = (io.held(0), io.lanes(1));
+        let (runs, excitation, places) = (io.held(0), io.lanes(1), io.held(0));
         let out = io.out(0);
         for (frames, lanes) in runs {
             if let Some(lanes) = lanes.first_chunk() {
@@ -241,6 +255,14 @@ impl Processor for Synthesis {
                 });
             }
         }
+        let Some(lines) = &mut self.lines else { return };
+        for (frames, lanes) in places {
+            if let Some(lanes) = lanes.first_chunk() {
+                let at = LinesAt::from_lanes(lanes);
+                lines.set(at.speed_m_s, at.powers_m2_s4);
+            }
+            lines.add_to(&mut out[frames]);
+        }
     }
 
     fn latency(&self) -> Latency {
@@ -257,6 +279,9 @@ impl Processor for Synthesis {
             new.maker.copy_state_from(&self.maker);
             new.lanes = self.lanes;
             if let (Some(new), Some(old)) = (&mut new.upsampler, &self.upsampler) {
+                new.copy_state_from(old);
+            }
+            if let (Some(new), Some(old)) = (&mut new.lines, &self.lines) {
                 new.copy_state_from(old);
             }
         }

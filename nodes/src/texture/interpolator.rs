@@ -5,7 +5,8 @@ use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::{Coefficients, Interpolator};
+use haptograph_surfaces::lines::mixed_powers;
+use haptograph_surfaces::{Coefficients, Interpolator, SpatialLine};
 
 use super::load_texture;
 use super::locator::SurfaceSettings;
@@ -32,7 +33,7 @@ impl NodeKind for LsfInterpolator {
             "coefficients",
             Kind::Coefficients,
             Quantity::NUMBER,
-            "The synthesis filter and the variance of its excitation.",
+            "The synthesis filter, the variance of its excitation, and the powers of lines fixed in space.",
         )],
         example: r#""interpolate": LsfInterpolator(weights: "locate.weights", surface: "surfaces/t3-tile.ron")"#,
     };
@@ -41,6 +42,7 @@ impl NodeKind for LsfInterpolator {
         let texture = load_texture(&settings.surface)?;
         Ok(Box::new(Mixing {
             texture: Interpolator::new(&texture),
+            lines: texture.lines().to_vec(),
             mix: Coefficients::SILENCE,
         }))
     }
@@ -49,6 +51,7 @@ impl NodeKind for LsfInterpolator {
 #[derive(Debug, Clone)]
 struct Mixing {
     texture: Interpolator,
+    lines: Vec<SpatialLine>,
     mix: Coefficients,
 }
 
@@ -65,6 +68,13 @@ impl Processor for Mixing {
                 warping: self.mix.warping,
             }
             .write(lanes);
+            if !self.lines.is_empty() {
+                let lines = frame::LinesAt {
+                    speed_m_s: at.speed_m_s,
+                    powers_m2_s4: mixed_powers(&self.lines, at.models, at.weights),
+                };
+                lines.write(lanes);
+            }
         }
     }
 }

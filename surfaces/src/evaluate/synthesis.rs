@@ -1,6 +1,7 @@
 //! The vibration of a texture along a trajectory of speed and force (thesis 2.4.2), offline.
 
 use crate::crackle::CrackleSource;
+use crate::lines::{LineSource, mixed_powers};
 use crate::recording::ProcessedRecording;
 use crate::{Coefficients, Interpolator, TextureModel};
 use haptograph_signal::arma::{ArmaError, ArmaFilter, Form, WarpedLattice};
@@ -153,8 +154,9 @@ pub enum SynthesisError {
     Filter(#[from] ArmaError),
 }
 
-/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance, crackling as the texture does, through the interpolated
-/// filter, which is updated at [`SynthesisSettings::update_hz`].
+/// The acceleration, m/s², that `texture` gives along `trajectory`: white noise of the interpolated variance, crackling as
+/// the texture does, through the interpolated filter, which is updated at [`SynthesisSettings::update_hz`]; and the texture's
+/// lines beside it.
 pub fn synthesise(
     texture: &TextureModel,
     trajectory: &Trajectory,
@@ -191,15 +193,24 @@ pub fn synthesise(
         let seed = stream_seed(settings.seed, "crackle");
         CrackleSource::new(crackle, *rate_hz, seed)
     });
+    let seed = stream_seed(settings.seed, "lines");
+    let mut lines = LineSource::new(texture.lines(), *rate_hz, texture.rate_hz(), seed);
+    let has_lines = !texture.lines().is_empty();
     let mut vibration = vec![0.0; speed_m_s.len()];
+    let mut in_space = vec![0.0; if has_lines { vibration.len() } else { 0 }];
     let mut excitation = vec![];
     for (place, samples) in updates(*rate_hz, settings.update_hz, speed_m_s.len()) {
-        interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
+        let spot = interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
         let is_warped = coefficients.warping != 0.0;
         if is_warped {
             warped.set_coefficients(coefficients.ar(), coefficients.warping, coefficients.gain)?;
         } else {
             filter.set_coefficients(coefficients.ar(), coefficients.ma(), coefficients.gain)?;
+        }
+        if has_lines {
+            let powers = mixed_powers(texture.lines(), spot.vertices, spot.weights);
+            lines.set(spot.speed_m_s, powers);
+            lines.add_to(&mut in_space[samples.clone()]);
         }
         excitation.resize(samples.len(), 0.0);
         noise.fill(&mut excitation);
@@ -217,6 +228,10 @@ pub fn synthesise(
     if let Some(highpass) = texture.output_highpass() {
         SectionsState::new(&highpass).process_in_place(&mut vibration);
     }
+    vibration
+        .iter_mut()
+        .zip(in_space)
+        .for_each(|(y, line)| *y += line);
     Ok(vibration)
 }
 
