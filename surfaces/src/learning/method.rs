@@ -2,6 +2,7 @@
 
 use super::crackle::find_crackle;
 use super::law::{LawSettings, learn_law};
+use super::lines::{find_lines, with_lines, without_lines};
 use super::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
 use super::whitening::Whitened;
 use crate::TextureModel;
@@ -10,7 +11,7 @@ use crate::recording::ProcessedRecording;
 /// How a texture is learned.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TextureMethod {
-    /// As a law over speed and force on a warped frequency axis, [`learn_law`], and its crackle.
+    /// As a law over speed and force on a warped frequency axis, [`learn_law`], with crackle and lines fixed in space.
     Law(LawSettings),
     /// As in the thesis: segments, a model each, triangulated: [`learn_texture`].
     Thesis(TextureSettings),
@@ -52,17 +53,28 @@ impl TextureMethod {
     }
 }
 
-/// The law, and what noise through its filters lacks.
+/// The law, and what noise through its filters lacks: lines, which are taken out before the law is fitted again, and crackle.
 fn learn_with_structure(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
     progress: &dyn Fn(f64),
 ) -> Result<(TextureModel, TextureReport), LearnTextureError> {
-    let (texture, report) = learn_law(recordings, settings, &|part| progress(0.8 * part))?;
-    let whitened: Vec<Whitened> = recordings
-        .iter()
-        .map(|recording| Whitened::new(recording, &texture, settings.min_speed_m_s, settings.min_force_n))
-        .collect();
+    let whiten = |recordings: &[ProcessedRecording], texture: &TextureModel| -> Vec<Whitened> {
+        let whitened = recordings
+            .iter()
+            .map(|recording| Whitened::new(recording, texture, settings.min_speed_m_s, settings.min_force_n));
+        whitened.collect()
+    };
+    let (mut texture, report) = learn_law(recordings, settings, &|part| progress(0.4 * part))?;
+    let mut whitened = whiten(recordings, &texture);
+    let lines = find_lines(recordings, &whitened, &texture);
+    progress(0.6);
+    if !lines.is_empty() {
+        let noise = without_lines(recordings, &whitened, &lines);
+        (texture, _) = learn_law(&noise, settings, &|part| progress(0.6 + 0.2 * part))?;
+        texture = with_lines(texture, &lines)?;
+        whitened = whiten(&noise, &texture);
+    }
     let crackle = find_crackle(&whitened, texture.rate_hz());
     progress(1.0);
     Ok((texture.with_crackle(crackle), report))

@@ -1,7 +1,7 @@
 //! Learning: from recordings to a surface (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
-//! recordings ──► processing ─┬► windows ──► law, crackle ┐
+//! recordings ──► processing ─┬► windows ──► law, lines, crackle ┐
 //!                            └► segmentation ──► texture ┤   (the thesis's)
 //!      circle or drag ──► friction ───────────────────────┤
 //!                 tap ──► taps ───────────────────────────┼──► Surface
@@ -15,6 +15,7 @@ mod crackle;
 pub mod friction;
 pub mod law;
 mod learn;
+mod lines;
 mod method;
 mod onset;
 pub mod outliers;
