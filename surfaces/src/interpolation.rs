@@ -69,7 +69,8 @@ pub struct Spot {
 #[derive(Debug, Clone)]
 pub struct Interpolator {
     map: Triangulation,
-    /// For each model a row of `stride`: AR LSFs, MA LSFs, gain, variance (the power of warped models), padding.
+    /// For each model a row of `stride`: AR LSFs, MA LSFs, gain, variance (the amplitude of warped models: the root of
+    /// their power), padding.
     rows: Vec<f64>,
     stride: usize,
     ar_order: usize,
@@ -91,7 +92,7 @@ impl Interpolator {
         let warping = texture.warping();
         let level = |model: &ArmaModel| match warping {
             0.0 => model.variance(),
-            _ => model.power(),
+            _ => model.power().sqrt(),
         };
         let mut rows = vec![0.0; stride * texture.models().len()];
         for (row, at) in rows.chunks_exact_mut(stride).zip(texture.models()) {
@@ -148,7 +149,7 @@ impl Interpolator {
             rest[1]
         } else {
             // A mix of stable models is stable; what rounding made of it otherwise is silent.
-            power_gain(into.ar(), self.warping).map_or(0.0, |gain| rest[1] / gain)
+            power_gain(into.ar(), self.warping).map_or(0.0, |gain| rest[1] * rest[1] / gain)
         };
     }
 

@@ -8,9 +8,43 @@ use haptograph_signal::warped::unwarp;
 use std::f64::consts::PI;
 
 /// Cells of the warped axis from 0 to half the rate.
-pub(super) const CELLS: usize = 128;
+pub(crate) const CELLS: usize = 128;
 /// Sine tapers of an estimate: its resolution is twice its length's inverse each way (Riedel and Sidorenko 1995).
 const TAPERS: usize = 3;
+
+/// Points at which a density is taken in each cell.
+const POINTS: usize = 8;
+
+/// The cells of an axis, from 0 to half the rate.
+pub(crate) struct Cells {
+    edges_hz: Vec<f64>,
+}
+
+impl Cells {
+    /// Of models of this rate and warping factor.
+    pub fn new(rate_hz: f64, warping: f64) -> Self {
+        let edge = |edge: usize| unwarp(PI * edge as f64 / CELLS as f64, warping) * rate_hz / (2.0 * PI);
+        Self {
+            edges_hz: (0..=CELLS).map(edge).collect(),
+        }
+    }
+
+    /// The power of densities over the cells.
+    pub fn power(&self, densities: &[f64]) -> f64 {
+        let widths = self.edges_hz.windows(2).map(|edge| edge[1] - edge[0]);
+        densities.iter().zip(widths).map(|(p, w)| p * w).sum()
+    }
+
+    /// Means over the cells of a density that is given at any frequency.
+    pub fn means_of(&self, density: impl Fn(f64) -> f64) -> Vec<f64> {
+        let mean = |edge: &[f64]| {
+            let step = (edge[1] - edge[0]) / POINTS as f64;
+            let points = (0..POINTS).map(|k| density(edge[0] + step * (k as f64 + 0.5)));
+            points.sum::<f64>() / POINTS as f64
+        };
+        self.edges_hz.windows(2).map(mean).collect()
+    }
+}
 
 /// Estimates the density of stretches of one length.
 pub(super) struct CellSpectrum {
@@ -21,8 +55,7 @@ pub(super) struct CellSpectrum {
     below: usize,
     /// Bins just above the corner, whose mean stands for those below.
     corner: usize,
-    /// Edges of the cells, Hz.
-    edges_hz: Vec<f64>,
+    cells: Cells,
 }
 
 impl CellSpectrum {
@@ -51,9 +84,7 @@ impl CellSpectrum {
             highpass: (0..bins).map(response).collect(),
             below,
             corner: bin_of(1.25 * cutoff_hz).max(below + 1).min(bins),
-            edges_hz: (0..=CELLS)
-                .map(|edge| unwarp(PI * edge as f64 / CELLS as f64, warping) * rate_hz / (2.0 * PI))
-                .collect(),
+            cells: Cells::new(rate_hz, warping),
         }
     }
 
@@ -83,9 +114,9 @@ impl CellSpectrum {
         self.means(&density)
     }
 
-    /// Power of a cell of unit density, Hz: the cells' widths.
-    pub fn widths_hz(&self) -> impl Iterator<Item = f64> + '_ {
-        self.edges_hz.windows(2).map(|edge| edge[1] - edge[0])
+    /// The power of densities over the cells.
+    pub fn power(&self, densities: &[f64]) -> f64 {
+        self.cells.power(densities)
     }
 
     /// Cell means of a density by bins, each bin taken as constant over its width.
@@ -101,7 +132,7 @@ impl CellSpectrum {
             sums[before] + (place - before as f64) * (sums[before + 1] - sums[before])
         };
         let cell = |edge: &[f64]| (integral(edge[1]) - integral(edge[0])) / (edge[1] - edge[0]);
-        self.edges_hz.windows(2).map(cell).collect()
+        self.cells.edges_hz.windows(2).map(cell).collect()
     }
 }
 
@@ -116,7 +147,7 @@ mod tests {
         Gaussian::new(1).fill(&mut noise);
         let spectrum = CellSpectrum::new(20_000, 10_000.0, 0.85, None);
         let cells = spectrum.of(&noise);
-        let power: f64 = cells.iter().zip(spectrum.widths_hz()).map(|(p, w)| p * w).sum();
+        let power = spectrum.power(&cells);
         assert!((power - 1.0).abs() < 0.05, "{power}");
         let above = cells[64..].iter().sum::<f64>() / 64.0;
         assert!((above * 5000.0 - 1.0).abs() < 0.1);

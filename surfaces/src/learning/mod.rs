@@ -10,7 +10,7 @@
 //!
 //! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
 
-mod cells;
+pub(crate) mod cells;
 mod crackle;
 pub mod friction;
 pub mod law;
@@ -22,6 +22,7 @@ pub mod outliers;
 pub mod processing;
 mod regression;
 pub mod segmentation;
+pub(crate) mod spectral_law;
 pub mod stiffness;
 pub mod taps;
 pub mod texture;
