@@ -2,6 +2,7 @@
 
 mod convert;
 mod interpolate;
+mod leave_one_out;
 mod resample;
 mod select;
 mod show;
@@ -13,7 +14,7 @@ use haptograph::signal::files as bounded;
 use haptograph::surfaces::{Surface, TextureModel, files};
 use std::path::{Path, PathBuf};
 
-/// Show, convert, resample, select and interpolate surface files
+/// Show, convert, resample, select, interpolate and compare surface files
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(subcommand)]
@@ -27,6 +28,7 @@ enum Command {
     Resample(resample::Arguments),
     Select(select::Arguments),
     Interpolate(interpolate::Arguments),
+    LeaveOneOut(leave_one_out::Arguments),
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -36,6 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Command::Resample(arguments) => resample::run(arguments),
         Command::Select(arguments) => select::run(arguments),
         Command::Interpolate(arguments) => interpolate::run(arguments),
+        Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
     }
 }
 

@@ -229,3 +229,32 @@ fn a_few_surfaces_stand_for_a_folder() {
     );
     assert!(succeed(folder, &["surface", "select", "many"]).contains("2 of 3 surfaces"));
 }
+
+#[test]
+fn maps_are_compared_on_measured_models_which_a_law_has_not() {
+    let folder = workshop();
+    let learn = ["learn", "study/T1.anna.1.npz", "-o", "maps/measured.ron"];
+    fs::create_dir_all(folder.join("maps")).unwrap();
+    succeed(folder, &[&learn[..], &["--method", "thesis"]].concat());
+    let of_file = json(
+        folder,
+        &["surface", "leave-one-out", "maps/measured.ron", "--json"],
+    );
+    let of_folder = json(folder, &["surface", "leave-one-out", "maps", "--json"]);
+    assert_eq!(of_file, of_folder);
+    let all = of_file["left_out"]["all"].as_object().unwrap();
+    let maps: Vec<&str> = all.keys().map(String::as_str).collect();
+    assert_eq!(maps, ["law", "law_without_fade", "nearest", "triangulation"]);
+    for (map, figures) in all {
+        assert_eq!(figures["models"], all["law"]["models"], "{map}");
+        assert!(figures["models"].as_u64().unwrap() >= 3);
+        assert!(figures["lsd_db"].as_f64().unwrap() > 0.0 && figures["lsd_error_db"].is_null());
+        let parts = ["inside", "outside"].map(|part| &of_file["left_out"][part][map]["models"]);
+        let together: u64 = parts.iter().filter_map(|models| models.as_u64()).sum();
+        assert_eq!(Some(together), figures["models"].as_u64());
+    }
+    assert_eq!(of_file["notes"].as_array().unwrap().len(), 2);
+    let law = ["learn", "study/T1.anna.1.npz", "-o", "law.ron"];
+    succeed(folder, &law);
+    assert!(fail(folder, &["surface", "leave-one-out", "law.ron"]).contains("a law has none"));
+}

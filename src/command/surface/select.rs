@@ -67,7 +67,7 @@ fn warn_of_mixed_forces(surfaces: &[Surface]) {
 }
 
 /// All surfaces below a folder, parts of one material in one.
-fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
+pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     let mut paths = vec![];
     walk(dir, &mut paths).map_err(|error| Failure::file("read", dir, &error))?;
     paths.sort();

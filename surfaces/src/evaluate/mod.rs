@@ -5,12 +5,14 @@
 //! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
 //! - [`holdout`]: textures and plain baselines on parts of recordings that they were not learned from.
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
+//! - [`leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
 //! - [`scaling`], [`clusters`]: the statistics behind the map.
 
 pub mod clusters;
 pub mod conditions;
 pub mod holdout;
+pub mod leave_one_out;
 pub mod map;
 pub mod scaling;
 pub mod study;
@@ -20,6 +22,7 @@ pub mod tables;
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 pub use conditions::{Condition, centre_for};
 pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out};
+pub use leave_one_out::{LeaveOneOut, LeaveOneOutError, MapKind, Prediction, Summary, leave_one_out};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
 pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};

@@ -1,0 +1,73 @@
+//! Predictions summed up over textures.
+
+use super::{MapKind, Prediction};
+use crate::statistics::mean;
+use std::collections::BTreeMap;
+
+/// A mean over textures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    /// The mean.
+    pub mean: f64,
+    /// Its standard error; `None` for one texture.
+    pub error: Option<f64>,
+}
+
+/// How well a map predicts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Summary {
+    /// Log-spectral distance of a texture's models, dB.
+    pub lsd_db: Mean,
+    /// Absolute error of the power, dB.
+    pub power_db: Mean,
+    /// Part of a texture's models that are off by more than [`Self::BEYOND_DB`] in power.
+    pub beyond: Mean,
+    /// The same part of all models together.
+    pub beyond_of_models: f64,
+    /// How many models were predicted.
+    pub models: usize,
+    /// Of how many textures.
+    pub textures: usize,
+}
+
+impl Summary {
+    /// Errors in power beyond this are counted, dB.
+    pub const BEYOND_DB: f64 = 6.0;
+
+    /// Of one kind of map, over the predictions that `count`; `None` if there is none.
+    pub fn of(predictions: &[Prediction], map: MapKind, count: impl Fn(&Prediction) -> bool) -> Option<Self> {
+        let mut textures: BTreeMap<usize, Vec<&Prediction>> = BTreeMap::new();
+        for one in predictions.iter().filter(|one| one.map == map && count(one)) {
+            textures.entry(one.texture).or_default().push(one);
+        }
+        let beyond = |one: &Prediction| f64::from(u8::from(one.power_db.abs() > Self::BEYOND_DB));
+        let over = |value: &dyn Fn(&Prediction) -> f64| {
+            let of = |texture: &Vec<&Prediction>| {
+                texture.iter().map(|one| value(one)).sum::<f64>() / texture.len() as f64
+            };
+            Mean::of(&textures.values().map(of).collect::<Vec<_>>())
+        };
+        let models = textures.values().map(Vec::len).sum();
+        let all = textures.values().flatten().map(|one| beyond(one)).sum::<f64>();
+        (models > 0).then(|| Self {
+            lsd_db: over(&|one| one.lsd_db),
+            power_db: over(&|one| one.power_db.abs()),
+            beyond: over(&beyond),
+            beyond_of_models: all / models as f64,
+            models,
+            textures: textures.len(),
+        })
+    }
+}
+
+impl Mean {
+    fn of(values: &[f64]) -> Self {
+        let middle = mean(values);
+        let squares: f64 = values.iter().map(|x| (x - middle).powi(2)).sum();
+        let count = values.len() as f64;
+        Self {
+            mean: middle,
+            error: (values.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()),
+        }
+    }
+}
