@@ -28,6 +28,10 @@ const FORCE_EXPONENTS: (f64, f64) = (0.0, 1.5);
 /// How far beyond the data, as a ratio, shapes go on changing, and the power.
 const SHAPE_REACH: f64 = 1.5;
 const POWER_REACH: f64 = 3.0;
+/// Below this part of the lightest force observed the amplitude falls linearly to zero; above, real textures follow their
+/// power of force, which leaving measured models out shows. Below 0.05 N no force is held to be known.
+const FADE_PART: f64 = 1.0 / 3.0;
+const LEAST_FADE_N: f64 = 0.05;
 /// How much louder than the loudest observation the law may become: 6 dB.
 const LOUDEST: f64 = 4.0;
 /// Ratio between neighbouring speeds and forces of the grid.
@@ -121,7 +125,7 @@ impl SpectralLaw {
             centre,
             speed_m_s: range(|at| at.speed_m_s),
             force_n,
-            fade_n: force_n.0,
+            fade_n: (force_n.0 * FADE_PART).max(LEAST_FADE_N).min(force_n.0),
             power,
             loudest: LOUDEST * powers.iter().copied().fold(0.0, f64::max),
             shape: shape.collect(),
@@ -182,7 +186,7 @@ impl SpectralLaw {
     pub fn on_grid(&self, axis: Axis) -> Result<TextureModel, LearnTextureError> {
         let slowest = SLOWEST_M_S.min(self.speed_m_s.0);
         let speeds = grid(slowest, self.speed_m_s.1 * POWER_REACH, SPEED_RATIO);
-        let lightest = self.force_n.0;
+        let lightest = self.fade_n;
         // Triangles between (0, 0) and two speeds at the lightest force are crude: the smaller they are, the less.
         let mut forces = vec![0.0, lightest / 4.0, lightest / 2.0];
         forces.extend(&grid(lightest, self.force_n.1 * POWER_REACH, FORCE_RATIO)[1..]);
