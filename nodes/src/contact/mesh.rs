@@ -1,9 +1,11 @@
 //! Triangle meshes: validated, welded, indexed for queries that allocate nothing.
 
 mod index;
+mod line;
 mod load;
 mod solids;
 
+pub use line::LineMeeting;
 pub use load::MeshFormat;
 
 use crate::vector::{Vec3, add, cross, direction, distance, dot, norm, scale, sub};

@@ -6,7 +6,7 @@ mod path;
 pub use path::{LEASH, SurfacePath};
 
 use super::mesh::{NotConvex, TriangleMesh};
-use crate::vector::{Vec3, ZERO, add_scaled, cross, distance, dot, norm, scale, sub};
+use crate::vector::{Vec3, ZERO, add_scaled, cross, dot, norm, scale};
 use std::sync::Arc;
 
 /// Settings of contact location.
@@ -100,7 +100,8 @@ impl WrenchLocator {
         self.last = other.last;
     }
 
-    /// One tick: the contact behind the force and the torque on the object, N and N m. A wrench that is not finite is none.
+    /// One tick: the contact behind the force and the torque on the object, N and N m. A wrench that is not finite, or whose
+    /// line of action lies beyond all numbers, is none. It costs no more than [`TriangleMesh::most_visits`] of the object.
     pub fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
         let (force_n, torque_n_m) = (force_on_object_n, torque_on_object_n_m);
         let size_n = norm(force_n);
@@ -108,18 +109,18 @@ impl WrenchLocator {
         let touching =
             size_n >= self.settings.threshold_n && size_n.is_finite() && norm(torque_n_m).is_finite();
         if !touching {
-            self.last = WrenchContact {
-                touching: false,
-                normal_force_n: 0.0,
-                friction_n: ZERO,
-                ..self.last
-            };
-            return self.last;
+            return self.let_go();
         }
         // r* = F x M / |F|^2. Eq. 5.2.3
         let foot_m = scale(cross(force_n, torque_n_m), 1.0 / (size_n * size_n));
         let along = scale(force_n, 1.0 / size_n);
-        let (position_m, face, miss_m) = self.meet(foot_m, along);
+        let met = self.object.meet_line(foot_m, along);
+        if !met.miss_m.is_finite() {
+            // The torque is so large that the line of action lies beyond all numbers.
+            return self.let_go();
+        }
+        // Where the line enters, the force is compressive.
+        let (position_m, face, miss_m) = (met.position_m, met.triangle, met.miss_m);
         let normal = self.object.normal(face);
         // The force on the tool is the opposite of the force on the object.
         let normal_force_n = -dot(force_n, normal);
@@ -138,57 +139,22 @@ impl WrenchLocator {
         self.last
     }
 
+    fn let_go(&mut self) -> WrenchContact {
+        self.last = WrenchContact {
+            touching: false,
+            normal_force_n: 0.0,
+            friction_n: ZERO,
+            ..self.last
+        };
+        self.last
+    }
+
     /// Uncertainty across the line of action for sizes of force and torque, N and N m. Eq. 5.2.4, written so that it is finite
     /// without torque.
     pub fn uncertainty_m(&self, force_n: f64, torque_n_m: f64) -> f64 {
         let by_torque = self.settings.torque_step_n_m / force_n;
         let by_force = torque_n_m * self.settings.force_step_n / (force_n * force_n);
         by_torque.hypot(by_force)
-    }
-
-    /// Where the line of action enters the object: there the force is compressive. If it misses, the nearest point of the
-    /// surface, its triangle and the gap.
-    fn meet(&self, foot_m: Vec3, along: Vec3) -> (Vec3, u32, f64) {
-        let centre_m = self.object.centre_m();
-        let middle_m = add_scaled(foot_m, along, dot(sub(centre_m, foot_m), along));
-        let reach_m = self.object.diagonal_m();
-        let (start_m, end_m) = (
-            add_scaled(middle_m, along, -reach_m),
-            add_scaled(middle_m, along, reach_m),
-        );
-        if let Some(hit) = self.object.first_hit(start_m, end_m) {
-            return (
-                add_scaled(start_m, sub(end_m, start_m), hit.fraction),
-                hit.triangle,
-                0.0,
-            );
-        }
-        // To and fro between the line and the convex surface: both distances fall.
-        let mut on_line_m = middle_m;
-        let (mut surface_m, mut face) = self.object.closest(on_line_m);
-        for _ in 0..16 {
-            on_line_m = add_scaled(foot_m, along, dot(sub(surface_m, foot_m), along));
-            (surface_m, face) = self.object.closest(on_line_m);
-        }
-        (
-            surface_m,
-            self.pressed(surface_m, face, along),
-            distance(surface_m, on_line_m),
-        )
-    }
-
-    /// Of the triangles at a point of the rim, one that the force presses on, if there is one.
-    fn pressed(&self, point_m: Vec3, face: u32, along: Vec3) -> u32 {
-        let beside = self.object.neighbours(face).into_iter();
-        let near_m = 1e-9 * self.object.diagonal_m();
-        beside
-            .chain([face])
-            .filter(|t| {
-                let on = super::mesh::closest_on_triangle(point_m, self.object.corners(*t));
-                distance(on, point_m) <= near_m
-            })
-            .min_by(|a, b| dot(self.object.normal(*a), along).total_cmp(&dot(self.object.normal(*b), along)))
-            .unwrap_or(face)
     }
 }
 

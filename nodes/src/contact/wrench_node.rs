@@ -39,7 +39,8 @@ impl NodeKind for ContactFromWrench {
         group: "contact",
         doc: "Where a tool touches an object that stands on a force/torque sensor: the line of action of the force meets \
               the object's surface where it presses. The object has to be convex; a concave one is refused, with the edge \
-              that makes it so. Any tool will do.",
+              that makes it so. Any tool will do. A tick looks at no more than 4096 boxes of the object's hierarchy and \
+              twice its triangles, whatever the wrench.",
         source: "5.2, Eq. 5.2.1 to 5.2.4",
         inputs: &[input(
             "wrench",

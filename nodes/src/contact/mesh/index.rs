@@ -6,7 +6,7 @@
 //! about the edge and the corner they share and nothing slips between them.
 
 use super::Hit;
-use crate::vector::{Vec3, dot, sub};
+use crate::vector::{Vec3, direction, dot, reject, sub};
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::Bvh;
@@ -20,7 +20,7 @@ pub(super) struct Index {
 
 /// A box with all that follows up to `exit` inside it, or a triangle.
 #[derive(Debug, Clone, Copy)]
-struct Node {
+pub(super) struct Node {
     centre: Vec3,
     /// Half the extent; a triangle's node has none of its own.
     half: Vec3,
@@ -86,47 +86,59 @@ impl Index {
         b: Vec3,
         mut visit: impl FnMut(Hit),
     ) {
-        let middle: Vec3 = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
-        let half: Vec3 = std::array::from_fn(|i| 0.5 * (b[i] - a[i]));
-        let mut at = 0;
-        while let Some(node) = self.nodes.get(at) {
-            if node.triangle != super::NONE {
-                let corners = triangles[node.triangle as usize].map(|i| vertices[i as usize]);
+        let way = Way::new(a, b);
+        self.walk(
+            &mut (),
+            |(), node| Some(way.touches(node)),
+            |(), triangle| {
+                let corners = triangles[triangle as usize].map(|i| vertices[i as usize]);
                 if let Some(fraction) = crossing(corners, a, b) {
-                    visit(Hit {
-                        fraction,
-                        triangle: node.triangle,
-                    });
+                    visit(Hit { fraction, triangle });
                 }
-                at = node.exit as usize;
-            } else if overlaps(node, middle, half) {
-                at += 1;
-            } else {
-                at = node.exit as usize;
-            }
-        }
+            },
+        );
     }
 
     /// The closest point of all triangles, and its triangle.
     pub(super) fn closest(&self, vertices: &[Vec3], triangles: &[[u32; 3]], point: Vec3) -> (Vec3, u32) {
         let mut best = (f64::INFINITY, (point, 0));
-        let mut at = 0;
-        while let Some(node) = self.nodes.get(at) {
-            if node.triangle != super::NONE {
-                let corners = triangles[node.triangle as usize].map(|i| vertices[i as usize]);
+        self.walk(
+            &mut best,
+            |best, node| Some(gap_square(node, point) < best.0),
+            |best, triangle| {
+                let corners = triangles[triangle as usize].map(|i| vertices[i as usize]);
                 let candidate = super::closest_on_triangle(point, corners);
                 let away = sub(candidate, point);
                 if dot(away, away) < best.0 {
-                    best = (dot(away, away), (candidate, node.triangle));
+                    *best = (dot(away, away), (candidate, triangle));
                 }
+            },
+        );
+        best.1
+    }
+
+    /// Goes through the hierarchy, each box and triangle once at most: `into` says of a box whether to look into it, or
+    /// nothing where to end at once. Was it gone through to its end?
+    pub(super) fn walk<S>(
+        &self,
+        state: &mut S,
+        mut into: impl FnMut(&mut S, &Node) -> Option<bool>,
+        mut visit: impl FnMut(&mut S, u32),
+    ) -> bool {
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            if node.triangle != super::NONE {
+                visit(state, node.triangle);
                 at = node.exit as usize;
-            } else if gap_square(node, point) < best.0 {
-                at += 1;
-            } else {
-                at = node.exit as usize;
+                continue;
+            }
+            match into(state, node) {
+                None => return false,
+                Some(true) => at += 1,
+                Some(false) => at = node.exit as usize,
             }
         }
-        best.1
+        true
     }
 }
 
@@ -142,19 +154,46 @@ fn gap_square(node: &Node, point: Vec3) -> f64 {
         .sum()
 }
 
-/// Whether the way middle +- half touches the box (separating axes).
+/// At most the distance from a box to the line through `foot` along a unit vector: how far apart a plane along the line
+/// keeps them.
 #[inline]
-fn overlaps(node: &Node, middle: Vec3, half: Vec3) -> bool {
-    let m = sub(middle, node.centre);
-    let (e, d) = (node.half, half.map(f64::abs));
-    let apart = |i: usize| m[i].abs() > e[i] + d[i];
-    let apart_across =
-        |i: usize, j: usize| (m[i] * half[j] - m[j] * half[i]).abs() > e[i] * d[j] + e[j] * d[i];
-    !(apart(0) || apart(1) || apart(2) || apart_across(1, 2) || apart_across(2, 0) || apart_across(0, 1))
+pub(super) fn gap_to_line(node: &Node, foot: Vec3, along: Vec3) -> f64 {
+    let away = reject(sub(node.centre, foot), along);
+    let Some(across) = direction(away) else {
+        return 0.0;
+    };
+    dot(away, across) - dot(node.half, across.map(f64::abs))
+}
+
+/// A way from one point to another.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way {
+    middle: Vec3,
+    half: Vec3,
+}
+
+impl Way {
+    pub(super) fn new(a: Vec3, b: Vec3) -> Self {
+        Self {
+            middle: std::array::from_fn(|i| 0.5 * (a[i] + b[i])),
+            half: std::array::from_fn(|i| 0.5 * (b[i] - a[i])),
+        }
+    }
+
+    /// Whether it touches a box (separating axes).
+    #[inline]
+    pub(super) fn touches(&self, node: &Node) -> bool {
+        let (m, half) = (sub(self.middle, node.centre), self.half);
+        let (e, d) = (node.half, half.map(f64::abs));
+        let apart = |i: usize| m[i].abs() > e[i] + d[i];
+        let apart_across =
+            |i: usize, j: usize| (m[i] * half[j] - m[j] * half[i]).abs() > e[i] * d[j] + e[j] * d[i];
+        !(apart(0) || apart(1) || apart(2) || apart_across(1, 2) || apart_across(2, 0) || apart_across(0, 1))
+    }
 }
 
 /// The fraction of the way from a to b at which it touches the triangle, if it does. Touching an edge or a corner counts.
-fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
+pub(super) fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
     let (above, below) = (side(p, q, r, a), side(p, q, r, b));
     if (above > 0.0 && below > 0.0) || (above < 0.0 && below < 0.0) {
         return None;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::vector::{direction, reject};
+use crate::vector::{direction, distance, reject, sub};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 

@@ -1,0 +1,273 @@
+//! Where a line meets a convex mesh, at a cost that is bounded whatever the line.
+//!
+//! The hierarchy is asked first, for at most [`HIERARCHY_VISITS`] nodes each for the hit and for the nearest point of a line
+//! that misses. Where that does not suffice (a line within a fan of thousands of triangles), the mesh is gone through once
+//! instead: a convex solid is what its triangles' planes leave, so the line is clipped by every plane, and its nearest edge
+//! is one of all edges. Both give the same point, to rounding.
+
+use super::index::{Way, crossing, gap_to_line};
+use super::{NONE, TriangleMesh};
+use crate::vector::{Vec3, add_scaled, distance, dot, norm, reject, sub};
+
+/// Sine of the angle below which a line runs along a plane: across the whole mesh it does not leave it by the slack.
+const ALONG: f64 = 1e-9;
+
+/// Nodes of the hierarchy that are looked at for a hit, and as many for a miss.
+pub const HIERARCHY_VISITS: usize = 2048;
+
+/// Where a line meets a convex mesh, or comes nearest to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineMeeting {
+    /// The point of the surface, m: where the line enters, or the nearest to it; of several as near, the first on its way.
+    pub position_m: Vec3,
+    /// Its triangle; at an edge the one that the line runs against most.
+    pub triangle: u32,
+    /// By how much the line misses, m; 0 where it hits.
+    pub miss_m: f64,
+    /// Nodes and triangles that were looked at.
+    pub visits: usize,
+}
+
+/// A line by a point and a unit vector, what is as good as equal for it, and how often it was compared with something.
+struct Line {
+    foot_m: Vec3,
+    along: Vec3,
+    slack_m: f64,
+    visits: usize,
+}
+
+/// A place where the line enters, or is near.
+#[derive(Clone, Copy)]
+struct Place {
+    position_m: Vec3,
+    triangle: u32,
+    /// Distance from the line, m.
+    gap_m: f64,
+    /// How far along the line, m.
+    at_m: f64,
+    /// Cosine between its normal and the line: -1 where it is met head on.
+    facing: f64,
+}
+
+impl TriangleMesh {
+    /// Looks for the point where a line along a unit vector enters a convex mesh, or the nearest of its points. Allocates
+    /// nothing, and looks at no more than [`TriangleMesh::most_visits`].
+    pub fn meet_line(&self, foot_m: Vec3, along: Vec3) -> LineMeeting {
+        // From the point of the line that is nearest to the mesh's middle, numbers are as small as they can be.
+        let foot_m = add_scaled(foot_m, along, dot(sub(self.centre_m, foot_m), along));
+        let mut line = Line {
+            foot_m,
+            along,
+            slack_m: 1e-9 * self.diagonal_m,
+            visits: 0,
+        };
+        let hit = self
+            .hit_by_hierarchy(&mut line)
+            .unwrap_or_else(|| self.clip(&mut line));
+        if let Some(place) = hit {
+            return line.meeting(&Place { gap_m: 0.0, ..place });
+        }
+        let beside = self.beside_by_hierarchy(&mut line);
+        let beside = beside.unwrap_or_else(|| self.beside(&mut line));
+        line.meeting(&beside)
+    }
+
+    /// The most nodes and triangles that [`TriangleMesh::meet_line`] looks at: 4096 and twice the triangles.
+    pub fn most_visits(&self) -> usize {
+        2 * HIERARCHY_VISITS + 2 * self.triangles.len()
+    }
+
+    /// Where the line enters, or that it does not; nothing where the hierarchy does not tell in time.
+    fn hit_by_hierarchy(&self, line: &mut Line) -> Option<Option<Place>> {
+        let reach_m = self.diagonal_m;
+        let (from_m, to_m) = (line.point(-reach_m), line.point(reach_m));
+        let (way, end) = (Way::new(from_m, to_m), line.visits + HIERARCHY_VISITS);
+        let mut first: Option<Place> = None;
+        let complete = self.index.walk(
+            &mut (line, &mut first),
+            |(line, _), node| line.looks_at(end, way.touches(node)),
+            |(line, first), triangle| {
+                line.visits += 1;
+                // A convex solid is entered through what faces the line.
+                if self.facing(line, triangle) < 0.0
+                    && let Some(fraction) = crossing(self.corners(triangle), from_m, to_m)
+                {
+                    let position_m = add_scaled(from_m, sub(to_m, from_m), fraction);
+                    let place = self.place(line, position_m, triangle, 0.0);
+                    place.replace_worse(first, line.slack_m);
+                }
+            },
+        );
+        complete.then_some(first)
+    }
+
+    /// The same by the planes of all triangles.
+    fn clip(&self, line: &mut Line) -> Option<Place> {
+        let (mut enters_m, mut leaves_m) = (f64::NEG_INFINITY, f64::INFINITY);
+        for triangle in 0..self.triangles.len() as u32 {
+            line.visits += 1;
+            let (facing, height_m) = self.against(line, triangle);
+            if facing < 0.0 {
+                enters_m = enters_m.max(height_m / -facing);
+            } else if facing > 0.0 {
+                leaves_m = leaves_m.min(-height_m / facing);
+            } else if height_m > 0.0 {
+                return None;
+            }
+        }
+        // A line that lies beyond all numbers does not enter; one that enters does through some triangle below.
+        if !enters_m.is_finite() || enters_m > leaves_m {
+            return None;
+        }
+        let position_m = line.point(enters_m);
+        // Of the triangles of that plane, the one that the point is on.
+        let mut best = None;
+        for triangle in 0..self.triangles.len() as u32 {
+            line.visits += 1;
+            let (facing, height_m) = self.against(line, triangle);
+            if facing < 0.0 && (height_m / -facing - enters_m).abs() <= line.slack_m {
+                let on_m = super::closest_on_triangle(position_m, self.corners(triangle));
+                let place = self.place(line, position_m, triangle, distance(on_m, position_m));
+                place.replace_worse(&mut best, line.slack_m);
+            }
+        }
+        best
+    }
+
+    /// Cosine between a triangle's normal and the line; 0 where the line runs along it.
+    fn facing(&self, line: &Line, triangle: u32) -> f64 {
+        let facing = dot(self.normal(triangle), line.along);
+        if facing.abs() > ALONG { facing } else { 0.0 }
+    }
+
+    /// How a triangle's plane faces the line, and how far outside of it the line's foot lies, m.
+    fn against(&self, line: &Line, triangle: u32) -> (f64, f64) {
+        let corner_m = self.vertices[self.triangles[triangle as usize][0] as usize];
+        let height_m = dot(self.normal(triangle), sub(line.foot_m, corner_m));
+        (self.facing(line, triangle), height_m)
+    }
+
+    /// The nearest place to a line that misses; nothing where the hierarchy does not tell in time.
+    fn beside_by_hierarchy(&self, line: &mut Line) -> Option<Place> {
+        let end = line.visits + HIERARCHY_VISITS;
+        let mut best: Option<Place> = None;
+        let complete = self.index.walk(
+            &mut (line, &mut best),
+            |(line, best), node| {
+                let gap_m = gap_to_line(node, line.foot_m, line.along);
+                line.looks_at(end, best.is_none_or(|best| gap_m <= best.gap_m + line.slack_m))
+            },
+            |(line, best), triangle| {
+                line.visits += 1;
+                self.note_nearest(line, best, triangle);
+            },
+        );
+        best.filter(|_| complete)
+    }
+
+    /// The same by all triangles.
+    fn beside(&self, line: &mut Line) -> Place {
+        let mut best = None;
+        for triangle in 0..self.triangles.len() as u32 {
+            line.visits += 1;
+            self.note_nearest(line, &mut best, triangle);
+        }
+        let first = self.corners(0)[0];
+        best.unwrap_or_else(|| self.place(line, first, 0, line.gap_m(first)))
+    }
+
+    /// The nearest point of a triangle's rim, if it is better than the best so far. Only edges count at which the mesh turns
+    /// away from the line: what the line sees of it ends there, and of what is as near they come first.
+    fn note_nearest(&self, line: &Line, best: &mut Option<Place>, triangle: u32) {
+        if self.facing(line, triangle) >= 0.0 {
+            return;
+        }
+        let [a, b, c] = self.corners(triangle);
+        let edges = [(a, b), (b, c), (c, a)]
+            .into_iter()
+            .zip(self.neighbours(triangle));
+        for ((from_m, to_m), other) in edges {
+            if other != NONE && self.facing(line, other) < 0.0 {
+                continue;
+            }
+            let position_m = line.nearest_of(from_m, to_m);
+            let place = self.place(line, position_m, triangle, line.gap_m(position_m));
+            place.replace_worse(best, line.slack_m);
+        }
+    }
+
+    fn place(&self, line: &Line, position_m: Vec3, triangle: u32, gap_m: f64) -> Place {
+        Place {
+            position_m,
+            triangle,
+            gap_m,
+            at_m: dot(sub(position_m, line.foot_m), line.along),
+            facing: self.facing(line, triangle),
+        }
+    }
+}
+
+impl Place {
+    /// Takes the place of a worse one.
+    fn replace_worse(self, best: &mut Option<Self>, slack_m: f64) {
+        if best.is_none_or(|best| self.is_before(&best, slack_m)) {
+            *best = Some(self);
+        }
+    }
+
+    /// Nearer, or as near and earlier, or there too and met more.
+    fn is_before(&self, other: &Self, slack_m: f64) -> bool {
+        let (nearer_m, earlier_m) = (other.gap_m - self.gap_m, other.at_m - self.at_m);
+        if nearer_m.abs() > slack_m {
+            nearer_m > 0.0
+        } else if earlier_m.abs() > slack_m {
+            earlier_m > 0.0
+        } else {
+            self.facing < other.facing
+        }
+    }
+}
+
+impl Line {
+    fn point(&self, at_m: f64) -> Vec3 {
+        add_scaled(self.foot_m, self.along, at_m)
+    }
+
+    fn gap_m(&self, point_m: Vec3) -> f64 {
+        norm(reject(sub(point_m, self.foot_m), self.along))
+    }
+
+    /// The point of an edge that is nearest to the line, the earlier end where they are parallel.
+    fn nearest_of(&self, from_m: Vec3, to_m: Vec3) -> Vec3 {
+        let (start, way) = (
+            reject(sub(from_m, self.foot_m), self.along),
+            reject(sub(to_m, from_m), self.along),
+        );
+        let square = dot(way, way);
+        if square <= self.slack_m * self.slack_m {
+            let is_forward = dot(sub(to_m, from_m), self.along) >= 0.0;
+            return if is_forward { from_m } else { to_m };
+        }
+        let fraction = (-dot(start, way) / square).clamp(0.0, 1.0);
+        add_scaled(from_m, sub(to_m, from_m), fraction)
+    }
+
+    /// Counts a box, and says whether to look into it; nothing when there is no time for it and its triangle.
+    fn looks_at(&mut self, end: usize, into: bool) -> Option<bool> {
+        let has_time = self.visits + 2 <= end;
+        self.visits += usize::from(has_time);
+        has_time.then_some(into)
+    }
+
+    fn meeting(&self, place: &Place) -> LineMeeting {
+        LineMeeting {
+            position_m: place.position_m,
+            triangle: place.triangle,
+            miss_m: place.gap_m,
+            visits: self.visits,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
