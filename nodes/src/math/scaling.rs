@@ -12,7 +12,7 @@ haptograph_engine::settings! {
     /// Settings of [`Gain`].
     pub struct GainSettings {
         /// The factor, a plain number.
-        [live] gain: f64 = 1.0;
+        [live] gain: f64 = 1.0, in -1e9..=1e9;
     }
 }
 
@@ -42,7 +42,7 @@ haptograph_engine::settings! {
     /// Settings of [`Calibrate`].
     pub struct CalibrateSettings {
         /// What comes out per unit of what goes in, both in SI: A per m/s2, V per N.
-        [live] factor: f64;
+        [live] factor: f64, in -1e9..=1e9;
         /// The quantity that goes in, by name.
         from: String;
         /// The quantity that comes out, by name.

@@ -109,7 +109,7 @@ haptograph_engine::settings! {
         /// A gain for each input, in the order of `inputs`.
         gains: Vec<f64>;
         /// A gain on the whole mix.
-        [live] master: f64 = 1.0;
+        [live] master: f64 = 1.0, in -1e9..=1e9;
     }
 }
 
