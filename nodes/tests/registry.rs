@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 #![expect(unsafe_code, reason = "an allocator that counts can only be written so")]
 
+mod extremes;
 mod realtime;
 
 use haptograph_engine::frame::{Coefficients, Kind};

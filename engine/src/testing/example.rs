@@ -25,9 +25,24 @@ impl Bench {
         rate_hz: f64,
         linear: Kind,
     ) -> Result<Option<Self>, String> {
+        Self::from_example_with(entry, "", folder, rate_hz, linear)
+    }
+
+    /// The same with other settings, `cutoff_hz: 5, gain: 2`, in place of those that the example gives or leaves out.
+    ///
+    /// # Errors
+    /// What is wrong with the example or the settings, as text.
+    pub fn from_example_with(
+        entry: &NodeEntry,
+        settings: &str,
+        folder: &Path,
+        rate_hz: f64,
+        linear: Kind,
+    ) -> Result<Option<Self>, String> {
         let spec = entry.spec;
         let example = Example {
             text: spec.example,
+            settings,
             kind: spec.name,
             inputs: spec.inputs,
             folder,
@@ -89,6 +104,7 @@ pub fn device_from_example(
 ) -> Result<Box<dyn Device>, String> {
     let example = Example {
         text: entry.spec.example,
+        settings: "",
         kind: entry.spec.name,
         inputs: &[],
         folder,
@@ -111,6 +127,8 @@ fn kind_of(spec: &NodeSpec, rule: KindRule, linear: Kind) -> Kind {
 
 struct Example<'a> {
     text: &'a str,
+    /// Those that are not as in the text.
+    settings: &'a str,
     kind: &'a str,
     inputs: &'a [InputSpec],
     folder: &'a Path,
@@ -123,16 +141,21 @@ impl Example<'_> {
         build: impl FnOnce(&mut Fields, &mut Reading<'_>) -> Option<T>,
     ) -> Result<(T, Vec<usize>), String> {
         let mut sources = Sources::default();
-        let text: Arc<str> = format!("{{{}}}", self.text).into();
-        let id = sources.add("example".into(), text.clone());
         let mut list = Vec::new();
-        let value = text::read(id, &text, &mut list).and_then(|value| entry(value, self.kind));
-        let Some((written, entries)) = value else {
+        let mut parse = |text: &str| {
+            let text: Arc<str> = format!("{{{text}}}").into();
+            let id = sources.add("example".into(), text.clone());
+            text::read(id, &text, &mut list).and_then(|value| entry(value, self.kind))
+        };
+        let others = parse(&format!("\"others\": {}({})", self.kind, self.settings));
+        let (Some((written, mut entries)), Some((_, others))) = (parse(self.text), others) else {
             return Err(format!(
                 "the example is not `\"name\": {}(...)`: {}",
                 self.kind, self.text
             ));
         };
+        entries.retain(|(name, _)| others.iter().all(|(other, _)| other.text != name.text));
+        entries.extend(others);
         let mut reading = Reading {
             diagnostics: &mut list,
             folder: &|_| self.folder.to_path_buf(),
