@@ -44,13 +44,13 @@ fn vibrations_are_compared_whatever_they_are_kept_in() {
     // Of one pair alone there is no deviation to count in. Two seconds tell 20 to 40 Hz as one band.
     assert!(other["SD"].is_null() && other["reason"].is_string());
     assert_eq!(other["bands"].as_array().unwrap().len(), 15);
-    assert!(
-        fail(
-            folder.path(),
-            &["compare", "a.csv", "b.csv", "--deviations", "0.1"]
-        )
-        .contains("--deviations")
+    let misused = haptograph(
+        folder.path(),
+        &["compare", "a.csv", "b.csv", "--deviations", "0.1"],
+        "",
     );
+    assert_eq!(misused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&misused.stderr).contains("--deviations"));
     assert!(fail(folder.path(), &["compare", "a.csv", "b.csv"]).contains("--rate"));
 
     let spec = hound::WavSpec {

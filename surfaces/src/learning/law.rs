@@ -228,11 +228,19 @@ mod tests {
     #[test]
     fn the_power_follows_the_law_inside_and_a_little_beyond_the_data() {
         let texture = learned(&[0.04, 0.08, 0.16]);
-        for (speed, force) in [(0.05, 0.7), (0.1, 1.5), (0.2, 2.4), (0.02, 1.0), (0.1, 0.3)] {
+        // Below a third of the lightest force measured the amplitude falls linearly.
+        let fade = 0.5 / 3.0_f64;
+        for (speed, force) in [
+            (0.05, 0.7),
+            (0.1, 1.5),
+            (0.2, 2.4),
+            (0.02, 1.0),
+            (0.1, 0.3),
+            (0.1, 0.1),
+        ] {
             let off = db(power_at(&texture, speed, force), true_power(speed, force));
-            // Below the lightest force measured the amplitude falls linearly.
-            let wanted = if force < 0.5 {
-                db((force / 0.5_f64).powf(1.5), 1.0)
+            let wanted = if force < fade {
+                db((force / fade).powf(1.5), 1.0)
             } else {
                 0.0
             };

@@ -384,12 +384,15 @@ mod tests {
     }
 
     #[test]
-    fn the_map_renders_the_law_and_below_the_lightest_force_its_amplitude_falls_to_zero() {
+    fn the_map_renders_the_law_and_below_a_third_of_the_lightest_force_its_amplitude_falls_to_zero() {
         let law = SpectralLaw::fit(&observed(2.0, 0.5, 0.0), POWER_SLOPES);
         let texture = law.on_grid(axis()).expect("a map");
         let wanted = |v: f64, f: f64| law.model(v, f, axis()).expect("a model").power();
         for k in 0..300 {
-            let (v, f) = (0.004 + 0.0105 * f64::from(k % 20), 0.5 + 0.14 * f64::from(k / 20));
+            let (v, f) = (
+                0.004 + 0.0105 * f64::from(k % 20),
+                0.17 + 0.16 * f64::from(k / 20),
+            );
             let off = db(rendered(&texture, v, f), wanted(v, f));
             assert!(off.abs() < 0.2, "{v} {f}: {off}");
         }
@@ -398,14 +401,14 @@ mod tests {
         for v in [0.005, 0.03, 0.047, 0.1, 0.2] {
             let mut before = 0.0;
             for k in 1..=200 {
-                let f = 0.5 * f64::from(k) / 200.0;
+                let f = law.fade_n * f64::from(k) / 200.0;
                 let power = rendered(&texture, v, f);
                 let off = db(power, wanted(v, f));
                 assert!(off.abs() < bound, "{v} {f}: {off}");
                 // No step: the amplitude grows with the force by little each time.
                 let grown = power.sqrt() - before;
                 assert!(
-                    grown > 0.0 && grown < 1.6 * wanted(v, 0.5).sqrt() / 200.0,
+                    grown > 0.0 && grown < 1.6 * wanted(v, law.fade_n).sqrt() / 200.0,
                     "{v} {f}"
                 );
                 before = power.sqrt();

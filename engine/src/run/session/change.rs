@@ -248,6 +248,14 @@ impl Session {
                 let left = other.plans().find_map(|plan| plan.drives_beyond(next))?;
                 Some((left, other.plan().driver_name()))
             });
+            if let Some((left, _)) = left
+                && left == device
+            {
+                return Err(ChangeError::MovedDevice {
+                    device: device.to_owned(),
+                    driver: plan.driver_name().to_owned(),
+                });
+            }
             if let Some((left, other)) = left {
                 return Err(ChangeError::NotLetGo {
                     device: device.to_owned(),
