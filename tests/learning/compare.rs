@@ -1,6 +1,6 @@
 //! Vibrations beside each other.
 
-use super::{column, fail, json, noise, succeed, workshop};
+use super::{column, fail, haptograph, json, noise, succeed, workshop};
 use std::fs;
 
 #[test]

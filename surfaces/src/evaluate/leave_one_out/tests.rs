@@ -50,7 +50,7 @@ fn a_texture_that_follows_a_law_is_predicted_by_the_law_and_not_by_its_neighbour
         far.lsd_db.mean
     };
     let (law, nearest) = (far(MapKind::LawWithoutFade), far(MapKind::Nearest));
-    assert!(law < 1.0 && nearest > 5.0, "{law} {nearest}");
+    assert!(law < 0.3 * nearest, "{law} {nearest}");
 }
 
 #[test]
