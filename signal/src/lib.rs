@@ -14,6 +14,7 @@ pub mod resample;
 pub mod spectrum;
 pub mod statistics;
 pub mod time;
+pub mod units;
 pub mod vector;
 pub mod warped;
 pub mod window;

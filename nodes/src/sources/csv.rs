@@ -47,6 +47,7 @@ impl NodeKind for CsvSource {
         name: "CsvSource",
         group: "sources",
         doc: "Plays a column of a CSV file with a header. A column `time_s` says when; without one each row is a tick. \
+              Lines that begin with `#` are passed over. \
               The unit at the end of the column's name is converted to SI. Where the rows end the run ends, unless `at_end` says \
               otherwise.",
         source: "",
@@ -86,6 +87,9 @@ fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
     if unit == wanted {
         return Ok(scale);
     }
+    if let Some(scale) = units::of_header_as(&settings.column, wanted) {
+        return Ok(scale);
+    }
     let message = format!(
         "the column {} is {unit} by its name, not {wanted}",
         settings.column
@@ -118,7 +122,10 @@ impl Table {
         let failed = |problem: String| BuildError::at("file", format!("{file}: {problem}"));
         let source =
             files::open(&settings.file, MAX_RECORDING_BYTES).map_err(|error| failed(error.to_string()))?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(source);
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .from_reader(source);
         let headers = reader
             .headers()
             .map_err(|error| failed(error.to_string()))?
@@ -259,6 +266,23 @@ mod tests {
         let y = bench.run_frames(5, &[], &[2]).remove(0);
         let wanted = [0.1, 0.2, 0.3, 0.3, 0.3];
         assert!(y.iter().zip(wanted).all(|(y, w)| (y - w).abs() < 1e-12), "{y:?}");
+    }
+
+    #[test]
+    fn notes_of_recordings_are_passed_over() {
+        let file = File::new(
+            "# gesture: drag\n# origin: simulated\naccel_g, speed_mm_s\n1, 100\n# a remark\n2, 200\n",
+        );
+        let mut bench =
+            Bench::new::<CsvSource>(file.settings("speed_mm_s", "speed"), 10.0, &[]).expect("a table");
+        let speeds = bench.run_source(2).remove(0);
+        assert!(
+            (speeds[0] - 0.1).abs() < 1e-12 && (speeds[1] - 0.2).abs() < 1e-12,
+            "{speeds:?}"
+        );
+        let mut bench =
+            Bench::new::<CsvSource>(file.settings("accel_g", "acceleration"), 10.0, &[]).expect("g");
+        assert!((bench.run_source(1)[0][0] - 9.80665).abs() < 1e-12);
     }
 
     #[test]
