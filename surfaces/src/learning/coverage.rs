@@ -1,0 +1,92 @@
+//! How much of the force-speed plane a texture was learned from, and what to record next.
+
+use super::texture::{Fate, SegmentReport};
+
+/// Speeds of a hand that explores, m/s: slow, medium and fast.
+pub const SPEED_BANDS_M_S: [(f64, f64); 3] = [(0.02, 0.06), (0.06, 0.15), (0.15, 0.35)];
+/// Its forces, N: light, medium and firm.
+pub const FORCE_BANDS_N: [(f64, f64); 3] = [(0.2, 0.7), (0.7, 1.5), (1.5, 3.0)];
+/// A cell with this long a stretch is covered, s.
+const ENOUGH_S: f64 = 0.4;
+/// Less than this in all, s, or fewer segments make no texture to trust.
+const SHORTEST_S: f64 = 3.0;
+const FEWEST_SEGMENTS: usize = 3;
+
+/// Where in the plane the segments of a texture lie.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coverage {
+    /// Length of the segments that were used, s.
+    pub used_s: f64,
+    /// How many were used.
+    pub segments: usize,
+    /// Length of segments by band of speed, then of force, s.
+    pub cells_s: [[f64; 3]; 3],
+}
+
+impl Coverage {
+    /// Of segments of recordings at `rate_hz`.
+    pub fn of(segments: &[SegmentReport], rate_hz: f64) -> Self {
+        let mut coverage = Self {
+            used_s: 0.0,
+            segments: 0,
+            cells_s: [[0.0; 3]; 3],
+        };
+        let band = |bands: &[(f64, f64); 3], value: f64| {
+            bands
+                .iter()
+                .position(|(low, high)| (*low..*high).contains(&value))
+        };
+        for segment in segments.iter().filter(|segment| segment.fate == Fate::Kept) {
+            let length_s = segment.samples.len() as f64 / rate_hz;
+            coverage.used_s += length_s;
+            coverage.segments += 1;
+            let (speed, force) = (
+                band(&SPEED_BANDS_M_S, segment.speed_m_s),
+                band(&FORCE_BANDS_N, segment.force_n),
+            );
+            if let (Some(speed), Some(force)) = (speed, force) {
+                coverage.cells_s[speed][force] += length_s;
+            }
+        }
+        coverage
+    }
+
+    /// Whether there is too little to trust.
+    pub fn is_short(&self) -> bool {
+        self.used_s < SHORTEST_S || self.segments < FEWEST_SEGMENTS
+    }
+
+    /// Cells that were hardly visited: bands of speed and of force, by their index.
+    pub fn missing(&self) -> Vec<(usize, usize)> {
+        let all = (0..3).flat_map(|speed| (0..3).map(move |force| (speed, force)));
+        all.filter(|&(speed, force)| self.cells_s[speed][force] < ENOUGH_S)
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learning::law::{LawSettings, learn_law};
+    use crate::recording::synthetic::drag;
+
+    fn coverage(steps: &[(f64, f64, f64)]) -> Coverage {
+        let recording = drag(steps, 0.3, 1, |_, _| (vec![-0.5], 1.0));
+        let (_, report) = learn_law(&[recording], &LawSettings::default(), &|_| ()).expect("a texture");
+        Coverage::of(&report.segments, 10_000.0)
+    }
+
+    #[test]
+    fn cells_that_were_not_visited_are_to_be_recorded_next() {
+        let one = coverage(&[(1.0, 0.1, 1.0)]);
+        assert!(one.is_short());
+        assert_eq!(one.missing().len(), 8);
+        assert!(!one.missing().contains(&(1, 1)));
+        let everywhere: Vec<_> = [0.04, 0.1, 0.25]
+            .iter()
+            .flat_map(|speed| [0.4, 1.0, 2.0].map(|force| (0.6, *speed, force)))
+            .collect();
+        let all = coverage(&everywhere);
+        assert_eq!((all.missing(), all.is_short()), (vec![], false));
+    }
+}
