@@ -9,6 +9,7 @@ pub mod draw;
 pub mod evaluate;
 pub mod fault;
 pub mod identify;
+mod import;
 pub mod learn;
 pub mod new;
 pub mod nodes;

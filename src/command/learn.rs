@@ -1,24 +1,27 @@
 //! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
 
+use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant};
 use super::{Failure, recording, remark, say, segment, spare, surface};
 use clap::ValueEnum;
 use haptograph::surfaces::Surface;
+use haptograph::surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
 use haptograph::surfaces::learning::law::LawSettings;
 use haptograph::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
 use haptograph::surfaces::learning::segmentation::SegmentationSettings;
 use haptograph::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
 use haptograph::surfaces::learning::{LearnError, LearnSettings, LearningReport, TextureMethod, learn};
-use haptograph::surfaces::recording::{AnyRecording, Gesture};
+use haptograph::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
 use std::path::{Path, PathBuf};
 
 /// Learn a surface from recordings
 ///
 /// Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles friction, taps the taps, a
-/// press stiffness. Recordings are haptograph's own archives, CSV files with a header, or the toolkit's (HaTT) XML triples, of which any file
-/// is named; docs/learning.md tells what they hold. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
+/// press stiffness. Recordings are haptograph's own archives, tables with a header (CSV, spreadsheets, MATLAB up to -v7), WAV files beside a
+/// table, or the toolkit's (HaTT) XML triples, of which any file is named; docs/learning.md tells what they hold. Files that share a clock are
+/// one recording where their names are joined: force.csv+accel.csv. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Recordings of one material
@@ -46,6 +49,8 @@ pub struct Arguments {
     name: Option<String>,
     #[command(flatten)]
     settings: Settings,
+    #[command(flatten)]
+    import: Import,
 }
 
 /// How textures are learned.
@@ -175,7 +180,11 @@ fn name(text: &str) -> Result<String, String> {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let files = files(arguments);
-    spare(files.iter().map(|(path, _)| *path), &arguments.output)?;
+    spare(
+        files.iter().flat_map(|(path, _)| recording::parts(path)),
+        &arguments.output,
+    )?;
+    let import = arguments.import.settings().map_err(Failure::Message)?;
     let output = surface::claim(&arguments.output, arguments.force)?;
     let page = arguments.report.as_deref();
     let page = page
@@ -183,7 +192,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .transpose()?;
     let recordings = files
         .iter()
-        .map(|(path, gesture)| read(path, *gesture))
+        .map(|(path, gesture)| read(path, *gesture, &import))
         .collect::<Result<Vec<_>, _>>()?;
     refuse_twins(&files, &recordings)?;
     let settings = LearnSettings {
@@ -205,6 +214,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .with_setting(format!("recording {} file", index + 1), file);
     }
     let output = surface::save(&learned, &output)?;
+    warn_of_shortness(&learned, &report);
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
         remark(&format!("warning: {said}\n"));
@@ -252,8 +262,8 @@ fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
         .collect()
 }
 
-fn read(path: &Path, gesture: Option<Gesture>) -> Result<AnyRecording, Failure> {
-    let loaded = recording::load(path)?;
+fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Result<AnyRecording, Failure> {
+    let loaded = recording::load_with(path, import)?;
     let own = loaded.recording.gesture();
     let Some(gesture) = gesture else {
         return Ok(loaded.recording);
@@ -286,6 +296,51 @@ fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording])
     Ok(())
 }
 
+/// How much of the plane of force and speed was visited, and what to record next.
+fn verdict(coverage: &Coverage) -> String {
+    let missing = coverage.missing();
+    let mut text = format!(
+        "{} of 9 areas of speed and force, {} s used",
+        9 - missing.len(),
+        significant(coverage.used_s, 3)
+    );
+    let area = |&(speed, force): &(usize, usize)| {
+        let (slow, fast) = SPEED_BANDS_M_S[speed];
+        let (light, firm) = FORCE_BANDS_N[force];
+        format!(
+            "{:.0} to {:.0} mm/s at {light} to {firm} N",
+            slow * 1000.0,
+            fast * 1000.0
+        )
+    };
+    if !missing.is_empty() {
+        let some: Vec<_> = missing.iter().take(3).map(area).collect();
+        text += &format!("; record next: {}", some.join(", "));
+        let more = missing.len().saturating_sub(3);
+        text += &if more > 0 {
+            format!(", and {more} more")
+        } else {
+            String::new()
+        };
+    }
+    text
+}
+
+/// Too little to trust is learned from, and said.
+fn warn_of_shortness(surface: &Surface, report: &LearningReport) {
+    let (Some(texture), Some(report)) = (&surface.texture, &report.texture) else {
+        return;
+    };
+    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    if coverage.is_short() {
+        remark(&format!(
+            "warning: the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s\n",
+            significant(coverage.used_s, 3),
+            coverage.segments
+        ));
+    }
+}
+
 fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
     let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
@@ -312,6 +367,10 @@ fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String
                 significant(texture.max_speed_m_s() * 1000.0, 3),
                 significant(texture.max_force_n(), 3)
             ),
+        ));
+        found.push((
+            "coverage",
+            verdict(&Coverage::of(&report.segments, texture.rate_hz())),
         ));
     }
     let fit = |r_squared: Option<f64>| {

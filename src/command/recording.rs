@@ -4,7 +4,9 @@ use super::{Failure, remark, snippet};
 use haptograph::engine::settings::closest;
 use haptograph::signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph::surfaces::Origin;
-use haptograph::surfaces::recording::{self, AnyRecording, COLUMNS, CsvHead, LoadError, ReadError, csv_head};
+use haptograph::surfaces::recording::{
+    self, AnyRecording, COLUMNS, CsvHead, ImportSettings, LoadError, ReadError, csv_head,
+};
 use ron::extensions::Extensions;
 use serde::Deserialize;
 use std::io::Read;
@@ -24,10 +26,56 @@ pub struct Loaded {
     pub says_gesture: bool,
 }
 
-/// Reads a recording, and warns of columns that nothing is learned from.
+/// Reads a recording in which nothing has to be repaired, and warns of columns that nothing is learned from.
 pub fn load(path: &Path) -> Result<Loaded, Failure> {
-    let head = head(path);
-    for name in head.iter().flat_map(|head| &head.ignored) {
+    load_with(path, &ImportSettings::strict())
+}
+
+/// Reads a recording, of several files where their names are joined by `+`, and warns of what was repaired and of columns that nothing is
+/// learned from.
+pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
+    let paths = parts(path);
+    let head = head(&paths[0]);
+    for (path, head) in paths.iter().map(|path| (path, self::head(path))) {
+        warn_of_ignored(path, head.as_ref(), import);
+    }
+    let mut import = import.clone();
+    if import.full_scale_m_s2.is_none() {
+        import.full_scale_m_s2 = paths.iter().find_map(|path| note(path).ok()?.full_scale);
+    }
+    let (recording, findings) = recording::load_with(&paths, &import).map_err(|error| match &error {
+        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
+            Ok(bytes) if !bytes.iter().take(512).any(|byte| *byte == 0) => {
+                wrong(path, &bytes, source, &error.to_string())
+            }
+            _ => Failure::Message(error.to_string()),
+        },
+        _ => Failure::Message(error.to_string()),
+    })?;
+    for finding in findings {
+        remark(&format!("warning: {}: {finding}\n", path.display()));
+    }
+    Ok(Loaded {
+        recording,
+        says_gesture: head.is_none_or(|head| head.says_gesture),
+    })
+}
+
+/// The files of a take: one, or several joined by `+`.
+pub fn parts(path: &Path) -> Vec<PathBuf> {
+    match path.to_str() {
+        Some(text) if text.contains('+') && !path.exists() => text.split('+').map(PathBuf::from).collect(),
+        _ => vec![path.to_owned()],
+    }
+}
+
+fn warn_of_ignored(path: &Path, head: Option<&CsvHead>, import: &ImportSettings) {
+    let is_mapped = |name: &String| import.columns.values().any(|column| column == name);
+    for name in head
+        .iter()
+        .flat_map(|head| &head.ignored)
+        .filter(|name| !is_mapped(name))
+    {
         let meant = match closest(name, COLUMNS) {
             Some(meant) => format!("did you mean {meant}?"),
             None => format!("known are {}", COLUMNS.join(", ")),
@@ -37,17 +85,6 @@ pub fn load(path: &Path) -> Result<Loaded, Failure> {
             path.display()
         ));
     }
-    let loaded = recording::load(path).map_err(|error| match &error {
-        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
-            Ok(bytes) => wrong(path, &bytes, source, &error.to_string()),
-            Err(_) => Failure::Message(error.to_string()),
-        },
-        _ => Failure::Message(error.to_string()),
-    });
-    Ok(Loaded {
-        recording: loaded?,
-        says_gesture: head.is_none_or(|head| head.says_gesture),
-    })
 }
 
 /// What a CSV file says before its rows; `None` for other kinds of files.

@@ -5,12 +5,14 @@ use super::table::{facts, significant, table};
 use super::{Failure, read_file, recording, remark, say};
 use clap::ValueEnum;
 use clap::error::ErrorKind;
+use haptograph::signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph::surfaces::learning::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
 };
 use haptograph::surfaces::recording::read_column;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Find where a signal changes its character, by minimum description length
@@ -84,9 +86,7 @@ struct Json<'a> {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     refuse_idle_flags(arguments)?;
-    let bytes = read_file(&arguments.file)?;
-    let signal = read_column(&bytes, &arguments.column)
-        .map_err(|error| recording::unreadable(&arguments.file, &bytes, &error))?;
+    let signal = column(&arguments.file, &arguments.column)?;
     let simulated = recording::is_simulated(&arguments.file)?;
     warn_of_offset(&signal);
     let settings = SegmentationSettings {
@@ -116,6 +116,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         });
     }
     say(&describe(&found, signal.len(), simulated))
+}
+
+/// A column of a file of any length, line by line.
+fn column(path: &Path, name: &str) -> Result<Vec<f64>, Failure> {
+    let file = files::open(path, MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))?;
+    read_column(BufReader::with_capacity(1 << 16, file), name).map_err(|error| match read_file(path) {
+        Ok(bytes) => recording::unreadable(path, &bytes, &error),
+        Err(failure) => failure,
+    })
 }
 
 /// What means nothing to the exact search is a misunderstanding.

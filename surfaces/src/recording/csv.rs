@@ -10,22 +10,21 @@
 //! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor had no sample.
 //! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are ignored; [`csv_head`] tells which.
 
+mod join;
 mod table;
 mod units;
 mod write;
 
-pub(super) use table::{
-    Table, cell_start, csv_error, header, line_of, not_a_number, notes, number, reader, without_mark,
-};
-pub(super) use units::{Scale, parse_name, si_unit};
+#[cfg(feature = "spreadsheets")]
+pub(super) use table::number_of;
+pub(super) use table::{Cells, Lines, Table, check_mapping, not_a_number, noted_rate_hz, number, unequal};
+pub(super) use units::{Scale, parse_name, parse_unit, si_unit};
 pub use write::{RawTable, write_csv};
 
-use super::ReadError;
-use super::{
-    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
-};
+use super::import::{Finding, ImportSettings, plausibility};
+use super::rows::{Rows, cell_start};
+use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
 use crate::files::Place;
-use crate::learning::processing;
 use crate::{Origin, Provenance};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -68,26 +67,35 @@ pub struct CsvHead {
 
 /// The head of a file from its first bytes; `None` where these are no CSV's.
 pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
-    let bytes = without_mark(bytes);
-    if bytes.starts_with(b"PK") || bytes.trim_ascii_start().starts_with(b"<") {
+    let is_other = bytes.starts_with(b"PK") || bytes.starts_with(b"RIFF") || bytes.starts_with(b"MATLAB ");
+    if is_other || bytes.trim_ascii_start().starts_with(b"<") {
         return None;
     }
-    let (names, _) = header(bytes).ok()?;
+    let (_, head) = Rows::new(bytes).ok()?;
     let unknown = |name: &&String| !name.is_empty() && parse_name(&name.to_ascii_lowercase()).is_none();
-    let notes = notes(bytes);
     Some(CsvHead {
-        ignored: names.iter().filter(unknown).cloned().collect(),
-        says_gesture: notes.contains_key("gesture"),
-        origin: notes.get("origin").and_then(|word| Origin::from_word(word)),
+        ignored: head.names.iter().filter(unknown).cloned().collect(),
+        says_gesture: head.notes.contains_key("gesture"),
+        origin: head.notes.get("origin").and_then(|word| Origin::from_word(word)),
     })
 }
 
-/// A recording from the bytes of a CSV file; `source` is where they came from, unless they say so themselves.
+/// A recording from the bytes of a CSV file in which nothing has to be repaired; `source` is where they came from, unless they say so
+/// themselves.
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
-    let table = Table::read(without_mark(bytes))?;
-    let notes = &table.notes;
-    let gesture = match notes.get("gesture") {
-        Some(word) => Gesture::from_word(word).ok_or_else(|| {
+    let import = ImportSettings::strict();
+    let table = Table::read(bytes, &import)?;
+    recording(&mut [table], source, &import).map(|(recording, _)| recording)
+}
+
+/// A recording from one or several tables of the same time, and what was found in them.
+pub(super) fn recording(
+    tables: &mut [Table],
+    source: &str,
+    import: &ImportSettings,
+) -> Result<(AnyRecording, Vec<Finding>), ReadError> {
+    let gesture = match noted(tables, "gesture") {
+        Some((table, word)) => Gesture::from_word(word).ok_or_else(|| {
             table.error(
                 1,
                 format!("gesture {word:?} is unknown; known are drag, circle, tap, press"),
@@ -95,57 +103,80 @@ pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
         })?,
         None => Gesture::Drag,
     };
-    let origin = match notes.get("origin") {
-        Some(word) => {
+    let origin = match noted(tables, "origin") {
+        Some((table, word)) => {
             Origin::from_word(word).ok_or_else(|| table.error(1, format!("origin {word:?} is unknown")))?
         }
         None => Origin::Imported,
     };
-    let provenance = Provenance::new(origin, notes.get("source").map_or(source, String::as_str));
-    if table.has("force_x") || table.has("position_x") {
-        raw(&table, gesture, provenance).map(AnyRecording::Raw)
-    } else {
-        processed(&table, gesture, provenance).map(AnyRecording::Processed)
+    let source = noted(tables, "source").map_or(source, |(_, text)| text.as_str());
+    let mut provenance = Provenance::new(origin, source);
+    let mut findings = vec![];
+    if import
+        .units
+        .iter()
+        .any(|(quantity, unit)| quantity.starts_with("accel") && unit == "1")
+    {
+        findings.push(Finding::UnknownUnit);
+        provenance = provenance.with_setting("vibration unit", "not known; not m/s2");
+    }
+    let is_raw = tables
+        .iter()
+        .any(|table| table.has("force_x") || table.has("position_x"));
+    let recording = match is_raw {
+        true => raw(tables, gesture, provenance).map(AnyRecording::Raw)?,
+        false => join::processed(tables, gesture, provenance).map(AnyRecording::Processed)?,
+    };
+    findings.extend(
+        tables
+            .iter_mut()
+            .flat_map(|table| std::mem::take(&mut table.findings)),
+    );
+    if let AnyRecording::Processed(processed) = &recording {
+        let signals = processed.signals();
+        let columns = [
+            ("accel", &signals.acceleration_m_s2),
+            ("force_normal", &signals.force_normal_n),
+            ("speed", &signals.speed_m_s),
+        ];
+        let known = |(name, _): &(&str, &Vec<f64>)| import.units.get(*name).is_none_or(|unit| unit != "1");
+        findings.extend(
+            columns
+                .into_iter()
+                .filter(known)
+                .filter_map(|(name, values)| plausibility(name, values)),
+        );
+    }
+    Ok((recording, findings))
+}
+
+/// The first table with such a note, and the note.
+fn noted<'a>(tables: &'a [Table], key: &str) -> Option<(&'a Table, &'a String)> {
+    tables
+        .iter()
+        .find_map(|table| table.notes.get(key).map(|note| (table, note)))
+}
+
+/// A constant in SI by its name with unit, such as `speed_mm_s`.
+pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String> {
+    let lower = name.to_ascii_lowercase();
+    let (plain, scale) =
+        parse_name(&lower).unwrap_or_else(|| Err(format!("{name} is none of a recording's quantities")))?;
+    match number(value.as_bytes(), scale) {
+        Some(si) => Ok((plain, si)),
+        None => Err(format!("{value:?} is no finite number")),
     }
 }
 
-fn processed(
-    table: &Table,
-    gesture: Gesture,
-    provenance: Provenance,
-) -> Result<ProcessedRecording, ReadError> {
-    let axes = AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
-    let (names, rate_hz) = (
-        ["accel", "force_normal", "force_tangential", "speed"],
-        table.rate_hz()?,
-    );
-    let [combined, normal, tangential, speed] = names.map(|name| table.full(name));
-    let axes: Option<Vec<[f64; 3]>> = match axes {
-        true => Some(columns(
-            ["accel_x", "accel_y", "accel_z"].map(|name| table.full(name)),
-        )?),
-        false => None,
+fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, ReadError> {
+    // Where no table has it, the first says what is missing.
+    let place = |tables: &[Table], name: &str| tables.iter().position(|table| table.has(name)).unwrap_or(0);
+    let mut sensor = |names: &[&str]| {
+        let place = place(tables, names[0]);
+        tables[place].sensor(names)
     };
-    let acceleration_m_s2 = match &axes {
-        Some(axes) if !table.has("accel") => processing::combined(axes, rate_hz, &Default::default())
-            .map_err(|e| table.error(table.header_line, e))?,
-        _ => combined?,
-    };
-    let force_tangential_n = table.has("force_tangential").then_some(tangential).transpose()?;
-    let signals = Signals {
-        rate_hz,
-        acceleration_m_s2,
-        force_normal_n: normal?,
-        force_tangential_n,
-        speed_m_s: speed?,
-        axes_m_s2: axes,
-    };
-    Ok(ProcessedRecording::new(signals, gesture, provenance)?)
-}
-
-fn raw(table: &Table, gesture: Gesture, provenance: Provenance) -> Result<Recording, ReadError> {
-    let acceleration = table.sensor(&["accel_x", "accel_y", "accel_z"])?;
-    let poses = table.sensor(&[
+    let acceleration = sensor(&["accel_x", "accel_y", "accel_z"])?;
+    let poses = sensor(&[
         "position_x",
         "position_y",
         "position_z",
@@ -155,10 +186,11 @@ fn raw(table: &Table, gesture: Gesture, provenance: Provenance) -> Result<Record
         "orientation_z",
     ])?;
     let mut load = vec!["force_x", "force_y", "force_z"];
-    if table.has("torque_x") {
+    let forces = place(tables, "force_x");
+    if tables[forces].has("torque_x") {
         load.extend(["torque_x", "torque_y", "torque_z"]);
     }
-    let load = table.sensor(&load)?;
+    let load = tables[forces].sensor(&load)?;
     let three = |row: &[f64], from: usize| std::array::from_fn(|i| row.get(from + i).copied().unwrap_or(0.0));
     let pose = |row: &Vec<f64>| Pose {
         position_m: three(row, 0),
@@ -184,16 +216,6 @@ fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T
         start_s: rows.start_s,
         samples: rows.samples.iter().map(make).collect(),
     }
-}
-
-fn columns(columns: [Result<Vec<f64>, ReadError>; 3]) -> Result<Vec<[f64; 3]>, ReadError> {
-    let [x, y, z] = columns;
-    Ok(x?
-        .into_iter()
-        .zip(y?)
-        .zip(z?)
-        .map(|((x, y), z)| [x, y, z])
-        .collect())
 }
 
 impl ReadError {

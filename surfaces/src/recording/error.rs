@@ -6,6 +6,8 @@ use super::RecordingError;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum ReadError {
+    #[error("{0}")]
+    Io(String),
     #[error("the archive is damaged: {0}")]
     Archive(String),
     #[error("member {name} of the archive: {message}")]

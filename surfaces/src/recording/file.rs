@@ -1,40 +1,112 @@
 //! Recordings on disk: what kind a file is, told by its content, and where reading failed.
 
-use super::{AnyRecording, ReadError, read_archive, read_csv, read_hatt, write_archive, write_csv};
+use super::csv::{self, Table};
+use super::import::{Finding, ImportSettings};
+use super::{AnyRecording, ReadError, formats, read_archive, read_hatt, write_archive, write_csv};
 use crate::files::write_atomically;
 use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// A recording from a file: [our own archive](read_archive), [CSV](read_csv), or any of the three
+/// A recording from a file: [our own archive](read_archive), [CSV](super::read_csv) or another table, or any of the three
 /// XML files that the public haptic texture toolkit (HaTT) makes of a recording (the other two must lie beside it).
 ///
-/// Kinds are told apart by content.
+/// Kinds are told apart by content. Nothing is repaired; see [`load_with`].
 pub fn load(path: &Path) -> Result<AnyRecording, LoadError> {
-    let failed = |source| LoadError::Read {
-        path: path.to_owned(),
-        source,
-    };
+    load_with(&[path.to_owned()], &ImportSettings::strict()).map(|(recording, _)| recording)
+}
+
+/// A recording from a file, or from several tables that share a clock, and what was found and repaired in them.
+///
+/// Tables are CSV, spreadsheets (the first sheet), MATLAB files before version 7.3 and WAV files. A WAV file alone is joined with the table
+/// of the same name beside it.
+pub fn load_with(
+    paths: &[PathBuf],
+    import: &ImportSettings,
+) -> Result<(AnyRecording, Vec<Finding>), LoadError> {
+    let paths = with_neighbour(paths);
+    if let [path] = &paths[..] {
+        match kind(path)? {
+            Kind::Archive => {
+                let read = read_archive(&all(path)?).map_err(|source| read_error(path, source))?;
+                return Ok((read, vec![]));
+            }
+            Kind::Hatt => return load_hatt(path).map(|recording| (recording, vec![])),
+            _ => {}
+        }
+    }
+    let mut tables = paths
+        .iter()
+        .map(|path| table(path, import))
+        .collect::<Result<Vec<_>, _>>()?;
+    let first = &paths[0];
+    csv::check_mapping(&tables, import).map_err(|source| read_error(first, source))?;
+    let source: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
+    csv::recording(&mut tables, &source.join(" + "), import).map_err(|source| read_error(first, source))
+}
+
+/// The files of a take: a WAV file alone takes in the table beside it.
+fn with_neighbour(paths: &[PathBuf]) -> Vec<PathBuf> {
+    let mut all = paths.to_vec();
+    if let [path] = paths {
+        let is_wav = path
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("wav"));
+        let tables = ["csv", "xlsx", "ods", "xls", "mat"].map(|extension| path.with_extension(extension));
+        all.extend(tables.into_iter().find(|table| is_wav && table.is_file()));
+    }
+    all
+}
+
+/// Kinds of files, told apart by how they begin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Archive,
+    Hatt,
+    Spreadsheet,
+    Matlab,
+    Wav,
+    Csv,
+}
+
+fn kind(path: &Path) -> Result<Kind, LoadError> {
     let mut file = open(path)?;
     let start = file.fill_buf().map_err(|source| io_error(path, source))?;
-    let is_archive = start.starts_with(b"PK");
-    if start
+    let text = start
         .strip_prefix(b"\xef\xbb\xbf")
         .unwrap_or(start)
-        .trim_ascii_start()
-        .starts_with(b"<")
-    {
-        return load_hatt(path);
-    }
-    let mut bytes = vec![];
-    file.read_to_end(&mut bytes)
-        .map_err(|source| io_error(path, source))?;
-    let read = if is_archive {
-        read_archive(&bytes)
-    } else {
-        read_csv(&bytes, &path.display().to_string())
+        .trim_ascii_start();
+    Ok(match start {
+        [b'P', b'K', ..] if formats::is_spreadsheet(&all(path)?) => Kind::Spreadsheet,
+        [b'P', b'K', ..] => Kind::Archive,
+        [0xd0, 0xcf, 0x11, 0xe0, ..] => Kind::Spreadsheet,
+        [b'R', b'I', b'F', b'F', ..] => Kind::Wav,
+        [0x89, b'H', b'D', b'F', ..] => Kind::Matlab,
+        _ if start.starts_with(b"MATLAB ") => Kind::Matlab,
+        _ if text.starts_with(b"<") => Kind::Hatt,
+        _ => Kind::Csv,
+    })
+}
+
+fn table(path: &Path, import: &ImportSettings) -> Result<Table, LoadError> {
+    let read = match kind(path)? {
+        Kind::Csv => Table::read(open(path)?, import),
+        Kind::Wav => formats::wav(&all(path)?, import),
+        Kind::Matlab => formats::matlab(&all(path)?, import),
+        Kind::Spreadsheet => formats::spreadsheet(&all(path)?, import),
+        Kind::Archive | Kind::Hatt => Err(ReadError::Io(
+            "this is a whole recording already; only tables can be joined".to_owned(),
+        )),
     };
-    read.map_err(failed)
+    read.map_err(|source| read_error(path, source))
+}
+
+fn all(path: &Path) -> Result<Vec<u8>, LoadError> {
+    let mut bytes = vec![];
+    open(path)?
+        .read_to_end(&mut bytes)
+        .map_err(|source| io_error(path, source))?;
+    Ok(bytes)
 }
 
 /// Writes a recording, complete or not at all: as CSV where the name ends so, else as our own archive.
@@ -61,18 +133,12 @@ fn load_hatt(path: &Path) -> Result<AnyRecording, LoadError> {
     let material = TRIPLE
         .iter()
         .find_map(|prefix| name.strip_prefix(prefix))
-        .ok_or_else(|| LoadError::Read {
-            path: path.to_owned(),
-            source: ReadError::NotATriple,
-        })?;
+        .ok_or_else(|| read_error(path, ReadError::NotATriple))?;
     let [accel, position, force] = TRIPLE.map(|prefix| path.with_file_name(format!("{prefix}{material}")));
     let source = material.strip_suffix(".xml").unwrap_or(material);
     read_hatt(open(&accel)?, open(&position)?, open(&force)?, source)
         .map(AnyRecording::Processed)
-        .map_err(|source| LoadError::Read {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(|source| read_error(path, source))
 }
 
 fn open(path: &Path) -> Result<BufReader<Bounded>, LoadError> {
@@ -82,6 +148,13 @@ fn open(path: &Path) -> Result<BufReader<Bounded>, LoadError> {
 
 fn io_error(path: &Path, source: std::io::Error) -> LoadError {
     LoadError::Io {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+fn read_error(path: &Path, source: ReadError) -> LoadError {
+    LoadError::Read {
         path: path.to_owned(),
         source,
     }

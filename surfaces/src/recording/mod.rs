@@ -9,7 +9,10 @@ mod archive;
 mod csv;
 mod error;
 mod file;
+mod formats;
 mod hatt;
+mod import;
+mod rows;
 mod series;
 mod signal;
 mod spool;
@@ -17,13 +20,15 @@ mod spool;
 pub use archive::{RawHead, read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, RawTable, csv_head, read_csv, write_csv};
 pub use error::ReadError;
-pub use file::{LoadError, load, save};
+pub use file::{LoadError, load, load_with, save};
 pub use hatt::read_hatt;
+pub use import::{Finding, ImportSettings};
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};
 pub use spool::{Member, Spool, assemble, spool_folder};
 
 use crate::Provenance;
+use std::sync::Arc;
 
 /// A recording as the sensors gave it.
 ///
@@ -221,7 +226,8 @@ impl Calibration {
 /// What models are learned from: all quantities at one rate, from the same moment on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProcessedRecording {
-    signals: Signals,
+    // Shared, as minutes at 10 kHz are hundreds of megabytes.
+    signals: Arc<Signals>,
     gesture: Gesture,
     provenance: Provenance,
 }
@@ -302,7 +308,7 @@ impl ProcessedRecording {
             });
         }
         Ok(Self {
-            signals,
+            signals: Arc::new(signals),
             gesture,
             provenance,
         })
@@ -412,6 +418,8 @@ pub enum RecordingError {
     NegativeSpeed { sample: usize, speed_m_s: f64 },
 }
 
+#[cfg(test)]
+mod loggers;
 #[cfg(test)]
 pub(crate) mod synthetic;
 #[cfg(test)]

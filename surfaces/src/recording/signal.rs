@@ -1,12 +1,11 @@
 //! One signal from any CSV file with a header: a column of numbers, and how fast they follow one another where the file says so.
 
 use super::ReadError;
-use super::csv::{
-    Scale, Table, csv_error, header, line_of, not_a_number, notes, number, parse_name, reader, si_unit,
-    without_mark,
-};
+use super::csv::{Lines, Scale, not_a_number, noted_rate_hz, number, parse_name, si_unit, unequal};
+use super::import::timing;
+use super::rows::{Head, Rows};
 use crate::learning::processing;
-use csv::ByteRecord;
+use std::io::BufRead;
 
 /// A signal from a CSV file.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,20 +22,18 @@ pub struct Column {
 
 /// The numbers of the column called `name` as they stand, whatever their unit. In the table of a raw recording, where slower sensors leave
 /// cells empty, these are passed over; elsewhere an empty cell is an error.
-pub fn read_column(bytes: &[u8], name: &str) -> Result<Vec<f64>, ReadError> {
-    let bytes = without_mark(bytes);
-    let (names, line) = header(bytes)?;
-    let index = find(&names, line, name)?;
-    Ok(columns(bytes, &names, &[(index, Scale::One)], None)?
+pub fn read_column(source: impl BufRead, name: &str) -> Result<Vec<f64>, ReadError> {
+    let (rows, head) = Rows::new(source)?;
+    let index = find(&head.names, head.line, name)?;
+    Ok(columns(rows, &head.names, &[(index, Scale::One)], None)?
         .values
         .remove(0))
 }
 
 /// The signal in the column called `name`. Without a name: the acceleration (three axes are high-passed and combined as in learning), or
 /// the only column that is not time.
-pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError> {
-    let bytes = without_mark(bytes);
-    let (names, line) = header(bytes)?;
+pub fn read_signal(source: impl BufRead, name: Option<&str>) -> Result<Column, ReadError> {
+    let (rows, Head { names, line, notes }) = Rows::new(source)?;
     let indices = match name {
         Some(name) => vec![find(&names, line, name)?],
         None => choose(&names, line)?,
@@ -48,8 +45,18 @@ pub fn read_signal(bytes: &[u8], name: Option<&str>) -> Result<Column, ReadError
     let time = names
         .iter()
         .position(|name| quantity(name).as_deref() == Some("time"));
-    let rows = columns(bytes, &names, &wanted, time)?;
-    let rate_hz = rate_hz(bytes, time.map(|_| rows.times), rows.lines)?;
+    let rows = columns(rows, &names, &wanted, time)?;
+    let rate_hz = match (noted_rate_hz(&notes)?, time) {
+        (None, Some(_)) => {
+            let found = timing(&rows.times, true);
+            let wrong = |(row, message)| ReadError::Csv {
+                line: rows.lines.of(row),
+                message,
+            };
+            Some(found.map_err(wrong)?.rate_hz)
+        }
+        (noted, _) => noted,
+    };
     let values = match <[Vec<f64>; 3]>::try_from(rows.values) {
         Ok([x, y, z]) => {
             let axes: Vec<[f64; 3]> = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
@@ -139,57 +146,48 @@ fn choose(names: &[String], line: u64) -> Result<Vec<usize>, ReadError> {
 }
 
 /// Rows of chosen columns.
-struct Rows {
+struct Values {
     values: Vec<Vec<f64>>,
     /// Empty unless asked for.
     times: Vec<f64>,
-    lines: Vec<u64>,
+    lines: Lines,
 }
 
 /// Columns by their index, with that of time where it is asked for.
 fn columns(
-    bytes: &[u8],
+    mut rows: Rows<impl BufRead>,
     names: &[String],
     wanted: &[(usize, Scale)],
     time: Option<usize>,
-) -> Result<Rows, ReadError> {
+) -> Result<Values, ReadError> {
     let has = |wanted: &str| names.iter().any(|name| quantity(name).as_deref() == Some(wanted));
     let is_raw = has("accel_x") && (has("force_x") || has("position_x"));
-    let mut reader = reader(bytes);
-    let mut rows = Rows {
+    let mut read = Values {
         values: vec![vec![]; wanted.len()],
         times: vec![],
-        lines: vec![],
+        lines: Lines::default(),
     };
-    let mut record = ByteRecord::new();
-    while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
-        let line = line_of(bytes, record.position());
-        let cell = |index: usize| record.get(index).unwrap_or_default();
-        if is_raw && wanted.iter().all(|&(index, _)| cell(index).is_empty()) {
+    let time = time.map(|index| (index, scale(&names[index])));
+    while let Some(row) = rows.next()? {
+        if row.cells() != names.len() {
+            return Err(unequal(&row, names.len()));
+        }
+        if is_raw && wanted.iter().all(|&(index, _)| row.cell(index).is_empty()) {
             continue;
         }
-        rows.lines.push(line);
-        let read = |index: usize, scale: Scale| {
-            number(cell(index), scale).ok_or_else(|| not_a_number(line, index, &names[index], cell(index)))
+        read.lines.push(row.line);
+        let value = |index: usize, scale: Scale| {
+            let cell = row.cell(index);
+            number(cell, scale).ok_or_else(|| not_a_number(row.line, index, &names[index], cell))
         };
-        for (&(index, scale), values) in wanted.iter().zip(&mut rows.values) {
-            values.push(read(index, scale)?);
+        for (&(index, scale), values) in wanted.iter().zip(&mut read.values) {
+            values.push(value(index, scale)?);
         }
-        if let Some(index) = time {
-            rows.times.push(read(index, scale(&names[index]))?);
+        if let Some((index, scale)) = time {
+            read.times.push(value(index, scale)?);
         }
     }
-    Ok(rows)
-}
-
-fn rate_hz(bytes: &[u8], times: Option<Vec<f64>>, lines: Vec<u64>) -> Result<Option<f64>, ReadError> {
-    let notes = notes(bytes);
-    match times {
-        None if !notes.contains_key("rate_hz") => Ok(None),
-        times => Table::of_times(times.unwrap_or_default(), notes, lines)
-            .rate_hz()
-            .map(Some),
-    }
+    Ok(read)
 }
 
 #[cfg(test)]
@@ -200,11 +198,11 @@ mod tests {
     fn spaces_quotes_marks_and_line_ends_do_not_matter() {
         let text =
             b"\xef\xbb\xbf# rate_hz: 500\r\n\"t\" , \"signal\"\r\n 1 , \" 2.5\" \r\n\"3\",\t-4e-1\r\n\r\n";
-        assert_eq!(read_column(text, "signal").unwrap(), [2.5, -0.4]);
-        assert_eq!(read_column(text, "Signal").unwrap(), [2.5, -0.4]);
-        assert_eq!(read_column(b"a;b\n1;2\n", "b").unwrap(), [2.0]);
+        assert_eq!(read_column(&text[..], "signal").unwrap(), [2.5, -0.4]);
+        assert_eq!(read_column(&text[..], "Signal").unwrap(), [2.5, -0.4]);
+        assert_eq!(read_column(&b"a;b\n1;2\n"[..], "b").unwrap(), [2.0]);
         assert_eq!(
-            read_signal(text, Some("t")).unwrap(),
+            read_signal(&text[..], Some("t")).unwrap(),
             Column {
                 name: "t".into(),
                 values: vec![1.0, 3.0],
@@ -247,16 +245,16 @@ mod tests {
     #[test]
     fn a_name_that_is_there_twice_is_wrong_at_its_place() {
         let text = b"# a note\na, b,\"a\",c\n1,2,3,4\n";
-        let error = read_column(text, "c").unwrap_err();
+        let error = read_column(&text[..], "c").unwrap_err();
         assert_eq!(
             error.to_string(),
             "line 2, column 3: a is there twice, in columns 1 and 3; rename or remove one"
         );
         let place = error.place(text).unwrap();
         assert_eq!((place.line, place.column), (2, 6));
-        assert!(read_signal(text, Some("b")).is_err());
+        assert!(read_signal(&text[..], Some("b")).is_err());
         assert_eq!(
-            read_column(b"a,,\n1,,\n", "a").unwrap(),
+            read_column(&b"a,,\n1,,\n"[..], "a").unwrap(),
             [1.0],
             "nameless columns are no pair"
         );
@@ -265,23 +263,23 @@ mod tests {
     #[test]
     fn letters_of_another_encoding_do_no_harm_where_nobody_asks_for_them() {
         let latin = b"# source: B\xfccher\nx,gr\xf6\xdfe\n1,2\n";
-        assert_eq!(read_column(latin, "x").unwrap(), [1.0]);
-        let error = read_column(b"\xff\xfex\0\n\0", "x").unwrap_err().to_string();
+        assert_eq!(read_column(&latin[..], "x").unwrap(), [1.0]);
+        let error = read_column(&b"\xff\xfex\0\n\0"[..], "x").unwrap_err().to_string();
         assert!(error.contains("save it as UTF-8"), "{error}");
     }
 
     #[test]
     fn empty_cells_of_slower_sensors_are_passed_over() {
         let raw = b"time_s,accel_x_m_s2,position_x_mm\n0,1,2\n0.1,3,\n0.15,,4\n0.2,5,\n";
-        assert_eq!(read_column(raw, "accel_x_m_s2").unwrap(), [1.0, 3.0, 5.0]);
-        assert_eq!(read_column(raw, "position_x_mm").unwrap(), [2.0, 4.0]);
-        let accel = read_signal(raw, Some("accel_x_m_s2")).unwrap();
+        assert_eq!(read_column(&raw[..], "accel_x_m_s2").unwrap(), [1.0, 3.0, 5.0]);
+        assert_eq!(read_column(&raw[..], "position_x_mm").unwrap(), [2.0, 4.0]);
+        let accel = read_signal(&raw[..], Some("accel_x_m_s2")).unwrap();
         assert_eq!((accel.values, accel.rate_hz), (vec![1.0, 3.0, 5.0], Some(10.0)));
     }
 
     #[test]
     fn the_signal_is_chosen_where_there_is_no_doubt() {
-        let one = read_signal(b"time_ms,level\n0,1\n1,2\n2,3\n", None).unwrap();
+        let one = read_signal(&b"time_ms,level\n0,1\n1,2\n2,3\n"[..], None).unwrap();
         assert_eq!(
             one,
             Column {
@@ -291,12 +289,12 @@ mod tests {
                 rate_hz: Some(1000.0)
             }
         );
-        let accel = read_signal(b"force,accel_g,x\n1,1,1\n", None).unwrap();
+        let accel = read_signal(&b"force,accel_g,x\n1,1,1\n"[..], None).unwrap();
         assert_eq!(
             (accel.values, accel.rate_hz, accel.unit),
             (vec![9.80665], None, Some("m/s2"))
         );
-        let error = read_signal(b"a,b\n1,2\n", None).unwrap_err().to_string();
+        let error = read_signal(&b"a,b\n1,2\n"[..], None).unwrap_err().to_string();
         assert_eq!(error, "line 1: which column is the signal? There are a, b");
     }
 

@@ -81,11 +81,11 @@ fn csv_keeps_every_bit_of_a_processed_recording() {
     assert_eq!(back.gesture(), Gesture::Tap);
     assert_eq!(back.provenance().source, "made up for a test");
     assert_eq!(
-        read_column(&bytes, "accel_m_s2").unwrap(),
+        read_column(&bytes[..], "accel_m_s2").unwrap(),
         expected.signals().acceleration_m_s2
     );
     assert!(
-        read_column(&bytes, "nonsense")
+        read_column(&bytes[..], "nonsense")
             .unwrap_err()
             .to_string()
             .contains("there are time_s, accel_m_s2")

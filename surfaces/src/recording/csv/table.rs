@@ -1,149 +1,196 @@
 //! Rows and columns, with every cell's place for those who have to mend it.
 
+use super::super::import::{
+    Finding, ImportSettings, Timing, interpolate_missing, remove_outliers, resampled, timing,
+};
+use super::super::rows::{Head, Row, Rows};
 use super::super::{ReadError, Series};
-use super::units::{Scale, parse_name};
+use super::units::{Scale, parse_name, parse_unit, plain_name, unit_at_end};
 use crate::files::decimal::parse_thousandth;
-use csv::{ByteRecord, ReaderBuilder, Trim};
 use std::collections::BTreeMap;
+use std::io::BufRead;
 
-/// The columns that are understood, in SI; cells that were empty are NaN.
+/// At most so many rows of acceleration in a stretch are interpolated, ...
+const LONGEST_REPAIR: usize = 5;
+/// ... of quantities that change more slowly, so long a stretch, s.
+const LONGEST_SLOW_REPAIR_S: f64 = 0.05;
+/// More unreadable cells than this part of a column are no accidents.
+const MOST_UNREADABLE: f64 = 0.01;
+/// Tables of this many rows or fewer may have one nevertheless.
+const FEW_ROWS: usize = 100;
+
+/// The columns that are understood, in SI. Cells that were empty are NaN, cells that could not be read infinite.
 pub(in crate::recording) struct Table {
     pub(super) header_line: u64,
     pub(super) notes: BTreeMap<String, String>,
-    columns: Vec<(String, Vec<f64>)>,
-    /// Line of each row.
-    lines: Vec<u64>,
+    pub(super) findings: Vec<Finding>,
+    /// All columns of the file.
+    names: Vec<String>,
+    columns: Vec<Column>,
+    lines: Lines,
+    strict: bool,
+    given_rate_hz: Option<f64>,
 }
 
-pub(in crate::recording) fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
-    ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .delimiter(delimiter(bytes))
-        .from_reader(bytes)
+struct Column {
+    /// Without unit.
+    name: String,
+    /// In the file, from 1.
+    number: usize,
+    values: Vec<f64>,
+    unreadable: usize,
 }
 
-/// What stands between the cells: whichever the header has most of.
-fn delimiter(bytes: &[u8]) -> u8 {
-    let header = bytes
-        .split(|&b| b == b'\n')
-        .find(|line| !line.starts_with(b"#") && !line.trim_ascii().is_empty());
-    let count = |delimiter: u8| header.map_or(0, |line| line.iter().filter(|&&b| b == delimiter).count());
-    [b',', b';', b'\t']
-        .into_iter()
-        .max_by_key(|&d| (count(d), d == b','))
-        .unwrap_or(b',')
+/// The line of each row, kept where they do not simply follow.
+#[derive(Default)]
+pub(in crate::recording) struct Lines {
+    rows: usize,
+    /// (row, line) from which on lines follow.
+    jumps: Vec<(usize, u64)>,
 }
 
-/// The names of the columns and the line they stand on. Bytes that are no UTF-8, as in Latin-1 files, may stand in names that nobody asks
-/// for. No name may be there twice.
-pub(in crate::recording) fn header(bytes: &[u8]) -> Result<(Vec<String>, u64), ReadError> {
-    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
-        return Err(ReadError::Csv {
-            line: 1,
-            message: "this is UTF-16 text; save it as UTF-8".to_owned(),
-        });
-    }
-    let mut reader = reader(bytes);
-    let header = reader.byte_headers().map_err(|e| csv_error(&e))?;
-    let line = line_of(bytes, header.position());
-    let names: Vec<String> = header
-        .iter()
-        .map(|name| unquoted(&String::from_utf8_lossy(name)).to_owned())
-        .collect();
-    if names.iter().all(String::is_empty) {
-        return Err(ReadError::Csv {
-            line,
-            message: "there is no header: the file is empty".to_owned(),
-        });
-    }
-    for (index, name) in names.iter().enumerate() {
-        let first = names[..index].iter().position(|earlier| earlier == name);
-        if let Some(first) = first.filter(|_| !name.is_empty()) {
-            return Err(ReadError::CsvCell {
-                line,
-                column: index + 1,
-                message: format!(
-                    "{name} is there twice, in columns {} and {}; rename or remove one",
-                    first + 1,
-                    index + 1
-                ),
-            });
+impl Lines {
+    pub fn push(&mut self, line: u64) {
+        let follows = self
+            .jumps
+            .last()
+            .is_some_and(|(row, first)| first + (self.rows - row) as u64 == line);
+        if !follows {
+            self.jumps.push((self.rows, line));
         }
+        self.rows += 1;
     }
-    Ok((names, line))
+
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub fn of(&self, row: usize) -> u64 {
+        let after = self.jumps.partition_point(|(first, _)| *first <= row);
+        let jump = after.checked_sub(1).and_then(|index| self.jumps.get(index));
+        jump.map_or(1, |(first, line)| line + (row - first) as u64)
+    }
 }
 
-/// Where the cell `column` (from 1) of a line begins, in characters from 1.
-pub(in crate::recording) fn cell_start(bytes: &[u8], line: &[u8], column: usize) -> usize {
-    let delimiter = char::from(delimiter(without_mark(bytes)));
-    let (mut cell, mut quoted) = (1, false);
-    let line = String::from_utf8_lossy(line);
-    for (index, character) in line.chars().enumerate() {
-        if cell == column && !character.is_whitespace() {
-            return index + 1;
-        }
-        quoted ^= character == '"';
-        cell += usize::from(character == delimiter && !quoted);
-    }
-    line.chars().count().max(1)
+/// A table that was not text: NaN for empty cells, infinite for unreadable ones.
+#[derive(Default)]
+pub(in crate::recording) struct Cells {
+    pub header_line: u64,
+    pub names: Vec<String>,
+    pub notes: BTreeMap<String, String>,
+    pub columns: Vec<Vec<f64>>,
+    pub lines: Lines,
+}
+
+/// Samples of several columns at an even rate.
+pub(in crate::recording) struct Even {
+    pub rate_hz: f64,
+    pub start_s: f64,
+    pub columns: Vec<Vec<f64>>,
 }
 
 impl Table {
-    /// Times alone, of a file whose other columns are not ours.
-    pub(in crate::recording) fn of_times(
-        times: Vec<f64>,
-        notes: BTreeMap<String, String>,
-        lines: Vec<u64>,
-    ) -> Self {
-        Self {
-            header_line: 1,
-            notes,
-            columns: vec![("time".to_owned(), times)],
-            lines,
-        }
-    }
-
-    pub(in crate::recording) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
-        let (header, header_line) = header(bytes)?;
-        let mut reader = reader(bytes);
-        let mut wanted = vec![];
-        let mut columns: Vec<(String, Vec<f64>)> = vec![];
-        for (index, name) in header.iter().enumerate() {
-            let Some(parsed) = parse_name(&name.to_ascii_lowercase()) else {
-                continue;
-            };
-            let wrong = |message| ReadError::CsvCell {
-                line: header_line,
-                column: index + 1,
-                message,
-            };
-            let (plain, scale) = parsed.map_err(wrong)?;
-            if columns.iter().any(|(known, _)| *known == plain) {
-                return Err(wrong(format!("this is a second column of {plain}")));
+    pub(in crate::recording) fn read(
+        source: impl BufRead,
+        import: &ImportSettings,
+    ) -> Result<Self, ReadError> {
+        let (mut rows, head) = Rows::new(source)?;
+        let (wanted, mut table) = Self::empty(head, import)?;
+        let mut first_unreadable = None;
+        while let Some(row) = rows.next()? {
+            let line = row.line;
+            let columns = table.names.len();
+            if row.cells() > columns || (row.cells() < columns && import.strict) {
+                return Err(unequal(&row, columns));
             }
-            wanted.push((index, scale));
-            columns.push((plain, vec![]));
-        }
-        let mut table = Self {
-            header_line,
-            notes: notes(bytes),
-            columns,
-            lines: vec![],
-        };
-        let mut record = ByteRecord::new();
-        while reader.read_byte_record(&mut record).map_err(|e| csv_error(&e))? {
-            let line = line_of(bytes, record.position());
             table.lines.push(line);
-            for (&(index, scale), (name, values)) in wanted.iter().zip(&mut table.columns) {
-                let cell = record.get(index).unwrap_or_default();
-                values.push(match cell {
+            for (&(index, scale), column) in wanted.iter().zip(&mut table.columns) {
+                let cell = row.cell(index);
+                column.values.push(match cell {
                     b"" => f64::NAN,
-                    cell => number(cell, scale).ok_or_else(|| not_a_number(line, index, name, cell))?,
+                    cell => number(cell, scale).unwrap_or_else(|| {
+                        column.unreadable += 1;
+                        let error = not_a_number(line, index, &column.name, cell);
+                        first_unreadable.get_or_insert(error);
+                        f64::INFINITY
+                    }),
                 });
             }
         }
-        Ok(table)
+        table.checked(first_unreadable, import)
+    }
+
+    /// No rows yet.
+    fn empty(head: Head, import: &ImportSettings) -> Result<(Vec<Wanted>, Self), ReadError> {
+        let (wanted, columns) = choose(&head, import)?;
+        let table = Self {
+            header_line: head.line,
+            notes: head.notes,
+            names: head.names,
+            findings: vec![],
+            columns,
+            lines: Lines::default(),
+            strict: import.strict,
+            given_rate_hz: import.rate_hz,
+        };
+        Ok((wanted, table))
+    }
+
+    pub(in crate::recording) fn of_cells(
+        mut cells: Cells,
+        import: &ImportSettings,
+    ) -> Result<Self, ReadError> {
+        let head = Head {
+            line: cells.header_line.max(1),
+            names: cells.names,
+            notes: cells.notes,
+        };
+        let (wanted, mut table) = Self::empty(head, import)?;
+        table.lines = cells.lines;
+        let mut first_unreadable = None;
+        for (&(index, scale), column) in wanted.iter().zip(&mut table.columns) {
+            column.values = std::mem::take(&mut cells.columns[index]);
+            for (row, value) in column.values.iter_mut().enumerate() {
+                if value.is_infinite() {
+                    column.unreadable += 1;
+                    let error = not_a_number(table.lines.of(row), index, &column.name, b"this cell");
+                    first_unreadable.get_or_insert(error);
+                }
+                *value = scale.si(*value);
+            }
+        }
+        table.checked(first_unreadable, import)
+    }
+
+    /// The table, unless more is unreadable than accidents explain.
+    fn checked(
+        mut self,
+        first_unreadable: Option<ReadError>,
+        import: &ImportSettings,
+    ) -> Result<Self, ReadError> {
+        let rows = self.lines.rows();
+        let allowed =
+            ((rows as f64 * MOST_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
+        let too_many = self.columns.iter().any(|column| column.unreadable > allowed);
+        match first_unreadable {
+            Some(error) if import.strict || too_many => Err(error),
+            _ => {
+                self.fill_constants(&import.constants);
+                Ok(self)
+            }
+        }
+    }
+
+    fn fill_constants(&mut self, constants: &BTreeMap<String, f64>) {
+        for (name, &value) in constants {
+            self.columns.retain(|column| column.name != *name);
+            self.columns.push(Column {
+                name: name.clone(),
+                number: 1,
+                values: vec![value; self.lines.rows()],
+                unreadable: 0,
+            });
+        }
     }
 
     pub(super) fn error(&self, line: u64, message: impl ToString) -> ReadError {
@@ -153,20 +200,14 @@ impl Table {
         }
     }
 
-    pub(super) fn column(&self, name: &str) -> Option<&[f64]> {
-        self.columns
-            .iter()
-            .find(|(known, _)| known == name)
-            .map(|(_, values)| &values[..])
+    pub(in crate::recording) fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|column| column.name == name)
     }
 
-    pub(super) fn has(&self, name: &str) -> bool {
-        self.column(name).is_some()
-    }
-
-    pub(super) fn needed(&self, name: &str) -> Result<&[f64], ReadError> {
-        self.column(name).ok_or_else(|| {
-            let known: Vec<_> = self.columns.iter().map(|(name, _)| &name[..]).collect();
+    fn needed(&self, name: &str) -> Result<usize, ReadError> {
+        let found = self.columns.iter().position(|column| column.name == name);
+        found.ok_or_else(|| {
+            let known: Vec<_> = self.columns.iter().map(|column| &column.name[..]).collect();
             self.error(
                 self.header_line,
                 format!(
@@ -177,157 +218,294 @@ impl Table {
         })
     }
 
-    /// A column without empty cells.
-    pub(super) fn full(&self, name: &str) -> Result<Vec<f64>, ReadError> {
-        let values = self.needed(name)?;
-        match values.iter().position(|x| x.is_nan()) {
-            Some(row) => Err(self.error(self.lines[row], format!("{name} is missing"))),
-            None => Ok(values.to_vec()),
+    fn rate_without_times(&self) -> Result<Option<f64>, ReadError> {
+        match self.given_rate_hz {
+            Some(rate_hz) => Ok(Some(rate_hz)),
+            None if self.has("time") => Ok(None),
+            None => noted_rate_hz(&self.notes),
         }
     }
 
-    pub(super) fn noted_rate_hz(&self) -> Result<Option<f64>, ReadError> {
-        let Some(text) = self.notes.get("rate_hz") else {
-            return Ok(None);
-        };
-        match text.parse::<f64>() {
-            Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
-            _ => Err(self.error(1, format!("the rate {text:?} is no number above 0"))),
+    /// The rate and start of the samples in these rows, with their times.
+    fn timing(&self, rows: Option<&[usize]>) -> Result<(Timing, Vec<f64>), ReadError> {
+        if let Some(rate_hz) = self.rate_without_times()? {
+            let timing = Timing {
+                rate_hz,
+                start_s: 0.0,
+                is_uneven: false,
+                finding: None,
+            };
+            return Ok((timing, vec![]));
         }
+        let all = &self.columns[self.needed("time")?].values;
+        let mut times = match rows {
+            Some(rows) => rows.iter().map(|&row| all[row]).collect(),
+            None => all.clone(),
+        };
+        let line = |index: usize| {
+            self.lines
+                .of(rows.map_or(index, |rows| rows.get(index).copied().unwrap_or(0)))
+        };
+        let longest = if self.strict { 0 } else { LONGEST_REPAIR };
+        interpolate_missing(&mut times, longest)
+            .map_err(|at| self.error(line(at.start), "time is missing"))?;
+        let found =
+            timing(&times, self.strict).map_err(|(index, message)| self.error(line(index), message))?;
+        Ok((found, times))
     }
 
-    pub(in crate::recording) fn rate_hz(&self) -> Result<f64, ReadError> {
-        match self.noted_rate_hz()? {
-            Some(rate_hz) => Ok(rate_hz),
-            None => self
-                .timing(&(0..self.lines.len()).collect::<Vec<_>>())
-                .map(|(rate_hz, _)| rate_hz),
+    /// The samples of columns without empty cells, which are taken out of the table.
+    pub(in crate::recording) fn take(&mut self, names: &[&str]) -> Result<Even, ReadError> {
+        let places: Vec<usize> = names
+            .iter()
+            .map(|name| self.needed(name))
+            .collect::<Result<_, _>>()?;
+        let (timing, times) = self.timing(None)?;
+        let mut columns = vec![];
+        for (name, place) in names.iter().zip(places) {
+            let mut values = std::mem::take(&mut self.columns[place].values);
+            self.repair(name, place, &mut values, timing.rate_hz)?;
+            columns.push(match timing.is_uneven {
+                true => resampled(&times, &values, &timing, name.starts_with("accel")),
+                false => values,
+            });
         }
+        self.findings.extend(timing.finding);
+        Ok(Even {
+            rate_hz: timing.rate_hz,
+            start_s: timing.start_s,
+            columns,
+        })
     }
 
-    /// The rate and start of the samples in these rows.
-    pub(super) fn timing(&self, rows: &[usize]) -> Result<(f64, f64), ReadError> {
-        let times = self.needed("time")?;
-        let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else {
-            return Err(self.error(self.header_line, "there are no samples"));
+    fn repair(
+        &mut self,
+        name: &str,
+        place: usize,
+        values: &mut [f64],
+        rate_hz: f64,
+    ) -> Result<(), ReadError> {
+        let Column {
+            number, unreadable, ..
+        } = self.columns[place];
+        let at = |row: usize, message: String| ReadError::CsvCell {
+            line: self.lines.of(row),
+            column: number,
+            message,
         };
-        if let Some(&row) = rows.iter().find(|&&row| times[row].is_nan()) {
-            return Err(self.error(self.lines[row], "time is missing"));
+        if self.strict {
+            return match values.iter().position(|x| x.is_nan()) {
+                Some(row) => Err(self.error(self.lines.of(row), format!("{name} is missing"))),
+                None => Ok(()),
+            };
         }
-        let start = times[first];
-        let rate = (rows.len() - 1) as f64 / (times[last] - start);
-        if !(rate.is_finite() && rate > 0.0) {
-            return Err(self.error(
-                self.lines[last],
-                "time must ascend, and there must be two samples at least",
-            ));
-        }
-        // Times are rounded when written, rates are round numbers.
-        let round = rate.round();
-        let rate = if round > 0.0 && (rate / round - 1.0).abs() < 1e-5 {
-            round
-        } else {
-            rate
+        let longest = match name.starts_with("accel") {
+            true => LONGEST_REPAIR,
+            false => ((LONGEST_SLOW_REPAIR_S * rate_hz).ceil() as usize).max(LONGEST_REPAIR),
         };
-        for (i, &row) in rows.iter().enumerate() {
-            let expected = start + i as f64 / rate;
-            if (times[row] - expected).abs() > 0.25 / rate {
-                let message = format!(
-                    "time jumps: {} s where {expected} s is expected at an even rate of {rate} Hz",
-                    times[row]
-                );
-                return Err(self.error(self.lines[row], message));
-            }
+        let of = values.len();
+        let count = interpolate_missing(values, longest).map_err(|missing| {
+            let rows = missing.len();
+            at(
+                missing.start,
+                format!("{name} is missing in {rows} rows from here on; at most {longest} can be interpolated: cut the file here"),
+            )
+        })?;
+        let outliers = remove_outliers(values).len();
+        let quantity = name.to_owned();
+        if count > 0 {
+            let empty = count.saturating_sub(unreadable);
+            self.findings.push(Finding::Interpolated {
+                quantity: quantity.clone(),
+                unreadable,
+                empty,
+                of,
+            });
         }
-        Ok((rate, start))
+        if outliers > 0 {
+            self.findings.push(Finding::Outliers {
+                quantity,
+                count: outliers,
+            });
+        }
+        Ok(())
     }
 
     /// Samples of columns that belong together, from the rows where they are not empty.
-    pub(super) fn sensor(&self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
-        let columns: Vec<&[f64]> = names
+    pub(super) fn sensor(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
+        let places: Vec<usize> = names
             .iter()
             .map(|name| self.needed(name))
             .collect::<Result<_, _>>()?;
         let mut rows = vec![];
-        for row in 0..self.lines.len() {
-            let there = columns.iter().filter(|column| !column[row].is_nan()).count();
+        for row in 0..self.lines.rows() {
+            let there = places
+                .iter()
+                .filter(|&&place| !self.columns[place].values[row].is_nan())
+                .count();
             if there == names.len() {
                 rows.push(row);
             } else if there > 0 {
                 let message = format!("{} must all be there or all be empty", names.join(", "));
-                return Err(self.error(self.lines[row], message));
+                return Err(self.error(self.lines.of(row), message));
             }
         }
-        let (rate_hz, start_s) = match self.noted_rate_hz()? {
-            Some(rate_hz) if !self.has("time") => (rate_hz, 0.0),
-            _ => self.timing(&rows)?,
-        };
-        let samples = rows
-            .iter()
-            .map(|&row| columns.iter().map(|column| column[row]).collect())
-            .collect();
+        let (timing, times) = self.timing(Some(&rows))?;
+        let mut columns = vec![];
+        for (name, &place) in names.iter().zip(&places) {
+            let mut values: Vec<f64> = rows.iter().map(|&row| self.columns[place].values[row]).collect();
+            let unreadable =
+                interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| ReadError::CsvCell {
+                    line: self.lines.of(rows[at.start]),
+                    column: self.columns[place].number,
+                    message: format!("{name} cannot be read in {} rows from here on", at.len()),
+                })?;
+            let quantity = (*name).to_owned();
+            if unreadable > 0 {
+                let (empty, of) = (0, values.len());
+                self.findings.push(Finding::Interpolated {
+                    quantity,
+                    unreadable,
+                    empty,
+                    of,
+                });
+            }
+            columns.push(match timing.is_uneven {
+                true => resampled(&times, &values, &timing, name.starts_with("accel")),
+                false => values,
+            });
+        }
+        self.findings.extend(timing.finding);
+        let samples = columns.first().map_or(0, Vec::len);
         Ok(Series {
-            rate_hz,
-            start_s,
-            samples,
+            rate_hz: timing.rate_hz,
+            start_s: timing.start_s,
+            samples: (0..samples)
+                .map(|i| columns.iter().map(|column| column[i]).collect())
+                .collect(),
         })
     }
 }
 
-/// Lines `# key: value`.
-pub(in crate::recording) fn notes(bytes: &[u8]) -> BTreeMap<String, String> {
-    let lines = bytes
-        .split(|&b| b == b'\n')
-        .take_while(|line| line.starts_with(b"#"));
-    lines
-        .filter_map(|line| {
-            let text = String::from_utf8_lossy(&line[1..]);
-            let (key, value) = text.split_once(':')?;
-            Some((key.trim().to_owned(), value.trim().to_owned()))
-        })
-        .collect()
+/// Index and scale of a column to read.
+type Wanted = (usize, Scale);
+
+/// The columns to read: those that are mapped, and those whose names are ours.
+fn choose(head: &Head, import: &ImportSettings) -> Result<(Vec<Wanted>, Vec<Column>), ReadError> {
+    let mut wanted = vec![];
+    let mut columns: Vec<Column> = vec![];
+    for (index, name) in head.names.iter().enumerate() {
+        let wrong = |message| ReadError::CsvCell {
+            line: head.line,
+            column: index + 1,
+            message,
+        };
+        let Some((plain, scale)) = understood(name, import).transpose().map_err(wrong)? else {
+            continue;
+        };
+        if columns.iter().any(|known| known.name == plain) {
+            return Err(wrong(format!("this is a second column of {plain}")));
+        }
+        wanted.push((index, scale));
+        columns.push(Column {
+            name: plain,
+            number: index + 1,
+            values: vec![],
+            unreadable: 0,
+        });
+    }
+    Ok((wanted, columns))
 }
 
-/// The number in a cell. Quotes behind a space are none to the parser of rows, and are taken off here.
+/// Columns that are asked for have to be in one of the tables.
+pub(in crate::recording) fn check_mapping(
+    tables: &[Table],
+    import: &ImportSettings,
+) -> Result<(), ReadError> {
+    let names: Vec<&str> = tables
+        .iter()
+        .flat_map(|table| &table.names)
+        .map(String::as_str)
+        .collect();
+    match import
+        .columns
+        .values()
+        .find(|column| !names.contains(&column.as_str()))
+    {
+        Some(column) => Err(ReadError::Csv {
+            line: tables.first().map_or(1, |table| table.header_line),
+            message: format!("there is no column {column:?}; there are {}", names.join(", ")),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// What a column is by the settings, or else by its name.
+fn understood(name: &str, import: &ImportSettings) -> Option<Result<(String, Scale), String>> {
+    let unit_of = |plain: &str| {
+        // The unit of `accel` is that of its axes too.
+        let whole = plain.split('_').next().unwrap_or(plain);
+        import.units.get(plain).or_else(|| import.units.get(whole))
+    };
+    if let Some((plain, _)) = import.columns.iter().find(|(_, column)| *column == name) {
+        let scale = match unit_of(plain) {
+            Some(unit) => parse_unit(plain, unit),
+            None => unit_at_end(name, plain)
+                .ok_or_else(|| format!("the unit of {plain} in column {name:?} is not known; say it")),
+        };
+        return Some(scale.map(|scale| (plain.clone(), scale)));
+    }
+    let lower = name.to_ascii_lowercase();
+    let (plain, _) = plain_name(&lower)?;
+    // What is mapped elsewhere counts, and not what is called so.
+    if import.columns.contains_key(&plain) || import.constants.contains_key(&plain) {
+        return None;
+    }
+    match unit_of(&plain) {
+        Some(unit) => Some(parse_unit(&plain, unit).map(|scale| (plain, scale))),
+        None => parse_name(&lower),
+    }
+}
+
+/// The rate of a line `# rate_hz: ...`.
+pub(in crate::recording) fn noted_rate_hz(
+    notes: &BTreeMap<String, String>,
+) -> Result<Option<f64>, ReadError> {
+    let Some(text) = notes.get("rate_hz") else {
+        return Ok(None);
+    };
+    match text.parse::<f64>() {
+        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
+        _ => Err(ReadError::Csv {
+            line: 1,
+            message: format!("the rate {text:?} is no number above 0"),
+        }),
+    }
+}
+
+/// The number in a cell; with a comma for the point where no comma separates the cells.
 pub(in crate::recording) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
-    let text = unquoted(std::str::from_utf8(cell).ok()?);
-    let value = match scale {
-        Scale::One => text.parse().ok()?,
-        Scale::Thousandth => parse_thousandth(text)?,
-        Scale::StandardGravity => text.parse::<f64>().ok()? * 9.80665,
+    let text = std::str::from_utf8(cell).ok()?;
+    let value = match text.bytes().filter(|&byte| byte == b',').count() {
+        0 => scaled(text, scale)?,
+        1 if !text.contains('.') => scaled(&text.replace(',', "."), scale)?,
+        _ => return None,
     };
     value.is_finite().then_some(value)
 }
 
-/// The line that a row stands on. The parser's own count is of where it began to look: before the line feed of a Windows line end, empty
-/// lines and comments.
-pub(in crate::recording) fn line_of(bytes: &[u8], position: Option<&csv::Position>) -> u64 {
-    let Some(position) = position else { return 1 };
-    let start = usize::try_from(position.byte()).unwrap_or(usize::MAX);
-    let mut rest = bytes.get(start..).unwrap_or_default();
-    let mut line = position.line();
-    loop {
-        let end = rest.iter().position(|&byte| byte == b'\n');
-        let passed_over = |row: &[u8]| row.starts_with(b"#") || row.trim_ascii().is_empty();
-        match end.filter(|&end| passed_over(&rest[..end])) {
-            Some(end) => {
-                rest = &rest[end + 1..];
-                line += 1;
-            }
-            None => return line,
-        }
+/// The number in a text, whatever its unit.
+#[cfg(feature = "spreadsheets")]
+pub(in crate::recording) fn number_of(text: &str) -> Option<f64> {
+    number(text.trim().as_bytes(), Scale::One)
+}
+
+fn scaled(text: &str, scale: Scale) -> Option<f64> {
+    match scale {
+        Scale::One => text.parse().ok(),
+        Scale::Thousandth => parse_thousandth(text),
+        Scale::Factor(factor) => Some(text.parse::<f64>().ok()? * factor),
     }
-}
-
-/// A name or number without the quotes around it.
-pub(in crate::recording) fn unquoted(text: &str) -> &str {
-    let inner = text.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
-    inner.unwrap_or(text).trim()
-}
-
-/// Text without the byte order mark that Windows programs put first.
-pub(in crate::recording) fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
 /// `column` counts from 0.
@@ -344,16 +522,12 @@ pub(in crate::recording) fn not_a_number(line: u64, column: usize, name: &str, c
     }
 }
 
-pub(in crate::recording) fn csv_error(error: &csv::Error) -> ReadError {
+pub(in crate::recording) fn unequal(row: &Row<'_>, expected: usize) -> ReadError {
     ReadError::Csv {
-        line: error.position().map_or(1, csv::Position::line),
-        message: match error.kind() {
-            csv::ErrorKind::UnequalLengths {
-                expected_len, len, ..
-            } => {
-                format!("the row has {len} cells where the header has {expected_len}")
-            }
-            _ => error.to_string(),
-        },
+        line: row.line,
+        message: format!(
+            "the row has {} cells where the header has {expected}",
+            row.cells()
+        ),
     }
 }

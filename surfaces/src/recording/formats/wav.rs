@@ -1,0 +1,53 @@
+//! Vibrations in WAV files.
+
+use super::super::csv::{Cells, Table};
+use super::super::{ImportSettings, ReadError};
+use hound::{SampleFormat, WavReader};
+
+/// One channel is the acceleration, three are its axes; of others one is chosen by its number.
+pub(in crate::recording) fn wav(bytes: &[u8], import: &ImportSettings) -> Result<Table, ReadError> {
+    let wrong = |message: String| ReadError::Io(message);
+    let mut reader = WavReader::new(bytes).map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
+    let spec = reader.spec();
+    let full_scale = import.full_scale_m_s2.ok_or_else(|| {
+        wrong("a WAV file does not say its unit: say how many m/s² its full scale of 1.0 is".to_owned())
+    })?;
+    let samples: Result<Vec<f64>, _> = match spec.sample_format {
+        SampleFormat::Float => reader.samples::<f32>().map(|x| x.map(f64::from)).collect(),
+        SampleFormat::Int => {
+            let unit = 2_f64.powi(i32::from(spec.bits_per_sample) - 1);
+            reader
+                .samples::<i32>()
+                .map(|x| x.map(|x| f64::from(x) / unit))
+                .collect()
+        }
+    };
+    let samples = samples.map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
+    let channels = usize::from(spec.channels);
+    let names: Vec<String> = match channels {
+        1 => vec!["accel_m_s2".to_owned()],
+        3 => ["x", "y", "z"].map(|axis| format!("accel_{axis}_m_s2")).to_vec(),
+        _ => (1..=channels).map(|channel| channel.to_string()).collect(),
+    };
+    let channel = |index: usize| {
+        samples
+            .iter()
+            .skip(index)
+            .step_by(channels)
+            .map(|x| x * full_scale)
+            .collect()
+    };
+    let mut cells = Cells {
+        columns: (0..channels).map(channel).collect(),
+        names,
+        ..Cells::default()
+    };
+    for row in 0..samples.len() / channels.max(1) {
+        cells.lines.push(row as u64 + 1);
+    }
+    let mut import = import.clone();
+    // The full scale has said it.
+    import.units.insert("accel".to_owned(), "m_s2".to_owned());
+    import.rate_hz = Some(f64::from(spec.sample_rate));
+    Table::of_cells(cells, &import)
+}
