@@ -70,19 +70,31 @@ pub fn parts(path: &Path) -> Vec<PathBuf> {
 }
 
 fn warn_of_ignored(path: &Path, head: Option<&CsvHead>, import: &ImportSettings) {
-    let is_mapped = |name: &String| import.columns.values().any(|column| column == name);
-    for name in head
-        .iter()
-        .flat_map(|head| &head.ignored)
-        .filter(|name| !is_mapped(name))
-    {
-        let meant = match closest(name, COLUMNS) {
-            Some(meant) => format!("did you mean {meant}?"),
-            None => format!("known are {}", COLUMNS.join(", ")),
+    let is_mapped = |name: &&String| import.columns.values().any(|column| column == *name);
+    let ignored = head.iter().flat_map(|head| &head.ignored);
+    let (mut alike, mut others) = (vec![], vec![]);
+    for name in ignored.filter(|name| !is_mapped(name)) {
+        match closest(name, COLUMNS) {
+            Some(meant) => alike.push((name, meant)),
+            None => others.push(format!("{name:?}")),
+        }
+    }
+    for (name, meant) in alike {
+        remark(&format!(
+            "warning: {}: column {name:?} is not understood and passed over; did you mean {meant}?\n",
+            path.display()
+        ));
+    }
+    if !others.is_empty() {
+        let (columns, are) = match others.len() {
+            1 => ("column", "is"),
+            _ => ("columns", "are"),
         };
         remark(&format!(
-            "warning: {}: column {name:?} is not understood and passed over; {meant}\n",
-            path.display()
+            "warning: {}: {columns} {} {are} not understood and passed over; known are {}\n",
+            path.display(),
+            others.join(", "),
+            COLUMNS.join(", ")
         ));
     }
 }

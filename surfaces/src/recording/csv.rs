@@ -17,7 +17,9 @@ mod write;
 
 #[cfg(feature = "spreadsheets")]
 pub(super) use table::number_of;
-pub(super) use table::{Cells, Lines, Table, check_mapping, not_a_number, noted_rate_hz, number, unequal};
+pub(super) use table::{
+    Cells, Fault, Lines, Table, check_mapping, not_a_number, noted_rate_hz, number, unequal,
+};
 pub(super) use units::{Scale, parse_name, parse_unit, si_unit};
 pub use write::{RawTable, write_csv};
 
@@ -67,8 +69,8 @@ pub struct CsvHead {
 
 /// The head of a file from its first bytes; `None` where these are no CSV's.
 pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
-    let is_other = bytes.starts_with(b"PK") || bytes.starts_with(b"RIFF") || bytes.starts_with(b"MATLAB ");
-    if is_other || bytes.trim_ascii_start().starts_with(b"<") {
+    let is_binary = bytes.iter().take(512).any(|byte| *byte == 0);
+    if is_binary || bytes.trim_ascii_start().starts_with(b"<") {
         return None;
     }
     let (_, head) = Rows::new(bytes).ok()?;
@@ -85,7 +87,8 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
     let import = ImportSettings::strict();
     let table = Table::read(bytes, &import)?;
-    recording(&mut [table], source, &import).map(|(recording, _)| recording)
+    let read = recording(&mut [table], source, &import).map_err(|fault| fault.error)?;
+    Ok(read.0)
 }
 
 /// A recording from one or several tables of the same time, and what was found in them.
@@ -93,10 +96,10 @@ pub(super) fn recording(
     tables: &mut [Table],
     source: &str,
     import: &ImportSettings,
-) -> Result<(AnyRecording, Vec<Finding>), ReadError> {
+) -> Result<(AnyRecording, Vec<Finding>), Fault> {
     let gesture = match noted(tables, "gesture") {
         Some((table, word)) => Gesture::from_word(word).ok_or_else(|| {
-            table.error(
+            table.fault(
                 1,
                 format!("gesture {word:?} is unknown; known are drag, circle, tap, press"),
             )
@@ -105,7 +108,7 @@ pub(super) fn recording(
     };
     let origin = match noted(tables, "origin") {
         Some((table, word)) => {
-            Origin::from_word(word).ok_or_else(|| table.error(1, format!("origin {word:?} is unknown")))?
+            Origin::from_word(word).ok_or_else(|| table.fault(1, format!("origin {word:?} is unknown")))?
         }
         None => Origin::Imported,
     };
@@ -168,7 +171,7 @@ pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String>
     }
 }
 
-fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, ReadError> {
+fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, Fault> {
     // Where no table has it, the first says what is missing.
     let place = |tables: &[Table], name: &str| tables.iter().position(|table| table.has(name)).unwrap_or(0);
     let mut sensor = |names: &[&str]| {

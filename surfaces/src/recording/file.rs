@@ -35,14 +35,17 @@ pub fn load_with(
             _ => {}
         }
     }
-    let mut tables = paths
-        .iter()
-        .map(|path| table(path, import))
-        .collect::<Result<Vec<_>, _>>()?;
+    let mut tables = vec![];
+    for (file, path) in paths.iter().enumerate() {
+        let mut table = table(path, import)?;
+        table.file = file;
+        tables.push(table);
+    }
     let first = &paths[0];
     csv::check_mapping(&tables, import).map_err(|source| read_error(first, source))?;
     let source: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
-    csv::recording(&mut tables, &source.join(" + "), import).map_err(|source| read_error(first, source))
+    csv::recording(&mut tables, &source.join(" + "), import)
+        .map_err(|fault| read_error(&paths[fault.file], fault.error))
 }
 
 /// The files of a take: a WAV file alone takes in the table beside it.

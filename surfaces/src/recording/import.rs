@@ -128,6 +128,9 @@ impl fmt::Display for Finding {
                 f,
                 "{quantity}: {unreadable} unreadable and {empty} empty cells of {of} were interpolated"
             ),
+            Self::Outliers { quantity, count: 1 } => {
+                write!(f, "{quantity}: a single outlier was replaced by its neighbours' mean")
+            }
             Self::Outliers { quantity, count } => {
                 write!(f, "{quantity}: {count} single outliers were replaced by their neighbours' mean")
             }

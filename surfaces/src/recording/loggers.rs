@@ -275,6 +275,35 @@ fn files_of_a_take_are_joined_by_time_or_by_name() {
     assert!((recording.signals().acceleration_m_s2[0] - (100.0 * 0.7_f64).sin()).abs() < 1e-5);
 }
 
+#[test]
+fn what_is_wrong_with_a_take_is_told_of_the_file_it_is_in() {
+    let folder = Folder::new();
+    let fast: String = rows(1000).map(|(t, a, ..)| format!("{t},{a}\n")).collect();
+    let accel = folder.with("accel.csv", format!("time_s,accel_m_s2\n{fast}"));
+    let place = |name: &str, text: String| {
+        let motion = folder.with(name, text);
+        match read(&[accel.clone(), motion.clone()], &ImportSettings::default()).expect_err(name) {
+            LoadError::Read { path, source } => {
+                assert_eq!(path, motion, "{source}");
+                line_of(LoadError::Read { path, source }).0
+            }
+            error => panic!("{error}"),
+        }
+    };
+    let slow: Vec<String> = (0..80)
+        .map(|i| format!("{},1,50\n", f64::from(i) / 100.0))
+        .collect();
+    let head = "time_s,force_normal_n,speed_mm_s\n";
+    let gap = format!("{head}{}{}", slow[..30].concat(), slow[50..].concat());
+    assert_eq!(place("gap.csv", gap), 32);
+    let worse: String = (0..80)
+        .map(|i| format!("{},x,50\n", f64::from(i) / 100.0))
+        .collect();
+    assert_eq!(place("cells.csv", format!("{head}{worse}")), 2);
+    let wrong_gesture = format!("# gesture: wave\n{head}{}", slow.concat());
+    assert_eq!(place("gesture.csv", wrong_gesture), 1);
+}
+
 /// An element of a MATLAB file.
 fn element(kind: u32, data: &[u8]) -> Vec<u8> {
     let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();

@@ -1,7 +1,7 @@
 //! Processed recordings from one table, or from several that share a clock: one has the vibration, others what is slower.
 
 use super::super::{ProcessedRecording, ReadError, Series, Signals};
-use super::table::{Even, Table};
+use super::table::{Even, Fault, Table};
 use super::{AXES, Gesture};
 use crate::Provenance;
 use crate::learning::processing;
@@ -13,13 +13,13 @@ pub(super) fn processed(
     tables: &mut [Table],
     gesture: Gesture,
     provenance: Provenance,
-) -> Result<ProcessedRecording, ReadError> {
+) -> Result<ProcessedRecording, Fault> {
     let has_axes = |table: &Table| AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
     let has_vibration = |table: &Table| table.has("accel") || has_axes(table);
     let first = tables.iter().position(has_vibration).unwrap_or(0);
     tables.swap(0, first);
     let Some((vibration, others)) = tables.split_first_mut() else {
-        return Err(ReadError::Io("there are no tables".to_owned()));
+        return Err(ReadError::Io("there are no tables".to_owned()).into());
     };
     let (header_line, axes) = (vibration.header_line, has_axes(vibration));
     let mut names = vec![];
@@ -52,7 +52,7 @@ pub(super) fn processed(
             },
         ));
     }
-    cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.error(header_line, message))?;
+    cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.fault(header_line, message))?;
     let mut columns = taken.columns.into_iter();
     let acceleration = names
         .contains(&"accel")
@@ -67,7 +67,7 @@ pub(super) fn processed(
         put(&mut signals, name, values);
     }
     let acceleration = acceleration.map_or_else(|| combined(&signals), Ok);
-    signals.acceleration_m_s2 = acceleration.map_err(|message| vibration.error(header_line, message))?;
+    signals.acceleration_m_s2 = acceleration.map_err(|message| vibration.fault(header_line, message))?;
     for (name, series) in slow {
         let time = |i: usize| taken.start_s + i as f64 / taken.rate_hz;
         let values = (0..signals.acceleration_m_s2.len())

@@ -4,7 +4,7 @@ use super::super::import::{
     Finding, ImportSettings, Timing, interpolate_missing, remove_outliers, resampled, timing,
 };
 use super::super::rows::{Head, Row, Rows};
-use super::super::{ReadError, Series};
+use super::super::{ReadError, RecordingError, Series};
 use super::units::{Scale, parse_name, parse_unit, plain_name, unit_at_end};
 use crate::files::decimal::parse_thousandth;
 use std::collections::BTreeMap;
@@ -21,6 +21,8 @@ const FEW_ROWS: usize = 100;
 
 /// The columns that are understood, in SI. Cells that were empty are NaN, cells that could not be read infinite.
 pub(in crate::recording) struct Table {
+    /// Which of a take's files it is.
+    pub(in crate::recording) file: usize,
     pub(super) header_line: u64,
     pub(super) notes: BTreeMap<String, String>,
     pub(super) findings: Vec<Finding>,
@@ -82,6 +84,26 @@ pub(in crate::recording) struct Cells {
     pub lines: Lines,
 }
 
+/// What is wrong, and with which of a take's files.
+#[derive(Debug)]
+pub(in crate::recording) struct Fault {
+    pub file: usize,
+    pub error: ReadError,
+}
+
+/// What is wrong with a take as a whole is told of its first file.
+impl From<ReadError> for Fault {
+    fn from(error: ReadError) -> Self {
+        Self { file: 0, error }
+    }
+}
+
+impl From<RecordingError> for Fault {
+    fn from(error: RecordingError) -> Self {
+        ReadError::from(error).into()
+    }
+}
+
 /// Samples of several columns at an even rate.
 pub(in crate::recording) struct Even {
     pub rate_hz: f64,
@@ -124,6 +146,7 @@ impl Table {
     fn empty(head: Head, import: &ImportSettings) -> Result<(Vec<Wanted>, Self), ReadError> {
         let (wanted, columns) = choose(&head, import)?;
         let table = Self {
+            file: 0,
             header_line: head.line,
             notes: head.notes,
             names: head.names,
@@ -153,7 +176,11 @@ impl Table {
             for (row, value) in column.values.iter_mut().enumerate() {
                 if value.is_infinite() {
                     column.unreadable += 1;
-                    let error = not_a_number(table.lines.of(row), index, &column.name, b"this cell");
+                    let error = ReadError::CsvCell {
+                        line: table.lines.of(row),
+                        column: index + 1,
+                        message: format!("the cell of {} holds no number", column.name),
+                    };
                     first_unreadable.get_or_insert(error);
                 }
                 *value = scale.si(*value);
@@ -193,10 +220,21 @@ impl Table {
         }
     }
 
-    pub(super) fn error(&self, line: u64, message: impl ToString) -> ReadError {
+    fn error(&self, line: u64, message: impl ToString) -> ReadError {
         ReadError::Csv {
             line,
             message: message.to_string(),
+        }
+    }
+
+    pub(super) fn fault(&self, line: u64, message: impl ToString) -> Fault {
+        self.at_fault(self.error(line, message))
+    }
+
+    fn at_fault(&self, error: ReadError) -> Fault {
+        Fault {
+            file: self.file,
+            error,
         }
     }
 
@@ -208,13 +246,14 @@ impl Table {
         let found = self.columns.iter().position(|column| column.name == name);
         found.ok_or_else(|| {
             let known: Vec<_> = self.columns.iter().map(|column| &column.name[..]).collect();
-            self.error(
-                self.header_line,
-                format!(
-                    "a column of {name} is missing; understood were: {}",
-                    known.join(", ")
-                ),
-            )
+            let known = match known.is_empty() {
+                true => "none".to_owned(),
+                false => known.join(", "),
+            };
+            let message = format!(
+                "a column of {name} is missing; understood were: {known}; rename the column, or say which it is (--column)"
+            );
+            self.error(self.header_line, message)
         })
     }
 
@@ -255,7 +294,11 @@ impl Table {
     }
 
     /// The samples of columns without empty cells, which are taken out of the table.
-    pub(in crate::recording) fn take(&mut self, names: &[&str]) -> Result<Even, ReadError> {
+    pub(super) fn take(&mut self, names: &[&str]) -> Result<Even, Fault> {
+        self.taken(names).map_err(|error| self.at_fault(error))
+    }
+
+    fn taken(&mut self, names: &[&str]) -> Result<Even, ReadError> {
         let places: Vec<usize> = names
             .iter()
             .map(|name| self.needed(name))
@@ -332,7 +375,11 @@ impl Table {
     }
 
     /// Samples of columns that belong together, from the rows where they are not empty.
-    pub(super) fn sensor(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
+    pub(super) fn sensor(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, Fault> {
+        self.sensed(names).map_err(|error| self.at_fault(error))
+    }
+
+    fn sensed(&mut self, names: &[&str]) -> Result<Series<Vec<f64>>, ReadError> {
         let places: Vec<usize> = names
             .iter()
             .map(|name| self.needed(name))
@@ -450,8 +497,9 @@ fn understood(name: &str, import: &ImportSettings) -> Option<Result<(String, Sca
     if let Some((plain, _)) = import.columns.iter().find(|(_, column)| *column == name) {
         let scale = match unit_of(plain) {
             Some(unit) => parse_unit(plain, unit),
-            None => unit_at_end(name, plain)
-                .ok_or_else(|| format!("the unit of {plain} in column {name:?} is not known; say it")),
+            None => unit_at_end(name, plain).ok_or_else(|| {
+                format!("the unit of {plain} in column {name:?} is not known; say it (--unit)")
+            }),
         };
         return Some(scale.map(|scale| (plain.clone(), scale)));
     }

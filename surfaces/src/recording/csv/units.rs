@@ -80,7 +80,7 @@ pub(in crate::recording) fn parse_name(name: &str) -> Option<Result<(String, Sca
                 .map(|unit| format!("{plain}_{unit}"))
                 .collect();
             Err(format!(
-                "column {name:?} has no unit that is understood; name it {}, or say its unit",
+                "column {name:?} has no unit that is understood; name it {}, or say its unit (--unit)",
                 known.join(" or ")
             ))
         }

@@ -10,7 +10,10 @@ pub(in crate::recording) fn wav(bytes: &[u8], import: &ImportSettings) -> Result
     let mut reader = WavReader::new(bytes).map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
     let spec = reader.spec();
     let full_scale = import.full_scale_m_s2.ok_or_else(|| {
-        wrong("a WAV file does not say its unit: say how many m/s² its full scale of 1.0 is".to_owned())
+        wrong(
+            "a WAV file does not say its unit: say how many m/s² its full scale of 1.0 is (--full-scale)"
+                .to_owned(),
+        )
     })?;
     let samples: Result<Vec<f64>, _> = match spec.sample_format {
         SampleFormat::Float => reader.samples::<f32>().map(|x| x.map(f64::from)).collect(),

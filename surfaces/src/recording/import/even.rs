@@ -109,7 +109,7 @@ fn uneven(times: &[f64]) -> Result<Timing, TimeFault> {
             );
             return Err((row + 1, message));
         }
-        missing_rows += (step / usual).round().max(1.0) as usize - 1;
+        missing_rows += missing_after(times, row, usual);
     }
     let span_s = times[times.len() - 1] - times[0];
     let rate_hz = rounded((times.len() - 1 + missing_rows) as f64 / span_s, ROUND_UNEVEN);
@@ -133,6 +133,16 @@ fn uneven(times: &[f64]) -> Result<Timing, TimeFault> {
         is_uneven: true,
         finding: Some(finding),
     })
+}
+
+/// Rows that are missing between `row` and the next: a late row alone makes one step longer, but not three together.
+fn missing_after(times: &[f64], row: usize, usual: f64) -> usize {
+    let missing = |from: usize, to: usize| {
+        let steps = ((times[to] - times[from]) / usual).round() as usize;
+        steps.saturating_sub(to - from)
+    };
+    let around = missing(row.saturating_sub(1), (row + 2).min(times.len() - 1));
+    missing(row, row + 1).min(around)
 }
 
 fn rounded(rate_hz: f64, within: f64) -> f64 {
@@ -207,7 +217,9 @@ mod tests {
 
     #[test]
     fn jittered_times_are_resampled_to_what_was_there() {
-        let times = jittered(4000, 1000.0, 0.1);
+        let mut times = jittered(4000, 1000.0, 0.1);
+        // One late row is no missing one.
+        times[2000] += 0.45e-3;
         let signal = |time: f64| (std::f64::consts::TAU * 50.0 * time).sin();
         let values: Vec<f64> = times.iter().map(|time| signal(*time)).collect();
         let found = timing(&times, false).expect("no gap");
