@@ -342,6 +342,7 @@ impl ProcessedRecording {
 
 /// A recording of either kind, as files hold them.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant)] // a handful exist at a time, and their samples are elsewhere
 pub enum AnyRecording {
     /// As the sensors gave it.
     Raw(Recording),
