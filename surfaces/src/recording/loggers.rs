@@ -76,7 +76,7 @@ fn columns_and_units_are_said_where_the_file_does_not() {
         .and_then(|s| s.with_column("speed", "v"))
         .and_then(|s| s.with_unit("speed", "mm/s"))
         .expect("known names and units");
-    let (recording, findings) = read(&[path.clone()], &import).expect("a recording");
+    let (recording, findings) = read(std::slice::from_ref(&path), &import).expect("a recording");
     let signals = recording.signals();
     assert_eq!(signals.rate_hz, 1000.0);
     assert_eq!(signals.acceleration_m_s2, [4.903325, 9.80665, -4.903325]);
@@ -87,7 +87,7 @@ fn columns_and_units_are_said_where_the_file_does_not() {
         .with_column("accel", "acc")
         .expect("a quantity");
     assert_eq!(
-        line_of(read(&[path.clone()], &unsaid).expect_err("no unit")),
+        line_of(read(std::slice::from_ref(&path), &unsaid).expect_err("no unit")),
         (1, 2)
     );
     let nowhere = import.with_column("speed", "w").expect("a quantity");
@@ -131,7 +131,8 @@ fn single_cells_and_outliers_are_repaired_and_counted_or_refused() {
     // A logger that lost power.
     lines[499] = "0.4990,0.1\n".to_owned();
     let path = folder.with("x.csv", format!("{HEAD}{}", lines.concat()));
-    let (recording, findings) = read(&[path.clone()], &ImportSettings::default()).expect("a recording");
+    let (recording, findings) =
+        read(std::slice::from_ref(&path), &ImportSettings::default()).expect("a recording");
     assert_eq!(recording.samples(), 500);
     assert!(
         recording
@@ -187,7 +188,8 @@ fn gaps_are_refused_where_they_are_and_jitter_is_not() {
         .map(|(i, (t, a, f, v))| format!("{:.6},{a},{f},{v}\n", t + if i % 2 == 1 { 0.0002 } else { 0.0 }))
         .collect();
     let path = folder.with("jitter.csv", format!("{HEAD}{jittered}"));
-    let (recording, findings) = read(&[path.clone()], &ImportSettings::default()).expect("a recording");
+    let (recording, findings) =
+        read(std::slice::from_ref(&path), &ImportSettings::default()).expect("a recording");
     assert_eq!(recording.rate_hz(), 1000.0);
     assert!(
         matches!(findings[..], [Finding::Jitter { missing_rows: 0, .. }]),
