@@ -113,8 +113,8 @@ fn other(path: &Path, column: Option<&str>) -> Result<Read, Failure> {
         bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path),
         bytes if column.is_none() && is_recording(bytes) => recording(path),
         bytes => {
-            let column = read_signal(&bytes[..], column)
-                .map_err(|error| recordings::unreadable(path, bytes, &error))?;
+            let column =
+                read_signal(bytes, column).map_err(|error| recordings::unreadable(path, bytes, &error))?;
             let unit = column.unit.map(str::to_owned);
             let simulated = recordings::is_simulated(path)?;
             Ok((column.values, column.rate_hz, unit, simulated))

@@ -90,6 +90,15 @@ fn signals(seconds: u64) -> Vec<Recorded> {
     ]
 }
 
+/// A page without its pictures, whose letters spell whatever they like.
+fn written(html: &str) -> String {
+    let mut parts = html.split("base64,");
+    let first = parts.next().unwrap_or_default();
+    let is_letter = |c: char| c.is_ascii_alphanumeric() || "+/=".contains(c);
+    let rest = parts.flat_map(|part| ["base64,", part.trim_start_matches(is_letter)]);
+    std::iter::once(first).chain(rest).collect()
+}
+
 #[test]
 fn a_page_shows_everything_and_fetches_nothing() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/t3-tile.ron");
@@ -107,7 +116,7 @@ fn a_page_shows_everything_and_fetches_nothing() {
         drawing: String::new(),
     };
     let html = page.to_html();
-    assert!(!html.contains("NaN") && !html.contains("<b>"));
+    assert!(!written(&html).contains("NaN") && !html.contains("<b>"));
     for outside in ["src=\"", "href=\"http", "url(", "<script", "@import"] {
         assert!(!html.contains(outside), "{outside}");
     }
