@@ -9,10 +9,10 @@ use std::f64::consts::TAU;
 
 /// Most lines of a texture.
 pub const MAX_LINES: usize = 3;
-/// Lines below this frequency are silent, and whole from [`WHOLE`] times it on, Hz.
+/// Lines below this frequency are silent, and whole from `WHOLE` times it on, Hz.
 pub const LOWEST_HZ: f64 = 5.0;
 const WHOLE: f64 = 1.5;
-/// Lines above this part of the models' rate are silent, and whole up to [`WHOLE_OF_RATE`] of it.
+/// Lines above this part of the models' rate are silent, and whole up to `WHOLE_OF_RATE` of it.
 pub const HIGHEST_OF_RATE: f64 = 0.4;
 const WHOLE_OF_RATE: f64 = 0.36;
 

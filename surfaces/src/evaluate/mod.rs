@@ -5,7 +5,7 @@
 //! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
 //! - [`holdout`]: textures and plain baselines on parts of recordings that they were not learned from.
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
-//! - [`leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
+//! - [`mod@leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
 //! - [`scaling`], [`clusters`]: the statistics behind the map.
 
