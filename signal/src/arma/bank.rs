@@ -23,7 +23,8 @@ enum Plain {
     Lattice(Bank<LatticeGroup>),
 }
 
-/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give alone, to the bit.
+/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give alone, but for rounding,
+/// and the same bits whatever the blocks.
 #[derive(Debug, Clone)]
 pub struct WarpedBank(Bank<WarpedGroup>);
 

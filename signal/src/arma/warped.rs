@@ -5,7 +5,8 @@ mod step;
 use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over};
 use crate::warped::residual_share;
 use pulp::{Arch, Simd, WithSimd};
-pub(super) use step::{ROWS, SUMS, Step};
+pub(super) use step::Stages;
+use step::{ROWS, SUMS, Step};
 
 /// `gain / A(D(z))` with `D` the all-pass of [`crate::warped`], as a normalised lattice.
 ///
@@ -52,7 +53,8 @@ impl WarpedLattice {
     /// [`ArmaError`] for none, too many, not finite or unstable ones, or a factor out of range, keeping the old.
     pub fn set_coefficients(&mut self, ar: &[f64], warping: f64, gain: f64) -> Result<(), ArmaError> {
         let before = self.step.order;
-        self.step.set(self.arch, ar, warping, gain)?;
+        let stages = Stages::new(self.arch, ar, warping, gain)?;
+        self.step.set(self.arch, &stages);
         // Signals of stages that are gone, or were never there, must not come back with them.
         self.state[before.min(ar.len())..].fill(0.0);
         Ok(())

@@ -1,46 +1,55 @@
 //! Warped lattices in lanes.
 
 use super::{Frames, Group};
-use crate::arma::warped::{ROWS, SUMS, Step};
+use crate::arma::warped::Stages;
 use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over};
 use pulp::Arch;
 
-/// Voices in a group: the widest vector, as each has a matrix of its own to keep in the cache.
-const LANES: usize = 8;
-/// Rows computed together, so that a state is fetched once for all of them.
-const TILE: usize = 4;
+/// Voices in a group: two of the widest vectors, as every stage waits for its neighbour.
+const LANES: usize = 16;
 
 type Lanes = [f64; LANES];
 
-/// As many [`WarpedLattice`](crate::arma::WarpedLattice)s as there are lanes, each with its own order of summation.
+/// A signal of each stage, on whole cache lines.
+#[repr(align(64))]
+struct Signals([Lanes; MAX_ORDER]);
+
+/// As many [`WarpedLattice`](crate::arma::WarpedLattice)s as there are lanes, stage by stage: the lanes fill the time that one voice
+/// would wait, and nothing but the stages has to be kept.
+///
+/// The formulas are those of the step's matrix; states are kept times `s`.
 #[derive(Debug, Clone)]
+#[repr(C, align(64))]
 pub(super) struct WarpedGroup {
-    tiles: Box<Tiles>,
-    order: [usize; LANES],
+    pass: [Lanes; MAX_ORDER],
+    /// `-l` times `pass`: what a stage's `beta` takes from the one below.
+    carried: [Lanes; MAX_ORDER],
+    turned: [Lanes; MAX_ORDER],
+    /// `s^2 alpha_{m-1}`.
+    share: [Lanes; MAX_ORDER],
     warping: Lanes,
+    /// `s^2`.
+    turn: Lanes,
     out_scale: Lanes,
-    state: [Lanes; ROWS],
-    /// The step of the voice that is being set.
-    set: Box<Step>,
+    order: [usize; LANES],
+    state: [Lanes; MAX_ORDER],
     arch: Arch,
 }
-
-/// The step matrices: for every [`TILE`] rows what the excitation enters them with, then each state; 0 beyond the order.
-#[derive(Debug, Clone)]
-#[repr(align(64))]
-struct Tiles([[[Lanes; TILE]; MAX_ORDER + 1]; ROWS / TILE]);
 
 impl Group for WarpedGroup {
     const LANES: usize = LANES;
 
     fn new() -> Self {
         Self {
-            tiles: Box::new(Tiles([[[[0.0; LANES]; TILE]; MAX_ORDER + 1]; ROWS / TILE])),
-            order: [0; LANES],
+            pass: [[1.0; LANES]; MAX_ORDER],
+            carried: [[0.0; LANES]; MAX_ORDER],
+            turned: [[0.0; LANES]; MAX_ORDER],
+            share: [[0.0; LANES]; MAX_ORDER],
             warping: [0.0; LANES],
+            turn: [1.0; LANES],
             out_scale: [0.0; LANES],
-            state: [[0.0; LANES]; ROWS],
-            set: Box::new(Step::SILENT),
+            order: [0; LANES],
+            state: [[0.0; LANES]; MAX_ORDER],
             arch: Arch::new(),
         }
     }
@@ -48,32 +57,39 @@ impl Group for WarpedGroup {
     #[inline(always)]
     fn run(&mut self, mut frames: Frames<'_>) {
         let order = self.order.into_iter().fold(0, usize::max).min(MAX_ORDER);
-        let (tiles, pairs) = (order.div_ceil(TILE), order.div_ceil(SUMS));
-        let mut state = self.state;
+        let (warping, turn) = (self.warping, self.turn);
+        let mut entering = Signals([[0.0; LANES]; MAX_ORDER]);
         for n in 0..frames.count() {
-            let e: Lanes = frames.excitation(n);
-            let mut next = state;
-            let rows = next.as_chunks_mut::<TILE>().0.iter_mut();
-            for (rows, tile) in rows.zip(&self.tiles.0[..tiles]) {
-                *rows = product(tile, &e, &state, pairs);
+            let mut beta = [0.0_f64; LANES];
+            for m in 0..order {
+                for l in 0..LANES {
+                    let (x, below) = (self.state[m][l], beta[l]);
+                    entering.0[m][l] = self.turned[m][l] * (-warping[l]).mul_add(below, x);
+                    self.state[m][l] = turn[l].mul_add(below, warping[l] * x);
+                    beta[l] = self.carried[m][l].mul_add(below, self.pass[m][l] * x);
+                }
             }
-            let mut out = [0.0; LANES];
-            for l in 0..LANES {
-                out[l] = (next[0][l] - self.warping[l] * state[0][l]) * self.out_scale[l];
+            let mut forward: Lanes = frames.excitation(n);
+            for m in (0..order).rev() {
+                let (pass, share, entering) = (&self.pass[m], &self.share[m], &entering.0[m]);
+                let state = &mut self.state[m];
+                for l in 0..LANES {
+                    forward[l] = pass[l].mul_add(forward[l], entering[l]);
+                    state[l] = share[l].mul_add(forward[l], state[l]);
+                }
             }
-            frames.put(n, &out);
-            state = next;
+            for (out, scale) in forward.iter_mut().zip(&self.out_scale) {
+                *out *= scale;
+            }
+            frames.put(n, &forward);
         }
-        self.state = state;
     }
 
     fn settle(&mut self) {
         for lane in 0..LANES {
-            let column: [f64; ROWS] = std::array::from_fn(|m| self.state[m][lane]);
+            let column: [f64; MAX_ORDER] = std::array::from_fn(|m| self.state[m][lane]);
             if is_over(&[], &column[..self.order[lane]]) || !are_finite(&column) {
-                for row in &mut self.state {
-                    row[lane] = 0.0;
-                }
+                self.silence(lane, 0);
             }
         }
     }
@@ -92,53 +108,29 @@ impl WarpedGroup {
         warping: f64,
         gain: f64,
     ) -> Result<(), ArmaError> {
-        self.set.set(self.arch, ar, warping, gain)?;
-        let (step, old) = (&self.set, self.order[lane]);
-        let order = step.order;
-        let columns = std::iter::once(&step.drive).chain(&step.columns);
-        for (j, column) in columns.enumerate().take(order.max(old) + 1) {
-            for (i, value) in column.iter().enumerate().take(order.max(old)) {
-                let is_within = i < order && j <= order;
-                self.tiles.0[i / TILE][j][i % TILE][lane] = if is_within { *value } else { 0.0 };
-            }
+        let stages = Stages::new(self.arch, ar, warping, gain)?;
+        let turn = 1.0 - warping * warping;
+        // Beyond the order stages pass on and turn nothing.
+        for m in 0..ar.len().max(self.order[lane]) {
+            self.pass[m][lane] = stages.pass[m];
+            self.carried[m][lane] = -warping * stages.pass[m];
+            self.turned[m][lane] = stages.turned[m];
+            self.share[m][lane] = turn * stages.alpha[m];
         }
-        for row in &mut self.state[order.min(old)..] {
-            row[lane] = 0.0;
+        self.silence(lane, ar.len().min(self.order[lane]));
+        if warping != self.warping[lane] {
+            let scale = (turn / self.turn[lane]).sqrt();
+            self.state.iter_mut().for_each(|row| row[lane] *= scale);
         }
-        self.order[lane] = order;
-        (self.warping[lane], self.out_scale[lane]) = (step.warping, step.out_scale);
+        (self.order[lane], self.warping[lane], self.turn[lane]) = (ar.len(), warping, turn);
+        self.out_scale[lane] = stages.out_scale * turn.sqrt();
         Ok(())
     }
-}
 
-/// The next states of a tile: the sums of a single voice, which has as many and adds the first states to the excitation's.
-#[inline(always)]
-fn product(
-    tile: &[[Lanes; TILE]; MAX_ORDER + 1],
-    e: &Lanes,
-    state: &[Lanes; ROWS],
-    pairs: usize,
-) -> [Lanes; TILE] {
-    let [drive, columns @ ..] = tile;
-    let (mut even, mut odd) = ([[0.0; LANES]; TILE], [[0.0; LANES]; TILE]);
-    for r in 0..TILE {
-        for l in 0..LANES {
-            even[r][l] = drive[r][l] * e[l];
+    /// Puts the stages of a voice from `first` on to rest.
+    fn silence(&mut self, lane: usize, first: usize) {
+        for row in &mut self.state[first..] {
+            row[lane] = 0.0;
         }
     }
-    let columns = columns.as_chunks::<SUMS>().0.iter();
-    for ([left, right], x) in columns.zip(state.as_chunks::<SUMS>().0).take(pairs) {
-        for r in 0..TILE {
-            for l in 0..LANES {
-                even[r][l] = left[r][l].mul_add(x[0][l], even[r][l]);
-                odd[r][l] = right[r][l].mul_add(x[1][l], odd[r][l]);
-            }
-        }
-    }
-    for r in 0..TILE {
-        for l in 0..LANES {
-            even[r][l] += odd[r][l];
-        }
-    }
-    even
 }

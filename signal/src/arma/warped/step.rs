@@ -37,8 +37,35 @@ impl Step {
         out_scale: 0.0,
     };
 
+    /// Takes other stages.
+    pub fn set(&mut self, arch: Arch, stages: &Stages) {
+        (self.order, self.warping, self.out_scale) = (stages.order, stages.warping, stages.out_scale);
+        arch.dispatch(Write { stages, step: self });
+        // What is beyond the order may be left from before.
+        for column in &mut self.columns[stages.order..stages.order.next_multiple_of(SUMS)] {
+            column.fill(0.0);
+        }
+    }
+}
+
+/// The stages of a warped lattice; the step takes the sines `k_m` and cosines `c_m` of their angles into what the formulas below need
+/// of them. Beyond the order they pass on and turn nothing.
+pub struct Stages {
+    pub order: usize,
+    pub warping: f64,
+    /// `c_m delta_m`: what goes on upwards as `beta_m` and downwards as `f_{m-1}`.
+    pub pass: [f64; MAX_ORDER],
+    /// `-k_m delta_m`: what is turned from `q_m` into `f_{m-1}`.
+    pub turned: [f64; MAX_ORDER],
+    /// `alpha_{m-1}`: the share of a forward signal in the backward signal below the stage.
+    pub alpha: [f64; MAX_ORDER],
+    /// See [`Step::out_scale`].
+    pub out_scale: f64,
+}
+
+impl Stages {
     /// See [`WarpedLattice::set_coefficients`](super::WarpedLattice::set_coefficients).
-    pub fn set(&mut self, arch: Arch, ar: &[f64], warping: f64, gain: f64) -> Result<(), ArmaError> {
+    pub fn new(arch: Arch, ar: &[f64], warping: f64, gain: f64) -> Result<Self, ArmaError> {
         check(ar, &[], gain)?;
         if ar.is_empty() || !(0.0..=MAX_WARPING).contains(&warping) {
             return Err(PredictionError::NotFinite.into());
@@ -47,18 +74,17 @@ impl Step {
         let reflection = &mut reflection[..ar.len()];
         reflection.copy_from_slice(ar);
         step_down(reflection)?;
-        if self.set_reflection(arch, reflection, warping, gain) {
-            Ok(())
+        let stages = Self::of_reflection(arch, reflection, warping, gain);
+        if stages.out_scale.is_finite() {
+            Ok(stages)
         } else {
             Err(PredictionError::NotFinite.into())
         }
     }
 
-    /// Takes up to [`MAX_ORDER`] reflection coefficients between -1 and 1; whether the output's scale is finite, without which
-    /// the step stays as it was.
-    pub fn set_reflection(&mut self, arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> bool {
-        arch.dispatch(Set {
-            step: self,
+    /// From up to [`MAX_ORDER`] reflection coefficients between -1 and 1.
+    pub fn of_reflection(arch: Arch, reflection: &[f64], warping: f64, gain: f64) -> Self {
+        arch.dispatch(Solve {
             reflection,
             warping,
             gain,
@@ -66,66 +92,36 @@ impl Step {
     }
 }
 
-/// See [`Step::set_reflection`].
-struct Set<'a> {
-    step: &'a mut Step,
+/// See [`Stages::of_reflection`].
+struct Solve<'a> {
     reflection: &'a [f64],
     warping: f64,
     gain: f64,
 }
 
-impl WithSimd for Set<'_> {
-    type Output = bool;
+impl WithSimd for Solve<'_> {
+    type Output = Stages;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> bool {
+    fn with_simd<S: Simd>(self, _: S) -> Stages {
         match self.reflection.len() {
-            0..=16 => self.set::<16>(),
-            17..=24 => self.set::<24>(),
-            _ => self.set::<32>(),
+            0..=16 => self.solve::<16>(),
+            17..=24 => self.solve::<24>(),
+            _ => self.solve::<32>(),
         }
     }
 }
 
-impl Set<'_> {
-    #[inline(always)]
-    fn set<const PADDED: usize>(self) -> bool {
-        let stages = Stages::<PADDED>::new(self.reflection, self.warping);
-        let turn = 1.0 - self.warping * self.warping;
-        // f_0 = prod c_m / A(D) e.
-        let out_scale = self.gain / stages.product_of_cosines / turn.sqrt();
-        if !out_scale.is_finite() {
-            return false;
-        }
-        let order = self.reflection.len();
-        let step = self.step;
-        (step.order, step.warping, step.out_scale) = (order, self.warping, out_scale);
-        stages.write(step);
-        // What is beyond the order may be left from before.
-        for column in &mut step.columns[order..order.next_multiple_of(SUMS)] {
-            column.fill(0.0);
-        }
-        true
-    }
-}
-
-/// One set of coefficients, stage by stage; the step takes the sines `k_m` and cosines `c_m` of the stages' angles into what
-/// the formulas below need of them.
-struct Stages<const PADDED: usize> {
-    /// `c_m delta_m`: what goes on upwards as `beta_m` and downwards as `f_{m-1}`.
-    pass: [f64; PADDED],
-    /// `-k_m delta_m`: what is turned from `q_m` into `f_{m-1}`.
-    turned: [f64; PADDED],
-    /// `alpha_{m-1}`: the share of a forward signal in the backward signal below the stage.
-    alpha: [f64; PADDED],
-    product_of_cosines: f64,
-}
-
-impl<const PADDED: usize> Stages<PADDED> {
+impl Solve<'_> {
     /// `alpha_m = (k_m - l alpha_{m-1}) delta_m` with `delta_m = 1 / (1 - l k_m alpha_{m-1})`, from `alpha_0 = 1`: as a
     /// quotient `above / below`, so that the chain of the stages has no division.
     #[inline(always)]
-    fn new(reflection: &[f64], warping: f64) -> Self {
+    fn solve<const PADDED: usize>(self) -> Stages {
+        let Self {
+            reflection,
+            warping,
+            gain,
+        } = self;
         let mut sine = [0.0; PADDED];
         for (sine, k) in sine.iter_mut().zip(reflection) {
             *sine = *k;
@@ -139,44 +135,69 @@ impl<const PADDED: usize> Stages<PADDED> {
             quotient = (k.mul_add(b, -(warping * a)), (-(warping * k)).mul_add(a, b));
             next_below[m] = quotient.1;
         }
-        let mut this = Self {
-            pass: [0.0; PADDED],
-            turned: [0.0; PADDED],
-            alpha: [0.0; PADDED],
-            product_of_cosines: product(&cosine),
+        let mut stages = Stages {
+            order: reflection.len(),
+            warping,
+            pass: [1.0; MAX_ORDER],
+            turned: [0.0; MAX_ORDER],
+            alpha: [0.0; MAX_ORDER],
+            // f_0 = prod c_m / A(D) e.
+            out_scale: gain / product(&cosine) / (1.0 - warping * warping).sqrt(),
         };
         for m in 0..PADDED {
             // One division for both quotients.
             let inverse = 1.0 / (below[m] * next_below[m]);
             let delta = below[m] * below[m] * inverse;
-            this.pass[m] = cosine[m] * delta;
-            this.turned[m] = -(sine[m] * delta);
-            this.alpha[m] = above[m] * next_below[m] * inverse;
+            stages.pass[m] = cosine[m] * delta;
+            stages.turned[m] = -(sine[m] * delta);
+            stages.alpha[m] = above[m] * next_below[m] * inverse;
         }
-        this
+        stages
     }
+}
 
-    /// Writes the step as a matrix. Stage by stage it is, with `s^2 = 1 - l^2`, `q_m = s x_m - l beta_{m-1}` and
+/// Writes the stages as the matrix of a step.
+struct Write<'a> {
+    stages: &'a Stages,
+    step: &'a mut Step,
+}
+
+impl WithSimd for Write<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        match self.stages.order {
+            0..=16 => self.write::<16>(),
+            17..=24 => self.write::<24>(),
+            _ => self.write::<32>(),
+        }
+    }
+}
+
+impl Write<'_> {
+    /// Stage by stage the step is, with `s^2 = 1 - l^2`, `q_m = s x_m - l beta_{m-1}` and
     /// `beta_m = c_m delta_m q_m`, upwards; then, downwards, `f_{m-1} = delta_m (c_m f_m - k_m q_m)`,
     /// `b_m = alpha_m f_m + beta_m` and `next x_m = l x_m + s b_{m-1}`.
     ///
     /// What a single `q_j` does is the sum of what it does through `f` below it and of what it does through `beta` above
     /// it, which is what `q_{j+1}` does, scaled: so each column follows from its neighbour.
     #[inline(always)]
-    fn write(&self, step: &mut Step) {
-        let (order, warping) = (step.order, step.warping);
+    fn write<const PADDED: usize>(self) {
+        let Self { stages, step } = self;
+        let (order, warping) = (stages.order, stages.warping);
         let turn = 1.0 - warping * warping;
         // What the forward signal below stage j does below it, times s.
         let (mut below, mut pass) = ([0.0_f64; PADDED], 0.0);
         for (j, column) in step.columns[..order].iter_mut().enumerate() {
-            let (here, share) = (unit::<PADDED>(j), turn * self.alpha[j]);
+            let (here, share) = (unit::<PADDED>(j), turn * stages.alpha[j]);
             for i in 0..PADDED {
                 below[i] = below[i].mul_add(pass, here[i] * share);
             }
             for i in 0..PADDED {
-                column[i] = self.turned[j] * below[i];
+                column[i] = stages.turned[j] * below[i];
             }
-            pass = self.pass[j];
+            pass = stages.pass[j];
         }
         let drive = pass / turn.sqrt();
         for (place, below) in step.drive.iter_mut().zip(&below) {
@@ -185,8 +206,8 @@ impl<const PADDED: usize> Stages<PADDED> {
         // What q_{j+1} does; above the highest stage there is none.
         let (mut through, mut entering) = ([0.0; PADDED], 0.0);
         for (j, column) in step.columns[..order].iter_mut().enumerate().rev() {
-            let (above, onwards) = (unit::<PADDED>(j + 1), -warping * self.pass[j]);
-            let entered = entering * self.pass[j];
+            let (above, onwards) = (unit::<PADDED>(j + 1), -warping * stages.pass[j]);
+            let entered = entering * stages.pass[j];
             for i in 0..PADDED {
                 through[i] = onwards.mul_add(through[i], entered.mul_add(above[i], column[i]));
             }
