@@ -11,10 +11,12 @@
 //! cost(s..t) >= cost(s..u) + (what u..t costs at the highest order, without penalty)
 //! ```
 //!
-//! and a start whose bound exceeds what is known to reach t need not be looked at. The idea is that of PELT (Killick, Fearnhead
-//! and Eckley 2012), but works as well where nothing ever changes. The bounds of all starts grow by the same surprise from one
-//! [`mark`](MARK) to the next, so a heap ordered by what they exceed it by yields those that may matter, and the others cost nothing: the
-//! search takes time in proportion to the signal's length where its character changes, and little more where it does not.
+//! and a start whose bound exceeds what is known to reach t need not be looked at. Where a low order is best, the surprise at the
+//! highest one is too little by what it fits to chance; so the orders are bounded in [classes](CLASSES), each with the surprise at its
+//! own highest. The idea is that of PELT (Killick, Fearnhead and Eckley 2012), but works as well where nothing ever changes. The
+//! bounds of all starts grow by at least the same surprise from one [`mark`](MARK) to the next, so a heap ordered by what they exceed
+//! it by yields those that may matter, and the others cost nothing: the search takes time in proportion to the signal's length where
+//! its character changes, and little more where it does not.
 
 use super::objective::{Objective, put_lane};
 use super::variance::{Estimator, LANES, Lanes, Scratch, end_size};
@@ -36,7 +38,27 @@ struct Prefix {
 
 /// Starts at most this many grid points before an end are always rated: their least surprise carries the bounds of all others forward
 /// from mark to mark, which lie as far apart.
-const MARK: usize = 32;
+const MARK: usize = 8;
+
+/// The orders are bounded in so many classes: up to an eighth of the highest, up to a quarter, a half, and the rest.
+const CLASSES: usize = 4;
+
+/// A cost for each class.
+type ByClass = [f64; CLASSES];
+
+/// The highest order of each class.
+fn class_ends(order: usize) -> [usize; CLASSES] {
+    from_fn(|class| (order >> (CLASSES - 1 - class)).max(1))
+}
+
+/// The least over the classes of what is known up to some point, continued by what follows.
+#[inline(always)]
+fn least(known: &ByClass, following: &ByClass) -> f64 {
+    known
+        .iter()
+        .zip(following)
+        .fold(f64::INFINITY, |least, (k, f)| least.min(k + f))
+}
 
 /// The first samples of the second and later segments of the best segmentation whose breaks are multiples of the moments' step.
 pub(super) fn best_on_grid<E: Estimator>(objective: &Objective<'_, E>) -> Vec<usize> {
@@ -60,8 +82,8 @@ struct Search<'a, E> {
     /// What it knows of the end at hand.
     ends: Vec<Lanes>,
     discounts: Discounts,
-    /// Least surprise from each of the last [`MARK`] grid points, the latest first, to the end at hand.
-    surprise_since: [f64; MARK + 1],
+    /// Surprise from each of the last [`MARK`] grid points, the latest first, to the end at hand.
+    surprise_since: [ByClass; MARK + 1],
     bounds: Bounds,
     marks: Marks,
     /// The cheapest way known to reach the end at hand: cost and number of segments.
@@ -79,8 +101,10 @@ struct Block {
     /// Cost of the cheapest prefix that ends at each start; infinite where there is none.
     before: Lanes,
     /// At most the cost of reaching grid point `bounded_at` through any of the starts.
-    bound: f64,
+    bound: ByClass,
     bounded_at: usize,
+    /// Fewest segments of any prefix that ends at one of the starts.
+    fewest: usize,
 }
 
 /// Rates all starts that may matter for one end, with the widest vectors the processor has.
@@ -110,19 +134,13 @@ impl<E: Estimator> pulp::WithSimd for RateStarts<'_, '_, E> {
         if end.is_multiple_of(MARK) {
             search.pass_mark(end);
         }
+        for index in 0..search.bounds.fresh().len() {
+            search.rate_if_needed(search.bounds.fresh()[index], end);
+        }
         // The most promising first, because the incumbent is what all are measured by.
         while let Some(block) = search.next_waiting(end) {
-            search.rate(block, end);
+            search.rate_if_needed(block, end);
             search.bounds.renew(block);
-        }
-        for index in 0..search.bounds.fresh().len() {
-            let block = search.bounds.fresh()[index];
-            let Block {
-                bound, bounded_at, ..
-            } = search.blocks[block];
-            if bounded_at < end && bound + search.surprise_since[end - bounded_at] < search.limit() {
-                search.rate(block, end);
-            }
         }
     }
 }
@@ -136,8 +154,9 @@ impl<'a, E: Estimator> Search<'a, E> {
         let block = Block {
             first_samples: Lanes::splat(samples as f64),
             before: Lanes::splat(f64::INFINITY),
-            bound: f64::NEG_INFINITY,
+            bound: [f64::NEG_INFINITY; CLASSES],
             bounded_at: 0,
+            fewest: usize::MAX,
         };
         let mut blocks = vec![block; positions.len().div_ceil(LANES)];
         let mut starts = vec![Lanes::default(); blocks.len() * size];
@@ -151,7 +170,7 @@ impl<'a, E: Estimator> Search<'a, E> {
             );
             blocks[point / LANES].first_samples.0[point % LANES] = position as f64;
         }
-        blocks[0].before.0[0] = 0.0;
+        (blocks[0].before.0[0], blocks[0].fewest) = (0.0, 0);
         let mut prefixes = vec![Vec::new(); positions.len()];
         prefixes[0].push(Prefix {
             cost: 0.0,
@@ -166,7 +185,7 @@ impl<'a, E: Estimator> Search<'a, E> {
             starts,
             ends: vec![Lanes::default(); size],
             discounts: Discounts::new(objective, &positions),
-            surprise_since: [0.0; MARK + 1],
+            surprise_since: [[0.0; CLASSES]; MARK + 1],
             bounds: Bounds::default(),
             marks: Marks::new::<E>(moments, &positions),
             incumbent: (f64::INFINITY, 1),
@@ -194,40 +213,76 @@ impl<'a, E: Estimator> Search<'a, E> {
     /// Carries all bounds forward to the mark `end`.
     fn pass_mark(&mut self, end: usize) {
         let since_last = self.surprise_since[MARK.min(end)];
-        for block in self.bounds.pass_mark(end, since_last) {
-            let Block {
-                bound, bounded_at, ..
-            } = &mut self.blocks[block];
-            *bound += self.surprise_since[end - *bounded_at];
-            *bounded_at = end;
-            self.bounds.push(block, *bound);
-        }
-    }
-
-    /// What a prefix worth keeping costs less than: the incumbent, and what the break term can refund for the incumbent's every segment.
-    #[inline(always)]
-    fn limit(&self) -> f64 {
-        let (cost, segments) = self.incumbent;
-        // The last term covers the rounding of the sums that make a bound.
-        cost + (segments as f64).ln() + 1e-9 * (1.0 + cost.abs() + self.bounds.carried().abs())
-    }
-
-    /// The most promising of the blocks that were not rated since the latest mark, if it may matter.
-    #[inline(always)]
-    fn next_waiting(&mut self, end: usize) -> Option<usize> {
-        let mark = self.bounds.mark();
-        let limit = self.limit() - self.surprise_since[end - mark];
-        while let Some((block, bound)) = self.bounds.pop_below(limit) {
+        for block in self.bounds.take_fresh() {
+            let bound = self.bound_now(block, end);
             let Block {
                 bound: rated,
                 bounded_at,
                 ..
-            } = self.blocks[block];
-            let (scratch, variances) = (&mut self.scratch, &mut self.variances);
-            let since = self
-                .marks
-                .surprise(bounded_at, mark, self.objective, scratch, variances);
-            let tightened = bound.max(rated + since);
+            } = &mut self.blocks[block];
+            if *bounded_at > self.bounds.mark() {
+                let since = self.surprise_since[end - *bounded_at];
+                *rated = from_fn(|class| rated[class] + since[class]);
+                *bounded_at = end;
+            }
+            self.bounds.push(block, bound - since_last[CLASSES - 1]);
+        }
+        self.bounds.pass_mark(end, since_last[CLASSES - 1]);
+    }
+
+    /// At most the cost of reaching `end` through any start of a block.
+    #[inline(always)]
+    fn bound_now(&mut self, block: usize, end: usize) -> f64 {
+        let (known, at) = self.bound_since_mark(block);
+        least(&known, &self.surprise_since[end - at])
+    }
+
+    /// The bound of a block at the latest mark, or where it was rated since.
+    #[inline(always)]
+    fn bound_since_mark(&mut self, block: usize) -> (ByClass, usize) {
+        let mark = self.bounds.mark();
+        let Block {
+            bound, bounded_at, ..
+        } = self.blocks[block];
+        if bounded_at >= mark {
+            return (bound, bounded_at);
+        }
+        let (scratch, variances) = (&mut self.scratch, &mut self.variances);
+        let since = self
+            .marks
+            .surprise(bounded_at, mark, self.objective, scratch, variances);
+        (from_fn(|class| bound[class] + since[class]), mark)
+    }
+
+    /// Rates a block for `end` if it may matter.
+    #[inline(always)]
+    fn rate_if_needed(&mut self, block: usize, end: usize) {
+        if self.bound_now(block, end) < self.limit(self.blocks[block].fewest) {
+            self.rate(block, end);
+        }
+    }
+
+    /// What a prefix worth keeping costs less than that extends one of at least so many segments: the incumbent, and what the break
+    /// term can refund for the segments that the incumbent has more.
+    #[inline(always)]
+    fn limit(&self, extended: usize) -> f64 {
+        let (cost, segments) = self.incumbent;
+        let refund = if extended < segments - 1 {
+            Self::greatest_refund(segments, extended + 1, true)
+        } else {
+            0.0
+        };
+        // The last term covers the rounding of the sums that make a bound.
+        cost + refund + 1e-9 * (1.0 + cost.abs() + self.bounds.carried().abs())
+    }
+
+    /// The most promising of the blocks that were not looked at since the latest mark, if it may matter before the next.
+    #[inline(always)]
+    fn next_waiting(&mut self, end: usize) -> Option<usize> {
+        let limit = self.limit(0) - self.surprise_since[end - self.bounds.mark()][CLASSES - 1];
+        while let Some((block, bound)) = self.bounds.pop_below(limit) {
+            let (known, _) = self.bound_since_mark(block);
+            let tightened = least(&known, &[0.0; CLASSES]).max(bound);
             if tightened < limit {
                 return Some(block);
             }
@@ -239,41 +294,29 @@ impl<'a, E: Estimator> Search<'a, E> {
     /// The cost of reaching `end` through each of a block's starts.
     #[inline(always)]
     fn rate(&mut self, index: usize, end: usize) {
-        let block = &mut self.blocks[index];
-        let spans = Lanes::splat(self.positions[end] as f64) - block.first_samples;
+        let spans = Lanes::splat(self.positions[end] as f64) - self.blocks[index].first_samples;
         // Starts too late for this end get any positive span: their discounts are infinite.
         let spans = Lanes(from_fn(|l| if spans.0[l] > 1.0 { spans.0[l] } else { 1.0 }));
         let starts = &self.starts[index * self.ends.len()..][..self.ends.len()];
         E::estimate(starts, &self.ends, spans, &mut self.scratch, &mut self.variances);
-        let floor = self.objective.floor;
-        let mut best = Lanes::splat(f64::INFINITY);
-        for (&variance, discount) in self.variances[1..]
-            .iter()
-            .zip(self.discounts.of(end, index * LANES))
-        {
-            best = Lanes(from_fn(|l| {
-                let candidate = (variance.0[l] + floor) * discount[l];
-                if candidate < best.0[l] {
-                    candidate
-                } else {
-                    best.0[l]
-                }
-            }));
-        }
+        let costs = self.costs(index, end, spans);
         // Only where every order was allowed does the cost bound what a longer segment costs.
         let clear = self.objective.min_span.max(2 * self.objective.moments.order) as f64;
-        let least_variance = self.variances[self.variances.len() - 1];
+        let block = &mut self.blocks[index];
         block.bounded_at = end;
-        block.bound = f64::INFINITY;
+        block.bound = [f64::INFINITY; CLASSES];
         for l in 0..LANES {
             let start = index * LANES + l;
-            let cost = block.before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln();
-            let bound = if spans.0[l] >= clear {
-                cost
-            } else {
-                f64::NEG_INFINITY
-            };
-            block.bound = block.bound.min(bound);
+            let cost = costs[..]
+                .iter()
+                .fold(f64::INFINITY, |least, cost| least.min(cost.0[l]));
+            for (bound, cost) in block.bound.iter_mut().zip(&costs) {
+                *bound = bound.min(if spans.0[l] >= clear {
+                    cost.0[l]
+                } else {
+                    f64::NEG_INFINITY
+                });
+            }
             if cost < f64::INFINITY {
                 self.reached.push((start, cost));
                 if cost < self.incumbent.0 {
@@ -282,9 +325,38 @@ impl<'a, E: Estimator> Search<'a, E> {
             }
             if E::SUPERADDITIVE && start < end && end - start <= MARK {
                 let span = self.positions[end] - self.positions[start];
-                self.surprise_since[end - start] = self.objective.surprise(least_variance.0[l], span);
+                self.surprise_since[end - start] =
+                    by_class(&self.variances, |v| self.objective.surprise(v.0[l], span));
             }
         }
+    }
+
+    /// The least cost in each class of orders of reaching `end` through a block's starts, given the variances.
+    #[inline(always)]
+    fn costs(&self, index: usize, end: usize, spans: Lanes) -> [Lanes; CLASSES] {
+        let floor = self.objective.floor;
+        let before = self.blocks[index].before;
+        let mut orders = self.variances[1..]
+            .iter()
+            .zip(self.discounts.of(end, index * LANES));
+        let mut done = 0;
+        class_ends(self.objective.moments.order).map(|class_end| {
+            let mut best = Lanes::splat(f64::INFINITY);
+            for (&variance, discount) in orders.by_ref().take(class_end - done) {
+                best = Lanes(from_fn(|l| {
+                    let candidate = (variance.0[l] + floor) * discount[l];
+                    if candidate < best.0[l] {
+                        candidate
+                    } else {
+                        best.0[l]
+                    }
+                }));
+            }
+            done = class_end;
+            Lanes(from_fn(|l| {
+                before.0[l] + spans.0[l] / 2.0 * (TAU * best.0[l]).ln()
+            }))
+        })
     }
 
     /// Keeps the cheapest prefix that ends at `end`, and those with fewer segments that may still overtake it.
@@ -321,7 +393,11 @@ impl<'a, E: Estimator> Search<'a, E> {
                 kept.push(candidate);
             }
         }
-        self.blocks[end / LANES].before.0[end % LANES] = cheapest;
+        let block = &mut self.blocks[end / LANES];
+        block.before.0[end % LANES] = cheapest;
+        for prefix in &self.prefixes[end] {
+            block.fewest = block.fewest.min(prefix.segments);
+        }
     }
 
     /// The most that `fewer` instead of `more` segments up to a point can save in the break term of the whole signal.
@@ -350,6 +426,12 @@ impl<'a, E: Estimator> Search<'a, E> {
         breaks.reverse();
         breaks
     }
+}
+
+/// What is known at the highest order of each class.
+#[inline(always)]
+fn by_class<T>(orders: &[T], known: impl Fn(&T) -> f64) -> ByClass {
+    class_ends(orders.len() - 1).map(|order| known(&orders[order]))
 }
 
 /// What the penalty of Eq. 2.3.3 amounts to as a factor on the variance: with it, the best order of a segment is the least product and the segment

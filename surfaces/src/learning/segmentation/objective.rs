@@ -69,17 +69,33 @@ impl<'a, E: Estimator> Objective<'a, E> {
         let mut starts = vec![Lanes::default(); size];
         let mut ends = vec![Lanes::default(); size];
         let mut variances = vec![Lanes::default(); order + 1];
-        let mut described = vec![0.0; size];
+        // Mostly one end of all segments is the same.
+        let mut start = Described::new(size);
+        let mut end = Described::new(size);
+        let arch = pulp::Arch::new();
         for (batch, group) in segments.chunks(LANES).enumerate() {
             let mut spans = Lanes::splat(1.0);
-            for (lane, &(start, end)) in group.iter().enumerate() {
-                spans.0[lane] = (end - start) as f64;
-                E::describe_start(self.moments, start, &mut described);
-                put_lane(&mut starts, lane, &described);
-                E::describe_end(self.moments, end, &mut described);
-                put_lane(&mut ends, lane, &described);
+            for (lane, &(from, to)) in group.iter().enumerate() {
+                spans.0[lane] = (to - from) as f64;
+                put_lane(
+                    &mut starts,
+                    lane,
+                    start.at(from, |out| E::describe_start(self.moments, from, out)),
+                );
+                put_lane(
+                    &mut ends,
+                    lane,
+                    end.at(to, |out| E::describe_end(self.moments, to, out)),
+                );
             }
-            E::estimate(&starts, &ends, spans, &mut self.scratch, &mut variances);
+            arch.dispatch(Estimate::<E> {
+                starts: &starts,
+                ends: &ends,
+                spans,
+                scratch: &mut self.scratch,
+                variances: &mut variances,
+                estimator: PhantomData,
+            });
             for lane in 0..group.len() {
                 let of_lane: Vec<f64> = variances.iter().map(|v| v.0[lane]).collect();
                 visit(self, batch * LANES + lane, &of_lane);
@@ -123,6 +139,47 @@ impl<'a, E: Estimator> Objective<'a, E> {
             orders: rated.iter().map(|r| r.order).collect(),
             mdl,
         }
+    }
+}
+
+/// [`Estimator::estimate`] with the widest vectors the processor has.
+struct Estimate<'a, E> {
+    starts: &'a [Lanes],
+    ends: &'a [Lanes],
+    spans: Lanes,
+    scratch: &'a mut Scratch,
+    variances: &'a mut [Lanes],
+    estimator: PhantomData<E>,
+}
+
+impl<E: Estimator> pulp::WithSimd for Estimate<'_, E> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        E::estimate(self.starts, self.ends, self.spans, self.scratch, self.variances);
+    }
+}
+
+/// What is known of one end of a segment, until another is asked for.
+struct Described {
+    position: Option<usize>,
+    values: Vec<f64>,
+}
+
+impl Described {
+    fn new(size: usize) -> Self {
+        Self {
+            position: None,
+            values: vec![0.0; size],
+        }
+    }
+
+    fn at(&mut self, position: usize, describe: impl FnOnce(&mut [f64])) -> &[f64] {
+        if self.position.replace(position) != Some(position) {
+            describe(&mut self.values);
+        }
+        &self.values
     }
 }
 

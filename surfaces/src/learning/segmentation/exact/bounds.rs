@@ -3,7 +3,7 @@
 use super::super::moments::Moments;
 use super::super::objective::{Objective, put_lane};
 use super::super::variance::{Estimator, LANES, Lanes, Scratch, end_size};
-use super::MARK;
+use super::{ByClass, CLASSES, MARK, by_class};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 #[derive(Default)]
 pub(super) struct Bounds {
     waiting: BinaryHeap<Waiting>,
-    /// Blocks that were rated since the latest mark.
+    /// Blocks that were looked at since the latest mark.
     fresh: Vec<usize>,
     /// Blocks before this one are kept here.
     kept: usize,
@@ -57,11 +57,15 @@ impl Bounds {
         self.kept = block;
     }
 
-    /// Moves on to the next mark; returns the blocks whose bounds have to be pushed.
-    pub fn pass_mark(&mut self, mark: usize, since_last: f64) -> Vec<usize> {
+    /// The blocks that were looked at since the latest mark, to be pushed before the next.
+    pub fn take_fresh(&mut self) -> Vec<usize> {
+        std::mem::take(&mut self.fresh)
+    }
+
+    /// Moves on to the next mark.
+    pub fn pass_mark(&mut self, mark: usize, since_last: f64) {
         self.mark = mark;
         self.carried += since_last;
-        std::mem::take(&mut self.fresh)
     }
 
     /// The latest mark.
@@ -89,12 +93,12 @@ impl Bounds {
         Some((block, bound))
     }
 
-    /// Notes that a block was rated since the latest mark.
+    /// Notes that a block was looked at since the latest mark.
     pub fn renew(&mut self, block: usize) {
         self.fresh.push(block);
     }
 
-    /// The blocks that were rated since the latest mark.
+    /// The blocks that were looked at since the latest mark.
     pub fn fresh(&self) -> &[usize] {
         &self.fresh
     }
@@ -107,7 +111,7 @@ pub(super) struct Marks {
     samples: Vec<usize>,
     size: usize,
     /// For each block of marks: up to which mark, and how much.
-    known: Vec<(usize, Lanes)>,
+    known: Vec<(usize, [ByClass; LANES])>,
     end: Vec<Lanes>,
     end_at: usize,
 }
@@ -128,7 +132,7 @@ impl Marks {
             starts,
             samples,
             size,
-            known: vec![(0, Lanes::default()); blocks],
+            known: vec![(0, [[0.0; CLASSES]; LANES]); blocks],
             end: vec![Lanes::default(); size],
             end_at: 0,
         }
@@ -143,10 +147,7 @@ impl Marks {
         objective: &Objective<'_, E>,
         scratch: &mut Scratch,
         variances: &mut [Lanes],
-    ) -> f64 {
-        if from == to {
-            return 0.0;
-        }
+    ) -> ByClass {
         let (mark, end) = (from / MARK, self.samples[to / MARK]);
         let (block, lane) = (mark / LANES, mark % LANES);
         if self.known[block].0 != to {
@@ -158,11 +159,10 @@ impl Marks {
             let spans = Lanes(std::array::from_fn(|lane| span(lane) as f64));
             let starts = &self.starts[block * self.size..][..self.size];
             E::estimate(starts, &self.end, spans, scratch, variances);
-            let least = variances[variances.len() - 1];
-            let surprise = std::array::from_fn(|lane| objective.surprise(least.0[lane], span(lane)));
-            self.known[block] = (to, Lanes(surprise));
+            let surprise = |lane| by_class(variances, |v| objective.surprise(v.0[lane], span(lane)));
+            self.known[block] = (to, std::array::from_fn(surprise));
         }
-        self.known[block].1.0[lane]
+        self.known[block].1[lane]
     }
 
     fn describe_end<E: Estimator>(&mut self, to: usize, end: usize, moments: &Moments) {
