@@ -9,6 +9,9 @@ pub fn parse_thousandth(text: &str) -> Option<f64> {
 /// The decimal number `text` with its point moved right by `places`, correctly rounded.
 pub fn parse_shifted(text: &str, places: i32) -> Option<f64> {
     let text = text.trim();
+    if let Some(value) = short_shifted(text, places) {
+        return Some(value);
+    }
     let is_digit = |c: char| c.is_ascii_digit();
     // Words that `f64::from_str` knows, such as "inf", have no decimal point to move.
     if !text.contains(is_digit) {
@@ -21,6 +24,34 @@ pub fn parse_shifted(text: &str, places: i32) -> Option<f64> {
     };
     format!("{digits}e{}", exponent + i64::from(places)).parse().ok()
 }
+
+/// As [`parse_shifted`] for numbers of few plain digits, as tables are full of: a whole number below 2^53 and a power of ten up to
+/// 10^22 are both exact, so that their product or quotient is the only rounding.
+fn short_shifted(text: &str, places: i32) -> Option<f64> {
+    let bare = text.strip_prefix('-').unwrap_or(text);
+    let (mut whole, mut digits, mut fraction) = (0_u64, 0, None);
+    for byte in bare.bytes() {
+        match byte {
+            b'0'..=b'9' if digits < 15 => {
+                whole = 10 * whole + u64::from(byte - b'0');
+                digits += 1;
+                fraction = fraction.map(|places: i32| places + 1);
+            }
+            b'.' if fraction.is_none() => fraction = Some(0),
+            _ => return None,
+        }
+    }
+    let places = places.checked_sub(fraction.unwrap_or(0))?;
+    let power = *POWERS_OF_TEN.get(places.unsigned_abs() as usize)?;
+    let whole = whole as f64;
+    let value = if places < 0 { whole / power } else { whole * power };
+    (digits > 0).then_some(if bare.len() < text.len() { -value } else { value })
+}
+
+const POWERS_OF_TEN: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
+    1e19, 1e20, 1e21, 1e22,
+];
 
 fn parse_exponent(text: &str) -> Option<i64> {
     let digits = text.strip_prefix(['+', '-']).unwrap_or(text);
@@ -100,6 +131,12 @@ mod tests {
             prop_assume!(value.is_finite());
             let back = parse_thousandth(&format_thousandfold(value)).unwrap();
             prop_assert_eq!(back.to_bits(), value.to_bits());
+        }
+
+        #[test]
+        fn short_numbers_are_those_of_the_standard_library(text in "-?[0-9]{0,9}\\.?[0-9]{0,9}", places in -25_i32..25) {
+            let wanted = format!("{text}e{places}").parse::<f64>().ok();
+            prop_assert_eq!(parse_shifted(&text, places).map(f64::to_bits), wanted.map(f64::to_bits));
         }
 
         #[test]

@@ -154,8 +154,11 @@ impl Axis {
     /// `None` for a track of too little way.
     fn new(track: &Track) -> Option<Self> {
         let mut speeds: Vec<f64> = track.steps_m.iter().map(|step| step * track.rate_hz).collect();
-        speeds.sort_by(f64::total_cmp);
-        let slow_m_s = *speeds.get(speeds.len() / 4)?;
+        let quarter = speeds.len() / 4;
+        if speeds.is_empty() {
+            return None;
+        }
+        let (_, &mut slow_m_s, _) = speeds.select_nth_unstable_by(quarter, f64::total_cmp);
         let highest_hz = FELT_HZ.min(HIGHEST_OF_RATE * track.rate_hz);
         let finest_per_m = (highest_hz / slow_m_s).min(FINEST_PER_M);
         let bin_m = 0.25 / finest_per_m;
