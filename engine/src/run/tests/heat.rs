@@ -173,7 +173,7 @@ fn no_sequence_of_edits_lets_an_actuator_become_hotter_than_the_limit_in_force()
 }
 
 /// An endpoint of a real device.
-struct RealCoil;
+pub struct RealCoil;
 impl DeviceKind for RealCoil {
     type Settings = NoSettings;
     const SPEC: DeviceSpec = DeviceSpec {
