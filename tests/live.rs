@@ -206,6 +206,31 @@ fn a_graph_whose_name_is_no_text_leaves_its_files() {
 }
 
 #[test]
+fn what_is_said_of_signals_that_are_no_numbers_stands_in_the_facts_and_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = r#"Graph(format: 1, clocks: { "c": Driver(rate_hz: 1000) }, nodes: {
+        "large": Constant(clock: "c", value: 1e308, quantity: "current"),
+        "larger": Gain(input: "large", gain: 1e9),
+        "out": ActuatorSink(current: "larger", endpoint: "a", limit: (peak_a: 1, continuous_a: 1)),
+    }, endpoints: { "simulated": { "a": SimulatedHaptuator() } })"#;
+    fs::write(folder.path().join("g.ron"), graph).unwrap();
+    for live in [&[][..], &["--live", "--endpoints", "simulated"]] {
+        let run = ["run", "g.ron", "--for", "0.2", "--out", "out"];
+        let told = succeed(folder.path(), &[&run[..], live].concat());
+        let told = String::from_utf8_lossy(&told.stderr).into_owned();
+        let faults = facts(&folder.path().join("out"))["faults"][0].clone();
+        let ticks = faults["ticks"].as_u64().unwrap();
+        assert!(
+            ticks > 0 && told.contains(&format!("{ticks} ticks")),
+            "{faults}, {told}"
+        );
+        assert_eq!(faults["origin"], "larger");
+        let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+        assert!(page.contains(&format!("origin larger, ticks {ticks}")));
+    }
+}
+
+#[test]
 fn a_live_run_ends_with_its_data() {
     let folder = tempfile::tempdir().unwrap();
     let rows: String = (0..300).map(|row| format!("{row}\n")).collect();

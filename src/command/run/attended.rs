@@ -117,7 +117,7 @@ pub struct Attended {
     waiting: VecDeque<Wish>,
     known: Option<loading::Known>,
     /// Panics that were told of.
-    pub faults: Vec<String>,
+    pub panics: Vec<String>,
 }
 
 impl Attended {
@@ -154,7 +154,7 @@ impl Attended {
             loading: None,
             waiting: VecDeque::new(),
             known: None,
-            faults: Vec::new(),
+            panics: Vec::new(),
         }
     }
 
@@ -170,7 +170,7 @@ impl Attended {
             each();
             let pause = if self.loading.is_some() { LOOK } else { PAUSE };
             let first = asked.recv_timeout(pause).ok();
-            self.tell_faults();
+            self.tell_panics();
             for note in driver.tend() {
                 match note {
                     CardNote::Turn(note) => notes.turn(note),
@@ -208,15 +208,15 @@ impl Attended {
                 self.go_on(driver);
             }
         }
-        self.tell_faults();
+        self.tell_panics();
         notes.counted()
     }
 
     /// Says what panicked meanwhile.
-    pub fn tell_faults(&mut self) {
+    pub fn tell_panics(&mut self) {
         for text in fault::untold() {
             remark(&text);
-            self.faults.push(text);
+            self.panics.push(text);
         }
     }
 

@@ -90,7 +90,7 @@ fn run_with(
             true
         }
     };
-    attended.tell_faults();
+    attended.tell_panics();
     // Until here somebody asks, if only this one, so that waiting for it is waiting.
     drop(asking);
     let mut facts = driver.facts();
@@ -145,11 +145,11 @@ fn run_with(
     for latency in &latencies {
         remark(&format!("{}\n", latency.shown()));
     }
-    let panicked = panicked || ended.panicked || !attended.faults.is_empty();
+    let panicked = panicked || ended.panicked || !attended.panics.is_empty();
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
     summary.set_endpoints(attended.endpoints);
     facts.extend(facts_of(&ended));
-    facts.push(("faults", "Panics of haptograph", json!(attended.faults)));
+    facts.push(("panics", "Panics of haptograph", json!(attended.panics)));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
     made.kept.complete(&arguments, &graph, &summary)?;

@@ -111,7 +111,7 @@ fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
         format!("`driver_frames` is {frames}, and that is not {seconds} s at {rate_hz} Hz")
     })?;
     let none = |name: &str| facts[name] == 0;
-    let is_whole = none("swaps") && none("lost_callbacks") && facts["faults"] == json!([]);
+    let is_whole = none("swaps") && none("lost_callbacks") && facts["panics"] == json!([]);
     Ok(ReplayBounds {
         longest_s,
         frames: Some((frames, is_whole)),
@@ -176,7 +176,7 @@ mod tests {
         let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
         let whole = json!({
             "live": true, "clocks": ["servo 125 Hz"], "seconds": 2.0, "took_s": 2.1, "driver_frames": 250, "swaps": 0,
-            "lost_callbacks": 0, "faults": [],
+            "lost_callbacks": 0, "panics": [],
         });
         let is = bounds(&graph, &whole).unwrap();
         assert_eq!(is.frames, Some((250, true)));
@@ -206,7 +206,7 @@ mod tests {
         for (name, value) in [
             ("swaps", json!(1)),
             ("lost_callbacks", json!(7)),
-            ("faults", json!(["x"])),
+            ("panics", json!(["x"])),
         ] {
             assert_eq!(with(name, value).unwrap().frames, Some((250, false)), "{name}");
         }

@@ -68,6 +68,7 @@ impl Summary {
                 "Times faster than real time",
                 json!(((outcome.seconds / took_s) * 10.0).round() / 10.0),
             ),
+            ("faults", "Actuators given no numbers", faults(outcome)),
             ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
         ];
         facts.extend(endpoints.facts());
@@ -204,6 +205,14 @@ fn ring(report: &RingReport) -> (String, Value) {
         "lost_frames": counts.lost_frames,
     });
     (report.name.clone(), facts)
+}
+
+/// In how many ticks actuators were given no numbers, and which node these came from; an empty list where none was.
+fn faults(outcome: &Outcome) -> Value {
+    match &outcome.faults {
+        faults if faults.ticks == 0 => json!([]),
+        faults => json!([{ "ticks": faults.ticks, "origin": faults.origin.as_deref() }]),
+    }
 }
 
 /// What followed where the data of sources ended within the run.
