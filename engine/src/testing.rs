@@ -28,7 +28,7 @@
 
 mod example;
 
-pub use example::device_from_example;
+pub use example::{Built, device_from_example, node_from_example};
 
 use crate::frame::Kind;
 use crate::io::{Form, Io, LINE, Memory, Placing, Wire};

@@ -180,7 +180,7 @@ fn every_example_works() {
     for entry in registry().devices() {
         let wrong: Vec<String> = [125.0, SERVO_HZ, RATE_HZ]
             .iter()
-            .filter_map(|rate_hz| device_from_example(entry, folder.path(), *rate_hz).err())
+            .filter_map(|rate_hz| device_from_example(entry, "", folder.path(), *rate_hz).err())
             .collect();
         assert!(wrong.len() < 3, "{}: {}", entry.spec.name, wrong[0]);
     }
@@ -306,7 +306,7 @@ fn a_copy_that_takes_over_goes_on_as_if_nothing_happened() {
 fn devices_do_not_allocate_and_stay_finite_whatever_drives_them() {
     let folder = folder();
     for entry in registry().devices() {
-        let build = |rate_hz| device_from_example(entry, folder.path(), rate_hz).ok();
+        let build = |rate_hz| device_from_example(entry, "", folder.path(), rate_hz).ok();
         let mut device = [125.0, SERVO_HZ, RATE_HZ].into_iter().find_map(build).unwrap();
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
         let mut frame = [0.0; 64];

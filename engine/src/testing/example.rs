@@ -6,11 +6,25 @@ use crate::diagnostic::{Diagnostics, Sources};
 use crate::document::text;
 use crate::document::value::{Body, Name, Shape, Value};
 use crate::frame::Kind;
-use crate::node::{Build, FileContext, InputSpec, KindRule, NodeEntry, NodeSpec, Presence, Stream};
+use crate::node::{
+    Build, FileContext, FileSink, InputSpec, KindRule, Limit, NodeEntry, NodeSpec, Presence, Stream,
+};
 use crate::settings::{Fields, Reading};
 use haptograph_signal::quantity::Quantity;
 use std::path::Path;
 use std::sync::Arc;
+
+/// What the example of a kind of node makes.
+pub enum Built {
+    /// A processor on a bench.
+    Processor(Bench),
+    /// The gain and the limit of a sink that drives a device.
+    Actuator(f64, Limit),
+    /// A file sink, and what it will write.
+    File(Box<dyn FileSink>, Vec<Stream>),
+    /// A source: its settings fit; what it reads is its device's.
+    Source,
+}
 
 impl Bench {
     /// Builds a node as the example of its spec has it, paths relative to `folder`, with every input connected: those
@@ -25,86 +39,92 @@ impl Bench {
         rate_hz: f64,
         linear: Kind,
     ) -> Result<Option<Self>, String> {
-        Self::from_example_with(entry, "", folder, rate_hz, linear)
+        Ok(match node_from_example(entry, "", folder, rate_hz, linear)? {
+            Built::Processor(bench) => Some(bench),
+            _ => None,
+        })
     }
+}
 
-    /// The same with other settings, `cutoff_hz: 5, gain: 2`, in place of those that the example gives or leaves out.
-    ///
-    /// # Errors
-    /// What is wrong with the example or the settings, as text.
-    pub fn from_example_with(
-        entry: &NodeEntry,
-        settings: &str,
-        folder: &Path,
-        rate_hz: f64,
-        linear: Kind,
-    ) -> Result<Option<Self>, String> {
-        let spec = entry.spec;
-        let example = Example {
-            text: spec.example,
-            settings,
-            kind: spec.name,
-            inputs: spec.inputs,
-            folder,
-        };
-        let kinds = |times: &[usize]| -> Vec<Kind> {
-            let ports = spec.inputs.iter().zip(times);
-            ports
-                .flat_map(|(port, times)| std::iter::repeat_n(kind_of(spec, port.kind, linear), *times))
-                .collect()
-        };
-        match entry.build {
-            Build::Processor(build) => {
-                let (finish, times) = example.read(build)?;
-                let connected: Vec<Option<Kind>> = kinds(&times).into_iter().map(Some).collect();
-                let cx = context(spec, rate_hz, &connected);
-                let (processor, _) = finish(&cx)
-                    .and_then(|(_, finish)| finish(&cx))
-                    .map_err(|error| error.to_string())?;
-                Ok(Some(Self::around(processor, spec, &cx, &connected)))
-            }
-            Build::Actuator(build) => {
-                let (finish, _) = example.read(build)?;
-                finish(&()).map_err(|error| error.to_string())?;
-                Ok(None)
-            }
-            Build::File(build) => {
-                let (finish, times) = example.read(build)?;
-                let stream = |kind| Stream {
-                    name: "bench.output".into(),
-                    kind,
-                    quantity: Quantity::NUMBER,
-                    rate: context(spec, rate_hz, &[]).rate,
-                    simulated: false,
-                };
-                let streams = kinds(&times).into_iter().map(stream).collect();
-                finish(&FileContext {
-                    streams,
-                    graph_seed: 1,
-                })
+/// Builds a node as [`Bench::from_example`] does, with other settings, `cutoff_hz: 5, gain: 2`, in place of those that the
+/// example gives or leaves out.
+///
+/// # Errors
+/// What is wrong with the example or the settings, as text.
+pub fn node_from_example(
+    entry: &NodeEntry,
+    settings: &str,
+    folder: &Path,
+    rate_hz: f64,
+    linear: Kind,
+) -> Result<Built, String> {
+    let spec = entry.spec;
+    let example = Example {
+        text: spec.example,
+        settings,
+        kind: spec.name,
+        inputs: spec.inputs,
+        folder,
+    };
+    let kinds = |times: &[usize]| -> Vec<Kind> {
+        let ports = spec.inputs.iter().zip(times);
+        ports
+            .flat_map(|(port, times)| std::iter::repeat_n(kind_of(spec, port.kind, linear), *times))
+            .collect()
+    };
+    match entry.build {
+        Build::Processor(build) => {
+            let (finish, times) = example.read(build)?;
+            let connected: Vec<Option<Kind>> = kinds(&times).into_iter().map(Some).collect();
+            let cx = context(spec, rate_hz, &connected);
+            let (processor, _) = finish(&cx)
+                .and_then(|(_, finish)| finish(&cx))
                 .map_err(|error| error.to_string())?;
-                Ok(None)
-            }
-            Build::Source => {
-                example.read(|_, _| Some(()))?;
-                Ok(None)
-            }
+            Ok(Built::Processor(Bench::around(processor, spec, &cx, &connected)))
+        }
+        Build::Actuator(build) => {
+            let (finish, _) = example.read(build)?;
+            let (gain, limit) = finish(&()).map_err(|error| error.to_string())?;
+            Ok(Built::Actuator(gain, limit))
+        }
+        Build::File(build) => {
+            let (finish, times) = example.read(build)?;
+            let stream = |(number, kind)| Stream {
+                name: format!("bench.{number}"),
+                kind,
+                quantity: Quantity::NUMBER,
+                rate: context(spec, rate_hz, &[]).rate,
+                simulated: false,
+            };
+            let streams: Vec<Stream> = kinds(&times).into_iter().enumerate().map(stream).collect();
+            let cx = FileContext {
+                streams: streams.clone(),
+                graph_seed: 1,
+            };
+            let sink = finish(&cx).map_err(|error| error.to_string())?;
+            Ok(Built::File(sink, streams))
+        }
+        Build::Source => {
+            example.read(|_, _| Some(()))?;
+            Ok(Built::Source)
         }
     }
 }
 
-/// Builds a device as the example of its spec has it, paths relative to `folder`.
+/// Builds a device as the example of its spec has it, with other settings as in [`node_from_example`], paths relative to
+/// `folder`.
 ///
 /// # Errors
-/// What is wrong with the example, as text.
+/// What is wrong with the example or the settings, as text.
 pub fn device_from_example(
     entry: &DeviceEntry,
+    settings: &str,
     folder: &Path,
     rate_hz: f64,
 ) -> Result<Box<dyn Device>, String> {
     let example = Example {
         text: entry.spec.example,
-        settings: "",
+        settings,
         kind: entry.spec.name,
         inputs: &[],
         folder,
