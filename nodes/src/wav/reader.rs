@@ -191,11 +191,11 @@ fn read_format(body: &[u8]) -> Result<(u16, u32, Encoding), WavError> {
     let rate_hz = word(body.get(4..8).ok_or(WavError::Header)?);
     let (tag, channels, frame_bytes) = (half(0)?, half(2)?, half(12)?);
     let tag = if tag == EXTENSIBLE { half(24)? } else { tag };
-    if channels == 0 {
+    if channels == 0 || frame_bytes % channels != 0 {
         return Err(WavError::Header);
     }
     // Where fewer bits are used than the bytes have, those are the upper ones.
-    let encoding = Encoding::of(tag, frame_bytes / channels * 8)?;
+    let encoding = Encoding::of(tag, (frame_bytes / channels).saturating_mul(8))?;
     Ok((channels, rate_hz, encoding))
 }
 

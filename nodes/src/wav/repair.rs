@@ -36,11 +36,12 @@ pub fn repair(file: &mut (impl Read + Write + Seek)) -> Result<Repair, WavError>
     if !is_short && layout.data_bytes <= there || data_bytes == layout.data_bytes {
         return Ok(Repair::Whole);
     }
-    let mut form = [0; 16];
+    let mut form = [0; 20];
     file.seek(SeekFrom::Start(0))?;
     file.read_exact(&mut form)?;
     let form_bytes = layout.data_at - 8 + data_bytes;
-    let has_room = matches!(&form[12..], b"JUNK" | b"ds64");
+    let room = size_chunk(None);
+    let has_room = matches!(&form[12..16], b"JUNK" | b"ds64") && form[16..] == room[4..8];
     let short = match u32::try_from(form_bytes) {
         Ok(bytes) if bytes < IN_DS64 && &form[..4] == b"RIFF" => Some(bytes),
         _ if has_room => None,
