@@ -1,6 +1,7 @@
 //! A value as written in a graph file: RON's shapes with the place of each, before anything is known of its meaning.
 
-use crate::diagnostic::Span;
+use super::text;
+use crate::diagnostic::{Diagnostics, Sources, Span};
 
 /// A value and where it stands.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +61,16 @@ pub struct Name {
 }
 
 impl Value {
+    /// Reads a text that is one value of RON.
+    ///
+    /// # Errors
+    /// Where it is not, or has brackets within more than 64 others.
+    pub fn parse(text: &str) -> Result<Self, Diagnostics> {
+        let (mut sources, mut list) = (Sources::default(), Vec::new());
+        let id = sources.add("text".into(), text.into());
+        text::read(id, text, &mut list).ok_or(Diagnostics { sources, list })
+    }
+
     /// What it is, in a person's words: `a number`, `a list`.
     pub fn describe(&self) -> &'static str {
         match &self.shape {

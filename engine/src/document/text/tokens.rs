@@ -1,6 +1,12 @@
 //! Text into tokens, and brackets to their partners.
 
 use crate::diagnostic::{Diagnostic, SourceId, Span};
+use unicode_ident::{is_xid_continue, is_xid_start};
+
+/// What RON takes for white space.
+const WHITE: [char; 11] = [
+    ' ', '\t', '\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}',
+];
 
 /// What a token is; its text is a slice of the source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,7 +44,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
         let start = at;
         let token = match c {
             '\u{feff}' if at == 0 => None,
-            c if c.is_whitespace() => None,
+            c if WHITE.contains(&c) => None,
             '/' if rest.starts_with("//") => {
                 at += rest.find('\n').unwrap_or(rest.len());
                 continue;
@@ -84,8 +90,8 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
                 let length = rest.find(']').map_or(rest.len(), |i| i + 1);
                 Some((Token::Attribute, length))
             }
-            c if c.is_alphabetic() || c == '_' => {
-                let length = rest.find(|c: char| !(c.is_alphanumeric() || c == '_'));
+            c if is_xid_start(c) || c == '_' => {
+                let length = rest.find(|c| !is_xid_continue(c));
                 Some((Token::Name, length.unwrap_or(rest.len())))
             }
             c if c.is_ascii_digit() || (matches!(c, '+' | '-' | '.') && number_follows(rest)) => {

@@ -1,0 +1,119 @@
+//! The seeds of all fuzz targets, inputs that once broke something among them, run as the fuzzer runs them; and a bounded
+//! share of inputs that are seeds with changes, made blindly.
+#![allow(clippy::print_stdout)] // Which input it was, if one fails.
+
+// What is fuzzed is no member of the workspace, as it needs a fuzzer.
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
+
+use std::fs;
+use std::path::Path;
+
+/// By their names, in order.
+fn seeds(target: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fuzz/seeds")
+        .join(target);
+    let files = fs::read_dir(folder).unwrap_or_else(|error| panic!("{target}: {error}"));
+    let seed = |file: std::io::Result<fs::DirEntry>| {
+        let path = file.expect("a file").path();
+        let bytes = fs::read(&path).expect("it can be read");
+        (path.display().to_string(), bytes)
+    };
+    let mut seeds: Vec<_> = files.map(seed).collect();
+    seeds.sort();
+    seeds
+}
+
+#[test]
+fn every_fuzz_target_stands_its_seeds_and_accepts_and_refuses_some() {
+    for (name, target) in fuzz::TARGETS {
+        let is_accepted = |(path, bytes): (String, Vec<u8>)| {
+            println!("{path}");
+            let is_accepted = target(&bytes);
+            println!("accepted: {is_accepted}");
+            is_accepted
+        };
+        let accepted: Vec<bool> = seeds(name).into_iter().map(is_accepted).collect();
+        assert!(
+            accepted.contains(&true) && accepted.contains(&false),
+            "{name}: {accepted:?}"
+        );
+    }
+}
+
+/// Numbers below some bound, one after the other.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = (self.0.wrapping_mul(6_364_136_223_846_793_005)).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % bound.max(1)
+    }
+}
+
+const WORDS: [&[u8]; 12] = [
+    b"0",
+    b"-1",
+    b"1e308",
+    b"NaN",
+    b"\xff\xff\xff\xff",
+    b"\0\0\0\x80",
+    b"(",
+    b"}",
+    b",",
+    b"\"",
+    b"\n",
+    b"18446744073709551616",
+];
+
+/// A seed with one to four changes: bytes, words and passages.
+fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
+    let mut bytes = seeds[dice.below(seeds.len())].1.clone();
+    for _ in 0..=dice.below(4) {
+        let at = dice.below(bytes.len());
+        let end = (at + dice.below(40)).min(bytes.len());
+        let other = &seeds[dice.below(seeds.len())].1;
+        let from = dice.below(other.len());
+        let (replaced, with) = match dice.below(6) {
+            0 => (at..(at + 1).min(bytes.len()), vec![dice.below(256) as u8]),
+            1 => (at..end, Vec::new()),
+            2 => (at..bytes.len(), Vec::new()),
+            3 => (at..at, bytes[at..end].to_vec()),
+            4 => (at..end, other[from..(from + end - at).min(other.len())].to_vec()),
+            _ => (at..end.min(at + 4), WORDS[dice.below(WORDS.len())].to_vec()),
+        };
+        bytes.splice(replaced, with).for_each(drop);
+    }
+    bytes
+}
+
+fn mutate_all(inputs: usize, seed: u64) {
+    for (name, target) in fuzz::TARGETS {
+        let (seeds, mut dice) = (seeds(name), Dice(seed));
+        let begun = std::time::Instant::now();
+        let accepted = (0..inputs).filter(|_| {
+            let input = mutated(&seeds, &mut dice);
+            std::panic::catch_unwind(|| target(&input)).unwrap_or_else(|_| {
+                panic!("{name}: {:?}", String::from_utf8_lossy(&input));
+            })
+        });
+        let accepted = accepted.count();
+        println!(
+            "{name}: {accepted} of {inputs} accepted, {:.1} s",
+            begun.elapsed().as_secs_f64()
+        );
+        assert!(accepted < inputs, "{name}");
+    }
+}
+
+#[test]
+fn every_fuzz_target_stands_seeds_with_changes() {
+    mutate_all(300, 1);
+}
+
+#[test]
+#[ignore = "a hundred thousand inputs: minutes"]
+fn every_fuzz_target_stands_many_seeds_with_changes() {
+    mutate_all(10_000, 2);
+}
