@@ -111,7 +111,7 @@ pub fn ron(bytes: &[u8]) -> bool {
 /// A value without its places, as `ron` has it; numbers are all of one type.
 fn plain(value: &Value) -> ron::Value {
     match &value.shape {
-        Shape::Unit => ron::Value::Unit,
+        Shape::Unit => nothing(),
         Shape::Bool(is) => ron::Value::Bool(*is),
         Shape::Number(number, _) => number_of(*number),
         Shape::String(text) => ron::Value::String(text.clone()),
@@ -125,7 +125,7 @@ fn plain(value: &Value) -> ron::Value {
             (Some("Some"), Body::Tuple(items)) if items.len() == 1 => {
                 ron::Value::Option(Some(Box::new(plain(&items[0]))))
             }
-            (_, Body::Bare) => ron::Value::Unit,
+            (_, Body::Bare) => nothing(),
             (_, Body::Tuple(items)) => ron::Value::Seq(items.iter().map(plain).collect()),
             (_, Body::Fields(fields)) => { fields.iter() }
                 .map(|(name, value)| (name.text.clone(), plain(value)))
@@ -134,12 +134,18 @@ fn plain(value: &Value) -> ron::Value {
     }
 }
 
+/// `()` and `( )` alike, of which `ron` makes a unit and an empty tuple.
+fn nothing() -> ron::Value {
+    ron::Value::Seq(Vec::new())
+}
+
 fn number_of(number: f64) -> ron::Value {
     ron::Value::Number(ron::value::Number::F64(number.into()))
 }
 
 fn plain_of_ron(value: ron::Value) -> ron::Value {
     match value {
+        ron::Value::Unit => nothing(),
         ron::Value::Number(number) => number_of(number.into_f64()),
         ron::Value::Seq(items) => ron::Value::Seq(items.into_iter().map(plain_of_ron).collect()),
         ron::Value::Option(inner) => ron::Value::Option(inner.map(|inner| Box::new(plain_of_ron(*inner)))),
