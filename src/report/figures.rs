@@ -265,7 +265,7 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
     Some(plot)
 }
 
-/// The triangles of a texture and its models: those measured, and those that extend it to the border.
+/// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
 pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
     let at = |i: usize| {
         let model = &texture.models()[i];
@@ -282,15 +282,19 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
             .map(at)
             .collect::<Vec<_>>()
     };
-    vec![
-        Mark::Areas(Style::of(Ink::Grey), triangles),
-        Mark::Dots(Style::named(Ink::Grey, "border"), of(VertexKind::Edge)),
-        Mark::Dots(
+    let kinds = [
+        (Style::named(Ink::Grey, "border"), VertexKind::Edge),
+        (
             Style::named(Ink::Blue, "model").weight(Weight::Bold),
-            of(VertexKind::Measured),
+            VertexKind::Measured,
         ),
-        Mark::Dots(Style::named(Ink::Blue, "fitted"), of(VertexKind::Fitted)),
-    ]
+        (Style::named(Ink::Blue, "law"), VertexKind::Fitted),
+    ];
+    let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
+    let dots = dots.filter(|(_, places)| !places.is_empty());
+    std::iter::once(Mark::Areas(Style::of(Ink::Grey), triangles))
+        .chain(dots.map(|(style, places)| Mark::Dots(style, places)))
+        .collect()
 }
 
 /// Where the proxy went while it touched, seen from above.

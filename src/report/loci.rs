@@ -22,7 +22,10 @@ pub(super) fn section(texture: &TextureModel) -> String {
     let Some((models, paths)) = loci.max_by(|(_, a), (_, b)| radius(&a[0]).total_cmp(&radius(&b[0]))) else {
         return "<p>No triangle lies inside the map.</p>".to_owned();
     };
-    let own: Vec<(f64, f64)> = models.iter().flat_map(|model| places(model.ar())).collect();
+    let own: Vec<(f64, f64)> = models
+        .iter()
+        .flat_map(|model| places(model.ar(), model.warping()))
+        .collect();
     let [by_coefficients, by_frequencies] = paths;
     let pair = [
         plot("Coefficients", &by_coefficients, &own),
@@ -32,9 +35,16 @@ pub(super) fn section(texture: &TextureModel) -> String {
         .iter()
         .map(|plot| format!("<figure>{}</figure>", plot.to_svg()))
         .collect();
+    let axis = match texture.warping() {
+        0.0 => String::new(),
+        warping => format!(
+            " The models' frequency axis is warped by {warping:.3}; shown are the poles of the filters that they are, on the plain \
+             axis."
+        ),
+    };
     format!(
         "<p>Poles along the sides of one triangle of the map, the corners being models: interpolated by \
-         their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.</p>\
+         their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.{axis}</p>\
          <div class=\"pair\">{figures}</div>"
     )
 }
@@ -54,7 +64,10 @@ pub(super) fn both_ways(models: &[&ArmaModel; 3]) -> [Vec<(f64, f64)>; 2] {
 fn around(models: &[&ArmaModel; 3], way: Way) -> Vec<(f64, f64)> {
     let mixes = (0..3).flat_map(|side| (0..STEPS).map(move |step| (side, step as f64 / STEPS as f64)));
     mixes
-        .flat_map(|(side, part)| places(&mix(models[side], models[(side + 1) % 3], part, way)))
+        .flat_map(|(side, part)| {
+            let mixed = mix(models[side], models[(side + 1) % 3], part, way);
+            places(&mixed, models[side].warping())
+        })
         .collect()
 }
 
@@ -71,10 +84,12 @@ fn mix(a: &ArmaModel, b: &ArmaModel, part: f64, way: Way) -> Vec<f64> {
     }
 }
 
-fn places(ar: &[f64]) -> Vec<(f64, f64)> {
+/// The poles in z of `1 / A(D(z))`: a root zeta of A is there where the all-pass is 1 / zeta, at (zeta + l) / (1 + l zeta).
+pub(super) fn places(ar: &[f64], warping: f64) -> Vec<(f64, f64)> {
     poles(ar)
         .unwrap_or_default()
         .iter()
+        .map(|root| (root + warping) / (root * warping + 1.0))
         .map(|pole| (pole.re, pole.im))
         .collect()
 }

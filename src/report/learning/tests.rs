@@ -83,3 +83,22 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
         "{coefficients} {frequencies}"
     );
 }
+
+/// At its poles the filter's denominator is nothing.
+#[test]
+fn poles_of_a_warped_model_are_those_of_its_filter() {
+    use haptograph_signal::Complex64;
+    let (ar, warping) = ([-0.9, 0.7, 0.2, -0.1], 0.8);
+    let places = crate::report::loci::places(&ar, warping);
+    assert_eq!(places.len(), 4);
+    for (re, im) in places {
+        let z = Complex64::new(re, im);
+        let all_pass = (z.inv() - warping) / (-z.inv() * warping + 1.0);
+        let denominator = ar
+            .iter()
+            .rev()
+            .fold(Complex64::ZERO, |sum, a| (sum + a) * all_pass)
+            + 1.0;
+        assert!(z.norm() < 1.0 && denominator.norm() < 1e-9, "{denominator}");
+    }
+}
