@@ -8,7 +8,7 @@ use crate::{Friction, SurfaceError};
 /// How friction is learned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionSettings {
-    /// Which line; by the gesture if `None`: through the origin for smooth circles, robust for free drags.
+    /// Which line; by the gesture if `None`: through the origin, robust for free drags.
     pub fit: Option<FrictionFit>,
     /// Slower moments are of a tool that may stick, m/s.
     pub min_speed_m_s: f64,
@@ -34,8 +34,10 @@ impl Default for FrictionSettings {
 pub enum FrictionFit {
     /// Constrained to the origin: thesis 4.2.1.
     ThroughOrigin,
-    /// With an intercept, outliers removed: thesis 2.2.3 and 3.2.3.
+    /// With an intercept, outliers removed: thesis 2.2.3 and 3.2.3. What is rendered has no intercept.
     Robust,
+    /// Constrained to the origin, outliers removed.
+    RobustThroughOrigin,
 }
 
 /// What learning friction found.
@@ -75,28 +77,43 @@ pub enum FrictionError {
     Surface(#[from] SurfaceError),
 }
 
-/// A normal and a tangential force of a sliding tool, N, moment by moment.
+/// A moment of a sliding tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sliding {
+    /// Normal force, N.
+    pub normal_n: f64,
+    /// Tangential force against the motion, N.
+    pub tangential_n: f64,
+    /// Speed, m/s.
+    pub speed_m_s: f64,
+}
+
+/// The moments of a recording in which the tool slides.
 ///
 /// Forces are brought to the tracker's moments and split there: splitting by an upsampled path gives wrong signs where the tool turns
 /// (thesis 4.2.1).
-pub fn force_pairs(
+pub fn sliding(
     recording: &AnyRecording,
     processing: &ProcessingSettings,
     settings: &FrictionSettings,
-) -> Result<Vec<(f64, f64)>, FrictionError> {
-    let slides = |force: f64, speed: f64| force > settings.min_force_n && speed > settings.min_speed_m_s;
-    match recording {
+) -> Result<Vec<Sliding>, FrictionError> {
+    let moment = |normal_n: f64, tangential_n: f64, speed_m_s: f64| Sliding {
+        normal_n,
+        tangential_n,
+        speed_m_s,
+    };
+    let moments: Vec<Sliding> = match recording {
         AnyRecording::Raw(raw) => {
             let contact = contact_signals(raw, processing, &shared_moments(raw))?;
-            let pairs = contact
-                .force_normal_n
-                .iter()
-                .zip(&contact.force_tangential_n)
-                .zip(&contact.speed_m_s);
-            Ok(pairs
-                .filter(|((f, _), v)| slides(**f, **v))
-                .map(|((&f, &t), _)| (f, t))
-                .collect())
+            (0..contact.speed_m_s.len())
+                .map(|i| {
+                    moment(
+                        contact.force_normal_n[i],
+                        contact.force_tangential_n[i],
+                        contact.speed_m_s[i],
+                    )
+                })
+                .collect()
         }
         AnyRecording::Processed(processed) => {
             let signals = processed.signals();
@@ -105,11 +122,14 @@ pub fn force_pairs(
                 .as_ref()
                 .ok_or(FrictionError::NoTangentialForce)?;
             let step = (signals.rate_hz / settings.rate_hz).round().max(1.0) as usize;
-            let kept = (0..processed.samples()).step_by(step);
-            let kept = kept.filter(|&i| slides(signals.force_normal_n[i], signals.speed_m_s[i]));
-            Ok(kept.map(|i| (signals.force_normal_n[i], tangential[i])).collect())
+            (0..processed.samples())
+                .step_by(step)
+                .map(|i| moment(signals.force_normal_n[i], tangential[i], signals.speed_m_s[i]))
+                .collect()
         }
-    }
+    };
+    let slides = |m: &Sliding| m.normal_n > settings.min_force_n && m.speed_m_s > settings.min_speed_m_s;
+    Ok(moments.into_iter().filter(slides).collect())
 }
 
 /// The tracker's moments at which the force sensor was on as well.
@@ -125,7 +145,8 @@ pub(super) fn shared_moments(recording: &Recording) -> Vec<f64> {
 pub fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<FrictionReport> {
     let (line, used) = match fit {
         FrictionFit::ThroughOrigin => (Line::fit_through_origin(&points)?, vec![true; points.len()]),
-        FrictionFit::Robust => robust_line(&points)?,
+        FrictionFit::Robust => robust_line(&points, Line::fit)?,
+        FrictionFit::RobustThroughOrigin => robust_line(&points, Line::fit_through_origin)?,
     };
     Some(FrictionReport {
         fit,
@@ -135,25 +156,19 @@ pub fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<Frictio
     })
 }
 
-/// The least-squares line through what is left when points far from it are taken out, again and again until none is. Far is three
-/// deviations, estimated from the median residual.
-fn robust_line(points: &[(f64, f64)]) -> Option<(Line, Vec<bool>)> {
+/// The line through what is left when points far from it are taken out, again and again until none is. Far is three deviations,
+/// estimated from the median residual.
+fn robust_line(points: &[(f64, f64)], fit: fn(&[(f64, f64)]) -> Option<Line>) -> Option<(Line, Vec<bool>)> {
     let mut used = vec![true; points.len()];
+    let through = |used: &[bool]| {
+        let kept = points.iter().zip(used).filter(|(_, used)| **used);
+        fit(&kept.map(|(point, _)| *point).collect::<Vec<_>>())
+    };
     for _ in 0..50 {
-        let kept: Vec<_> = points
-            .iter()
-            .zip(&used)
-            .filter(|(_, used)| **used)
-            .map(|(p, _)| *p)
-            .collect();
-        let line = Line::fit(&kept)?;
+        let line = through(&used)?;
         let distances: Vec<f64> = points.iter().map(|&(x, y)| (y - line.at(x)).abs()).collect();
-        let among_kept: Vec<f64> = distances
-            .iter()
-            .zip(&used)
-            .filter(|(_, used)| **used)
-            .map(|(d, _)| *d)
-            .collect();
+        let kept = distances.iter().zip(&used).filter(|(_, used)| **used);
+        let among_kept: Vec<f64> = kept.map(|(distance, _)| *distance).collect();
         // 1.4826 medians of the magnitude are one deviation of a normal distribution.
         let bound = 3.0 * 1.4826 * median(&among_kept);
         let now: Vec<bool> = distances.iter().map(|&distance| distance <= bound).collect();
@@ -162,13 +177,7 @@ fn robust_line(points: &[(f64, f64)]) -> Option<(Line, Vec<bool>)> {
         }
         used = now;
     }
-    let kept: Vec<_> = points
-        .iter()
-        .zip(&used)
-        .filter(|(_, used)| **used)
-        .map(|(p, _)| *p)
-        .collect();
-    Some((Line::fit(&kept)?, used))
+    Some((through(&used)?, used))
 }
 
 /// Learns friction from recordings of one gesture.
@@ -180,7 +189,8 @@ pub fn learn_friction(
 ) -> Result<(Friction, FrictionReport), FrictionError> {
     let mut points = vec![];
     for recording in recordings {
-        points.extend(force_pairs(recording, processing, settings)?);
+        let moments = sliding(recording, processing, settings)?;
+        points.extend(moments.iter().map(|m| (m.normal_n, m.tangential_n)));
     }
     let too_few = FrictionError::TooFewPoints {
         points: points.len(),
@@ -225,10 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn both_lines_find_the_friction_of_a_drag() {
+    fn all_lines_find_the_friction_of_a_drag() {
         let steps: Vec<_> = (1..8).map(|i| (0.2, 0.1, 0.4 * i as f64)).collect();
         let recording = AnyRecording::Processed(drag(&steps, 0.3, 1, |_, _| (vec![], 1.0)));
-        for fit in [FrictionFit::ThroughOrigin, FrictionFit::Robust] {
+        for fit in [
+            FrictionFit::ThroughOrigin,
+            FrictionFit::Robust,
+            FrictionFit::RobustThroughOrigin,
+        ] {
             let (friction, _) = learned(recording.clone(), fit).unwrap();
             assert!((friction.mu() - 0.3).abs() < 1e-9);
             assert!(friction.r_squared().unwrap() > 0.999);
@@ -256,6 +270,13 @@ mod tests {
             robust.line
         );
         assert!(robust.line.r_squared > 0.9);
+        let coefficient = fit_friction(points.clone(), FrictionFit::RobustThroughOrigin).unwrap();
+        // 0.05 + 0.25 f over f, of 0.5 to 2.5 N.
+        assert!(
+            (coefficient.line.slope - 0.28).abs() < 0.01 && coefficient.line.intercept == 0.0,
+            "{:?}",
+            coefficient.line
+        );
         let removed = robust.used.iter().filter(|used| !**used).count();
         assert!((60..75).contains(&removed), "{removed}");
         let plain = fit_friction(points, FrictionFit::ThroughOrigin).unwrap();

@@ -211,7 +211,7 @@ fn learned_friction(
     let (from, fit) = if !circles.is_empty() {
         (circles, FrictionFit::ThroughOrigin)
     } else if !drags.is_empty() && drags.iter().all(|drag| has_tangential_force(drag)) {
-        (drags, FrictionFit::Robust)
+        (drags, FrictionFit::RobustThroughOrigin)
     } else {
         return Ok(None);
     };
@@ -316,6 +316,7 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         None => "by gesture",
         Some(FrictionFit::ThroughOrigin) => "through the origin",
         Some(FrictionFit::Robust) => "robust",
+        Some(FrictionFit::RobustThroughOrigin) => "robust, through the origin",
     };
     say("friction.fit", fit.to_owned());
     say(
