@@ -8,6 +8,7 @@ use super::table::{facts, significant, table};
 use super::{Failure, learn as learning, recording, remark, say, say_json};
 use clap::ValueEnum;
 use haptograph::surfaces::Origin;
+use haptograph::surfaces::evaluate::holdout::hold_out_contact;
 use haptograph::surfaces::evaluate::{
     DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudySettings, TableSettings,
     Take, evaluate,
@@ -39,7 +40,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value = "all")]
     pooling: PoolingArgument,
     /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes), test on the rest, and
-    /// show all measures beside a floor, the thesis's method and plain baselines
+    /// show all measures beside a floor, the thesis's method and plain baselines; taps, friction and stiffness by speed and force
     #[arg(long, conflicts_with = "pooling")]
     holdout: bool,
     /// Seed of the synthesised vibrations and of the map's trajectory
@@ -91,15 +92,17 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
         ..HoldoutSettings::default()
     };
     let found = holdout::found(&arguments.dir, takes, &settings)?;
+    let contact = hold_out_contact(takes, &settings.processing);
     let simulated = takes.iter().any(is_simulated);
     let title = title(&arguments.dir);
     let page = page
         .map(|page| page.write(&haptograph::report::holdout::page(&title, &found, simulated)))
         .transpose()?;
     if arguments.json {
-        return say_json(&holdout::to_json(&found, simulated));
+        return say_json(&holdout::to_json(&found, &contact, simulated));
     }
     say(&holdout::describe(&found))?;
+    say(&holdout::describe_contact(&contact))?;
     conclude(takes, page)
 }
 

@@ -150,6 +150,16 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
             assert_eq!(method["lsd_by_material_db"].as_array().unwrap().len(), 2);
         }
     }
+    // Drags alone tell friction, and neither taps nor stiffness.
+    let contact = found["contact"].as_array().unwrap();
+    assert_eq!(contact.len(), 4);
+    for result in contact {
+        assert_eq!(result["error"], "drag_friction_percent");
+        for method in result["methods"].as_array().unwrap() {
+            let error = method["mean"]["mean"].as_f64().unwrap();
+            assert!(error > 0.0 && error < 100.0, "{result}");
+        }
+    }
     let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
     assert!(page.contains("simulated") && page.contains("Log-spectral distance by material"));
 }

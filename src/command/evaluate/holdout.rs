@@ -3,7 +3,9 @@
 use crate::command::Failure;
 use crate::command::progress::Progress;
 use crate::command::table::table;
-use haptograph::surfaces::evaluate::holdout::{BASELINES, Mean, Method, MethodMean, SplitResult};
+use haptograph::surfaces::evaluate::holdout::{
+    BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
+};
 use haptograph::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -138,8 +140,40 @@ fn materials_table(found: &Holdout, split: &SplitResult) -> String {
     table(&header, &rows.collect::<Vec<Vec<String>>>())
 }
 
+/// A table of methods for each quantity of a contact.
+pub fn describe_contact(found: &[ContactResult]) -> String {
+    let of = |contact: Contact| -> Vec<&ContactResult> {
+        found.iter().filter(|result| result.contact == contact).collect()
+    };
+    let tables = Contact::ALL
+        .into_iter()
+        .map(of)
+        .filter(|results| !results.is_empty());
+    tables.map(|results| contact_table(&results)).collect()
+}
+
+/// The splits of one quantity, side by side.
+fn contact_table(results: &[&ContactResult]) -> String {
+    let contact = results[0].contact;
+    let splits = results
+        .iter()
+        .map(|result| format!("{} ({})", result.split, result.materials.len()));
+    let header: Vec<String> = std::iter::once(contact.title().to_owned())
+        .chain(splits)
+        .collect();
+    let rows = contact.methods().iter().enumerate().map(|(method, title)| {
+        let cells = results.iter().map(|result| {
+            let star = if method == 0 && result.loses { "*" } else { "" };
+            format!("{star}{}", shown(Some(result.means[method]), 1, false))
+        });
+        std::iter::once((*title).to_owned()).chain(cells).collect()
+    });
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    format!("\n{}", table(&header, &rows.collect::<Vec<Vec<String>>>()))
+}
+
 /// All measures of all splits, and the distance in each fold.
-pub fn to_json(found: &Holdout, simulated: bool) -> Value {
+pub fn to_json(found: &Holdout, contact: &[ContactResult], simulated: bool) -> Value {
     let split = |split: &SplitResult| {
         json!({
             "split": split.split.word(),
@@ -156,6 +190,24 @@ pub fn to_json(found: &Holdout, simulated: bool) -> Value {
         "simulated": simulated,
         "folds": found.folds.len(),
         "splits": found.splits().iter().map(split).collect::<Vec<_>>(),
+        "contact": contact.iter().map(contact_json).collect::<Vec<_>>(),
+    })
+}
+
+fn contact_json(result: &ContactResult) -> Value {
+    let method = |(number, method): (usize, &&str)| {
+        json!({
+            "method": method,
+            "mean": mean_json(Some(result.means[number])),
+            "by_material": result.by_material[number],
+        })
+    };
+    json!({
+        "error": result.contact.word(),
+        "tested_on": result.split,
+        "materials": result.materials,
+        "loses": result.loses,
+        "methods": result.contact.methods().iter().enumerate().map(method).collect::<Vec<_>>(),
     })
 }
 

@@ -5,11 +5,13 @@
 //! with it: [`Measures`]. Errors are paired by fold, then averaged over a material's folds; the standard error is over
 //! materials, as folds and seeds of one material are no samples of materials.
 
+mod contact;
 mod folds;
 mod measures;
 mod methods;
 mod summary;
 
+pub use contact::{Contact, ContactResult, hold_out_contact};
 pub use folds::{Fold, Split};
 pub use measures::Measures;
 pub use methods::{BASELINES, Method, Player};

@@ -27,7 +27,7 @@ pub struct Mean {
 }
 
 impl Mean {
-    fn of(values: &[f64]) -> Self {
+    pub(super) fn of(values: &[f64]) -> Self {
         Self {
             mean: mean(values),
             error: (values.len() > 1).then(|| standard_deviation(values) / (values.len() as f64).sqrt()),
