@@ -8,6 +8,8 @@
 //! - [`image`]: roughness and fineness of a photograph, section 3.2.
 
 pub mod bands;
+#[cfg(test)]
+mod codec;
 pub mod image;
 pub mod level;
 pub mod pacinian;
