@@ -1,6 +1,7 @@
 //! A line followed over the way: how well it keeps its distance, and its power by speed and force.
 
 use super::super::regression::{Law, Prior, fit_robustly};
+use super::super::spectral_law::POWER_SLOPES;
 use super::super::whitening::Whitened;
 use super::{Stretch, WINDOW_M, windows};
 use crate::TextureModel;
@@ -14,7 +15,7 @@ use std::f64::consts::TAU;
 
 /// Power of lines over speed and force: like that of textures unless the data say otherwise.
 const POWER: Prior = Prior {
-    slopes: [2.15, 0.46],
+    slopes: POWER_SLOPES,
     strength: 1.0,
 };
 const SPEED_EXPONENTS: (f64, f64) = (-1.0, 4.0);
