@@ -89,11 +89,21 @@ pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveErr
         "xml" if surface.texture.is_some() => {
             let text = hatt::write_models(surface).map_err(hatt)?;
             let fit = surface.friction.and_then(|friction| friction.r_squared());
+            let crackles = surface
+                .texture
+                .as_ref()
+                .is_some_and(|texture| texture.crackle().is_some());
+            let has_lines = surface
+                .texture
+                .as_ref()
+                .is_some_and(|texture| !texture.lines().is_empty());
             (
                 text,
                 present(
                     [
                         ("taps", surface.taps.is_some()),
+                        ("crackle", crackles),
+                        ("lines fixed in space", has_lines),
                         ("R² of friction", fit.is_some()),
                     ],
                     surface,
