@@ -138,7 +138,7 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
     vec![
         ("log-spectral distance, 20 to 1000 Hz", db(any(bands.lsd_db))),
         ("  100 to 500 Hz", db(bands.middle_lsd_db)),
-        ("  weighted by what is felt", db(any(bands.pacinian_lsd_db))),
+        ("  40 to 250 Hz (felt)", db(any(bands.pacinian_lsd_db))),
         ("mean absolute error of bands", db(any(bands.absolute_db))),
         ("error from 20 to 40 Hz", db(bands.low_db)),
         ("error of the total power", db(any(bands.total_db))),

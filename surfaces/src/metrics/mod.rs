@@ -3,7 +3,7 @@
 //! - [`spectral`]: normalized spectral error, power error and spectral difference of thesis section 2.5.1; windowed power and spectral
 //!   centroid.
 //! - [`responsiveness`]: the changes in their variation of section 4.5.3.
-//! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance; [`pacinian`]: what is felt of them.
+//! - [`bands`]: powers in third octaves from 20 to 1000 Hz and the log-spectral distance.
 //! - [`level`]: peakedness and the course of levels.
 //! - [`image`]: roughness and fineness of a photograph, section 3.2.
 
@@ -12,7 +12,6 @@ pub mod bands;
 mod codec;
 pub mod image;
 pub mod level;
-pub mod pacinian;
 mod pairs;
 pub mod responsiveness;
 pub mod spectral;
