@@ -6,7 +6,7 @@ use haptograph::engine::plan::{Plan, PlanOptions};
 use haptograph::engine::run::Run;
 use haptograph::signal::noise::stream_seed;
 use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, synthesise};
-use haptograph::surfaces::files;
+use haptograph::surfaces::{SpatialLine, files};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -37,9 +37,25 @@ fn graph(surface: &Path) -> String {
 #[test]
 fn an_evaluation_plays_what_a_graph_renders() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for surface in ["graphs/surfaces/t3-tile.ron", "tests/data/canvas-thesis.ron"] {
-        let surface = root.join(surface);
-        let document = Document::parse("rendered.ron", &graph(&surface)).expect("the graph is well written");
+    let folder = tempfile::tempdir().expect("a folder");
+    let with_lines = folder.path().join("lines.ron");
+    let mut tile = files::load(&root.join("graphs/surfaces/t3-tile.ron")).expect("it is a surface");
+    let texture = tile.texture.take().expect("it has a texture");
+    let powers: Vec<f64> = texture
+        .models()
+        .iter()
+        .map(|at| at.speed_m_s * at.force_n)
+        .collect();
+    let line = |cycles_per_m| SpatialLine::new(cycles_per_m, 2.0, powers.clone()).expect("a line");
+    let lines = vec![line(900.0), line(2300.0)];
+    tile.texture = Some(texture.with_lines(lines).expect("a texture"));
+    files::save(&tile, &with_lines).expect("it is written");
+    for surface in [
+        &root.join("graphs/surfaces/t3-tile.ron"),
+        &root.join("tests/data/canvas-thesis.ron"),
+        &with_lines,
+    ] {
+        let document = Document::parse("rendered.ron", &graph(surface)).expect("the graph is well written");
         let registry = haptograph::nodes::registry();
         let graph =
             check(&document, &registry, &CheckOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
@@ -62,7 +78,7 @@ fn an_evaluation_plays_what_a_graph_renders() {
             }
         }
         let [speed_m_s, force_n, rendered] = heard;
-        let texture = files::load(&surface)
+        let texture = files::load(surface)
             .expect("it is a surface")
             .texture
             .expect("it has a texture");
@@ -73,6 +89,7 @@ fn an_evaluation_plays_what_a_graph_renders() {
         };
         let settings = SynthesisSettings {
             seed: stream_seed(SEED, "excite"),
+            lines_seed: stream_seed(SEED, "filter"),
             ..SynthesisSettings::default()
         };
         let played = synthesise(&texture, &along, &settings).expect("it can be played");

@@ -14,8 +14,10 @@ use std::ops::Range;
 pub struct SynthesisSettings {
     /// How often coefficients are interpolated; 240 Hz in chapter 2.
     pub update_hz: f64,
-    /// Seed of the excitation.
+    /// Seed of the excitation: in a graph, of the node `Excitation`.
     pub seed: u64,
+    /// Seed of the lines: in a graph, of the node `ArmaFilter`.
+    pub lines_seed: u64,
 }
 
 impl Default for SynthesisSettings {
@@ -23,6 +25,7 @@ impl Default for SynthesisSettings {
         Self {
             update_hz: 240.0,
             seed: 1,
+            lines_seed: 1,
         }
     }
 }
@@ -193,11 +196,11 @@ pub fn synthesise(
         let seed = stream_seed(settings.seed, "crackle");
         CrackleSource::new(crackle, *rate_hz, seed)
     });
-    let seed = stream_seed(settings.seed, "lines");
+    let seed = stream_seed(settings.lines_seed, "lines");
     let mut lines = LineSource::new(texture.lines(), *rate_hz, texture.rate_hz(), seed);
     let has_lines = !texture.lines().is_empty();
     let mut vibration = vec![0.0; speed_m_s.len()];
-    let mut in_space = vec![0.0; if has_lines { vibration.len() } else { 0 }];
+    let mut moves = vec![];
     let mut excitation = vec![];
     for (place, samples) in updates(*rate_hz, settings.update_hz, speed_m_s.len()) {
         let spot = interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
@@ -209,8 +212,7 @@ pub fn synthesise(
         }
         if has_lines {
             let powers = mixed_powers(texture.lines(), spot.vertices, spot.weights);
-            lines.set(spot.speed_m_s, powers);
-            lines.add_to(&mut in_space[samples.clone()]);
+            moves.push((samples.clone(), spot.speed_m_s, powers));
         }
         excitation.resize(samples.len(), 0.0);
         noise.fill(&mut excitation);
@@ -228,10 +230,10 @@ pub fn synthesise(
     if let Some(highpass) = texture.output_highpass() {
         SectionsState::new(&highpass).process_in_place(&mut vibration);
     }
-    vibration
-        .iter_mut()
-        .zip(in_space)
-        .for_each(|(y, line)| *y += line);
+    for (samples, speed_m_s, powers) in moves {
+        lines.set(speed_m_s, powers);
+        lines.add_to(&mut vibration[samples]);
+    }
     Ok(vibration)
 }
 

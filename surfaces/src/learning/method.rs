@@ -110,6 +110,7 @@ mod tests {
     fn played(texture: &TextureModel, path: &Trajectory, seed: u64) -> ProcessedRecording {
         let settings = SynthesisSettings {
             seed,
+            lines_seed: seed,
             ..SynthesisSettings::default()
         };
         let signals = Signals {

@@ -115,6 +115,7 @@ impl Player {
     pub fn play(&self, along: &Trajectory, seed: u64) -> Result<Vec<f64>, SynthesisError> {
         let settings = SynthesisSettings {
             seed,
+            lines_seed: seed,
             ..SynthesisSettings::default()
         };
         match self {
