@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+/// The setting that says of a recording that its vibration is in another unit than m/s².
+pub(crate) const VIBRATION_UNIT: &str = "vibration unit";
+
 /// Where the data behind a surface or a recording came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Origin {

@@ -5,7 +5,7 @@
 
 use crate::hull::Hull;
 use crate::learning::cells::Cells;
-use crate::learning::spectral_law::{Axis, Observation, SpectralLaw};
+use crate::learning::spectral_law::{Axis, Exponents, Observation, SpectralLaw};
 use crate::metrics::{Bands, log_spectral_distance};
 use crate::model::warping_for;
 use crate::statistics::mean;
@@ -291,11 +291,15 @@ impl<'t> Subject<'t> {
     fn fitted(&self, known: &[usize], slopes: [f64; 2]) -> SpectralLaw {
         let slides = |at: &&Observation| at.speed_m_s > LEAST_M_S && at.force_n > LEAST_N;
         let seen = || known.iter().map(|&one| &self.seen[one]);
-        let sliding: Vec<Observation> = seen().filter(slides).cloned().collect();
+        let mut sliding: Vec<Observation> = seen().filter(slides).cloned().collect();
         if sliding.is_empty() {
-            return SpectralLaw::fit(&seen().cloned().collect::<Vec<_>>(), slopes);
+            sliding = seen().cloned().collect();
         }
-        SpectralLaw::fit(&sliding, slopes)
+        let exponents = Exponents {
+            slopes,
+            ..Exponents::ACCELERATION
+        };
+        SpectralLaw::fit(&sliding, exponents).corrected(&sliding)
     }
 
     fn law<'s>(&'s self, law: SpectralLaw) -> Predictor<'s> {

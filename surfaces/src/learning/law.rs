@@ -6,11 +6,13 @@
 //! models, which a renderer interpolates like any other map.
 
 use super::cells::{CELLS, CellSpectrum};
-use super::spectral_law::{Axis, Observation, POWER_SLOPES, SpectralLaw};
+use super::correction::{Place, Stretch};
+use super::spectral_law::{Axis, Exponents, Observation, SpectralLaw};
 use super::texture::{
     Fate, LearnTextureError, SegmentReport, TextureReport, common_rate, features, nothing_dragged,
 };
 use crate::model::warping_for;
+use crate::provenance::VIBRATION_UNIT;
 use crate::recording::ProcessedRecording;
 use crate::statistics::median;
 use crate::{MAX_ORDER, TextureModel};
@@ -48,7 +50,29 @@ impl Default for LawSettings {
 /// Length of the stretches that tell the long-term spectrum, s: 200 ms cannot tell 20 Hz from 30.
 const LONG_S: f64 = 1.0;
 
-/// Learns a texture from dragging recordings as a law over speed and force.
+/// A law as fitted to recordings.
+pub(super) struct Fitted {
+    law: SpectralLaw,
+    axis: Axis,
+    highpass_hz: Option<f64>,
+    /// What was recorded over long stretches, and what the law expects there.
+    stretches: Vec<Stretch>,
+}
+
+impl Fitted {
+    /// The same with the law corrected by what it misses. Peaks that move with speed, as lines do, are then followed.
+    pub fn corrected(mut self) -> Self {
+        self.law.correct(&self.stretches);
+        self
+    }
+
+    /// The map of models that is rendered.
+    pub fn texture(&self) -> Result<TextureModel, LearnTextureError> {
+        Ok(self.law.on_grid(self.axis)?.with_highpass_hz(self.highpass_hz)?)
+    }
+}
+
+/// Learns a texture from dragging recordings as a law over speed and force, corrected by what it misses.
 ///
 /// # Errors
 /// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.
@@ -57,6 +81,16 @@ pub fn learn_law(
     settings: &LawSettings,
     progress: &dyn Fn(f64),
 ) -> Result<(TextureModel, TextureReport), LearnTextureError> {
+    let (fitted, report) = fit_law(recordings, settings, progress)?;
+    Ok((fitted.corrected().texture()?, report))
+}
+
+/// Fits the law alone. Errors are those of [`learn_law`].
+pub(super) fn fit_law(
+    recordings: &[ProcessedRecording],
+    settings: &LawSettings,
+    progress: &dyn Fn(f64),
+) -> Result<(Fitted, TextureReport), LearnTextureError> {
     let rate_hz = common_rate(recordings)?;
     if !(1..=MAX_ORDER).contains(&settings.order) {
         return Err(LearnTextureError::Order {
@@ -106,16 +140,10 @@ pub fn learn_law(
             settings.min_speed_m_s,
         ));
     }
-    let mut law = SpectralLaw::fit(&windows, POWER_SLOPES);
+    let mut law = SpectralLaw::fit(&windows, exponents(recordings));
     progress(0.7);
-    match_long_term(&mut law, recordings, warping, settings);
-    progress(0.8);
-    let texture = law.on_grid(Axis {
-        rate_hz,
-        warping,
-        order: settings.order,
-    })?;
-    let texture = texture.with_highpass_hz(settings.highpass_hz)?;
+    let mut stretches = long_stretches(&law, recordings, warping, settings);
+    law.scale_cells(&mut stretches);
     progress(1.0);
     let report = TextureReport {
         order: settings.order,
@@ -123,7 +151,18 @@ pub fn learn_law(
         segments,
         residual_bound: f64::INFINITY,
     };
-    Ok((texture, report))
+    let axis = Axis {
+        rate_hz,
+        warping,
+        order: settings.order,
+    };
+    let fitted = Fitted {
+        law,
+        axis,
+        highpass_hz: settings.highpass_hz,
+        stretches,
+    };
+    Ok((fitted, report))
 }
 
 fn judge(stretch: &[f64]) -> Fate {
@@ -134,14 +173,25 @@ fn judge(stretch: &[f64]) -> Fate {
     Fate::Kept
 }
 
-/// Scales each cell so that over the recordings, at the resolution of long stretches, the law has the recorded density.
-fn match_long_term(
-    law: &mut SpectralLaw,
+/// What is known of the power: that of accelerations, unless a recording says that it holds something else.
+fn exponents(recordings: &[ProcessedRecording]) -> Exponents {
+    let is_other =
+        |recording: &ProcessedRecording| recording.provenance().settings.contains_key(VIBRATION_UNIT);
+    if recordings.iter().any(is_other) {
+        return Exponents::UNKNOWN;
+    }
+    Exponents::ACCELERATION
+}
+
+/// The density in stretches long enough to resolve it, and what the law expects of them; those in which nothing was dragged are
+/// left out.
+fn long_stretches(
+    law: &SpectralLaw,
     recordings: &[ProcessedRecording],
     warping: f64,
     settings: &LawSettings,
-) {
-    let (mut recorded, mut expected) = (vec![0.0; CELLS], vec![0.0; CELLS]);
+) -> Vec<Stretch> {
+    let mut stretches = vec![];
     for recording in recordings {
         let rate_hz = recording.rate_hz();
         let length = ((LONG_S * rate_hz) as usize).min(recording.samples());
@@ -152,26 +202,33 @@ fn match_long_term(
         let signals = recording.signals();
         let span = ((settings.span_s * rate_hz) as usize).clamp(1, length);
         for start in (0..=recording.samples() - length).step_by((length / 2).max(1)) {
-            let cells = spectrum.of(&signals.acceleration_m_s2[start..start + length]);
-            add(&mut recorded, &cells, 1.0);
+            let mut expected = vec![0.0; CELLS];
+            let (mut place, mut dragged) = (Place::zeros(), 0.0);
             for part in (start..start + length).step_by(span) {
                 let samples = part..(part + span).min(start + length);
                 let speed_m_s = median(&signals.speed_m_s[samples.clone()]);
                 let force_n = median(&signals.force_normal_n[samples.clone()]);
                 if speed_m_s > settings.min_speed_m_s && force_n > settings.min_force_n {
                     let weight = samples.len() as f64 / length as f64;
-                    add(&mut expected, &law.cells(speed_m_s, force_n), weight);
+                    let cells = law.cells(speed_m_s, force_n);
+                    expected
+                        .iter_mut()
+                        .zip(cells)
+                        .for_each(|(sum, cell)| *sum += weight * cell);
+                    place += weight * Place::new(speed_m_s.ln(), force_n.ln());
+                    dragged += weight;
                 }
+            }
+            if dragged > 0.0 {
+                stretches.push(Stretch {
+                    place: place / dragged,
+                    seen: spectrum.of(&signals.acceleration_m_s2[start..start + length]),
+                    expected,
+                });
             }
         }
     }
-    law.scale_cells(&recorded, &expected);
-}
-
-fn add(sums: &mut [f64], cells: &[f64], scale: f64) {
-    sums.iter_mut()
-        .zip(cells)
-        .for_each(|(sum, cell)| *sum += scale * cell);
+    stretches
 }
 
 #[cfg(test)]
@@ -179,7 +236,8 @@ mod tests {
     use super::*;
     use crate::evaluate::{SynthesisSettings, Trajectory, synthesise};
     use crate::interpolation::{Coefficients, Interpolator};
-    use crate::recording::synthetic::drag;
+    use crate::recording::Gesture;
+    use crate::recording::synthetic::{drag, provenance};
     use haptograph_signal::spectrum::welch;
     use haptograph_signal::window::Window as Taper;
 
@@ -253,6 +311,43 @@ mod tests {
         let texture = learned(&[0.1]);
         let slope = db(power_at(&texture, 0.14, 1.0), power_at(&texture, 0.07, 1.0)) / db(2.0, 1.0);
         assert!((slope - 1.95).abs() < 0.15, "{slope}");
+    }
+
+    #[test]
+    fn a_take_in_an_unknown_unit_at_one_speed_gets_no_slope() {
+        let take = drag(&steps(&[0.1], &[0.5, 1.0, 2.0]), 0.3, 1, model);
+        let unknown = provenance().with_setting(VIBRATION_UNIT, "not known");
+        let take = ProcessedRecording::new(take.signals().clone(), Gesture::Drag, unknown).unwrap();
+        let texture = learn_law(&[take], &settings(), &|_| ()).unwrap().0;
+        let slope = db(power_at(&texture, 0.14, 1.0), power_at(&texture, 0.07, 1.0));
+        assert!(slope.abs() < 0.1, "{slope}");
+    }
+
+    #[test]
+    fn a_power_that_no_law_of_powers_follows_is_corrected_where_it_was_recorded_and_between() {
+        // Sixteen times as much at 80 mm/s as far below and above.
+        let peaked = |speed: f64, _: f64| {
+            let log = (speed / 0.08).ln() / 0.5;
+            (vec![-1.72, 0.81], 1.0 + 15.0 * (-0.5 * log * log).exp())
+        };
+        let steps: Vec<_> = (0..9).map(|k| (2.0, 0.02 * 1.4_f64.powi(k), 1.0)).collect();
+        let recording = [drag(&steps, 0.3, 1, peaked)];
+        let fitted = || fit_law(&recording, &settings(), &|_| ()).unwrap().0;
+        let worst = |texture: &TextureModel| {
+            let off = |k: i32| {
+                let speed = 0.024 * 1.2_f64.powi(k);
+                let (ar, variance) = peaked(speed, 1.0);
+                let truth = variance * haptograph_signal::prediction::power_gain(&ar, &[]).unwrap();
+                db(power_at(texture, speed, 1.0), truth).abs()
+            };
+            (0..13).map(off).fold(0.0, f64::max)
+        };
+        let (powers, corrected) = (
+            fitted().texture().unwrap(),
+            fitted().corrected().texture().unwrap(),
+        );
+        let (powers, corrected) = (worst(&powers), worst(&corrected));
+        assert!(corrected < 2.5 && powers > 5.0, "{corrected} {powers}");
     }
 
     #[test]

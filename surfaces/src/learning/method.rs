@@ -1,7 +1,7 @@
 //! Which way a texture is learned.
 
 use super::crackle::find_crackle;
-use super::law::{LawSettings, learn_law};
+use super::law::{LawSettings, fit_law};
 use super::lines::{find_lines, with_lines, without_lines};
 use super::texture::{LearnTextureError, TextureReport, TextureSettings, learn_texture};
 use super::whitening::Whitened;
@@ -65,23 +65,26 @@ fn learn_with_structure(
             .map(|recording| Whitened::new(recording, texture, settings.min_speed_m_s, settings.min_force_n));
         whitened.collect()
     };
-    let (mut texture, report) = learn_law(recordings, settings, &|part| progress(0.4 * part))?;
-    let mut whitened = whiten(recordings, &texture);
-    let lines = find_lines(recordings, &whitened, &texture);
+    let (mut fitted, report) = fit_law(recordings, settings, &|part| progress(0.4 * part))?;
+    let powers = fitted.texture()?;
+    let whitened = whiten(recordings, &powers);
+    let lines = find_lines(recordings, &whitened, &powers);
     progress(0.6);
-    if !lines.is_empty() {
-        let noise = without_lines(recordings, &whitened, &lines);
-        (texture, _) = learn_law(&noise, settings, &|part| progress(0.6 + 0.2 * part))?;
-        texture = with_lines(texture, &lines)?;
-        whitened = whiten(&noise, &texture);
+    let without = (!lines.is_empty()).then(|| without_lines(recordings, &whitened, &lines));
+    if let Some(noise) = &without {
+        (fitted, _) = fit_law(noise, settings, &|part| progress(0.6 + 0.2 * part))?;
     }
-    let crackle = find_crackle(&whitened, texture.rate_hz());
+    let texture = fitted.corrected().texture()?;
+    let noise = without.as_deref().unwrap_or(recordings);
+    let crackle = find_crackle(&whiten(noise, &texture), texture.rate_hz());
+    let texture = with_lines(texture, &lines)?;
     progress(1.0);
     Ok((texture.with_crackle(crackle), report))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::law::learn_law;
     use super::*;
     use crate::Crackle;
     use crate::evaluate::{SynthesisSettings, Trajectory, synthesise};

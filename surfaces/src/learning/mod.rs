@@ -11,6 +11,7 @@
 //! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
 
 pub(crate) mod cells;
+mod correction;
 pub mod coverage;
 mod crackle;
 pub mod friction;

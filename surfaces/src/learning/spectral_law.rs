@@ -4,16 +4,42 @@
 //! when a texture is learned, measured models when a law is compared with other maps.
 
 use super::cells::{CELLS, Cells};
+use super::correction::{Correction, Stretch};
 use super::regression::{Law, Place, Prior, fit, fit_robustly};
 use super::texture::LearnTextureError;
 use crate::{ArmaModel, ModelAt, TextureModel, VertexKind};
 use haptograph_signal::prediction::levinson;
 use haptograph_signal::warped::cell_autocovariance;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 /// Exponents of speed and force of the power of real textures: one regression over the 1,425 measured models of 100
 /// public textures, each texture with a level of its own; see docs/learning.md.
 pub(crate) const POWER_SLOPES: [f64; 2] = [1.95, 0.44];
+/// What is known of the exponents of speed and force of the power before anything is recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Exponents {
+    /// What they are drawn to.
+    pub slopes: [f64; 2],
+    /// The least and greatest that they may be.
+    pub speed: (f64, f64),
+    pub force: (f64, f64),
+}
+
+impl Exponents {
+    /// Of a tool's acceleration.
+    pub const ACCELERATION: Self = Self {
+        slopes: POWER_SLOPES,
+        speed: (0.5, 3.5),
+        force: (0.0, 1.5),
+    };
+    /// Of a sensor's numbers of which nothing is known: the same at all speeds and forces unless the data say so.
+    pub const UNKNOWN: Self = Self {
+        slopes: [0.0; 2],
+        speed: (0.0, 3.5),
+        ..Self::ACCELERATION
+    };
+}
+
 /// How many observations the exponents of real textures count for: their spread over textures (0.55 and 0.42) against
 /// that of a texture's models around its own law (0.39, all in natural logarithms of power) makes 0.5 and 0.85.
 const POWER_STRENGTH: f64 = 1.0;
@@ -22,9 +48,6 @@ const SHAPE: Prior = Prior {
     slopes: [0.0; 2],
     strength: 1.0,
 };
-/// Exponents of speed and force that textures may have.
-const SPEED_EXPONENTS: (f64, f64) = (0.5, 3.5);
-const FORCE_EXPONENTS: (f64, f64) = (0.0, 1.5);
 /// How far beyond the data, as a ratio, shapes go on changing, and the power.
 const SHAPE_REACH: f64 = 1.5;
 const POWER_REACH: f64 = 3.0;
@@ -90,12 +113,13 @@ pub(crate) struct SpectralLaw {
     loudest: f64,
     /// Density of each cell over the power.
     shape: Vec<Law>,
+    /// What the powers above miss.
+    correction: Option<Correction>,
 }
 
 impl SpectralLaw {
-    /// Fits the law to at least one observation of positive speed, force and power; `slopes` are the exponents of speed and
-    /// force that the power is drawn to.
-    pub fn fit(observations: &[Observation], slopes: [f64; 2]) -> Self {
+    /// Fits the law to at least one observation of positive speed, force and power.
+    pub fn fit(observations: &[Observation], exponents: Exponents) -> Self {
         let values = |value: fn(&Observation) -> f64| observations.iter().map(value);
         let mean_log = |value: fn(&Observation) -> f64| {
             values(value).map(f64::ln).sum::<f64>() / observations.len() as f64
@@ -111,11 +135,11 @@ impl SpectralLaw {
         let places: Vec<Place> = observations.iter().map(place).collect();
         let powers: Vec<f64> = values(|at| at.power).collect();
         let prior = Prior {
-            slopes,
+            slopes: exponents.slopes,
             strength: POWER_STRENGTH,
         };
         let (power, weights) = fit_robustly(&places, &powers, prior);
-        let power = within_exponents(power, &places, &powers, &weights);
+        let power = within_exponents(power, exponents, &places, &powers, &weights);
         let shape = (0..CELLS).map(|cell| {
             let shares: Vec<f64> = observations.iter().map(|at| at.cells[cell] / at.power).collect();
             fit(&places, &shares, &weights, SHAPE)
@@ -129,6 +153,7 @@ impl SpectralLaw {
             power,
             loudest: LOUDEST * powers.iter().copied().fold(0.0, f64::max),
             shape: shape.collect(),
+            correction: None,
         }
     }
 
@@ -138,22 +163,25 @@ impl SpectralLaw {
         self
     }
 
-    /// The place of a speed and force, which the data's range times `reach` bounds.
-    fn place(&self, speed_m_s: f64, force_n: f64, reach: f64) -> Place {
-        let within = |x: f64, (low, high): (f64, f64)| x.clamp(low / reach, high * reach).ln();
-        Vector3::new(
-            1.0,
-            within(speed_m_s, self.speed_m_s) - self.centre[0],
-            within(force_n, self.force_n) - self.centre[1],
-        )
-    }
-
     /// Density over the cells; zero at rest and in the air.
     pub fn cells(&self, speed_m_s: f64, force_n: f64) -> Vec<f64> {
-        let place = self.place(speed_m_s, force_n, SHAPE_REACH);
+        let within = |x: f64, (low, high): (f64, f64)| x.clamp(low / SHAPE_REACH, high * SHAPE_REACH).ln();
+        let logs = Vector2::new(within(speed_m_s, self.speed_m_s), within(force_n, self.force_n));
+        let place = Vector3::new(1.0, logs[0] - self.centre[0], logs[1] - self.centre[1]);
         let power = self.power_at(speed_m_s, force_n);
-        let shape = self.shape.iter();
-        shape.map(|law| power * law.dot(&place).exp()).collect()
+        let mut cells: Vec<f64> = self
+            .shape
+            .iter()
+            .map(|law| power * law.dot(&place).exp())
+            .collect();
+        if let Some(correction) = &self.correction {
+            let logs = correction.at(&logs);
+            cells
+                .iter_mut()
+                .zip(logs)
+                .for_each(|(cell, log)| *cell *= log.exp());
+        }
+        cells
     }
 
     /// The power of the law before the cells are scaled: below [`Self::fade_n`] the amplitude falls linearly.
@@ -173,13 +201,37 @@ impl SpectralLaw {
         self.power.dot(&place).exp() * fade
     }
 
-    /// Scales each cell by what was recorded in it over what the law expected.
-    pub fn scale_cells(&mut self, recorded: &[f64], expected: &[f64]) {
-        for ((law, recorded), expected) in self.shape.iter_mut().zip(recorded).zip(expected) {
-            if *recorded > 0.0 && *expected > 0.0 {
-                law[0] += (recorded / expected).ln();
+    /// Scales each cell by what was seen in it in all stretches over what the law expected, which is scaled too.
+    pub(super) fn scale_cells(&mut self, stretches: &mut [Stretch]) {
+        for (cell, law) in self.shape.iter_mut().enumerate() {
+            let sum = |densities: fn(&Stretch) -> &Vec<f64>| -> f64 {
+                stretches.iter().map(|stretch| densities(stretch)[cell]).sum()
+            };
+            let (seen, expected) = (sum(|stretch| &stretch.seen), sum(|stretch| &stretch.expected));
+            if seen > 0.0 && expected > 0.0 {
+                law[0] += (seen / expected).ln();
+                stretches
+                    .iter_mut()
+                    .for_each(|stretch| stretch.expected[cell] *= seen / expected);
             }
         }
+    }
+
+    /// Corrects the law where it misses the stretches, as far as that predicts stretches that are left out better.
+    pub(super) fn correct(&mut self, stretches: &[Stretch]) {
+        self.correction = Correction::fit(stretches);
+    }
+
+    /// As [`Self::correct`], each observation being a stretch.
+    pub fn corrected(mut self, observations: &[Observation]) -> Self {
+        let stretch = |at: &Observation| Stretch {
+            place: Vector2::new(at.speed_m_s.ln(), at.force_n.ln()),
+            seen: at.cells.clone(),
+            expected: self.cells(at.speed_m_s, at.force_n),
+        };
+        let stretches: Vec<Stretch> = observations.iter().map(stretch).collect();
+        self.correct(&stretches);
+        self
     }
 
     /// Models at the points of a grid from rest to beyond the data, and triangles between them.
@@ -247,10 +299,16 @@ impl SpectralLaw {
 }
 
 /// The law with exponents that textures have, its level fitted again.
-fn within_exponents(law: Law, places: &[Place], powers: &[f64], weights: &[f64]) -> Law {
+fn within_exponents(
+    law: Law,
+    exponents: Exponents,
+    places: &[Place],
+    powers: &[f64],
+    weights: &[f64],
+) -> Law {
     let mut bounded = law;
-    bounded[1] = law[1].clamp(SPEED_EXPONENTS.0, SPEED_EXPONENTS.1);
-    bounded[2] = law[2].clamp(FORCE_EXPONENTS.0, FORCE_EXPONENTS.1);
+    bounded[1] = law[1].clamp(exponents.speed.0, exponents.speed.1);
+    bounded[2] = law[2].clamp(exponents.force.0, exponents.force.1);
     let scaled = places.iter().zip(powers).zip(weights);
     let (sum, total) = scaled.fold((0.0, 0.0), |(sum, total), ((place, y), w)| {
         (sum + w * y / bounded.dot(place).exp(), total + w)
@@ -340,14 +398,14 @@ mod tests {
     #[test]
     fn exponents_stay_within_what_textures_have() {
         for (a, b, speed, force) in [(6.0, 3.0, 3.5, 1.5), (-2.0, -2.0, 0.5, 0.0)] {
-            let law = SpectralLaw::fit(&observed(a, b, 0.0), POWER_SLOPES);
+            let law = SpectralLaw::fit(&observed(a, b, 0.0), Exponents::ACCELERATION);
             assert_eq!((law.power[1], law.power[2]), (speed, force));
         }
     }
 
     #[test]
     fn beyond_the_data_the_shape_is_held_and_the_power_goes_on_to_three_times_the_range() {
-        let law = SpectralLaw::fit(&observed(1.0, 0.5, 0.8), POWER_SLOPES);
+        let law = SpectralLaw::fit(&observed(1.0, 0.5, 0.8), Exponents::ACCELERATION);
         let shape = |speed: f64, force: f64| {
             let cells = law.cells(speed, force);
             let level = law.power_at(speed, force);
@@ -371,11 +429,15 @@ mod tests {
     fn nowhere_is_a_model_more_than_six_decibels_above_the_loudest_even_where_cells_were_scaled() {
         let observed = observed(3.0, 1.2, 0.0);
         let loudest = observed.iter().map(|at| at.power).fold(0.0, f64::max);
-        let mut law = SpectralLaw::fit(&observed, POWER_SLOPES);
+        let mut law = SpectralLaw::fit(&observed, Exponents::ACCELERATION);
         let recorded: Vec<f64> = (0..CELLS)
             .map(|cell| if cell > 40 { 50.0 } else { 1.0 })
             .collect();
-        law.scale_cells(&recorded, &vec![1.0; CELLS]);
+        law.scale_cells(&mut [Stretch {
+            place: Vector2::zeros(),
+            seen: recorded,
+            expected: vec![1.0; CELLS],
+        }]);
         let texture = law.on_grid(axis()).expect("a map");
         let powers = || texture.models().iter().map(|at| at.model.power());
         assert!(powers().all(|power| power <= 4.0 * loudest * (1.0 + 1e-9)));
@@ -385,7 +447,7 @@ mod tests {
 
     #[test]
     fn the_map_renders_the_law_and_below_a_third_of_the_lightest_force_its_amplitude_falls_to_zero() {
-        let law = SpectralLaw::fit(&observed(2.0, 0.5, 0.0), POWER_SLOPES);
+        let law = SpectralLaw::fit(&observed(2.0, 0.5, 0.0), Exponents::ACCELERATION);
         let texture = law.on_grid(axis()).expect("a map");
         let wanted = |v: f64, f: f64| law.model(v, f, axis()).expect("a model").power();
         for k in 0..300 {
@@ -422,7 +484,7 @@ mod tests {
 
     #[test]
     fn nothing_is_mute_on_the_map() {
-        let law = SpectralLaw::fit(&observed(2.0, 0.5, 0.5), POWER_SLOPES);
+        let law = SpectralLaw::fit(&observed(2.0, 0.5, 0.5), Exponents::ACCELERATION);
         let texture = law.on_grid(axis()).expect("a map");
         for k in 0..900 {
             let (v, f) = (

@@ -27,6 +27,7 @@ use super::import::{Finding, ImportSettings, plausibility};
 use super::rows::{Rows, cell_start};
 use super::{AnyRecording, Calibration, Gesture, Pose, ReadError, Recording, Series, Wrench};
 use crate::files::Place;
+use crate::provenance::VIBRATION_UNIT;
 use crate::{Origin, Provenance};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -121,7 +122,7 @@ pub(super) fn recording(
         .any(|(quantity, unit)| quantity.starts_with("accel") && unit == "1")
     {
         findings.push(Finding::UnknownUnit);
-        provenance = provenance.with_setting("vibration unit", "not known; not m/s2");
+        provenance = provenance.with_setting(VIBRATION_UNIT, "not known; not m/s2");
     }
     let is_raw = tables
         .iter()

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::evaluate::{SynthesisSettings, Trajectory, synthesise};
-use crate::learning::law::{LawSettings, learn_law};
+use crate::learning::law::{LawSettings, fit_law};
 use crate::lines::SpatialLine;
 use crate::recording::synthetic::{drag, provenance};
 use crate::recording::{Gesture, Signals};
@@ -67,9 +67,15 @@ fn made(seed: u64, ratio: f64, per_m: &[f64], fixed_hz: &[f64]) -> ProcessedReco
     recording(y, speeds, forces)
 }
 
+/// A correction would follow the lines.
+fn uncorrected(recordings: &[ProcessedRecording], settings: &LawSettings) -> TextureModel {
+    let (fitted, _) = fit_law(recordings, settings, &|_| ()).expect("a law");
+    fitted.texture().expect("a map")
+}
+
 fn found(recording: &ProcessedRecording) -> Vec<FoundLine> {
     let recordings = std::slice::from_ref(recording);
-    let (texture, _) = learn_law(recordings, &settings(), &|_| ()).expect("a law");
+    let texture = uncorrected(recordings, &settings());
     let whitened = [Whitened::new(recording, &texture, 0.005, 0.05)];
     find_lines(recordings, &whitened, &texture)
 }
@@ -127,7 +133,7 @@ fn of_forty_recordings_without_lines_two_at_most_have_one() {
 fn what_is_rendered_of_a_line_is_learned_again() {
     let (speed_m_s, force_n) = path(4.0);
     let plain = recording(noise(5, &speed_m_s, &force_n), speed_m_s, force_n);
-    let (texture, _) = learn_law(std::slice::from_ref(&plain), &settings(), &|_| ()).expect("a law");
+    let texture = uncorrected(std::slice::from_ref(&plain), &settings());
     let powers = texture.models().iter().map(|at| {
         let rests = at.speed_m_s == 0.0 || at.force_n == 0.0;
         if rests {
@@ -155,7 +161,7 @@ fn removal_leaves_the_noise() {
     let whole = made(6, 4.0, &[900.0; 5], &[]);
     let (speeds, forces) = path(4.0);
     let noise = recording(noise(6, &speeds, &forces), speeds, forces);
-    let (texture, _) = learn_law(std::slice::from_ref(&whole), &settings(), &|_| ()).expect("a law");
+    let texture = uncorrected(std::slice::from_ref(&whole), &settings());
     let whitened = [Whitened::new(&whole, &texture, 0.005, 0.05)];
     let lines = find_lines(std::slice::from_ref(&whole), &whitened, &texture);
     let cleaned = without_lines(std::slice::from_ref(&whole), &whitened, &lines);
@@ -201,7 +207,7 @@ fn the_fabrics_lines_are_found() {
     };
     for (fabric, wanted_per_m) in [("Canvas", 340.0), ("WovenFabric", 920.0)] {
         let recordings = fabric_slides(std::path::Path::new(&folder), fabric);
-        let (texture, _) = learn_law(&recordings, &law, &|_| ()).expect("a law");
+        let texture = uncorrected(&recordings, &law);
         let whitened: Vec<_> = recordings
             .iter()
             .map(|r| Whitened::new(r, &texture, 0.005, 0.01))
