@@ -1,103 +1,75 @@
-//! A node kind of one's own, used from a graph file like any other: `cargo run --example custom_node`.
+//! A program with a node kind of its own and every command of haptograph:
+//! `cargo run --release --example custom_node -- run examples/custom_node.ron`.
 
-use haptograph::engine::document::Document;
 use haptograph::engine::frame::Kind;
-use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::node::{
     BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, input, output,
 };
-use haptograph::engine::plan::{Plan, PlanOptions};
-use haptograph::engine::run::Run;
+use haptograph::engine::registry::Registry;
 use haptograph::signal::quantity::Quantity;
-use std::io::Write;
-use std::sync::Arc;
+use std::f64::consts::TAU;
+use std::process::ExitCode;
 
 haptograph::engine::settings! {
-    /// Settings of [`SoftClip`].
-    pub struct SoftClipSettings {
-        /// What the output never reaches, N.
-        limit_n: f64 = 1.0, in 1e-6..=1e6;
+    /// Settings of [`Detents`].
+    pub struct DetentsSettings {
+        /// From one rest position to the next, mm.
+        pitch_mm: f64 = 2.0, in 0.01..=1000.0;
+        /// The strongest pull, N.
+        strength_n: f64 = 0.5, in 0.0..=10.0;
     }
 }
 
-/// Rounds off what is too strong.
-pub struct SoftClip;
+/// Rest positions along a way.
+pub struct Detents;
 
-impl NodeKind for SoftClip {
-    type Settings = SoftClipSettings;
+impl NodeKind for Detents {
+    type Settings = DetentsSettings;
     const SPEC: NodeSpec = NodeSpec {
-        name: "SoftClip",
+        name: "Detents",
         group: "mine",
-        doc: "Rounds off a force that is too strong, by a hyperbolic tangent.",
+        doc: "Pulls the tool to the nearest of evenly spaced rest positions: F = -F0 sin(2 pi x / pitch).",
         source: "",
-        inputs: &[input("input", Kind::Scalar, Quantity::FORCE, "The force, N.")],
-        outputs: &[output(
-            "output",
+        inputs: &[input(
+            "position",
             Kind::Scalar,
-            Quantity::FORCE,
-            "The rounded force, N.",
+            Quantity::LENGTH,
+            "Where the tool is, m.",
         )],
-        example: r#""soft": SoftClip(input: "push", limit_n: 0.5)"#,
+        outputs: &[output("force", Kind::Scalar, Quantity::FORCE, "On the tool, N.")],
+        example: r#""detents": Detents(position: "hand", pitch_mm: 5)"#,
     };
 
-    fn build(settings: SoftClipSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        Ok(Box::new(Clipper {
-            limit_n: settings.limit_n,
+    fn build(settings: DetentsSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Pull {
+            radians_per_m: TAU / (settings.pitch_mm * 1e-3),
+            strength_n: settings.strength_n,
         }))
     }
 }
 
 #[derive(Clone)]
-struct Clipper {
-    limit_n: f64,
+struct Pull {
+    radians_per_m: f64,
+    strength_n: f64,
 }
 
-impl Processor for Clipper {
+impl Processor for Pull {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let strong = io.lanes(0);
-        for (soft, force) in io.out(0).iter_mut().zip(strong) {
-            *soft = self.limit_n * (force / self.limit_n).tanh();
+        let positions_m = io.lanes(0);
+        for (force_n, position_m) in io.out(0).iter_mut().zip(positions_m) {
+            *force_n = -self.strength_n * (self.radians_per_m * position_m).sin();
         }
     }
 }
 
-const GRAPH: &str = r#"
-Graph(
-    format: 1,
-    clocks: { "servo": Driver(rate_hz: 1000) },
-    nodes: {
-        "push": Sine(clock: "servo", frequency_hz: 2, amplitude: 3, quantity: "force"),
-        "soft": SoftClip(input: "push", limit_n: 0.5),
-        "file": CsvSink(inputs: ["push", "soft"], file: "forces.csv"),
-    },
-)"#;
-
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// The shipped kinds, and this program's.
+pub fn registry() -> Registry {
     let mut registry = haptograph::nodes::registry();
-    registry.add(NodeEntry::processor::<SoftClip>());
-    let document = Document::parse("custom_node.ron", GRAPH)?;
-    let graph = check(&document, &registry, &CheckOptions::default())?;
-    let nodes = graph.nodes();
-    let soft = nodes
-        .node_indices()
-        .find(|node| nodes[*node].path == "soft")
-        .ok_or("no node `soft`")?;
-    let options = PlanOptions {
-        block: 100,
-        taps: vec![(soft, 0)],
-    };
-    let mut run = Run::new(Arc::new(Plan::new(&graph, &options)));
-    let mut strongest = 0.0_f64;
-    for _ in 0..10 {
-        run.advance(100);
-        strongest = run
-            .tap(0)
-            .iter()
-            .fold(strongest, |most, force| most.max(force.abs()));
-    }
-    writeln!(
-        std::io::stdout(),
-        "pushed with 3 N, felt at most {strongest:.4} N"
-    )?;
-    Ok(())
+    registry.add(NodeEntry::processor::<Detents>());
+    registry
+}
+
+fn main() -> ExitCode {
+    haptograph::cli::main(&registry())
 }

@@ -2,6 +2,7 @@
 //!
 //! This crate is the face of the workspace and what its command draws; the work is done in the rooms below it.
 
+pub mod cli;
 pub mod recorder;
 pub mod report;
 

@@ -3,8 +3,14 @@
 
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
+use haptograph::engine::registry::Registry;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+
+#[allow(dead_code)]
+#[path = "../examples/custom_node.rs"]
+mod custom_node;
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -46,6 +52,46 @@ fn the_picture_in_the_readme_is_current() {
     );
 }
 
+/// The kinds that the book uses: the shipped ones, and those of the program that the page on nodes shows.
+fn registry() -> Registry {
+    custom_node::registry()
+}
+
+/// The page shows the program and the graph that `cargo test` builds and that are run here.
+#[test]
+fn the_program_in_the_book_is_the_example_and_has_every_command() {
+    let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
+    for (language, file) in [("rust", "custom_node.rs"), ("ron", "custom_node.ron")] {
+        let text = fs::read_to_string(root().join("examples").join(file)).unwrap();
+        assert!(
+            page.contains(&format!("```{language}\n{text}```")),
+            "{file} is another on the page"
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
+    let program = program.with_file_name("examples").join("custom_node");
+    let does = |arguments: &[&str]| {
+        // `cargo test --test book` alone builds no example: `cargo build --examples` does.
+        let done = Command::new(&program)
+            .args(arguments)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    let graph = root().join("examples/custom_node.ron");
+    does(&["run", graph.to_str().unwrap(), "--for", "1"]);
+    let rows = fs::read_to_string(folder.path().join("out/custom_node/detents.csv")).unwrap();
+    let forces = rows
+        .lines()
+        .filter_map(|row| row.rsplit(',').next()?.parse::<f64>().ok());
+    let strongest = forces.fold(0.0, |most: f64, force| most.max(force.abs()));
+    assert!((0.799..=0.8).contains(&strongest), "{strongest} N");
+    assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
+}
+
 /// Blocks of RON.
 fn blocks(text: &str) -> impl Iterator<Item = &str> {
     let begun = text.split("```ron\n").skip(1);
@@ -67,13 +113,8 @@ fn every_graph_in_the_book_is_sound() {
             seen += 1;
             // Files that it names are looked for where the shipped graphs are.
             let place = root().join("graphs").join(page.file_name().unwrap());
-            let graph = Document::parse(place, block).and_then(|document| {
-                check(
-                    &document,
-                    &haptograph::nodes::registry(),
-                    &CheckOptions::default(),
-                )
-            });
+            let graph = Document::parse(place, block)
+                .and_then(|document| check(&document, &registry(), &CheckOptions::default()));
             if let Err(diagnostics) = graph {
                 panic!("{}: {diagnostics}", page.display());
             }
@@ -85,7 +126,7 @@ fn every_graph_in_the_book_is_sound() {
 /// Nodes and devices in pieces of graphs exist, as those of whole graphs do.
 #[test]
 fn every_kind_in_the_book_exists() {
-    let registry = haptograph::nodes::registry();
+    let registry = registry();
     let mut seen = 0;
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();
@@ -129,7 +170,7 @@ fn the_template_in_the_book_is_sound() {
         {template})"#
     );
     let place = root().join("graphs/format.ron");
-    let registry = haptograph::nodes::registry();
+    let registry = registry();
     Document::parse(place, &graph)
         .and_then(|document| check(&document, &registry, &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));

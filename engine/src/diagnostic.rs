@@ -142,6 +142,13 @@ impl Diagnostic {
         Self::new(code, Severity::Warning, span, message)
     }
 
+    /// The same, of no place in a text.
+    #[must_use]
+    pub(crate) fn of_no_place(mut self) -> Self {
+        self.primary = None;
+        self
+    }
+
     fn new(code: &'static str, severity: Severity, span: Span, message: impl Into<String>) -> Self {
         let primary = Some(Label {
             span,

@@ -8,6 +8,7 @@ use crate::node::NodeEntry;
 pub struct Registry {
     nodes: Vec<NodeEntry>,
     devices: Vec<DeviceEntry>,
+    twice: Vec<&'static str>,
 }
 
 impl Registry {
@@ -16,18 +17,33 @@ impl Registry {
         Self::default()
     }
 
-    /// Adds a node kind; one of the same name is replaced.
+    /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
     pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
-        self.nodes.retain(|known| known.spec.name != entry.spec.name);
+        if self.node(entry.spec.name).is_some() {
+            self.twice.push(entry.spec.name);
+        }
         self.nodes.push(entry);
         self
     }
 
-    /// Adds a device kind; one of the same name is replaced.
+    /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
     pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
-        self.devices.retain(|known| known.spec.name != entry.spec.name);
+        if self.device(entry.spec.name).is_some() {
+            self.twice.push(entry.spec.name);
+        }
         self.devices.push(entry);
         self
+    }
+
+    /// Puts a node kind in the place of the one of the same name, if there is one.
+    pub fn replace(&mut self, entry: NodeEntry) -> &mut Self {
+        self.nodes.retain(|known| known.spec.name != entry.spec.name);
+        self.add(entry)
+    }
+
+    /// The names that were added twice.
+    pub(crate) fn twice(&self) -> &[&'static str] {
+        &self.twice
     }
 
     /// The node kind of this name.

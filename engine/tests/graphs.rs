@@ -454,5 +454,18 @@ fn every_code_is_documented() {
         .collect();
     let shown = codes(&printed, '[');
     let never: Vec<&String> = used.difference(&shown).collect();
-    assert_eq!(never, ["E0702"], "codes that no wrong graph shows");
+    assert_eq!(never, ["E0212", "E0702"], "codes that no wrong graph shows");
+}
+
+#[test]
+fn two_kinds_of_one_name_are_an_error_and_one_in_the_place_of_another_is_none() {
+    let document = Document::load(Path::new("tests/right/texturepad.ron"), &LoadOptions::default());
+    let document = document.expect("it is right");
+    let mut registry = common::registry();
+    let gain = registry.node("Gain").expect("a kind of node");
+    registry.replace(gain);
+    check(&document, &registry, &CheckOptions::default()).expect("no name stands twice");
+    registry.add(gain);
+    let wrong = check(&document, &registry, &CheckOptions::default()).expect_err("a name stands twice");
+    assert_eq!((wrong.list[0].code, wrong.list.len()), ("E0212", 1));
 }

@@ -18,12 +18,12 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
     match files::read_text(path, options.max_bytes) {
         Ok(text) => self::text(path, &text, options),
         Err(error) => {
-            let mut diagnostic = Diagnostic::error(
+            let diagnostic = Diagnostic::error(
                 "E0108",
                 Span::default(),
                 format!("cannot read `{}`: {error}", path.display()),
-            );
-            diagnostic.primary = None;
+            )
+            .of_no_place();
             Err(Diagnostics {
                 sources: Sources::default(),
                 list: vec![diagnostic],

@@ -3,7 +3,7 @@
 use super::draft::Context;
 use super::values::Parameters;
 use super::{Graph, bridges, build, clocks, cycles, devices, expand, types, unused, wires};
-use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
+use crate::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
 use crate::document::Document;
 use crate::registry::Registry;
 use std::collections::HashSet;
@@ -76,7 +76,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         document,
         registry,
         sources: document.sources.clone(),
-        diagnostics: document.findings.clone(),
+        diagnostics: twice(registry).chain(document.findings.clone()).collect(),
         files: Vec::new(),
     };
     let mut parameters = Parameters::read(&mut cx, &options.set);
@@ -121,6 +121,17 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     }
     let (sources, list) = (cx.sources.clone(), cx.diagnostics.clone());
     build::assemble(cx, draft, clocks, devices, built, seed).map_or_else(|| failed(sources, list), Ok)
+}
+
+/// An error for each name that two kinds have: it has no place in the graph.
+fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
+    registry.twice().iter().map(|name| {
+        let message = format!("two kinds are registered as `{name}`");
+        let help = "rename one where this program registers it, or take the place of the other by `Registry::replace`";
+        Diagnostic::error("E0212", Span::default(), message)
+            .of_no_place()
+            .help(help)
+    })
 }
 
 /// In the order of the files; what a template does wrong in every use is said once.

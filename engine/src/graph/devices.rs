@@ -61,12 +61,12 @@ pub(super) fn read(
         if document.endpoints.is_empty() || options.hosted == Hosted::All {
             return Some(devices); // Every node that needs a device says so.
         }
-        let mut diagnostic = Diagnostic::error(
+        let diagnostic = Diagnostic::error(
             "E0210",
             Span::default(),
             format!("the graph has no set of endpoints `{set}`"),
-        );
-        diagnostic.primary = None;
+        )
+        .of_no_place();
         let diagnostic = suggest(cx, diagnostic, set, declared, "its sets are", "");
         cx.report(diagnostic);
         return None;

@@ -1,0 +1,212 @@
+//! A function that is given by points.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Processor,
+    QuantityRule, Tick, any_input,
+};
+
+haptograph_engine::choices! {
+    /// What lies between two points of a [`Curve`].
+    pub enum Between {
+        /// A straight line.
+        Linear,
+        /// A cubic that never leaves the range of the two points (Fritsch and Carlson 1980).
+        Smooth,
+        /// The value of the point before.
+        Hold,
+    }
+}
+
+haptograph_engine::choices! {
+    /// What lies beyond the points of a [`Curve`].
+    pub enum Beyond {
+        /// The value of the nearest point.
+        Hold,
+        /// The same again and again, the last point in the place of the first.
+        Repeat,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Curve`].
+    pub struct CurveSettings {
+        /// Points `[x, y]` with x rising, at least two, both in the SI units of the signals.
+        points: Vec<[f64; 2]>;
+        /// What lies between the points.
+        between: Between = Between::Linear;
+        /// What lies beyond them.
+        beyond: Beyond = Beyond::Hold;
+        /// What comes out, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// Looks values up on a curve.
+pub struct Curve;
+
+impl NodeKind for Curve {
+    type Settings = CurveSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Curve",
+        group: "math",
+        doc: "A function of a scalar that is given by points: the characteristic of a sensor, the profile of a surface over \
+              position, a force over depth.",
+        source: "Fritsch and Carlson, Monotone piecewise cubic interpolation, 1980 (`Smooth`)",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Scalar),
+            ..any_input("input", "Where on the curve, x.")
+        }],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Scalar),
+            quantity: QuantityRule::Setting("quantity"),
+            doc: "The value there, y, of the quantity that `quantity` names.",
+        }],
+        example: r#""louder when pressed": Curve(input: "stylus.force", points: [[0, 0], [0.5, 0.2], [2, 1]], between: Smooth)"#,
+    };
+
+    fn build(settings: CurveSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let points = &settings.points;
+        if points.len() < 2 {
+            return Err(BuildError::at("points", "a curve has at least two points"));
+        }
+        if let Some(pair) = points.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
+            let message = format!("x does not rise from {} to {}", pair[0][0], pair[1][0]);
+            return Err(BuildError::at("points", message).help("order the points by x, each x once"));
+        }
+        Ok(Box::new(Table {
+            knots: knots(points, &settings.between),
+            repeats: settings.beyond == Beyond::Repeat,
+        }))
+    }
+}
+
+/// A point, and the cubic from it to the next: y + u (b + u (c + u d)), u from 0 to 1.
+#[derive(Debug, Clone, Copy)]
+struct Knot {
+    x: f64,
+    y: f64,
+    cubic: [f64; 3],
+}
+
+fn knots(points: &[[f64; 2]], between: &Between) -> Box<[Knot]> {
+    let slopes = slopes(points);
+    let pieces = points.windows(2).zip(slopes.windows(2)).map(|(pair, slope)| {
+        let [[x, y], [next_x, next_y]] = [pair[0], pair[1]];
+        let (length, rise) = (next_x - x, next_y - y);
+        let (begin, end) = (slope[0] * length, slope[1] * length);
+        let cubic = match between {
+            Between::Linear => [rise, 0.0, 0.0],
+            Between::Smooth => [begin, 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise],
+            Between::Hold => [0.0; 3],
+        };
+        Knot { x, y, cubic }
+    });
+    let last = points.last().map(|[x, y]| Knot {
+        x: *x,
+        y: *y,
+        cubic: [0.0; 3],
+    });
+    pieces.chain(last).collect()
+}
+
+/// The slope at each point: the harmonic mean of those beside it where they agree in sign, so that nothing overshoots.
+fn slopes(points: &[[f64; 2]]) -> Vec<f64> {
+    let steps: Vec<f64> = { points.windows(2) }
+        .map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
+        .collect();
+    let at = |i: usize| match (i.checked_sub(1).map(|before| steps[before]), steps.get(i)) {
+        (Some(a), Some(b)) if a * b > 0.0 => 2.0 * a * b / (a + b),
+        (Some(_), Some(_)) => 0.0,
+        (Some(a), None) => a,
+        (None, Some(b)) => *b,
+        (None, None) => 0.0,
+    };
+    (0..points.len()).map(at).collect()
+}
+
+#[derive(Debug, Clone)]
+struct Table {
+    knots: Box<[Knot]>,
+    repeats: bool,
+}
+
+impl Table {
+    fn at(&self, x: f64) -> f64 {
+        let (first, last) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        let x = match self.repeats {
+            true => first.x + (x - first.x).rem_euclid(last.x - first.x),
+            false => x.clamp(first.x, last.x),
+        };
+        let after = self.knots.partition_point(|knot| knot.x <= x);
+        let Knot { x: begin, y, cubic } = self.knots[after.saturating_sub(1)];
+        let Some(next) = self.knots.get(after) else {
+            return y;
+        };
+        let u = (x - begin) / (next.x - begin);
+        y + u * (cubic[0] + u * (cubic[1] + u * cubic[2]))
+    }
+}
+
+impl Processor for Table {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let x = io.lanes(0);
+        for (y, x) in io.out(0).iter_mut().zip(x) {
+            // No value is that of no place.
+            *y = if x.is_finite() { self.at(*x) } else { 0.0 };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    fn bench(points: &[[f64; 2]], between: Between, beyond: Beyond) -> Result<Bench, BuildError> {
+        let settings = CurveSettings {
+            points: points.to_vec(),
+            between,
+            beyond,
+            quantity: "force".to_owned(),
+        };
+        Bench::new::<Curve>(settings, 1.0, &[Kind::Scalar])
+    }
+
+    const POINTS: [[f64; 2]; 3] = [[0.0, 1.0], [1.0, 3.0], [3.0, 3.0]];
+
+    #[test]
+    fn values_are_looked_up_between_and_beyond() {
+        let x = [-5.0, 0.0, 0.5, 1.0, 2.0, 3.0, 4.0];
+        let mut linear = bench(&POINTS, Between::Linear, Beyond::Hold).unwrap();
+        assert_eq!(linear.run(&[&x]), [[1.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0]]);
+        let mut held = bench(&POINTS, Between::Hold, Beyond::Hold).unwrap();
+        assert_eq!(held.run(&[&x]), [[1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 3.0]]);
+        let mut repeated = bench(&POINTS, Between::Linear, Beyond::Repeat).unwrap();
+        assert_eq!(repeated.run(&[&[3.0, 3.5, -2.5, 6.0]]), [[1.0, 2.0, 2.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_smooth_curve_goes_through_its_points_and_never_overshoots() {
+        let points = [[0.0, 0.0], [1.0, 0.1], [2.0, 5.0], [3.0, 5.0], [4.0, 1.0]];
+        let mut smooth = bench(&points, Between::Smooth, Beyond::Hold).unwrap();
+        let x: Vec<f64> = (0..=400).map(|i| f64::from(i) / 100.0).collect();
+        let y = smooth.run(&[&x]).remove(0);
+        for [x, expected] in points {
+            assert!((y[(x * 100.0) as usize] - expected).abs() < 1e-12);
+        }
+        assert!(y[..=300].windows(2).all(|pair| pair[1] >= pair[0] - 1e-12));
+        assert!(y[300..].windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
+        let steepest = y.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+        assert!(steepest < 0.1, "it is continuous: {steepest}");
+    }
+
+    #[test]
+    fn points_that_make_no_curve_are_refused() {
+        for points in [&[[0.0, 1.0]][..], &[[1.0, 0.0], [1.0, 2.0]], &[[1.0, 0.0], [0.0, 2.0]]] {
+            let refused = bench(points, Between::Linear, Beyond::Hold).err();
+            assert_eq!(refused.and_then(|error| error.field), Some("points"));
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! A formula as a node.
+
+use super::formula::{Formula, is_free};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
+    Processor, QuantityRule, Tick,
+};
+
+/// Names of inputs that have none of their own.
+const LETTERS: [&str; 8] = ["a", "b", "c", "d", "f", "g", "h", "k"];
+
+haptograph_engine::settings! {
+    /// Settings of [`Expression`].
+    pub struct ExpressionSettings {
+        /// What is computed, in SI units: `"0.4 * a * sin(2*pi * b / 0.002)"`.
+        formula: String;
+        /// The names of the inputs in the formula, in the order of `inputs`; where none are given `a`, `b`, `c`, `d`, `f`,
+        /// `g`, `h`, `k`.
+        names: Vec<String> = vec![];
+        /// What comes out, by name.
+        quantity: String = "number".into();
+    }
+}
+
+/// Computes a formula of scalar signals.
+pub struct Expression;
+
+impl NodeKind for Expression {
+    type Settings = ExpressionSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Expression",
+        group: "math",
+        doc: "Computes a formula of scalar signals, frame by frame, in SI units. It has `+ - * / % ^`, comparisons (`<`, `<=`, `>`, \
+              `>=`, `==`, `!=`, which give 1 or 0), `&&`, `||`, the constants `pi` and `e`, the time `t` in s, and the functions sin, \
+              cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, ln, log2, log10, sqrt, pow, hypot, abs, sign, floor, ceil, \
+              round, mod, min, max, clamp(x, low, high), mix(a, b, part), if(condition, then, otherwise), not. A result that is not \
+              finite, as of a division by zero, is zero.",
+        source: "",
+        inputs: &[InputSpec {
+            name: "inputs",
+            kind: KindRule::Is(Kind::Scalar),
+            quantity: QuantityRule::Any,
+            flow: Flow::Sampled,
+            presence: Presence::Many,
+            doc: "Scalars of any quantity, in the order of their names.",
+        }],
+        outputs: &[OutputSpec {
+            name: "output",
+            kind: KindRule::Is(Kind::Scalar),
+            quantity: QuantityRule::Setting("quantity"),
+            doc: "The value of the formula, of the quantity that `quantity` names.",
+        }],
+        example: r#""ridges": Expression(inputs: ["stylus.force", "speed.speed"], names: ["force", "speed"], formula: "0.3 * force * sin(2*pi * 40 * t) * min(speed / 0.1, 1)", quantity: "acceleration")"#,
+    };
+
+    fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let names = names(&settings.names, cx.input_widths.len())?;
+        let formula = Formula::parse(&settings.formula, &names)
+            .map_err(|error| BuildError::at("formula", error.to_string()))?;
+        Ok(Box::new(Computer {
+            work: vec![0.0; formula.depth() * cx.max_frames].into(),
+            formula,
+            tick_s: 1.0 / cx.rate.hz(),
+        }))
+    }
+
+    fn memory_bytes(_: &ExpressionSettings, cx: &BuildContext) -> u64 {
+        // No formula is deeper than its brackets and arguments are nested.
+        8 * 256 * cx.max_frames as u64
+    }
+}
+
+/// The name of each input.
+fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
+    if given.is_empty() {
+        let names = LETTERS.get(..inputs).map(<[&str]>::to_vec);
+        return names.ok_or_else(|| {
+            let message = format!("{inputs} inputs have no names");
+            BuildError::at("names", message).help("give a name for each, in the order of `inputs`")
+        });
+    }
+    if given.len() != inputs {
+        let message = format!("{} names for {inputs} inputs", given.len());
+        return Err(BuildError::at("names", message).help("give a name for each, in the order of `inputs`"));
+    }
+    for (i, name) in given.iter().enumerate() {
+        if !is_free(name) || given[..i].contains(name) {
+            let message = format!("`{name}` cannot be the name of an input here");
+            let help = "a name is a word of letters, digits and `_` that is no function, not `t`, and stands once";
+            return Err(BuildError::at("names", message).help(help));
+        }
+    }
+    Ok(given.iter().map(String::as_str).collect())
+}
+
+#[derive(Debug, Clone)]
+struct Computer {
+    formula: Formula,
+    work: Box<[f64]>,
+    tick_s: f64,
+}
+
+impl Processor for Computer {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let out = io.out(0);
+        let time_s = |frame: usize| (tick.first + frame as u64) as f64 * self.tick_s;
+        self.formula
+            .compute(|input| io.lanes(input), time_s, &mut self.work, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    fn settings(formula: &str, names: &[&str]) -> ExpressionSettings {
+        ExpressionSettings {
+            formula: formula.to_owned(),
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+            quantity: "force".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_formula_of_two_signals_and_time() {
+        let two = [Kind::Scalar; 2];
+        let mut bench = Bench::new::<Expression>(settings("x * y + t", &["x", "y"]), 10.0, &two).unwrap();
+        assert_eq!(bench.run(&[&[1.0, 2.0], &[3.0, 4.0]]), [[3.0, 8.1]]);
+        assert_eq!(bench.run(&[&[0.0], &[0.0]]), [[0.2]]);
+        let mut bench = Bench::new::<Expression>(settings("a - b", &[]), 10.0, &two).unwrap();
+        assert_eq!(bench.run(&[&[1.0], &[3.0]]), [[-2.0]]);
+    }
+
+    #[test]
+    fn names_that_do_not_fit_are_refused() {
+        let field = |formula: &str, names: &[&str]| {
+            let refused = Bench::new::<Expression>(settings(formula, names), 10.0, &[Kind::Scalar; 2]).err();
+            refused.and_then(|error| error.field)
+        };
+        assert_eq!(field("x", &["x"]), Some("names"));
+        for name in ["t", "sin", "2x", "", "x"] {
+            assert_eq!(field("x", &["x", name]), Some("names"), "{name}");
+        }
+        assert_eq!(field("a + z", &[]), Some("formula"));
+        assert_eq!(field("pi + x + y", &["x", "y"]), None);
+    }
+}

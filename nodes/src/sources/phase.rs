@@ -1,0 +1,230 @@
+//! Signals that follow others in time: the phase of a frequency, the envelope of a gate.
+
+use crate::successor;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, InputSpec, Io, KindRule, NodeKind, NodeSpec, Processor, Tick, any_input, input,
+    output,
+};
+use haptograph_signal::quantity::Quantity;
+
+haptograph_engine::settings! {
+    /// Settings of [`Phase`].
+    pub struct PhaseSettings {
+        /// Phase at the start.
+        start_deg: f64 = 0.0, in -360.0..=360.0;
+    }
+}
+
+/// The phase of an oscillation whose frequency is a signal.
+pub struct Phase;
+
+impl NodeKind for Phase {
+    type Settings = PhaseSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Phase",
+        group: "sources",
+        doc: "The phase of an oscillation whose frequency is a signal, in turns from 0 up to 1. A sine of it is an `Expression`: \
+              `sin(2*pi * a)`.",
+        source: "",
+        inputs: &[input("frequency", Kind::Scalar, Quantity::FREQUENCY, "Turns a second; backwards below zero.")],
+        outputs: &[output("phase", Kind::Scalar, Quantity::NUMBER, "The part of a turn that is done, 0 up to 1.")],
+        example: r#""turn": Phase(frequency: "pitch.output")"#,
+    };
+
+    fn build(settings: PhaseSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Turning {
+            turns: (settings.start_deg / 360.0).rem_euclid(1.0),
+            tick_s: 1.0 / cx.rate.hz(),
+        }))
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Turning {
+    turns: f64,
+    tick_s: f64,
+}
+
+impl Processor for Turning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let frequency_hz = io.lanes(0);
+        for (phase, hz) in io.out(0).iter_mut().zip(frequency_hz) {
+            *phase = self.turns;
+            let next = self.turns + hz * self.tick_s;
+            // What is no number does not turn it; the remainder can round up to 1.
+            self.turns = if next.is_finite() { next - next.floor() } else { self.turns };
+            self.turns = if self.turns < 1.0 { self.turns } else { 0.0 };
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.turns = self.turns;
+        }
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`Adsr`].
+    pub struct AdsrSettings {
+        /// From 0 to 1, ms.
+        [live] attack_ms: f64 = 5.0, in 0.0..=1e6;
+        /// From 1 to 0, if it went so far, ms.
+        [live] decay_ms: f64 = 50.0, in 0.0..=1e6;
+        /// Where it stays while the gate is open, a part of 1.
+        [live] sustain: f64 = 0.5, in 0.0..=1.0;
+        /// From 1 to 0 after the gate has closed, ms.
+        [live] release_ms: f64 = 100.0, in 0.0..=1e6;
+    }
+}
+
+/// An envelope of straight lines.
+pub struct Adsr;
+
+impl NodeKind for Adsr {
+    type Settings = AdsrSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "Adsr",
+        group: "sources",
+        doc: "An envelope of straight lines: attack, decay, sustain, release. It begins where it is when the gate opens, so that \
+              nothing jumps.",
+        source: "",
+        inputs: &[InputSpec {
+            kind: KindRule::Is(Kind::Scalar),
+            ..any_input("gate", "Open while it is above zero.")
+        }],
+        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "0 to 1.")],
+        example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
+    };
+
+    fn build(settings: AdsrSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        Ok(Box::new(Envelope {
+            settings: [
+                settings.attack_ms,
+                settings.decay_ms,
+                settings.sustain,
+                settings.release_ms,
+            ],
+            tick_ms: 1e3 / cx.rate.hz(),
+            level: 0.0,
+            stage: Stage::Closed,
+        }))
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Closed,
+    Rising,
+    Settling,
+}
+
+#[derive(Debug, Clone)]
+struct Envelope {
+    /// In the order of their declaration.
+    settings: [f64; 4],
+    tick_ms: f64,
+    level: f64,
+    stage: Stage,
+}
+
+impl Envelope {
+    fn next(&mut self, is_open: bool) -> f64 {
+        let [attack_ms, decay_ms, sustain, release_ms] = self.settings;
+        self.stage = match (is_open, self.stage) {
+            (false, _) => Stage::Closed,
+            (true, Stage::Closed) => Stage::Rising,
+            (true, Stage::Rising) if self.level >= 1.0 => Stage::Settling,
+            (true, stage) => stage,
+        };
+        // Of no time, a step is infinite and goes as far as it may.
+        self.level = match self.stage {
+            Stage::Closed => (self.level - self.tick_ms / release_ms).max(0.0),
+            Stage::Rising => (self.level + self.tick_ms / attack_ms).min(1.0),
+            Stage::Settling if self.level > sustain => (self.level - self.tick_ms / decay_ms).max(sustain),
+            Stage::Settling => (self.level + self.tick_ms / decay_ms).min(sustain),
+        };
+        self.level
+    }
+}
+
+impl Processor for Envelope {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let gate = io.lanes(0);
+        for (y, gate) in io.out(0).iter_mut().zip(gate) {
+            *y = self.next(*gate > 0.0);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if let Some(known) = self.settings.get_mut(setting) {
+            *known = value;
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.level, new.stage) = (self.level, self.stage);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+
+    #[test]
+    fn the_phase_of_a_rising_frequency_is_its_integral() {
+        let settings = PhaseSettings { start_deg: 90.0 };
+        let mut bench = Bench::new::<Phase>(settings, 100.0, &[Kind::Scalar]).unwrap();
+        let sweep: Vec<f64> = (0..300).map(|i| f64::from(i) * 0.1).collect();
+        let phase = bench.run(&[&sweep]).remove(0);
+        for (i, phase) in phase.iter().enumerate() {
+            let turns = 0.25 + 0.1 * (i * i.saturating_sub(1)) as f64 / 2.0 / 100.0;
+            let apart = (phase - turns).rem_euclid(1.0);
+            assert!(apart.min(1.0 - apart) < 1e-9 && (0.0..1.0).contains(phase), "{i}");
+        }
+        let backwards = bench.run(&[&[-1e-20, f64::NAN, -10.0, -10.0]]).remove(0);
+        assert!(backwards.iter().all(|phase| (0.0..1.0).contains(phase)), "{backwards:?}");
+    }
+
+    fn envelope(settings: AdsrSettings, gate: &[f64]) -> Vec<f64> {
+        let mut bench = Bench::new::<Adsr>(settings, 1000.0, &[Kind::Scalar]).unwrap();
+        bench.run(&[gate]).remove(0)
+    }
+
+    #[test]
+    fn an_envelope_rises_settles_stays_and_falls() {
+        let settings = AdsrSettings {
+            attack_ms: 4.0,
+            decay_ms: 8.0,
+            sustain: 0.75,
+            release_ms: 4.0,
+        };
+        let gate: Vec<f64> = (0..14).map(|i| if i < 9 { 0.3 } else { 0.0 }).collect();
+        let expected = [
+            0.25, 0.5, 0.75, 1.0, 0.875, 0.75, 0.75, 0.75, 0.75, 0.5, 0.25, 0.0, 0.0, 0.0,
+        ];
+        assert_eq!(envelope(settings, &gate), expected);
+    }
+
+    #[test]
+    fn an_envelope_of_no_time_jumps_and_one_that_opens_again_goes_on() {
+        let at_once = AdsrSettings {
+            attack_ms: 0.0,
+            decay_ms: 0.0,
+            sustain: 1.0,
+            release_ms: 0.0,
+        };
+        assert_eq!(envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]), [1.0, 1.0, 0.0, 0.0]);
+        let slow = AdsrSettings {
+            attack_ms: 4.0,
+            decay_ms: 1.0,
+            sustain: 1.0,
+            release_ms: 8.0,
+        };
+        assert_eq!(envelope(slow, &[1.0, 1.0, 0.0, 1.0]), [0.25, 0.5, 0.375, 0.625]);
+    }
+}

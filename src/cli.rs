@@ -1,0 +1,359 @@
+//! The command `haptograph`: arguments in, one library call, a result or one clear message out.
+//!
+//! [`main`] gives any program all of it, with the kinds of nodes and devices that the program registers.
+
+mod bench;
+mod check;
+mod compare;
+mod devices;
+mod doctor;
+mod draw;
+mod evaluate;
+mod fault;
+mod identify;
+mod import;
+mod learn;
+mod new;
+mod nodes;
+mod output;
+mod progress;
+mod recording;
+mod recover;
+mod run;
+mod segment;
+mod simulate_recording;
+mod snippet;
+mod surface;
+mod sweep;
+mod table;
+mod written;
+
+use crate::engine::diagnostic::{Diagnostics, render};
+use crate::engine::document::{Document, LoadOptions};
+use crate::engine::graph::{CheckOptions, Graph, check};
+use crate::engine::registry::Registry;
+use crate::signal::files;
+use clap::{ArgMatches, Args};
+use std::collections::HashSet;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// The whole command for graphs of these kinds of nodes and devices: reads the arguments of the process, does what they
+/// say, and gives the code to exit with.
+///
+/// A panic is from here on told as a fault to report: this sets the panic hook of the process.
+///
+/// ```no_run
+/// fn main() -> std::process::ExitCode {
+///     let mut registry = haptograph::nodes::registry();
+///     // registry.add(NodeEntry::processor::<MyNode>());
+///     haptograph::cli::main(&registry)
+/// }
+/// ```
+pub fn main(registry: &Registry) -> ExitCode {
+    fault::listen();
+    let all = clap::Command::new("haptograph")
+        .version(env!("CARGO_PKG_VERSION"))
+        .about("Runs graphs that render the feel of real surfaces")
+        .propagate_version(true)
+        .subcommand_required(true)
+        .arg_required_else_help(true);
+    let commands = commands();
+    let all = commands.iter().fold(all, |all, command| {
+        all.subcommand((command.arguments)(clap::Command::new(command.name)))
+    });
+    // Usage errors, `--help` and `--version` are clap's: it writes them and exits with 2 or 0.
+    let matches = with_negative_numbers(all).get_matches();
+    let chosen = matches
+        .subcommand()
+        .and_then(|(name, matches)| Some((commands.iter().find(|command| command.name == name)?, matches)));
+    let result = chosen.map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
+    result.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+}
+
+/// All commands, in the order of the help.
+fn commands() -> Vec<Command> {
+    vec![
+        Command::new("run", run::run),
+        Command::new("check", check::run),
+        Command::new("recover", recover::run),
+        Command::new("sweep", sweep::run),
+        Command::new("bench", bench::run),
+        Command::new("identify", identify::run),
+        Command::new("draw", draw::run),
+        Command::new("nodes", nodes::run),
+        Command::new("new", new::run),
+        Command::new("simulate-recording", simulate_recording::run),
+        Command::new("devices", devices::run),
+        Command::new("doctor", doctor::run),
+        Command::new("learn", learn::run),
+        Command::new("segment", segment::run),
+        Command::new("surface", surface::run),
+        Command::new("compare", compare::run),
+        Command::new("evaluate", evaluate::run),
+    ]
+}
+
+/// A command: its name, its arguments, and what it does.
+struct Command {
+    name: &'static str,
+    arguments: fn(clap::Command) -> clap::Command,
+    run: Box<dyn Fn(&ArgMatches, &Registry) -> Result<(), Failure>>,
+}
+
+impl Command {
+    fn new<A: Args + 'static>(name: &'static str, run: fn(&A, &Registry) -> Result<(), Failure>) -> Self {
+        let run = move |matches: &ArgMatches, registry: &Registry| {
+            let arguments = A::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
+            run(&arguments, registry)
+        };
+        Self {
+            name,
+            arguments: A::augment_args,
+            run: Box::new(run),
+        }
+    }
+}
+
+/// `--seconds -5` is a number that is out of range, not a flag called `-5`.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .allow_negative_numbers(true)
+        .mut_subcommands(with_negative_numbers)
+}
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// What is wrong with a graph.
+    #[error("{0}")]
+    Graph(Diagnostics),
+    /// The command line asks for what does not go together.
+    #[error("{0}")]
+    Usage(clap::Error),
+    /// The failure was reported already, as JSON.
+    #[error("")]
+    Reported,
+    /// Anything else, in words for the user.
+    #[error("{0}")]
+    Message(String),
+    /// An error shown at its place in a text.
+    #[error("{0}")]
+    Shown(String),
+    /// Nobody reads what is written any more.
+    #[error("")]
+    BrokenPipe,
+}
+
+impl Failure {
+    /// A failure to do something with a file.
+    pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
+        Self::Message(format!("cannot {doing} {}: {error}", path.display()))
+    }
+
+    /// Says it on standard error, and gives the code to exit with.
+    pub fn report(self) -> ExitCode {
+        if let Self::Usage(error) = self {
+            // As `Parser::parse` does it, with its colours and code.
+            let _ = error.print();
+            return ExitCode::from(2);
+        }
+        let text = match &self {
+            Self::Graph(diagnostics) => render(diagnostics, std::io::stderr().is_terminal()),
+            Self::Message(text) => format!("error: {text}\n"),
+            Self::Usage(error) => error.to_string(),
+            Self::Shown(text) => text.clone(),
+            Self::Reported | Self::BrokenPipe => String::new(),
+        };
+        // Where standard error is closed there is nobody left to tell.
+        let _ = std::io::stderr().write_all(text.as_bytes());
+        match self {
+            Self::BrokenPipe => ExitCode::SUCCESS,
+            _ => ExitCode::FAILURE,
+        }
+    }
+}
+
+/// Writes to standard output; a reader that has gone away ends the command quietly.
+pub fn say(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|error| match error.kind() {
+            std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
+            _ => Failure::Message(format!("cannot write to standard output: {error}")),
+        })
+}
+
+/// One line of JSON on standard output.
+pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value)
+        .map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))?;
+    say(&(text + "\n"))
+}
+
+/// Says something on standard error that is no failure.
+pub fn remark(text: &str) {
+    // A remark that nobody can read is no reason to stop.
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}
+
+/// Which graph, and with what in place of its defaults.
+#[derive(Debug, Clone, Args)]
+pub struct GraphArguments {
+    /// The graph file
+    pub graph: PathBuf,
+    /// Give a parameter of the graph another value; can be repeated
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, String)>,
+    /// The set of endpoints that the graph's devices are taken from: `simulated` where it is not given, or for
+    /// `run --live` `live` where the graph has that
+    #[arg(long, value_name = "SET")]
+    pub endpoints: Option<String>,
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write it as NAME=VALUE")?;
+    if name.is_empty() {
+        return Err("the name is missing: write it as NAME=VALUE".to_owned());
+    }
+    Ok((name.to_owned(), value.to_owned()))
+}
+
+/// Refuses to be told a thing twice: one of the two would be meant.
+pub fn refuse_repeated<'a>(flag: &str, names: impl IntoIterator<Item = &'a str>) -> Result<(), Failure> {
+    let mut seen = HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        None => Ok(()),
+        Some(name) => Err(Failure::Message(format!(
+            "{flag} gives `{name}` twice; give it once"
+        ))),
+    }
+}
+
+impl GraphArguments {
+    /// Refuses a parameter that is set twice.
+    pub fn refuse_repeated(&self) -> Result<(), Failure> {
+        refuse_repeated("--set", self.set.iter().map(|(name, _)| name.as_str()))
+    }
+
+    /// The graph, proved sound.
+    pub fn load(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Diagnostics> {
+        let document = Document::load(&self.graph, &LoadOptions::default())?;
+        let options = CheckOptions {
+            set: self.set.clone(),
+            endpoints: self.endpoints().to_owned(),
+            seed,
+            ..CheckOptions::default()
+        };
+        check(&document, registry, &options)
+    }
+
+    /// The set of endpoints to bind to.
+    pub fn endpoints(&self) -> &str {
+        self.endpoints.as_deref().unwrap_or("simulated")
+    }
+
+    /// The same for a live run: with the live endpoints, where the graph has them and no others were asked for.
+    pub fn for_live(&self) -> Result<Self, Failure> {
+        let mut live = self.clone();
+        if live.endpoints.is_none() {
+            let document = Document::load(&self.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
+            live.endpoints = document.endpoints().find(|set| *set == "live").map(str::to_owned);
+        }
+        Ok(live)
+    }
+
+    /// The graph, its warnings said on standard error.
+    pub fn load_and_warn(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Failure> {
+        let graph = self.load(registry, seed).map_err(Failure::Graph)?;
+        warn(&graph);
+        Ok(graph)
+    }
+
+    /// Refuses to write over a file that the graph is read from.
+    pub fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
+        let read = graph.nodes().node_weights().flat_map(|node| &node.files);
+        spare(read.chain([&self.graph]), output)
+    }
+
+    /// The file's name without its extension.
+    pub fn name(&self) -> String {
+        self.graph
+            .file_stem()
+            .map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// Says what a sound graph is warned about.
+pub fn warn(graph: &Graph) {
+    if !graph.warnings().is_empty() {
+        remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
+    }
+}
+
+/// What a sound graph was warned about.
+pub fn warnings(graph: &Graph) -> Diagnostics {
+    Diagnostics {
+        sources: graph.sources().clone(),
+        list: graph.warnings().to_vec(),
+    }
+}
+
+/// All bytes of a file.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    files::read(path, files::MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))
+}
+
+/// Refuses an output that is one of the inputs.
+pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
+    // What cannot be resolved does not exist yet.
+    let Ok(target) = output.canonicalize() else {
+        return Ok(());
+    };
+    let is_target = |input: &Path| input.canonicalize().is_ok_and(|input| input == target);
+    match inputs.into_iter().any(|input| is_target(input.as_ref())) {
+        false => Ok(()),
+        true => Err(Failure::Message(format!(
+            "{} is read by this command and would be written over; give another file",
+            output.display()
+        ))),
+    }
+}
+
+/// The folder of a file that is to be written: before the work, so that none is lost for a name.
+pub fn folder_of(path: &Path) -> Result<&Path, Failure> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if folder.is_dir() {
+        return Ok(folder);
+    }
+    let (file, folder) = (path.display(), folder.display());
+    Err(Failure::Message(format!(
+        "cannot write {file}: there is no folder {folder}; make it first"
+    )))
+}
+
+/// Writes a file whole or not at all, into a folder that is there.
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
+    file.write_all(bytes)?;
+    make_readable(file.path())?;
+    file.persist(path).map(|_| ()).map_err(|error| error.error)
+}
+
+/// Temporary files are private; results are as readable as other files.
+#[cfg(unix)]
+fn make_readable(path: &Path) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_: &Path) -> std::io::Result<()> {
+    Ok(())
+}

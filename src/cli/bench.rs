@@ -1,0 +1,123 @@
+//! `haptograph bench`: what a graph costs on this machine, node by node.
+
+mod account;
+
+use super::output::{Force, Output};
+use super::run::progress_bar;
+use super::{Failure, GraphArguments, say};
+use crate::engine::plan::{Plan, PlanOptions};
+use crate::engine::registry::Registry;
+use crate::engine::run::{Fleet, Profile};
+use account::{Account, Turns};
+use std::convert::Infallible;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Measure what each node of a graph costs on this machine
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    graph: GraphArguments,
+    /// How long to measure
+    #[arg(long = "for", value_name = "SECONDS", default_value_t = 2.0, value_parser = seconds)]
+    seconds: f64,
+    /// Driver frames computed at a time
+    #[arg(long, value_name = "FRAMES", default_value_t = 64, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    block: u16,
+    /// Print the figures as JSON
+    #[arg(long)]
+    json: bool,
+    /// Also draw them
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.01..=3600.0).contains(&value) => Ok(value),
+        _ => Err("give a number of seconds from 0.01 to 3600".to_owned()),
+    }
+}
+
+/// Turns into which the time is cut, so that what disturbs the machine disturbs all: many, as most of them are then
+/// disturbed by nothing.
+const TURNS: u32 = 200;
+
+pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    let graph = arguments.graph.load_and_warn(registry, None)?;
+    let claim = |path: &PathBuf| {
+        arguments.graph.spare_inputs(&graph, path)?;
+        Output::claim(path, arguments.force)
+    };
+    let svg = arguments.svg.as_ref().map(claim).transpose()?;
+    let options = PlanOptions {
+        block: arguments.block.into(),
+        taps: Vec::new(),
+    };
+    let plans: Vec<Arc<Plan>> = Plan::all(&graph, &options).into_iter().map(Arc::new).collect();
+    let mut profile = Profile::new(&plans);
+    let turns = measure(&plans, &mut profile, arguments.seconds);
+    let account = Account::new(&graph, &plans, &profile, &turns);
+    if let Some(svg) = &svg {
+        svg.write(&account.to_svg(&arguments.graph.name()))?;
+    }
+    say(&if arguments.json {
+        account.to_json()?
+    } else {
+        account.to_text()
+    })
+}
+
+/// The plain, the measured and, where there are several drivers, the run timed driver by driver, in turns.
+fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
+    let mut plain = Fleet::new(plans);
+    let mut plain_round = || {
+        let Ok(()) = plain.round(|_, _| Ok::<(), Infallible>(()));
+    };
+    let progress = progress_bar(seconds);
+    let kinds = if plans.len() > 1 { 3 } else { 2 };
+    let turn = Duration::from_secs_f64(seconds / f64::from(kinds * TURNS));
+    // One turn of the measured run sets how many rounds all turns have.
+    let mut rounds = 0_u32;
+    let begun = Instant::now();
+    while begun.elapsed() < turn || rounds == 0 {
+        profile.round();
+        rounds += 1;
+    }
+    let mut turns = Turns::default();
+    for number in 0.. {
+        let done_s = begun.elapsed().as_secs_f64();
+        progress.set_position((1000.0 * done_s) as u64);
+        // Each kind of run has had a turn by then.
+        if number > 0 && done_s >= seconds {
+            break;
+        }
+        // In turns, which of them is the first as well.
+        if number % 2 == 0 {
+            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        }
+        turns.plain_s.push(a_round_of(rounds, &mut plain_round));
+        if number % 2 == 1 {
+            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+        }
+        if plans.len() > 1 {
+            let mut took_ns = vec![0.0; plans.len()];
+            (0..rounds).for_each(|_| profile.round_by_driver(&mut took_ns));
+            let took_s = took_ns.iter().map(|ns| ns * 1e-9 / f64::from(rounds));
+            turns.by_driver_s.push(took_s.collect());
+        }
+    }
+    progress.finish_and_clear();
+    turns
+}
+
+/// What one of so many rounds takes, s.
+fn a_round_of(rounds: u32, mut round: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    (0..rounds).for_each(|_| round());
+    begun.elapsed().as_secs_f64() / f64::from(rounds)
+}

@@ -1,0 +1,69 @@
+//! `haptograph check`: is a graph sound?
+
+use super::run::{message, spare_own_files};
+use super::{Failure, GraphArguments, say, warnings};
+use crate::engine::diagnostic::{Diagnostics, render, to_json};
+use crate::engine::plan::{Plan, PlanOptions};
+use crate::engine::registry::Registry;
+use std::io::IsTerminal;
+
+/// Check a graph and say all that is wrong with it
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    graph: GraphArguments,
+    /// Print the findings as JSON, for editors
+    #[arg(long)]
+    json: bool,
+    /// Also show the plan, one step a line
+    #[arg(long, conflicts_with = "json")]
+    plan: bool,
+}
+
+pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    let (findings, sound) = match arguments.graph.load(registry, None) {
+        Ok(graph) => (warnings(&graph), Some(graph)),
+        Err(diagnostics) => (diagnostics, None),
+    };
+    if arguments.json {
+        return say_json(&findings, sound.is_some());
+    }
+    let Some(graph) = sound else {
+        return Err(Failure::Graph(findings));
+    };
+    spare_own_files(&graph, false).map_err(message)?;
+    let colour = std::io::stdout().is_terminal();
+    let (nodes, wires) = (graph.nodes().node_count(), graph.nodes().edge_count());
+    let clocks: Vec<String> = graph
+        .clocks()
+        .iter()
+        .map(|clock| format!("{} {}", clock.name, clock.rate))
+        .collect();
+    let file = arguments.graph.graph.display();
+    say(&format!(
+        "{}{file} is sound: {nodes} nodes, {wires} wires, clocks {}\n",
+        render(&findings, colour),
+        clocks.join(", ")
+    ))?;
+    for latency in graph.latencies() {
+        say(&format!(
+            "latency {} -> {}: {:.2} ms transport, {:.2} ms group delay\n",
+            latency.source,
+            latency.sink,
+            latency.transport_s * 1e3,
+            latency.group_delay_s * 1e3
+        ))?;
+    }
+    if arguments.plan {
+        for plan in Plan::all(&graph, &PlanOptions::default()) {
+            say(&plan.to_string())?;
+        }
+    }
+    Ok(())
+}
+
+fn say_json(findings: &Diagnostics, sound: bool) -> Result<(), Failure> {
+    say(&(to_json(findings).trim_end().to_owned() + "\n"))?;
+    if sound { Ok(()) } else { Err(Failure::Reported) }
+}

@@ -1,0 +1,191 @@
+//! `haptograph compare`: how far two vibrations are from one another (thesis 2.5.1).
+
+mod signal;
+
+use super::table::{facts, significant};
+use super::{Failure, say, say_json};
+use crate::engine::registry::Registry;
+use crate::surfaces::metrics::level::{envelope_error_db, excess_kurtosis, levels_db};
+use crate::surfaces::metrics::spectral::Comparison;
+use crate::surfaces::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
+use serde_json::{Value, json};
+use signal::Signal;
+use std::path::PathBuf;
+
+/// Compare two vibrations: errors by third octave, of levels, and of windows
+///
+/// A vibration is a WAV file (in the unit that the note beside it says, if a run wrote it), a CSV file with a header (its acceleration or its
+/// only column; see --column), or any recording that `learn` takes, whose acceleration is processed as there. Both are compared over the time
+/// that both cover; where one is louder than the other, errors are above zero if that is the first.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// One vibration
+    a: PathBuf,
+    /// The other, which the first is held against
+    b: PathBuf,
+    /// The rate to compare at: files that do not say their rate have this one, files with a higher one are brought down to it
+    #[arg(long = "rate", value_name = "HZ")]
+    rate_hz: Option<f64>,
+    /// The column of CSV files, or the channel of WAV files, from 0
+    #[arg(long, value_name = "NAME")]
+    column: Option<String>,
+    /// Samples in a window of NSE and PE; 25.6 ms if not given
+    #[arg(long, value_name = "N")]
+    window: Option<usize>,
+    /// Samples that a window shares with the next; half of it if not given
+    #[arg(long, value_name = "N")]
+    overlap: Option<usize>,
+    /// The standard deviations of NSE and PE that SD counts in, from a study of many pairs; without them there is no SD
+    #[arg(long, value_name = "NSE,PE", value_parser = deviations)]
+    deviations: Option<Deviations>,
+    /// Print all measures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn deviations(text: &str) -> Result<Deviations, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[nse, pe]) if [nse, pe].iter().all(|x| x.is_finite() && *x > 0.0) => Ok(Deviations { nse, pe }),
+        _ => Err("give two numbers above 0, such as 0.012,0.4".to_owned()),
+    }
+}
+
+/// What two vibrations come to.
+struct Found {
+    windows: Comparison,
+    bands: BandErrors,
+    /// Excess kurtosis of both.
+    kurtosis: [f64; 2],
+    envelope_db: f64,
+    sd: Option<f64>,
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let column = arguments.column.as_deref();
+    let (a, b) = (
+        Signal::read(&arguments.a, column)?,
+        Signal::read(&arguments.b, column)?,
+    );
+    signal::warn_of_units([&a, &b]);
+    let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
+    let simulated = match (a.simulated, b.simulated) {
+        (false, false) => None,
+        (true, true) => Some("both".to_owned()),
+        (true, false) => Some(arguments.a.display().to_string()),
+        (false, true) => Some(arguments.b.display().to_string()),
+    };
+    let (a, b) = (a.at(rate_hz)?, b.at(rate_hz)?);
+    let windows = windows(arguments, rate_hz);
+    let found = found(arguments, &a, &b, rate_hz, &windows)?;
+    if arguments.json {
+        return say_json(&to_json(&found, rate_hz, simulated.is_some()));
+    }
+    let mut shown = describe(&found);
+    shown.push((
+        "windows",
+        format!(
+            "{} of {} samples at {rate_hz} Hz",
+            found.windows.windows, windows.samples
+        ),
+    ));
+    shown.extend(simulated.map(|which| ("simulated", which)));
+    say(&facts(&shown))
+}
+
+fn windows(arguments: &Arguments, rate_hz: f64) -> WindowSettings {
+    let usual = WindowSettings::comparison_at(rate_hz);
+    let samples = arguments.window.unwrap_or(usual.samples);
+    WindowSettings {
+        samples,
+        overlap: arguments.overlap.unwrap_or(samples / 2),
+        ..usual
+    }
+}
+
+fn found(
+    arguments: &Arguments,
+    a: &[f64],
+    b: &[f64],
+    rate_hz: f64,
+    windows: &WindowSettings,
+) -> Result<Found, Failure> {
+    let compared = compare(a, b, rate_hz, windows).map_err(|error| {
+        let (a, b) = (arguments.a.display(), arguments.b.display());
+        Failure::Message(format!("cannot compare {a} and {b}: {error}"))
+    })?;
+    let both = a.len().min(b.len());
+    let (a, b) = (&a[..both], &b[..both]);
+    let bands = Bands::counted(both as f64 / rate_hz, rate_hz);
+    Ok(Found {
+        windows: compared,
+        bands: BandErrors::new(&bands.of_signal([a], rate_hz), &bands.of_signal([b], rate_hz)),
+        kurtosis: [a, b].map(excess_kurtosis),
+        envelope_db: envelope_error_db(&levels_db(a, rate_hz), &levels_db(b, rate_hz)),
+        sd: arguments
+            .deviations
+            .map(|by| compared.nse / by.nse + compared.pe / by.pe),
+    })
+}
+
+const NO_SD: &str = "one pair has no deviation to count in: give one by --deviations";
+
+fn describe(found: &Found) -> Vec<(&'static str, String)> {
+    let db = |value: Option<f64>| {
+        value.map_or_else(|| "none: no band counts".to_owned(), |x| format!("{x:.2} dB"))
+    };
+    let any = |value: f64| (!found.bands.bands.is_empty()).then_some(value);
+    let bands = &found.bands;
+    vec![
+        ("log-spectral distance, 20 to 1000 Hz", db(any(bands.lsd_db))),
+        ("  100 to 500 Hz", db(bands.middle_lsd_db)),
+        ("  40 to 250 Hz (felt)", db(any(bands.pacinian_lsd_db))),
+        ("mean absolute error of bands", db(any(bands.absolute_db))),
+        ("error from 20 to 40 Hz", db(bands.low_db)),
+        ("error of the total power", db(any(bands.total_db))),
+        (
+            "energy in the wrong of nine bands",
+            format!("{:.1} %", 100.0 * bands.misplaced),
+        ),
+        (
+            "excess kurtosis",
+            format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1]),
+        ),
+        ("levels over 50 ms", db(Some(found.envelope_db))),
+        (
+            "normalized spectral error (NSE)",
+            significant(found.windows.nse, 4),
+        ),
+        ("power error (PE)", significant(found.windows.pe, 4)),
+        (
+            "spectral difference (SD)",
+            found
+                .sd
+                .map_or_else(|| format!("none: {NO_SD}"), |sd| significant(sd, 4)),
+        ),
+    ]
+}
+
+/// The measures of windows under the names of the thesis, and once more in lower case, as all other fields of the program are.
+fn to_json(found: &Found, rate_hz: f64, simulated: bool) -> Value {
+    let bands = &found.bands;
+    let by_band = bands.bands.as_slice().iter().zip(&bands.signed_db);
+    json!({
+        "NSE": found.windows.nse, "PE": found.windows.pe, "SD": found.sd,
+        "nse": found.windows.nse, "pe": found.windows.pe, "sd": found.sd,
+        "reason": if found.sd.is_none() { Some(NO_SD) } else { None },
+        "lsd_db": bands.lsd_db,
+        "lsd_100_500_db": bands.middle_lsd_db,
+        "lsd_pacinian_db": bands.pacinian_lsd_db,
+        "absolute_db": bands.absolute_db,
+        "error_20_40_db": bands.low_db,
+        "error_total_db": bands.total_db,
+        "misplaced": bands.misplaced,
+        "bands": by_band.map(|(band, db)| json!({ "centre_hz": band.centre_hz, "error_db": db })).collect::<Vec<_>>(),
+        "excess_kurtosis": found.kurtosis,
+        "envelope_db": found.envelope_db,
+        "rate_hz": rate_hz,
+        "windows": found.windows.windows,
+        "simulated": simulated,
+    })
+}

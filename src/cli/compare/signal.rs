@@ -1,0 +1,210 @@
+//! One vibration from whatever file it is in.
+
+use crate::cli::{Failure, read_file, recording as recordings, remark};
+use crate::nodes::wav::{read_channel, read_layout};
+use crate::signal::files;
+use crate::signal::resample::{Quality, resample_whole};
+use crate::signal::time::Rate;
+use crate::surfaces::Origin;
+use crate::surfaces::learning::processing::{combined, processed};
+use crate::surfaces::recording::read_signal;
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+
+/// The most samples of a WAV file that are compared: two hours at 48 kHz, 3 GB of memory.
+const MAX_SAMPLES: u64 = 400_000_000;
+
+/// A vibration. Its rate is unknown where a CSV file does not say it.
+#[derive(Debug)]
+pub struct Signal {
+    path: PathBuf,
+    samples: Vec<f64>,
+    rate_hz: Option<f64>,
+    /// Of the samples, where the file says it.
+    unit: Option<String>,
+    /// Is it known to come from simulated devices?
+    pub simulated: bool,
+}
+
+/// Samples, their rate, their unit, and whether they are known to be simulated.
+type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
+
+impl Signal {
+    /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
+    pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
+        let (samples, rate_hz, unit, simulated) = match is_wav(path)? {
+            true => wav(path, column)?,
+            false => other(path, column)?,
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            samples,
+            rate_hz,
+            unit,
+            simulated,
+        })
+    }
+
+    /// The samples at this rate.
+    pub fn at(&self, rate_hz: f64) -> Result<Vec<f64>, Failure> {
+        let Some(own_hz) = self.rate_hz.filter(|own| *own != rate_hz) else {
+            return Ok(self.samples.clone());
+        };
+        let failed = |error: &dyn std::fmt::Display| Failure::file("resample", &self.path, error);
+        if own_hz < rate_hz {
+            return Err(failed(&format!(
+                "its rate is {own_hz} Hz; give a --rate of at most that"
+            )));
+        }
+        let rate = |hz: f64| Rate::parse(&hz.to_string()).map_err(|error| failed(&error));
+        resample_whole(&self.samples, rate(own_hz)?, rate(rate_hz)?, Quality::FINE)
+            .map_err(|error| failed(&error))
+    }
+}
+
+/// Says where two vibrations are not known to be alike.
+pub fn warn_of_units([a, b]: [&Signal; 2]) {
+    let said = match (&a.unit, &b.unit) {
+        (Some(one), Some(other)) if one != other => format!(
+            "{} is in {one}, {} in {other}; PE and SD mean nothing",
+            a.path.display(),
+            b.path.display()
+        ),
+        (Some(unit), None) | (None, Some(unit)) => {
+            let unknown = if a.unit.is_none() { a } else { b };
+            format!(
+                "{} does not say its unit; PE and SD hold if it is {unit}, as the other's",
+                unknown.path.display()
+            )
+        }
+        _ => return,
+    };
+    remark(&format!("warning: {said}\n"));
+}
+
+/// The rate that two vibrations are compared at.
+pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f64, Failure> {
+    match (asked_hz, signals.map(|signal| signal.rate_hz)) {
+        (Some(asked_hz), _) => Ok(asked_hz),
+        (None, [Some(a), Some(b)]) if a == b => Ok(a),
+        (None, [Some(a), Some(b)]) => Err(Failure::Message(format!(
+            "{} has {a} Hz, {} has {b} Hz; say by --rate what to compare at, {} at most",
+            signals[0].path.display(),
+            signals[1].path.display(),
+            a.min(b)
+        ))),
+        (None, rates) => {
+            let unknown = if rates[0].is_none() {
+                signals[0]
+            } else {
+                signals[1]
+            };
+            let path = unknown.path.display();
+            Err(Failure::Message(format!(
+                "{path} does not say its rate; give it by --rate, or a column time_s in the file"
+            )))
+        }
+    }
+}
+
+/// What is in a file that is no WAV file.
+fn other(path: &Path, column: Option<&str>) -> Result<Read, Failure> {
+    match &read_file(path)?[..] {
+        bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path),
+        bytes if column.is_none() && is_recording(bytes) => recording(path),
+        bytes => {
+            let column =
+                read_signal(bytes, column).map_err(|error| recordings::unreadable(path, bytes, &error))?;
+            let unit = column.unit.map(str::to_owned);
+            let simulated = recordings::is_simulated(path)?;
+            Ok((column.values, column.rate_hz, unit, simulated))
+        }
+    }
+}
+
+fn is_xml(bytes: &[u8]) -> bool {
+    bytes
+        .strip_prefix(b"\xef\xbb\xbf")
+        .unwrap_or(bytes)
+        .trim_ascii_start()
+        .starts_with(b"<")
+}
+
+/// Whether a CSV file has what a recording has besides acceleration.
+fn is_recording(bytes: &[u8]) -> bool {
+    let mut lines = bytes
+        .split(|&byte| byte == b'\n')
+        .filter(|line| !line.starts_with(b"#"));
+    let header = String::from_utf8_lossy(lines.next().unwrap_or_default()).to_ascii_lowercase();
+    header.contains("accel")
+        && header.contains("force")
+        && (header.contains("speed") || header.contains("position"))
+}
+
+fn recording(path: &Path) -> Result<Read, Failure> {
+    let recording = recordings::load(path)?.recording;
+    let processed =
+        processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
+    let signals = processed.signals();
+    Ok((
+        signals.acceleration_m_s2.clone(),
+        Some(signals.rate_hz),
+        Some("m/s2".to_owned()),
+        recording.provenance().origin == Origin::Simulated,
+    ))
+}
+
+/// The only channel, that of the given number, or three axes combined.
+fn wav(path: &Path, channel: Option<&str>) -> Result<Read, Failure> {
+    let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
+    // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
+    let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
+    let mut file = opened.as_file();
+    let layout = read_layout(&mut file).map_err(|error| failed(&error))?;
+    if layout.frames() > MAX_SAMPLES {
+        let frames = layout.frames();
+        return Err(failed(&format!(
+            "it has {frames} frames, and at most {MAX_SAMPLES} are compared; cut out a part"
+        )));
+    }
+    let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
+    let note = recordings::note(path)?;
+    let full_scale = note.full_scale.unwrap_or(1.0);
+    let mut one = |channel: usize| -> Result<Vec<f64>, Failure> {
+        let mut samples = read_channel(&mut file, &layout, channel).map_err(|error| failed(&error))?;
+        samples.iter_mut().for_each(|sample| *sample *= full_scale);
+        Ok(samples)
+    };
+    let chosen = match (channel, channels) {
+        (Some(number), _) => match number.parse::<usize>() {
+            Ok(number) if number < channels => one(number)?,
+            _ => {
+                return Err(failed(&format!(
+                    "there is no channel {number}; there are {channels}, counted from 0"
+                )));
+            }
+        },
+        (None, 1) => one(0)?,
+        (None, 3) => {
+            let (x, y, z) = (one(0)?, one(1)?, one(2)?);
+            let axes: Vec<[f64; 3]> = { x.iter().zip(&y).zip(&z) }
+                .map(|((x, y), z)| [*x, *y, *z])
+                .collect();
+            combined(&axes, rate_hz, &Default::default()).map_err(|error| failed(&error))?
+        }
+        (None, _) => {
+            return Err(failed(&format!(
+                "it has {channels} channels; choose one by --column, from 0"
+            )));
+        }
+    };
+    Ok((chosen, Some(rate_hz), note.unit, note.simulated))
+}
+
+fn is_wav(path: &Path) -> Result<bool, Failure> {
+    let failed = |error: io::Error| Failure::file("read", path, &error);
+    let mut start = Vec::new();
+    let file = files::open(path, u64::MAX).map_err(failed)?;
+    file.take(4).read_to_end(&mut start).map_err(failed)?;
+    Ok(matches!(&start[..], b"RIFF" | b"RF64"))
+}

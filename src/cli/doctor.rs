@@ -1,0 +1,313 @@
+//! `haptograph doctor`: what this machine lacks for low latency, and how to give it.
+
+use super::run::folder::dead_in;
+use super::{Failure, say};
+use crate::engine::document::Document;
+use crate::engine::graph::{CheckOptions, check};
+use crate::engine::registry::Registry;
+use crate::engine::run::{LiveOptions, Meters, Outlets, Session, Timer};
+use crate::nodes::soundcard::{SoundcardError, list};
+use crate::signal::files;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Say what this machine lacks for low latency
+#[derive(Debug, clap::Args)]
+pub struct Arguments {}
+
+/// One thing that was looked at.
+struct Finding {
+    what: &'static str,
+    found: String,
+    /// What to do; none where all is well.
+    advice: Option<&'static str>,
+}
+
+impl Finding {
+    fn new(what: &'static str, found: impl Into<String>, is_well: bool, advice: &'static str) -> Self {
+        Self {
+            what,
+            found: found.into(),
+            advice: (!is_well).then_some(advice),
+        }
+    }
+}
+
+pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    let mut findings = Vec::new();
+    if cfg!(target_os = "linux") {
+        findings.extend(limits(&read(Path::new("/proc/self/limits"))));
+        findings.push(kernel(&read(Path::new("/proc/version"))));
+        findings.push(governors(Path::new("/sys/devices/system/cpu")));
+        findings.push(group(
+            &read(Path::new("/etc/group")),
+            &read(Path::new("/proc/self/status")),
+        ));
+        findings.push(cards(&read(Path::new("/proc/asound/cards"))));
+        findings.push(servers());
+        findings.push(headers());
+    }
+    findings.push(feature());
+    findings.push(leftovers());
+    findings.push(timer(registry)?);
+    let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
+    let text: String = findings.iter().map(shown).collect();
+    let end = match lacking {
+        0 => "nothing is lacking\n".to_owned(),
+        1 => "1 thing could be better\n".to_owned(),
+        _ => format!("{lacking} things could be better\n"),
+    };
+    say(&(text + &end))
+}
+
+fn shown(finding: &Finding) -> String {
+    let Finding { what, found, advice } = finding;
+    let mark = if advice.is_some() { "!" } else { " " };
+    let advice = advice.map_or_else(String::new, |advice| format!("{:20}-> {advice}\n", ""));
+    format!("{mark} {what:17} {found}\n{advice}")
+}
+
+fn read(path: &Path) -> String {
+    files::read_text(path, 1 << 20).unwrap_or_default()
+}
+
+fn limits(text: &str) -> [Finding; 2] {
+    // Name, soft limit, hard limit, unit; names hold blanks.
+    let soft = |name: &str| {
+        let line = text.lines().find(|line| line.starts_with(name))?;
+        line[name.len()..].split_whitespace().next()
+    };
+    let priority = soft("Max realtime priority").unwrap_or("unknown");
+    let locked = soft("Max locked memory").unwrap_or("unknown");
+    let can_rise = priority == "unlimited" || priority.parse().is_ok_and(|most: u32| most >= 60);
+    [
+        Finding::new(
+            "real-time priority",
+            format!("up to {priority}"),
+            can_rise,
+            "write `@audio - rtprio 95` to /etc/security/limits.d/haptograph.conf, and log in again",
+        ),
+        Finding::new(
+            "locked memory",
+            locked,
+            locked == "unlimited",
+            "write `@audio - memlock unlimited` to /etc/security/limits.d/haptograph.conf, and log in again",
+        ),
+    ]
+}
+
+/// Folders of runs that died, here and where runs go.
+fn leftovers() -> Finding {
+    let mut found = dead_in(Path::new("."));
+    found.extend(dead_in(Path::new("out")));
+    let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
+    let shown = match names.as_slice() {
+        [] => "none here and in out".to_owned(),
+        names => names.join(", "),
+    };
+    Finding::new(
+        "left by runs that died",
+        shown,
+        names.is_empty(),
+        "`haptograph recover FOLDER` makes its files whole; remove what you do not need",
+    )
+}
+
+fn kernel(version: &str) -> Finding {
+    let kinds = ["PREEMPT_RT", "PREEMPT_DYNAMIC", "PREEMPT"];
+    let kind = kinds.into_iter().find(|kind| version.contains(kind));
+    Finding::new(
+        "kernel",
+        kind.unwrap_or("not preemptible, or it does not say"),
+        kind.is_some(),
+        "boot a kernel with PREEMPT_DYNAMIC and `preempt=full`, or a PREEMPT_RT one",
+    )
+}
+
+fn governors(cpus: &Path) -> Finding {
+    let mut found: Vec<String> = fs::read_dir(cpus)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|cpu| {
+            read(&cpu.path().join("cpufreq/scaling_governor"))
+                .trim()
+                .to_owned()
+        })
+        .filter(|governor| !governor.is_empty())
+        .collect();
+    found.sort();
+    found.dedup();
+    let fixed = found.iter().all(|governor| governor == "performance");
+    let shown = match found.as_slice() {
+        [] => "the system does not show it".to_owned(),
+        found => found.join(", "),
+    };
+    Finding::new(
+        "processor clock",
+        shown,
+        fixed,
+        "keep it up while a graph runs: `sudo cpupower frequency-set -g performance`",
+    )
+}
+
+fn group(groups: &str, status: &str) -> Finding {
+    let audio = groups.lines().find(|line| line.starts_with("audio:"));
+    let id = audio.and_then(|line| line.split(':').nth(2));
+    let own = |name: &str| {
+        status
+            .lines()
+            .find_map(|line| line.strip_prefix(name))
+            .unwrap_or_default()
+    };
+    let is_root = own("Uid:").split_whitespace().next() == Some("0");
+    let is_in = id.is_some_and(|id| own("Groups:").split_whitespace().any(|own| own == id));
+    Finding::new(
+        "group audio",
+        match (is_in, is_root) {
+            (true, _) => "you are in it",
+            (_, true) => "not needed: you are root",
+            _ => "you are not in it",
+        },
+        is_in || is_root,
+        "`sudo usermod -aG audio $USER`, and log in again",
+    )
+}
+
+fn cards(text: &str) -> Finding {
+    // ` 0 [PCH            ]: HDA-Intel - HDA Intel PCH`, and a line more for each.
+    let names: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.split_once("]: "))
+        .map(|(_, name)| name)
+        .collect();
+    let shown = match names.as_slice() {
+        [] => "none".to_owned(),
+        names => names.join("; "),
+    };
+    Finding::new(
+        "soundcards",
+        shown,
+        !names.is_empty(),
+        "connect one; until then graphs run offline and with simulated devices",
+    )
+}
+
+fn servers() -> Finding {
+    let run = std::env::var_os("XDG_RUNTIME_DIR")
+        .map(PathBuf::from)
+        .unwrap_or_default();
+    let jack = std::env::var_os("PATH")
+        .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join("jackd").exists()));
+    let found: Vec<&str> = [
+        ("PipeWire", run.join("pipewire-0").exists()),
+        ("PulseAudio", run.join("pulse/native").exists()),
+        ("JACK (installed)", jack),
+    ]
+    .into_iter()
+    .filter_map(|(name, there)| there.then_some(name))
+    .collect();
+    let shown = match found.as_slice() {
+        [] => "none: ALSA alone, the shortest way".to_owned(),
+        found => found.join(", "),
+    };
+    Finding::new("sound servers", shown, true, "")
+}
+
+fn headers() -> Finding {
+    let places = [
+        "/usr/include/alsa/asoundlib.h",
+        "/usr/local/include/alsa/asoundlib.h",
+    ];
+    let there = places.iter().any(|place| Path::new(place).exists());
+    Finding::new(
+        "ALSA's headers",
+        if there { "installed" } else { "missing" },
+        there,
+        "`sudo apt install libasound2-dev pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`)",
+    )
+}
+
+fn feature() -> Finding {
+    let built = !matches!(list(), Err(SoundcardError::NotBuilt));
+    Finding::new(
+        "this program",
+        if built {
+            "built with soundcards"
+        } else {
+            "built without soundcards"
+        },
+        built,
+        "`cargo build --release --features soundcard`, with ALSA's headers installed",
+    )
+}
+
+/// How well a timer keeps time here and now: information, as the next second may be another.
+fn timer(registry: &Registry) -> Result<Finding, Failure> {
+    let failed =
+        |error: &dyn std::fmt::Display| Failure::Message(format!("the timer cannot be tried: {error}"));
+    let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 1000) },
+        nodes: { "one": Constant(clock: "servo", value: 1, quantity: "number") })"#;
+    let document = Document::parse("doctor.ron", text).map_err(|wrong| failed(&wrong))?;
+    let graph = check(&document, registry, &CheckOptions::default());
+    let graph = graph.map_err(|wrong| failed(&wrong))?;
+    let options = LiveOptions {
+        block: 0,
+        seconds: Some(0.5),
+        ..LiveOptions::default()
+    };
+    let (live, session) = Session::open(Outlets::new(&graph), &options).map_err(|error| failed(&error))?;
+    let thread = Timer::default().start(live).map_err(|error| failed(&error))?;
+    let live = thread.join().ok_or_else(|| failed(&"its thread ended early"))?;
+    let Meters { lateness, stalls, .. } = session.finish(live).meters;
+    let us = |ns: u64| ns as f64 / 1e3;
+    let found = format!(
+        "half of its wake-ups within {:.0} us, 99 % within {:.0} us, the latest {:.0} us, {stalls} stalls (in 0.5 s)",
+        us(lateness.quantile_ns(0.5)),
+        us(lateness.quantile_ns(0.99)),
+        us(lateness.max_ns())
+    );
+    let is_well = lateness.quantile_ns(0.99) < 200_000;
+    Ok(Finding::new(
+        "timer at 1 kHz",
+        found,
+        is_well,
+        "see to the points above; on a virtual machine there may be no more to be had",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_read_as_the_kernel_writes_them() {
+        let text = "Limit                     Soft Limit           Hard Limit           Units     \n\
+                    Max locked memory         8388608              unlimited            bytes     \n\
+                    Max realtime priority     95                   95                             \n";
+        let [priority, locked] = limits(text);
+        assert!(priority.advice.is_none() && priority.found.contains("95"));
+        assert!(locked.advice.is_some() && locked.found == "8388608");
+    }
+
+    #[test]
+    fn the_group_counts_only_where_the_process_is_in_it() {
+        let groups = "root:x:0:\naudio:x:29:someone\n";
+        let finding = |status: &str| group(groups, status).advice.is_none();
+        assert!(finding("Uid:\t1000\t1000\nGroups:\t29 1000 \n"));
+        assert!(!finding("Uid:\t1000\t1000\nGroups:\t129 290 \n"));
+        assert!(finding("Uid:\t0\t0\nGroups:\t \n"));
+    }
+
+    #[test]
+    fn soundcards_and_kernels_are_told_by_name() {
+        let text = " 0 [PCH            ]: HDA-Intel - HDA Intel PCH\n                      HDA Intel PCH at 0x1 irq 1\n";
+        assert_eq!(cards(text).found, "HDA-Intel - HDA Intel PCH");
+        assert!(cards("--- no soundcards ---\n").advice.is_some());
+        assert_eq!(
+            kernel("Linux version 6.1 SMP PREEMPT_RT Debian").found,
+            "PREEMPT_RT"
+        );
+        assert!(kernel("Linux version 6.1 SMP").advice.is_some());
+    }
+}

@@ -1,0 +1,48 @@
+//! `haptograph draw`: a graph as a picture.
+
+use super::output::{Force, Output};
+use super::{Failure, GraphArguments, say};
+use crate::engine::registry::Registry;
+use crate::report::drawing;
+use std::path::PathBuf;
+
+/// Draw a graph as SVG
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    graph: GraphArguments,
+    /// The SVG file to write; standard output where it is not given
+    #[arg(short, long, value_name = "FILE.svg", value_parser = svg_file)]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+}
+
+fn svg_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path
+        .extension()
+        .is_some_and(|end| end.eq_ignore_ascii_case("svg"))
+    {
+        return Ok(path);
+    }
+    let svg = path.with_extension("svg");
+    let png = path.with_extension("png");
+    Err(format!(
+        "drawings are written as .svg; for a PNG, write {0} and then `rsvg-convert {0} -o {1}`",
+        svg.display(),
+        png.display()
+    ))
+}
+
+pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    let graph = arguments.graph.load_and_warn(registry, None)?;
+    let Some(path) = &arguments.output else {
+        return say(&drawing::standalone_svg(&graph, &arguments.graph.name()));
+    };
+    arguments.graph.spare_inputs(&graph, path)?;
+    let output = Output::claim(path, arguments.force)?;
+    let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
+    output.write(&picture).map(|_| ())
+}

@@ -1,0 +1,388 @@
+//! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
+
+mod holdout;
+
+use super::output::{Force, LEDGER, Output};
+use super::progress::Progress;
+use super::table::{facts, significant, table};
+use super::{Failure, learn as learning, recording, remark, say, say_json};
+use crate::engine::registry::Registry;
+use crate::surfaces::Origin;
+use crate::surfaces::evaluate::holdout::hold_out_contact;
+use crate::surfaces::evaluate::{
+    DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudySettings, TableSettings,
+    Take, evaluate,
+};
+use crate::surfaces::learning::{LearnSettings, learn};
+use crate::surfaces::metrics::Pooling;
+use crate::surfaces::recording::{AnyRecording, Gesture};
+use clap::ValueEnum;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Measure how well learned textures match recordings
+///
+/// Reads all recordings in a folder that are named `<material>.<person>.<take>.<extension>`. For every material and person a texture is
+/// learned from the first take. Whoever has the most takes is the expert: the others of the expert's takes are what the textures are tested
+/// on. Prints Table 2.1 of the thesis (textures against materials; each texture's own material marked), and Table 2.2 where there are several
+/// people.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The folder of recordings
+    dir: PathBuf,
+    /// Also write a page with figures into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+    /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
+    /// materials are shown by both, the one chosen first
+    #[arg(long, value_enum, default_value = "all")]
+    pooling: PoolingArgument,
+    /// Instead of the tables: learn from parts of every drag (halves, interleaved quarters, whole takes), test on the rest, and
+    /// show all measures beside a floor, the thesis's method and plain baselines; taps, friction and stiffness by speed and force
+    #[arg(long, conflicts_with = "pooling")]
+    holdout: bool,
+    /// Seed of the synthesised vibrations and of the map's trajectory
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print tables and map as JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    settings: learning::Settings,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PoolingArgument {
+    Pair,
+    All,
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let page = arguments.report.as_deref();
+    let page = page
+        .map(|folder| Output::claim_page(folder, arguments.force))
+        .transpose()?;
+    let takes = read_takes(&arguments.dir)?;
+    if arguments.holdout {
+        return run_holdout(arguments, page.as_ref(), &takes);
+    }
+    let settings = study_settings(arguments);
+    let progress = Progress::of("evaluating");
+    let found = evaluate(&takes, &settings, &|part| progress.at(part))
+        .map_err(|error| Failure::file("evaluate", &arguments.dir, &error))?;
+    drop(progress);
+    let page = match &page {
+        Some(page) => Some(write_report(page, arguments, &takes, &found)?),
+        None => None,
+    };
+    if arguments.json {
+        return say_json(&to_json(&found, takes.iter().any(is_simulated)));
+    }
+    say(&describe(&found))?;
+    conclude(&takes, page)
+}
+
+fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> Result<(), Failure> {
+    let settings = HoldoutSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        seed: arguments.seed,
+        ..HoldoutSettings::default()
+    };
+    let found = holdout::found(&arguments.dir, takes, &settings)?;
+    let contact = hold_out_contact(takes, &settings.processing);
+    let simulated = takes.iter().any(is_simulated);
+    let title = title(&arguments.dir);
+    let page = page
+        .map(|page| page.write(&crate::report::holdout::page(&title, &found, simulated)))
+        .transpose()?;
+    if arguments.json {
+        return say_json(&holdout::to_json(&found, &contact, simulated));
+    }
+    say(&holdout::describe(&found))?;
+    say(&holdout::describe_contact(&contact))?;
+    conclude(takes, page)
+}
+
+/// What is simulated, and where to look.
+fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
+    let simulated = takes.iter().filter(|take| is_simulated(take)).count();
+    if simulated > 0 {
+        say(&format!(
+            "\n{simulated} of {} recordings are simulated\n",
+            takes.len()
+        ))?;
+    }
+    page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+fn title(dir: &Path) -> String {
+    dir.file_name().map_or_else(
+        || "Evaluation".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
+fn is_simulated(take: &Take) -> bool {
+    take.recording.provenance().origin == Origin::Simulated
+}
+
+/// The page, with the surface of each material: from the expert's first drag, and all of the expert's circles, taps and presses.
+fn write_report(
+    page: &Output,
+    arguments: &Arguments,
+    takes: &[Take],
+    found: &Evaluation,
+) -> Result<PathBuf, Failure> {
+    let settings = LearnSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        ..LearnSettings::default()
+    };
+    let progress = Progress::of("drawing");
+    let mut learned = vec![];
+    for (number, material) in found.materials.iter().enumerate() {
+        let mut drags = 0;
+        let chosen = takes
+            .iter()
+            .filter(|take| take.name.material == *material && take.name.person == found.expert);
+        let chosen = chosen.filter(|take| {
+            let drag = take.recording.gesture() == Gesture::Drag;
+            drags += usize::from(drag);
+            !drag || drags == 1
+        });
+        let recordings: Vec<AnyRecording> = chosen.map(|take| take.recording.clone()).collect();
+        let one = learn(material, &recordings, &settings, &|_| ());
+        let one = one.map_err(|error| Failure::Message(format!("{material}: {error}")))?;
+        for missing in &one.1.missing {
+            remark(&format!("warning: {missing}\n"));
+        }
+        learned.push(one);
+        progress.at((number + 1) as f64 / found.materials.len() as f64);
+    }
+    page.write(&crate::report::evaluation::page(
+        &title(&arguments.dir),
+        found,
+        &learned,
+    ))
+}
+
+fn study_settings(arguments: &Arguments) -> StudySettings {
+    let mut settings = StudySettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        table: TableSettings::default(),
+        map: MapSettings::default(),
+    };
+    let pooling = match arguments.pooling {
+        PoolingArgument::Pair => Pooling::Pair,
+        PoolingArgument::All => Pooling::All,
+    };
+    (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
+    settings.table.synthesis.seed = arguments.seed;
+    settings.map.synthesis.seed = arguments.seed;
+    settings.map.walk.seed = arguments.seed;
+    settings.map.seed = arguments.seed;
+    settings
+}
+
+/// All takes in a folder; of the toolkit's triples the first file stands for all three.
+fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
+    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let mut files: BTreeMap<RecordingName, PathBuf> = BTreeMap::new();
+    let mut paths: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && !path.ends_with(LEDGER))
+        .collect();
+    paths.sort();
+    for path in paths {
+        let file = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let file = ["Accel_", "Position_", "Force_"]
+            .iter()
+            .find_map(|part| file.strip_prefix(part))
+            .unwrap_or(&file);
+        match RecordingName::parse(file) {
+            Some(name) => {
+                files.entry(name).or_insert(path);
+            }
+            None => remark(&format!(
+                "warning: passed over {}: it is not named <material>.<person>.<take>.<extension>\n",
+                path.display()
+            )),
+        }
+    }
+    let read = |(name, path): (RecordingName, PathBuf)| {
+        let recording = recording::load(&path)?.recording;
+        Ok(Take { name, recording })
+    };
+    files.into_iter().map(read).collect()
+}
+
+fn describe(found: &Evaluation) -> String {
+    let mut text = format!(
+        "Spectral difference of virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
+         [own material]  * least of its row and column\n\n",
+        found.expert, found.expert
+    );
+    let other = found.materials_table.pooled(other(found.materials_table.pooling));
+    for table in [&found.materials_table, &other] {
+        let over = match table.pooling {
+            Pooling::Pair => "the compared pair",
+            Pooling::All => "all compared pairs",
+        };
+        text += &format!(
+            "Deviations over the windows of {over}:\n\n{}\n",
+            materials_table(table)
+        );
+        let yes = if table.diagonal_is_least() { "yes" } else { "no" };
+        text += &facts(&[
+            (
+                "baseline (mean + 2 sd of the diagonal)",
+                significant(table.baseline(), 3),
+            ),
+            ("each texture nearest to its own material", yes.to_owned()),
+            ("smallest margin", margin(table)),
+        ]);
+        text += "\n";
+    }
+    if let Some(people) = &found.people_table {
+        text += "Everybody's textures against the same recordings of their own material.\n\n";
+        text += &people_table(people);
+    }
+    if let Some(map) = &found.map {
+        text += "\nAll textures against each other, played along one random walk and placed on a map.\n\n";
+        let stress: Vec<String> = map
+            .scaling
+            .stress
+            .iter()
+            .map(|stress| significant(*stress, 2))
+            .collect();
+        text += &facts(&[
+            ("stress in 1, 2, ... dimensions", stress.join(" ")),
+            ("purity of k-means groups", significant(map.k_means_purity, 3)),
+            ("purity of hierarchical groups", significant(map.tree_purity, 3)),
+            (
+                "angle of roughness and fineness",
+                map.angle_deg.map_or_else(
+                    || "none".to_owned(),
+                    |angle| format!("{} degrees", significant(angle, 3)),
+                ),
+            ),
+        ]);
+    }
+    text
+}
+
+/// By how much the worst-told material is told apart, and from which.
+fn margin(table: &DifferenceTable) -> String {
+    table.smallest_margin().map_or_else(
+        || "none".to_owned(),
+        |(margin, row, column)| {
+            format!(
+                "{margin:.2} (virtual {} on {})",
+                table.rows[row], table.columns[column]
+            )
+        },
+    )
+}
+
+fn other(pooling: Pooling) -> Pooling {
+    match pooling {
+        Pooling::Pair => Pooling::All,
+        Pooling::All => Pooling::Pair,
+    }
+}
+
+fn materials_table(differences: &DifferenceTable) -> String {
+    let rows: Vec<Vec<String>> = differences
+        .rows
+        .iter()
+        .enumerate()
+        .map(|(row, name)| {
+            let cells = differences.differences[row]
+                .iter()
+                .enumerate()
+                .map(|(column, cell)| {
+                    let least = differences.is_least_of_row(row, column)
+                        && differences.is_least_of_column(row, column);
+                    let star = if least { "*" } else { "" };
+                    match cell {
+                        Some(value) if row == column => format!("{star}[{value:.2}]"),
+                        Some(value) => format!("{star}{value:.2} "),
+                        None => "–".to_owned(),
+                    }
+                });
+            std::iter::once(format!("virtual {name}")).chain(cells).collect()
+        })
+        .collect();
+    let header: Vec<&str> = std::iter::once("")
+        .chain(differences.columns.iter().map(String::as_str))
+        .collect();
+    table(&header, &rows)
+}
+
+fn people_table(differences: &DifferenceTable) -> String {
+    let statistics = differences.row_statistics();
+    let rows: Vec<Vec<String>> = differences
+        .rows
+        .iter()
+        .zip(&differences.differences)
+        .zip(&statistics)
+        .map(|((name, cells), (mean, deviation))| {
+            let cells = cells
+                .iter()
+                .map(|cell| cell.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}")));
+            let row = std::iter::once(name.clone()).chain(cells);
+            let deviation = deviation.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
+            row.chain([format!("{mean:.2}"), deviation]).collect()
+        })
+        .collect();
+    let columns = differences.columns.iter().map(String::as_str);
+    let header: Vec<&str> = std::iter::once("").chain(columns).chain(["mean", "sd"]).collect();
+    table(&header, &rows)
+}
+
+fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
+    let materials = |table: &DifferenceTable| {
+        json!({
+            "rows": table.rows,
+            "columns": table.columns,
+            "sd": table.differences,
+            "diagonal": table.diagonal(),
+            "baseline": table.baseline(),
+            "diagonal_is_least": table.diagonal_is_least(),
+            "smallest_margin": table.smallest_margin().map(|(margin, ..)| margin),
+        })
+    };
+    json!({
+        "materials": found.materials,
+        "people": found.people,
+        "expert": found.expert,
+        "simulated": simulated,
+        "table": materials(&found.materials_table),
+        "tables": {
+            "pooled_over_pair": materials(&found.materials_table.pooled(Pooling::Pair)),
+            "pooled_over_all": materials(&found.materials_table.pooled(Pooling::All)),
+        },
+        "people_table": found.people_table.as_ref().map(|table| json!({ "rows": table.rows, "columns": table.columns, "sd": table.differences })),
+        "map": found.map.as_ref().map(|map| json!({
+            "textures": map.names.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+            "places": map.scaling.places,
+            "stress": map.scaling.stress,
+            "k_means": map.k_means,
+            "k_means_purity": map.k_means_purity,
+            "hierarchical_purity": map.tree_purity,
+            "power": map.power,
+            "spectral_centroid_hz": map.spectral_centroid_hz,
+            "angle_deg": map.angle_deg,
+        })),
+    })
+}

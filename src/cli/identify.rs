@@ -1,0 +1,152 @@
+//! `haptograph identify`: the parameters of a voice-coil actuator from a recorded sweep.
+
+use super::{Failure, recording, say};
+use crate::engine::registry::Registry;
+use crate::engine::settings::Setting;
+use crate::nodes::actuators::identify::{Identified, Known, identify};
+use crate::nodes::actuators::sweep_file::SweepFile;
+use crate::nodes::simulated::haptuator::TwoMassSettings;
+use clap::ArgGroup;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Fit a voice-coil actuator on its tool to a recorded sweep of current and acceleration
+///
+/// A table with the columns `time_s`, a current (`..._a`) and an acceleration (`..._m_s2`), about ten seconds long; `haptograph
+/// run graphs/identify.ron` makes one. A sweep alone tells the resonances, their quality and the gain. With the magnet's
+/// mass and either the mass of all that moves with the tool, or the force per current, it tells every mass, spring and damper:
+/// one mass does not suffice, as seven parameters of which one scale cannot be seen stand against five numbers.
+#[derive(Debug, clap::Args)]
+#[command(group = ArgGroup::new("scale").args(["body_g", "force_n_per_a"]))]
+pub struct Arguments {
+    /// The recording
+    recording: PathBuf,
+    /// Known mass of the magnet
+    #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "scale")]
+    magnet_g: Option<f64>,
+    /// Known mass of body, tool and what of the hand moves with them
+    #[arg(long, value_name = "GRAMS", value_parser = above_zero, requires = "magnet_g")]
+    body_g: Option<f64>,
+    /// Known force per current, as the maker states it
+    #[arg(long, value_name = "N/A", value_parser = above_zero, requires = "magnet_g")]
+    force_n_per_a: Option<f64>,
+    /// Lowest frequency of the sweep
+    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = above_zero)]
+    from_hz: f64,
+    /// Highest frequency of the sweep
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = above_zero)]
+    to_hz: f64,
+    /// Print the fit as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+impl Arguments {
+    fn known(&self) -> Known {
+        let kilograms = |grams: f64| grams * 1e-3;
+        match (self.magnet_g, self.body_g, self.force_n_per_a) {
+            (Some(magnet_g), Some(body_g), _) => Known::Masses {
+                magnet_kg: kilograms(magnet_g),
+                body_kg: kilograms(body_g),
+            },
+            (Some(magnet_g), None, Some(force_n_per_a)) => Known::MagnetAndForce {
+                magnet_kg: kilograms(magnet_g),
+                force_n_per_a,
+            },
+            _ => Known::Nothing,
+        }
+    }
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let file = SweepFile::read(&arguments.recording).map_err(|error| Failure::Message(error.to_string()))?;
+    let found = identify(
+        &file.sweep([arguments.from_hz, arguments.to_hz]),
+        arguments.known(),
+    )
+    .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
+    let simulated = recording::is_simulated(&arguments.recording)?;
+    say(&if arguments.json {
+        as_json(&found, simulated)
+    } else {
+        as_text(&found, simulated)
+    })
+}
+
+fn as_text(found: &Identified, simulated: bool) -> String {
+    let [high, low] = found.modes;
+    let mut text = format!(
+        "resonances {:.1} Hz (Q {:.2}) and {:.1} Hz (Q {:.2})\n\
+         gain above them {:.1} m/s2 per A, delay {:.2} ms; {:.2} % of the power in the band is left unexplained\n",
+        high.frequency_hz,
+        high.q,
+        low.frequency_hz,
+        low.q,
+        found.response.gain,
+        found.delay_s * 1e3,
+        found.unexplained * 100.0,
+    );
+    if simulated {
+        text += "of a simulated actuator\n";
+    }
+    text += &match found.parameters {
+        Some(model) => format!(
+            "\nfor DynamicCompensator(model: ...):\n\n{}\n",
+            rounded(TwoMassSettings::from(model)).show()
+        ),
+        None => "\nwith --magnet-g and --body-g (or --force-n-per-a) the masses, springs and dampers are told apart\n".to_owned(),
+    };
+    text
+}
+
+fn as_json(found: &Identified, simulated: bool) -> String {
+    let modes: Vec<Value> = found
+        .modes
+        .iter()
+        .map(|mode| json!({ "frequency_hz": mode.frequency_hz, "q": mode.q }))
+        .collect();
+    let parameters = found.parameters.map(TwoMassSettings::from).map(|p| {
+        json!({
+            "force_n_per_a": p.force_n_per_a,
+            "magnet_g": p.magnet_g,
+            "suspension_n_per_mm": p.suspension_n_per_mm,
+            "suspension_n_s_per_m": p.suspension_n_s_per_m,
+            "body_g": p.body_g,
+            "hand_n_per_mm": p.hand_n_per_mm,
+            "hand_n_s_per_m": p.hand_n_s_per_m,
+        })
+    });
+    let all = json!({
+        "resonances": modes,
+        "gain_m_s2_per_a": found.response.gain,
+        "delay_s": found.delay_s,
+        "unexplained": found.unexplained,
+        "parameters": parameters,
+        "simulated": simulated,
+    });
+    format!("{all:#}\n")
+}
+
+/// To four digits: more than a recording tells.
+fn rounded(p: TwoMassSettings) -> TwoMassSettings {
+    let round = |value: f64| {
+        let scale = 10_f64.powf(3.0 - value.abs().log10().floor());
+        (value * scale).round() / scale
+    };
+    TwoMassSettings {
+        force_n_per_a: round(p.force_n_per_a),
+        magnet_g: round(p.magnet_g),
+        suspension_n_per_mm: round(p.suspension_n_per_mm),
+        suspension_n_s_per_m: round(p.suspension_n_s_per_m),
+        body_g: round(p.body_g),
+        hand_n_per_mm: round(p.hand_n_per_mm),
+        hand_n_s_per_m: round(p.hand_n_s_per_m),
+    }
+}

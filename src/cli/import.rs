@@ -1,0 +1,69 @@
+//! Flags that say what loggers' files do not.
+
+use crate::surfaces::recording::ImportSettings;
+
+/// How files of other people's loggers are read.
+#[derive(Debug, Clone, clap::Args)]
+#[command(next_help_heading = "Reading tables")]
+pub struct Import {
+    /// The unit of a quantity whose column does not name it, such as accel=g; 1 is a unit that is not known
+    #[arg(long = "unit", value_name = "QUANTITY=UNIT", value_parser = pair)]
+    units: Vec<(String, String)>,
+    /// The column that holds a quantity, such as speed=v_mm_s
+    #[arg(long = "column", value_name = "QUANTITY=NAME", value_parser = pair)]
+    columns: Vec<(String, String)>,
+    /// A quantity that did not change, such as speed_mm_s=50
+    #[arg(long = "constant", value_name = "QUANTITY_UNIT=VALUE", value_parser = pair)]
+    constants: Vec<(String, String)>,
+    /// Samples a second: rows follow evenly, whatever their times
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    sample_rate: Option<f64>,
+    /// What the full scale of WAV files is, m/s²; the note that a run wrote beside the file where it is not given
+    #[arg(long, value_name = "M_S2", value_parser = positive)]
+    full_scale: Option<f64>,
+    /// Refuse what would be repaired: jittered times, missing or unreadable cells
+    #[arg(long)]
+    strict: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number above 0 is expected".to_owned()),
+    }
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    let parts = text
+        .split_once('=')
+        .map(|(name, value)| (name.trim(), value.trim()));
+    match parts {
+        Some((name, value)) if !name.is_empty() && !value.is_empty() => {
+            Ok((name.to_lowercase(), value.to_owned()))
+        }
+        _ => Err("two parts with = between them are expected".to_owned()),
+    }
+}
+
+impl Import {
+    /// What the flags say.
+    pub fn settings(&self) -> Result<ImportSettings, String> {
+        let settings = ImportSettings {
+            rate_hz: self.sample_rate,
+            full_scale_m_s2: self.full_scale,
+            strict: self.strict,
+            ..ImportSettings::default()
+        };
+        let settings = self
+            .units
+            .iter()
+            .try_fold(settings, |s, (name, unit)| s.with_unit(name, unit))?;
+        let settings = self
+            .columns
+            .iter()
+            .try_fold(settings, |s, (name, column)| s.with_column(name, column))?;
+        self.constants
+            .iter()
+            .try_fold(settings, |s, (name, value)| s.with_constant(name, value))
+    }
+}

@@ -1,0 +1,425 @@
+//! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
+
+use super::import::Import;
+use super::output::{Force, Output};
+use super::progress::Progress;
+use super::table::{facts, significant};
+use super::{Failure, recording, remark, say, segment, spare, surface};
+use crate::engine::registry::Registry;
+use crate::surfaces::Surface;
+use crate::surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
+use crate::surfaces::learning::law::LawSettings;
+use crate::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
+use crate::surfaces::learning::segmentation::SegmentationSettings;
+use crate::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
+use crate::surfaces::learning::{LearnError, LearnSettings, LearningReport, TextureMethod, learn};
+use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+
+/// Learn a surface from recordings
+///
+/// Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles friction, taps the taps, a
+/// press stiffness. Recordings are haptograph's own archives, tables with a header (CSV, spreadsheets, MATLAB up to -v7), WAV files beside a
+/// table, or the toolkit's (HaTT) XML triples, of which any file is named; docs/learning.md tells what they hold. Files that share a clock are
+/// one recording where their names are joined: force.csv+accel.csv. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Recordings of one material
+    #[arg(value_name = "RECORDING", required_unless_present_any = ["circle", "tap", "press"])]
+    recordings: Vec<PathBuf>,
+    /// A recording of circles, whatever it says of itself; can be repeated
+    #[arg(long, value_name = "RECORDING")]
+    circle: Vec<PathBuf>,
+    /// A recording of taps, whatever it says of itself; can be repeated
+    #[arg(long, value_name = "RECORDING")]
+    tap: Vec<PathBuf>,
+    /// The recording of a press, whatever it says of itself
+    #[arg(long, value_name = "RECORDING")]
+    press: Option<PathBuf>,
+    /// The surface to write: .ron (all of it) or .xml (what the toolkit has a place for)
+    #[arg(short, long, value_name = "SURFACE.ron")]
+    output: PathBuf,
+    /// Also write a page with figures into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+    /// The surface's name; that of the output where it is not given
+    #[arg(long, value_parser = name)]
+    name: Option<String>,
+    #[command(flatten)]
+    settings: Settings,
+    #[command(flatten)]
+    import: Import,
+}
+
+/// How textures are learned.
+#[derive(Debug, clap::Args)]
+pub struct Settings {
+    /// How three axes of acceleration become one
+    #[arg(long, value_enum, default_value_t = Reduction::Dft321)]
+    reduction: Reduction,
+    /// Bring vibrations down to this rate first: at a lower rate models of the same order follow lower frequencies. Their own where it is
+    /// not given
+    #[arg(long = "rate", value_name = "HZ")]
+    rate_hz: Option<f64>,
+    /// How a texture is learned
+    #[arg(long, value_enum, default_value_t = Method::Law)]
+    method: Method,
+    /// The order of all models; 20, or with the thesis's method the median of the segments', where it is not given
+    #[arg(long, value_name = "P")]
+    order: Option<usize>,
+    /// The fewest samples a segment may have (thesis's method)
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    min_span: usize,
+    /// The highest order of a segment's model (thesis's method)
+    #[arg(long, value_name = "P", default_value_t = 20)]
+    max_order: usize,
+    /// How a segment's innovation variance is estimated while breaks are sought (thesis's method)
+    #[arg(long, value_enum, default_value_t = segment::Variance::LeastSquares)]
+    variance: segment::Variance,
+    /// How the coefficients of a segment are found (thesis's method)
+    #[arg(long, value_enum, default_value_t = Fit::YuleWalker)]
+    fit: Fit,
+    /// Keep models that do not fit in with the others (thesis's method)
+    #[arg(long)]
+    keep_outliers: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Reduction {
+    /// By spectra: the energy of all axes, the phase of their sum; the thesis's
+    Dft321,
+    /// The sum of the axes
+    Sum,
+    /// The first axis
+    X,
+    /// The second axis
+    Y,
+    /// The third axis
+    Z,
+    /// The projection on the direction of greatest variance
+    PrincipalComponent,
+    /// The length of the vector at each moment
+    VectorMagnitude,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// One law of the spectrum over speed and force, its models on a warped frequency axis
+    Law,
+    /// The thesis's: a model for each stretch of one character, triangulated
+    Thesis,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Fit {
+    /// From the autocovariance by the Levinson-Durbin recursion, as in the thesis
+    YuleWalker,
+    /// Burg's lattice: sharper resonances from short segments
+    Burg,
+}
+
+impl Settings {
+    pub fn processing(&self) -> ProcessingSettings {
+        let reduction = match self.reduction {
+            Reduction::Dft321 => AxisReduction::Dft321,
+            Reduction::Sum => AxisReduction::Sum,
+            Reduction::X => AxisReduction::SingleAxis(0),
+            Reduction::Y => AxisReduction::SingleAxis(1),
+            Reduction::Z => AxisReduction::SingleAxis(2),
+            Reduction::PrincipalComponent => AxisReduction::PrincipalComponent,
+            Reduction::VectorMagnitude => AxisReduction::VectorMagnitude,
+        };
+        ProcessingSettings {
+            reduction,
+            rate_hz: self.rate_hz,
+            ..Default::default()
+        }
+    }
+
+    pub fn texture(&self) -> TextureMethod {
+        match self.method {
+            Method::Law => {
+                let usual = LawSettings::default();
+                TextureMethod::Law(LawSettings {
+                    order: self.order.unwrap_or(usual.order),
+                    ..usual
+                })
+            }
+            Method::Thesis => TextureMethod::Thesis(self.thesis()),
+        }
+    }
+
+    fn thesis(&self) -> TextureSettings {
+        let usual = TextureSettings::default();
+        TextureSettings {
+            segmentation: SegmentationSettings {
+                min_span: self.min_span,
+                max_order: self.max_order,
+                variance: self.variance.estimate(),
+                ..SegmentationSettings::default()
+            },
+            order: self.order,
+            fit: match self.fit {
+                Fit::YuleWalker => CoefficientFit::YuleWalker,
+                Fit::Burg => CoefficientFit::Burg,
+            },
+            outliers: usual.outliers.filter(|_| !self.keep_outliers),
+            ..usual
+        }
+    }
+}
+
+fn name(text: &str) -> Result<String, String> {
+    match text.trim() {
+        "" => Err("a surface needs a name; without --name it is that of the output".to_owned()),
+        name => Ok(name.to_owned()),
+    }
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let files = files(arguments);
+    spare(
+        files.iter().flat_map(|(path, _)| recording::parts(path)),
+        &arguments.output,
+    )?;
+    let import = arguments.import.settings().map_err(Failure::Message)?;
+    let output = surface::claim(&arguments.output, arguments.force)?;
+    let page = arguments.report.as_deref();
+    let page = page
+        .map(|folder| Output::claim_page(folder, arguments.force))
+        .transpose()?;
+    let recordings = files
+        .iter()
+        .map(|(path, gesture)| read(path, *gesture, &import))
+        .collect::<Result<Vec<_>, _>>()?;
+    refuse_twins(&files, &recordings)?;
+    let settings = LearnSettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        ..LearnSettings::default()
+    };
+    let stem = arguments.output.file_stem().unwrap_or_default().to_string_lossy();
+    let name = arguments.name.as_deref().unwrap_or(&stem);
+    let progress = Progress::of("learning");
+    let (mut learned, report) = learn(name, &recordings, &settings, &|part| progress.at(part))
+        .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &files, &recordings)))?;
+    drop(progress);
+    for (index, (path, _)) in files.iter().enumerate() {
+        // Without its folder: the same recordings give the same surface wherever they lie.
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        learned.provenance = learned
+            .provenance
+            .with_setting(format!("recording {} file", index + 1), file);
+    }
+    let output = surface::save(&learned, &output)?;
+    warn_of_shortness(&learned, &report);
+    for missing in &report.missing {
+        let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
+        remark(&format!("warning: {said}\n"));
+    }
+    let mut text = describe(&learned, &report, &output);
+    if let Some(page) = page {
+        let page = page.write(&crate::report::learning::page(&learned, &report))?;
+        text += &format!("look at {}\n", page.display());
+    }
+    say(&text)
+}
+
+/// What is said of a recording by its number, by its file.
+fn by_file(
+    said: &str,
+    error: &LearnError,
+    files: &[(&Path, Option<Gesture>)],
+    recordings: &[AnyRecording],
+) -> String {
+    let named = error.recording(recordings).and_then(|recording| {
+        let (before, rest) = said.split_once("recording ")?;
+        let (_, after) = rest.split_once(" (from 0)")?;
+        let (path, _) = files.get(recording)?;
+        Some(format!("{before}{}{after}", path.display()))
+    });
+    named.unwrap_or_else(|| said.to_owned())
+}
+
+/// All recordings, with the gestures that the command line gives them.
+fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
+    fn of(paths: &[PathBuf], gesture: Option<Gesture>) -> impl Iterator<Item = (&Path, Option<Gesture>)> {
+        paths.iter().map(move |path| (path.as_path(), gesture))
+    }
+    let Arguments {
+        recordings,
+        circle,
+        tap,
+        press,
+        ..
+    } = arguments;
+    of(recordings, None)
+        .chain(of(circle, Some(Gesture::Circle)))
+        .chain(of(tap, Some(Gesture::Tap)))
+        .chain(of(press.as_slice(), Some(Gesture::Press)))
+        .collect()
+}
+
+fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Result<AnyRecording, Failure> {
+    let loaded = recording::load_with(path, import)?;
+    let own = loaded.recording.gesture();
+    let Some(gesture) = gesture else {
+        return Ok(loaded.recording);
+    };
+    if loaded.says_gesture && own != gesture {
+        remark(&format!(
+            "warning: {} says of itself that it is a {}; it is taken as a {}, as asked\n",
+            path.display(),
+            own.word(),
+            gesture.word()
+        ));
+    }
+    Ok(loaded.recording.with_gesture(gesture))
+}
+
+/// A recording that is there twice would count twice.
+fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording]) -> Result<(), Failure> {
+    for (index, recording) in recordings.iter().enumerate() {
+        if let Some(first) = recordings[..index]
+            .iter()
+            .position(|earlier| earlier == recording)
+        {
+            return Err(Failure::Message(format!(
+                "{} and {} are the same recording, which would count twice; name it once",
+                files[first].0.display(),
+                files[index].0.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// How much of the plane of force and speed was visited, and what to record next.
+fn verdict(coverage: &Coverage) -> String {
+    let missing = coverage.missing();
+    let mut text = format!(
+        "{} of 9 areas of speed and force, {} s used",
+        9 - missing.len(),
+        significant(coverage.used_s, 3)
+    );
+    let area = |&(speed, force): &(usize, usize)| {
+        let (slow, fast) = SPEED_BANDS_M_S[speed];
+        let (light, firm) = FORCE_BANDS_N[force];
+        format!(
+            "{:.0} to {:.0} mm/s at {light} to {firm} N",
+            slow * 1000.0,
+            fast * 1000.0
+        )
+    };
+    if !missing.is_empty() {
+        let some: Vec<_> = missing.iter().take(3).map(area).collect();
+        text += &format!("; record next: {}", some.join(", "));
+        let more = missing.len().saturating_sub(3);
+        text += &if more > 0 {
+            format!(", and {more} more")
+        } else {
+            String::new()
+        };
+    }
+    text
+}
+
+/// Too little to trust is learned from, and said.
+fn warn_of_shortness(surface: &Surface, report: &LearningReport) {
+    let (Some(texture), Some(report)) = (&surface.texture, &report.texture) else {
+        return;
+    };
+    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    if coverage.is_short() {
+        remark(&format!(
+            "warning: the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s\n",
+            significant(coverage.used_s, 3),
+            coverage.segments
+        ));
+    }
+}
+
+fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
+    let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
+    if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
+        let count = |fate: fn(&Fate) -> bool| {
+            report
+                .segments
+                .iter()
+                .filter(|segment| fate(&segment.fate))
+                .count()
+        };
+        let kept = count(|fate| *fate == Fate::Kept);
+        let outliers = count(|fate| matches!(fate, Fate::Outlier { .. }));
+        let (order, all) = (report.order, report.segments.len());
+        // A law's models are not the windows'.
+        let what = if texture.warping() != 0.0 {
+            format!("a law of order {order} from {kept} of {all} windows")
+        } else {
+            format!("{kept} models of order {order} from {all} segments ({outliers} outliers)")
+        };
+        found.push((
+            "texture",
+            format!(
+                "{what}, to {} mm/s and {} N",
+                significant(texture.max_speed_m_s() * 1000.0, 3),
+                significant(texture.max_force_n(), 3)
+            ),
+        ));
+        found.push((
+            "coverage",
+            verdict(&Coverage::of(&report.segments, texture.rate_hz())),
+        ));
+    }
+    let fit = |r_squared: Option<f64>| {
+        r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
+    };
+    if let Some(friction) = surface.friction {
+        found.push((
+            "friction",
+            format!(
+                "mu {}{}",
+                significant(friction.mu(), 3),
+                fit(friction.r_squared())
+            ),
+        ));
+    }
+    if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
+        let used = report.contacts.iter().filter(|contact| contact.used).count();
+        let response = taps.response().map_or_else(String::new, |line| {
+            format!(
+                ", response {} N per m/s{}",
+                significant(line.slope, 3),
+                fit(Some(line.r_squared))
+            )
+        });
+        found.push((
+            "taps",
+            format!(
+                "{} of {} contacts, {used} used{response}",
+                taps.taps().len(),
+                report.contacts.len()
+            ),
+        ));
+    }
+    if let Some(stiffness) = surface.stiffness {
+        found.push((
+            "stiffness",
+            format!(
+                "{} N/mm{}",
+                significant(stiffness.n_per_mm(), 3),
+                fit(stiffness.r_squared())
+            ),
+        ));
+    }
+    found.extend(
+        report
+            .missing
+            .iter()
+            .map(|missing| (missing.part, "none".to_owned())),
+    );
+    format!("wrote {}\n{}", output.display(), facts(&found))
+}

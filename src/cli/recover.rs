@@ -1,0 +1,194 @@
+//! `haptograph recover`: what a run left that came to a sudden end.
+//!
+//! Nothing is removed and no sample is changed: headers of WAV files are made to say what is in the file, recordings are
+//! made of their parts, which stay where they are, and the folder gets a name of its own. A run that was complete and was
+//! killed while it was put in its place is put there.
+
+use super::run::folder::{MARKER, PARTIAL, PROBES};
+use super::run::placing::{MovePlan, resume};
+use super::{Failure, remark, say};
+use crate::engine::registry::Registry;
+use crate::nodes::wav::{Repair, repair};
+use crate::signal::files;
+use crate::surfaces::recording::assemble;
+use std::fs::{self, OpenOptions, TryLockError};
+use std::path::{Path, PathBuf};
+
+/// Make usable what a run left that came to a sudden end
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Folders NAME.partial-N that runs left, or single WAV files and folders FILE.part of recordings
+    #[arg(required = true, value_name = "PATH")]
+    paths: Vec<PathBuf>,
+}
+
+/// How deep folders are looked through.
+const DEPTH: usize = 8;
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let mut failed = false;
+    for path in &arguments.paths {
+        for done in recover(path)? {
+            match done {
+                Ok(text) => say(&(text + "\n"))?,
+                Err(failure) => {
+                    remark(&format!("error: {failure}\n"));
+                    failed = true;
+                }
+            }
+        }
+    }
+    if failed { Err(Failure::Reported) } else { Ok(()) }
+}
+
+/// What was done with a file, or why it could not be.
+type Done = Result<String, Failure>;
+
+fn recover(path: &Path) -> Result<Vec<Done>, Failure> {
+    let kind = fs::symlink_metadata(path).map_err(|error| Failure::file("read", path, &error))?;
+    if kind.is_symlink() {
+        let message = "it is a symbolic link; give what it leads to";
+        return Err(Failure::file("recover", path, &message));
+    }
+    if !kind.is_dir() {
+        return Ok(file(path, true).into_iter().collect());
+    }
+    if is_being_written(path)? {
+        let message = "a run is being written there now";
+        return Err(Failure::file("recover", path, &message));
+    }
+    if let Some(plan) = MovePlan::read(path) {
+        return Ok(vec![complete(path, &plan)]);
+    }
+    let mut done = Vec::new();
+    folder(path, DEPTH, &mut done);
+    let is_whole = done.iter().all(Result::is_ok);
+    if path.join(MARKER).is_file() && is_whole {
+        done.push(place(path));
+    }
+    if done.is_empty() {
+        done.push(Ok(format!("{}: there is nothing to recover", path.display())));
+    }
+    Ok(done)
+}
+
+/// Goes on with a move that was interrupted: the run itself was complete.
+fn complete(path: &Path, plan: &MovePlan) -> Done {
+    let failed = |error: &dyn std::fmt::Display| Failure::file("complete the move of", path, error);
+    let content = path.canonicalize().map_err(|error| failed(&error))?;
+    let place = plan.place(&content);
+    let place = place.ok_or_else(|| failed(&"its name does not tell where it was moved to"))?;
+    resume(&content, &place, plan)?;
+    Ok(format!(
+        "{}: the run that was being moved there is there",
+        place.display()
+    ))
+}
+
+/// Does a living run hold the folder?
+fn is_being_written(folder: &Path) -> Result<bool, Failure> {
+    let Ok(marker) = files::open(&folder.join(MARKER), u64::MAX) else {
+        return Ok(false);
+    };
+    match marker.as_file().try_lock() {
+        Ok(()) => Ok(false),
+        Err(TryLockError::WouldBlock) => Ok(true),
+        Err(TryLockError::Error(error)) => Err(Failure::file("lock", &folder.join(MARKER), &error)),
+    }
+}
+
+/// Everything in a folder.
+fn folder(path: &Path, depth: usize, done: &mut Vec<Done>) {
+    if is_spool(path) {
+        done.push(recording(path));
+        return;
+    }
+    let entries = match fs::read_dir(path) {
+        Ok(entries) => entries,
+        Err(error) => return done.push(Err(Failure::file("read", path, &error))),
+    };
+    let mut entries: Vec<_> = entries.flatten().collect();
+    entries.sort_by_key(fs::DirEntry::file_name);
+    for entry in entries {
+        let (path, kind) = (entry.path(), entry.file_type());
+        match kind {
+            Ok(kind) if kind.is_dir() && depth > 0 => folder(&path, depth - 1, done),
+            Ok(kind) if kind.is_file() => done.extend(file(&path, false)),
+            // Links may lead anywhere.
+            _ => {}
+        }
+    }
+}
+
+/// A file by itself; `asked` where it was named on the command line.
+fn file(path: &Path, asked: bool) -> Option<Done> {
+    let is_wav = path
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("wav"));
+    let shown = path.display();
+    if !is_wav {
+        let text = format!("{shown}: it needs no recovery: it is usable up to where it ends");
+        return asked.then_some(Ok(text));
+    }
+    let failed = |error: &dyn std::fmt::Display| Some(Err(Failure::file("recover", path, error)));
+    let mut file = match OpenOptions::new().read(true).write(true).open(path) {
+        Ok(file) => file,
+        Err(error) => return failed(&error),
+    };
+    match repair(&mut file) {
+        Ok(Repair::Whole) => asked.then(|| Ok(format!("{shown}: it is whole"))),
+        Ok(Repair::Mended { before, now }) => Some(Ok(format!(
+            "{shown}: its header said {before} frames and now says {now}, those that are there"
+        ))),
+        Ok(Repair::TooLarge) => failed(&"it holds more than 4 GiB, and its header has no room to say so"),
+        Err(error) => failed(&error),
+    }
+}
+
+fn is_spool(folder: &Path) -> bool {
+    folder.extension().is_some_and(|ending| ending == "part") && folder.join("head.ron").is_file()
+}
+
+/// Makes the recording of a folder `NAME.part`, beside it.
+fn recording(spool: &Path) -> Done {
+    let path = spool.with_extension("");
+    // The table of a run that ended well would be made of this archive.
+    let path = if path.extension().is_some_and(|ending| ending == "npz") {
+        path
+    } else {
+        path.with_extension("npz")
+    };
+    if fs::symlink_metadata(&path).is_ok() {
+        return Ok(format!(
+            "{}: it is there already, and stays as it is",
+            path.display()
+        ));
+    }
+    assemble(spool, &path).map_err(|error| Failure::file("make the recording of", spool, &error))?;
+    Ok(format!(
+        "{}: made of what is in {}, which stays",
+        path.display(),
+        spool.display()
+    ))
+}
+
+/// Gives a leftover the name `NAME-recovered`, or the first with a number that is free.
+fn place(leftover: &Path) -> Done {
+    let failed = |error: &dyn std::fmt::Display| Failure::file("rename", leftover, error);
+    let name = leftover.file_name().unwrap_or_default().to_string_lossy();
+    let name = name.split(PARTIAL).next().unwrap_or("run");
+    let numbers = std::iter::once(String::new()).chain((2..10_000).map(|number| format!("-{number}")));
+    let mut names = numbers.map(|number| leftover.with_file_name(format!("{name}-recovered{number}")));
+    let is_free = |path: &PathBuf| fs::symlink_metadata(path).is_err();
+    let target = { names }
+        .find(is_free)
+        .ok_or_else(|| failed(&"every name is taken"))?;
+    fs::rename(leftover, &target).map_err(|error| failed(&error))?;
+    // Seen by everybody; where this fails they are found by their hidden name.
+    if fs::symlink_metadata(target.join("probes")).is_err() {
+        let _ = fs::rename(target.join(PROBES), target.join("probes"));
+    }
+    // It is no leftover any more; where this fails it is named as one, and that is all.
+    let _ = fs::remove_file(target.join(MARKER));
+    Ok(format!("{}: what {} held", target.display(), leftover.display()))
+}

@@ -1,0 +1,411 @@
+//! A live run that is looked after: what is typed, told and saved while it runs.
+
+mod change;
+
+use super::super::{GraphArguments, fault, remark};
+use super::Arguments;
+use super::afar;
+use super::console::{Asked, HELP, Typed};
+use super::drivers::Drivers;
+use super::endpoints::Endpoints;
+use super::guards::Guards;
+use super::history::{History, Notes};
+use super::loading::{self, Job, Loader, Loading, Saved, texts};
+use super::silence::SilenceMonitor;
+use super::watch::Watch;
+use crate::engine::diagnostic::{Diagnostics, render};
+use crate::engine::graph::Graph;
+use crate::engine::run::{RingReport, Session};
+use crate::engine::settings::closest;
+use crate::nodes::network::{Connections, Told};
+use crate::nodes::soundcard::CardNote;
+use serde_json::Value;
+use std::collections::VecDeque;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+/// Where graphs that were saved while it ran are kept, in the run's folder.
+pub const CHANGES: &str = "changes";
+/// How often the run is looked after, and how often its status is shown.
+const PAUSE: Duration = Duration::from_millis(50);
+const STATUS: Duration = Duration::from_secs(1);
+/// The same while something loads.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Wishes that wait, and those that are heard between two looks at whether the run should stop.
+pub const MOST_ASKED: usize = 1024;
+const MOST_HEARD: usize = 64;
+
+/// How much is said of a change. A fader is moved a hundred times a second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Says {
+    Nothing,
+    /// Why it is refused.
+    Refusals,
+    Everything,
+}
+
+impl Says {
+    fn refusal(self, text: &str) {
+        if self >= Self::Refusals {
+            remark(text);
+        }
+    }
+
+    fn success(self, text: &str) {
+        if self >= Self::Everything {
+            remark(text);
+        }
+    }
+}
+
+/// Who wishes for something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum By {
+    Keyboard,
+    Osc,
+}
+
+/// What waits for the graph to be loaded again.
+#[derive(Debug)]
+enum Wish {
+    Set {
+        name: String,
+        value: String,
+        by: By,
+    },
+    /// What was saved.
+    Saved,
+}
+
+/// A run and what may happen to it.
+pub struct Attended {
+    /// With the parameters as they are now.
+    arguments: GraphArguments,
+    /// Parameters as the command line gave them.
+    given: Vec<(String, String)>,
+    /// Those that were typed or told since.
+    typed: loading::Typed,
+    /// Those that the graph has that runs, with their defaults.
+    parameters: loading::Typed,
+    seed: Option<u64>,
+    record: bool,
+    folder: PathBuf,
+    watch: Option<Watch>,
+    pub session: Session,
+    pub network: Connections,
+    pub silence: SilenceMonitor,
+    start: Instant,
+    /// Graphs that were put in place, and those of them that differed in more than live settings.
+    pub changes: u32,
+    pub swaps: u32,
+    /// The devices of all graphs that ran.
+    pub endpoints: Endpoints,
+    /// Of those that were saved: when, what came of it, and where its files are kept.
+    pub saved: Vec<Value>,
+    pub history: History,
+    /// Names that were told by Open Sound Control and refused; said once each.
+    refused: Vec<String>,
+    guards: Guards,
+    /// Texts of the files of the graph that runs.
+    texts: Vec<String>,
+    loader: Loader,
+    loading: Option<(Wish, Loading)>,
+    waiting: VecDeque<Wish>,
+    known: Option<loading::Known>,
+    /// Panics that were told of.
+    pub panics: Vec<String>,
+}
+
+impl Attended {
+    /// A run of `graph` that begins now.
+    pub fn begin(
+        arguments: &Arguments,
+        graph: &Graph,
+        folder: &Path,
+        (session, network): (Session, Connections),
+        (watch, parameters, loader): (Option<Watch>, loading::Typed, Loader),
+    ) -> Self {
+        Self {
+            given: arguments.graph.set.clone(),
+            typed: Vec::new(),
+            parameters,
+            arguments: arguments.graph.clone(),
+            seed: arguments.seed,
+            record: arguments.record,
+            folder: folder.to_owned(),
+            watch,
+            session,
+            network,
+            silence: SilenceMonitor::new(Instant::now()),
+            start: Instant::now(),
+            changes: 0,
+            swaps: 0,
+            endpoints: Endpoints::of(graph, true),
+            saved: Vec::new(),
+            history: History::default(),
+            refused: Vec::new(),
+            guards: Guards::of(graph),
+            texts: texts(graph),
+            loader,
+            loading: None,
+            waiting: VecDeque::new(),
+            known: None,
+            panics: Vec::new(),
+        }
+    }
+
+    /// Looks after the run until it is over, and does `each` in every round. Returns what the driver had to say.
+    pub fn attend(
+        &mut self,
+        driver: &mut Drivers,
+        asked: &Receiver<Asked>,
+        (stop, each): (&AtomicBool, fn()),
+    ) -> Vec<String> {
+        let (mut shown, mut stopping, mut notes) = (self.start, false, Notes::default());
+        while !driver.is_finished(stopping) {
+            each();
+            let pause = if self.loading.is_some() { LOOK } else { PAUSE };
+            let first = asked.recv_timeout(pause).ok();
+            self.tell_panics();
+            for note in driver.tend() {
+                match note {
+                    CardNote::Turn(note) => notes.turn(note),
+                    CardNote::Complaint(note) => notes.complaint(note),
+                }
+            }
+            let inputs = self.session.live_inputs();
+            for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
+                notes.turn(note);
+            }
+            let status = status(&mut self.session, driver.rings());
+            for failed in self.session.failing_files() {
+                remark(&format!(
+                    "warning: {failed}; it is complete up to here, and the run goes on without it\n"
+                ));
+            }
+            if shown.elapsed() >= STATUS {
+                shown += STATUS;
+                let seconds = self.start.elapsed().as_secs_f64();
+                let (driver, silent) = (driver.status(), self.silence.status());
+                remark(&format!("{seconds:.0} s: {status}{driver}{silent}\n"));
+            }
+            if driver.is_torn() {
+                stop.store(true, Ordering::Relaxed);
+            }
+            stopping = stop.load(Ordering::Relaxed);
+            let room = MOST_HEARD.min(MOST_ASKED.saturating_sub(self.waiting.len()));
+            self.hear(first.into_iter().chain(asked.try_iter().take(room)));
+            if self.watch.as_mut().is_some_and(Watch::has_changed)
+                && !self.waiting.iter().any(|wish| matches!(wish, Wish::Saved))
+            {
+                self.waiting.push_back(Wish::Saved);
+            }
+            if !stopping {
+                self.go_on(driver);
+            }
+        }
+        self.tell_panics();
+        notes.counted()
+    }
+
+    /// Says what panicked meanwhile.
+    pub fn tell_panics(&mut self) {
+        for text in fault::untold() {
+            remark(&text);
+            self.panics.push(text);
+        }
+    }
+
+    /// Does what can be done at once, and lets wait what the graph is loaded for.
+    fn hear(&mut self, asked: impl Iterator<Item = Asked>) {
+        let mut told = Vec::new();
+        for asked in asked {
+            match asked {
+                Asked::Typed(Typed::Set { name, value }) => self.wish(name, value, By::Keyboard),
+                Asked::Typed(Typed::List) => self.list(),
+                // Acted on where it is read.
+                Asked::Typed(Typed::Stop) => {}
+                Asked::Typed(Typed::Unknown(line)) => {
+                    remark(&format!("`{line}` is not known; type {HELP}\n"));
+                }
+                Asked::Told(Told { name, value }) => {
+                    // A fader that moves fast is where it is now.
+                    told.retain(|(known, _)| *known != name);
+                    told.push((name, value));
+                }
+            }
+        }
+        for (name, value) in told {
+            self.wish(name, value, By::Osc);
+        }
+    }
+
+    /// A live setting of a node is set now. For a parameter the graph is loaded, if it has it.
+    fn wish(&mut self, name: String, value: String, by: By) {
+        let says = self.says(&name, by);
+        if name.contains('.') {
+            let was_set = self.set_directly(&name, &value, says);
+            return self.note(was_set, name, &value, by);
+        }
+        if !self.parameters.iter().any(|(known, _)| *known == name) {
+            let names = self.parameters.iter().map(|(known, _)| known.as_str());
+            let near = closest(&name, names).map(|near| format!("; did you mean `{near}`?"));
+            let near = near.unwrap_or_default();
+            says.refusal(&format!("the graph has no parameter `{name}`{near}\n"));
+            return self.note(false, name, &value, by);
+        }
+        if by == By::Osc {
+            if let Some(refusal) = afar::refusal(&value, &self.arguments.graph) {
+                says.refusal(&format!("`{name}` stays: {refusal}\n"));
+                return self.note(false, name, &value, by);
+            }
+            let same =
+                |wish: &Wish| matches!(wish, Wish::Set { name: known, by: By::Osc, .. } if *known == name);
+            self.waiting.retain(|wish| !same(wish));
+        }
+        self.waiting.push_back(Wish::Set { name, value, by });
+    }
+
+    /// How much is said of what is done with a wish.
+    fn says(&self, name: &str, by: By) -> Says {
+        let full = self.refused.len() >= History::MOST;
+        match by {
+            By::Keyboard => Says::Everything,
+            By::Osc if full || self.refused.iter().any(|known| known == name) => Says::Nothing,
+            By::Osc => Says::Refusals,
+        }
+    }
+
+    /// Keeps what came of a wish.
+    fn note(&mut self, was_set: bool, name: String, value: &str, by: By) {
+        if was_set {
+            let by = if by == By::Keyboard { "typed" } else { "OSC" };
+            self.history
+                .note(self.start.elapsed().as_secs_f64(), &name, value, by);
+        } else if self.says(&name, by) == Says::Refusals {
+            self.refused.push(name);
+        }
+    }
+
+    /// Looks in on what is loading, and begins with what waits when that is over.
+    fn go_on(&mut self, driver: &Drivers) {
+        if let Some((wish, loading)) = self.loading.take() {
+            let says = match &wish {
+                Wish::Set { name, by, .. } => self.says(name, *by),
+                Wish::Saved => Says::Everything,
+            };
+            match loading.look() {
+                Some(loaded) => self.take(driver, wish, loaded, &loading, says),
+                None if loading.took() < loading::BUDGET => {
+                    self.loading = Some((wish, loading));
+                    return;
+                }
+                None => {
+                    let budget_s = loading::BUDGET.as_secs();
+                    says.refusal(&format!(
+                        "the graph stays as it was: it was not loaded in {budget_s} s\n"
+                    ));
+                    self.give_up(wish);
+                }
+            }
+        }
+        if let Some(wish) = self.waiting.pop_front() {
+            let job = self.job(&wish);
+            match self.loader.begin(job) {
+                Ok(loading) => self.loading = Some((wish, loading)),
+                Err(why) => {
+                    remark(&format!("the graph stays as it was: {why}\n"));
+                    self.give_up(wish);
+                }
+            }
+        }
+    }
+
+    fn give_up(&mut self, wish: Wish) {
+        if let Wish::Set { name, value, by } = wish {
+            self.note(false, name, &value, by);
+        }
+    }
+
+    fn job(&mut self, wish: &Wish) -> Job {
+        let mut arguments = self.arguments.clone();
+        let saved = match wish {
+            Wish::Set { name, value, .. } => {
+                arguments.set.retain(|(known, _)| known != name);
+                arguments.set.push((name.clone(), value.clone()));
+                None
+            }
+            Wish::Saved => Some(Saved {
+                given: self.given.clone(),
+                typed: self.typed.clone(),
+            }),
+        };
+        Job {
+            arguments,
+            seed: self.seed,
+            record: self.record,
+            saved,
+            known: self.known.take(),
+        }
+    }
+
+    fn set_directly(&mut self, name: &str, value: &str, says: Says) -> bool {
+        let Ok(number) = value.parse::<f64>() else {
+            says.refusal(&format!("`{value}` is not a number\n"));
+            return false;
+        };
+        match self.session.set_by_name(name, number) {
+            Ok(()) => {
+                says.success(&format!("{name} is {number}\n"));
+                true
+            }
+            Err(error) => {
+                let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
+                let near = closest(name, names.iter().map(String::as_str));
+                let help = near
+                    .filter(|near| *near != name)
+                    .map(|near| format!("; did you mean `{near}`?"));
+                says.refusal(&format!("`{name}` stays: {error}{}\n", help.unwrap_or_default()));
+                false
+            }
+        }
+    }
+
+    fn list(&mut self) {
+        for live in self.session.settings() {
+            remark(&format!("{} = {}\n", live.name(), live.value));
+        }
+    }
+}
+
+/// How time is kept, by driver where there are several, and how the rings between them are.
+fn status(session: &mut Session, heard: impl Iterator<Item = RingReport>) -> String {
+    let mut parts: Vec<String> = match &session.poll()[..] {
+        [(_, meters)] => vec![meters.to_string()],
+        several => several
+            .iter()
+            .map(|(name, meters)| format!("{name}: {meters}"))
+            .collect(),
+    };
+    parts.extend(session.rings().chain(heard).map(|ring| {
+        let counts = ring.counts;
+        let fill = counts
+            .fill_s
+            .map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
+        format!(
+            "ring {}: {fill}, {:+.0} ppm, {} underruns, {} overruns",
+            ring.name, counts.correction_ppm, counts.underruns, counts.overruns
+        )
+    }));
+    parts.join("; ")
+}
+
+fn show(findings: &Diagnostics, says: Says) {
+    if !findings.list.is_empty() {
+        says.refusal(&render(findings, std::io::stderr().is_terminal()));
+    }
+}

@@ -1,0 +1,193 @@
+//! A graph that was saved or typed takes over from the one that runs.
+
+use super::super::super::{remark, warnings};
+use super::super::drivers::Drivers;
+use super::super::history::History;
+use super::super::loading::{Loaded, Loading, Ready};
+use super::super::watch::Watch;
+use super::{Attended, CHANGES, Says, Wish, show};
+use crate::engine::graph::Graph;
+use crate::engine::run::{Change, Changed};
+use serde_json::json;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// A graph that took over.
+struct Taken {
+    graph: Graph,
+    change: Change,
+    /// Of its files, as they were when it was loaded.
+    watch: Watch,
+    /// Are its texts others than those of the graph before?
+    is_saved: bool,
+}
+
+impl Attended {
+    /// Puts a graph that was loaded in place of the one that runs, if it can be.
+    pub(super) fn take(
+        &mut self,
+        driver: &Drivers,
+        wish: Wish,
+        loaded: Loaded,
+        loading: &Loading,
+        says: Says,
+    ) {
+        self.known = loaded.known;
+        let taken = match loaded.result {
+            Ok(ready) => self.put(driver, ready, loading, says),
+            Err(wrong) => {
+                show(&wrong, says);
+                says.refusal("the graph stays as it was\n");
+                None
+            }
+        };
+        let Some(taken) = taken else {
+            return self.give_up(wish);
+        };
+        self.arguments.set = loaded.set;
+        self.typed = loaded.typed.unwrap_or_else(|| std::mem::take(&mut self.typed));
+        self.parameters = loaded.parameters;
+        match wish {
+            Wish::Set { name, value, by } => {
+                let default = self.parameters.iter().find(|(known, _)| *known == name);
+                let default = default.and_then(|(_, text)| text.clone());
+                self.typed.retain(|(known, _)| *known != name);
+                self.typed.push((name.clone(), default));
+                // A file that was saved just before is still seen by the watch, for what else follows from that; it may
+                // find that this graph runs already.
+                if let Some(watch) = &mut self.watch {
+                    watch.also(taken.watch);
+                }
+                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
+                    self.keep(&taken.graph, taken.change);
+                }
+                self.note(true, name, &value, by);
+            }
+            Wish::Saved => {
+                // A changed graph may read other files.
+                if let Some(watch) = &mut self.watch {
+                    watch.turn_to(taken.watch);
+                }
+                if taken.change != Change::Settings(0) {
+                    self.keep(&taken.graph, taken.change);
+                }
+            }
+        }
+    }
+
+    /// Keeps the files of a graph that was saved, so that the run can be understood.
+    fn keep(&mut self, graph: &Graph, change: Change) {
+        // A fader may change the graph a hundred times a second.
+        if self.saved.len() >= History::MOST {
+            return;
+        }
+        let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
+        let folder = self.folder.join(&place);
+        let written = fs::create_dir_all(&folder).and_then(|()| {
+            for (number, source) in graph.sources().iter().enumerate() {
+                let name = source.path.file_name().unwrap_or_default().to_string_lossy();
+                let file = match folder.join(&*name) {
+                    file if file.exists() => folder.join(format!("{number}-{name}")),
+                    file => file,
+                };
+                fs::write(file, source.text.as_bytes())?;
+            }
+            Ok(())
+        });
+        if let Err(error) = written {
+            remark(&format!(
+                "the saved graph is not kept in {}: {error}\n",
+                place.display()
+            ));
+        }
+        let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
+        self.saved
+            .push(json!({ "at_s": at_s, "what": what(change), "graph": place.to_string_lossy() }));
+    }
+
+    /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
+    fn put(&mut self, driver: &Drivers, ready: Ready, loading: &Loading, says: Says) -> Option<Taken> {
+        let graph = ready.graph;
+        if says == Says::Everything {
+            show(&warnings(&graph), says);
+        }
+        let lack = ready.wanted.and_then(|wanted| match driver.lack(&wanted) {
+            Some(what) => Err(format!("it asks for {what} now, and that needs a new run")),
+            None => ready.own_files,
+        });
+        let guarded = match says < Says::Everything && ready.guards != self.guards {
+            true => {
+                Err("an actuator's limit or device would change, and that is not done from afar".to_owned())
+            }
+            false => Ok(()),
+        };
+        let changed = lack.and(guarded).and_then(|()| self.change(&graph));
+        let changed = match changed {
+            Ok(changed) => changed,
+            Err(why) => {
+                says.refusal(&format!("the graph stays as it was: {why}\n"));
+                return None;
+            }
+        };
+        // The file may have been edited meanwhile, so another graph is always told of.
+        if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
+            remark(&told(&changed, loading.took()));
+        }
+        for change in ready.guards.changes(&self.guards) {
+            remark(&format!("{change}\n"));
+        }
+        self.guards = ready.guards;
+        let before = std::mem::replace(&mut self.texts, ready.texts);
+        Some(Taken {
+            is_saved: before != self.texts,
+            graph,
+            change: changed.change,
+            watch: ready.watch,
+        })
+    }
+
+    /// Connects what a graph is connected to, and hands it to the drivers.
+    fn change(&mut self, graph: &Graph) -> Result<Changed, String> {
+        let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
+        match self.session.change(graph, &self.folder) {
+            Ok(changed) => {
+                self.network.rename_for(graph);
+                self.endpoints.add(graph);
+                self.changes += 1;
+                self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
+                Ok(changed)
+            }
+            Err(error) => {
+                self.network.let_go(connected);
+                Err(error.to_string())
+            }
+        }
+    }
+}
+
+fn told(changed: &Changed, took: Duration) -> String {
+    let mut text = what(changed.change);
+    for (paths, what) in [
+        (&changed.begun, "begins"),
+        (&changed.ended, "is complete"),
+        (&changed.left_out, "holds other signals and is not begun again"),
+    ] {
+        for path in paths {
+            let name = path.file_name().unwrap_or(path.as_os_str()).display();
+            text += &format!("; {name} {what}");
+        }
+    }
+    text + &format!(" ({:.0} ms)\n", took.as_secs_f64() * 1e3)
+}
+
+fn what(change: Change) -> String {
+    match change {
+        Change::Settings(0) => "nothing changed".to_owned(),
+        Change::Settings(1) => "a setting changed".to_owned(),
+        Change::Settings(count) => format!("{count} settings changed"),
+        Change::CrossFade => "the graph changed, cross-faded".to_owned(),
+        Change::AtOnce => "the graph changed".to_owned(),
+        Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
+    }
+}

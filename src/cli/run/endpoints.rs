@@ -1,0 +1,223 @@
+//! What a run's devices are: each with its role, simulated or real, on the terminal, in `run.json` and on the page.
+
+use crate::engine::graph::{Graph, GraphDevice};
+use crate::report::page::Simulation;
+use serde_json::{Value, json};
+
+/// Whether a device is read or driven; one that is both has an endpoint for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Input,
+    Output,
+}
+
+impl Role {
+    fn as_str(self) -> &'static str {
+        match self {
+            Self::Input => "input",
+            Self::Output => "output",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Endpoint {
+    name: String,
+    kind: &'static str,
+    role: Role,
+    is_simulated: bool,
+}
+
+/// The devices of a run, by role.
+#[derive(Debug, Clone)]
+pub struct Endpoints {
+    list: Vec<Endpoint>,
+    /// Real devices are reached by live runs only.
+    is_live: bool,
+}
+
+impl Endpoints {
+    /// Of a graph that runs live, or not.
+    pub fn of(graph: &Graph, is_live: bool) -> Self {
+        let endpoint = |device: &GraphDevice, role| Endpoint {
+            name: device.name.clone(),
+            kind: device.entry.spec.name,
+            role,
+            is_simulated: device.entry.spec.simulated,
+        };
+        let inputs = graph.read_devices().map(|device| endpoint(device, Role::Input));
+        let outputs = graph
+            .driven_devices()
+            .map(|device| endpoint(device, Role::Output));
+        let list = inputs.chain(outputs).collect();
+        let mut endpoints = Self { list, is_live };
+        endpoints.sort();
+        endpoints
+    }
+
+    fn sort(&mut self) {
+        self.list
+            .sort_by(|a, b| (a.role.as_str(), &a.name, a.kind).cmp(&(b.role.as_str(), &b.name, b.kind)));
+    }
+
+    /// Those of a graph that took over are the run's too.
+    pub fn add(&mut self, graph: &Graph) {
+        for endpoint in Self::of(graph, self.is_live).list {
+            if !self.list.contains(&endpoint) {
+                self.list.push(endpoint);
+            }
+        }
+        self.sort();
+    }
+
+    /// The facts of a run that are about its devices.
+    pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
+        [
+            ("devices", "Devices", self.to_json()),
+            ("simulated", "Simulated", json!(self.any_simulated())),
+            ("real_devices", "Real devices", json!(self.any_real())),
+        ]
+    }
+
+    fn which(&self, simulated: bool) -> impl Iterator<Item = &Endpoint> {
+        self.list
+            .iter()
+            .filter(move |endpoint| endpoint.is_simulated == simulated)
+    }
+
+    /// Is any of them simulated?
+    pub fn any_simulated(&self) -> bool {
+        self.which(true).next().is_some()
+    }
+
+    /// Is any of them real?
+    pub fn any_real(&self) -> bool {
+        self.which(false).next().is_some()
+    }
+
+    /// What real devices were to this run.
+    fn real(&self) -> &'static str {
+        if self.is_live { "real" } else { "not reached" }
+    }
+
+    pub fn to_json(&self) -> Value {
+        let each = self.list.iter().map(|endpoint| {
+            json!({
+                "name": endpoint.name, "kind": endpoint.kind, "role": endpoint.role.as_str(),
+                "simulated": endpoint.is_simulated, "reached": endpoint.is_simulated || self.is_live,
+            })
+        });
+        Value::Array(each.collect())
+    }
+
+    /// For the line at the end of a run: `` (simulated: output `arm`; real: input `stylus`)``.
+    pub fn in_brackets(&self) -> String {
+        let named = |simulated| names(self.which(simulated), |_| String::new());
+        match (self.any_simulated(), self.any_real()) {
+            (false, false) => String::new(),
+            (true, false) => " (simulated devices)".to_owned(),
+            (false, true) => format!(" ({}: {})", self.real(), named(false)),
+            (true, true) => format!(" (simulated: {}; {}: {})", named(true), self.real(), named(false)),
+        }
+    }
+
+    /// For the page's list of facts.
+    pub fn listed(&self) -> String {
+        names(self.list.iter(), |endpoint| {
+            let what = if endpoint.is_simulated {
+                "simulated"
+            } else {
+                self.real()
+            };
+            format!(" ({}, {what})", endpoint.kind)
+        })
+    }
+
+    /// What the page says of simulation.
+    pub fn simulation(&self) -> Simulation {
+        let kinds = |simulated| names(self.which(simulated), |endpoint| format!(" ({})", endpoint.kind));
+        match (self.any_simulated(), self.any_real()) {
+            (false, _) => Simulation::None,
+            (true, false) => Simulation::All,
+            (true, true) => Simulation::Some(format!(
+                "Simulated in this run: {}. What is shown of these, and of all that depends on them, is what their models \
+                 did, not a measurement. {}: {}.",
+                kinds(true),
+                if self.is_live { "Real" } else { "Not reached" },
+                kinds(false)
+            )),
+        }
+    }
+}
+
+fn names<'e>(endpoints: impl Iterator<Item = &'e Endpoint>, more: impl Fn(&Endpoint) -> String) -> String {
+    let each = endpoints.map(|endpoint| {
+        let more = more(endpoint);
+        format!("{} `{}`{more}", endpoint.role.as_str(), endpoint.name)
+    });
+    each.collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::document::Document;
+    use crate::engine::graph::{CheckOptions, check};
+
+    fn endpoints(stylus: &str, coil: &str, is_live: bool) -> Endpoints {
+        Endpoints::of(&graph(stylus, coil), is_live)
+    }
+
+    fn graph(stylus: &str, coil: &str) -> Graph {
+        let text = format!(
+            r#"Graph(format: 1, 
+            clocks: {{ "servo": Driver(rate_hz: 125), "audio": Driver(rate_hz: 48000) }},
+            nodes: {{
+                "stylus": Tablet(clock: "servo", endpoint: "stylus"),
+                "bias": Constant(clock: "audio", value: 0.4, quantity: "current"),
+                "out": ActuatorSink(current: "bias", endpoint: "coil", limit: (peak_a: 1, continuous_a: 1)),
+            }},
+            endpoints: {{ "simulated": {{ "stylus": {stylus}, "coil": {coil} }} }})"#
+        );
+        let document = Document::parse("g.ron", &text).unwrap();
+        let registry = crate::nodes::registry();
+        check(&document, &registry, &CheckOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn simulated_is_said_of_what_is_simulated() {
+        let (tablet, coil) = ("SimulatedTablet()", "SimulatedHaptuator()");
+        let osc = "OscDevice(listen: \"127.0.0.1:61760\")";
+        let card = "Soundcard(amperes_full_scale: 1.0)";
+        let said = |stylus, coil, live| endpoints(stylus, coil, live).in_brackets();
+        assert_eq!(said(tablet, coil, true), " (simulated devices)");
+        assert_eq!(
+            said(osc, coil, true),
+            " (simulated: output `coil`; real: input `stylus`)"
+        );
+        assert_eq!(
+            said(tablet, card, false),
+            " (simulated: input `stylus`; not reached: output `coil`)"
+        );
+        assert_eq!(said(osc, card, true), " (real: input `stylus`, output `coil`)");
+        let mixed = endpoints(osc, coil, true);
+        assert!(mixed.any_simulated() && mixed.any_real());
+        let list = mixed.to_json();
+        assert_eq!(
+            (&list[0]["role"], &list[0]["name"], &list[0]["simulated"]),
+            (&json!("input"), &json!("stylus"), &json!(false))
+        );
+        assert_eq!(
+            (&list[1]["kind"], &list[1]["simulated"], &list[1]["reached"]),
+            (&json!("SimulatedHaptuator"), &json!(true), &json!(true))
+        );
+        assert!(matches!(mixed.simulation(), Simulation::Some(_)));
+        let mut grown = endpoints(tablet, coil, true);
+        grown.add(&graph(osc, coil));
+        grown.add(&graph(osc, coil));
+        let kinds: Vec<&str> = grown.list.iter().map(|endpoint| endpoint.kind).collect();
+        assert_eq!(kinds, ["OscDevice", "SimulatedTablet", "SimulatedHaptuator"]);
+        assert!(grown.any_real() && grown.any_simulated());
+        assert_eq!(endpoints(osc, card, true).simulation(), Simulation::None);
+    }
+}

@@ -1,0 +1,56 @@
+//! What may be changed by those who sit there only.
+
+use crate::engine::graph::Graph;
+use crate::engine::node::Limit;
+
+/// What nobody may change from afar: what each actuator may be given, and what the devices that are driven are set to.
+#[derive(Debug, PartialEq)]
+pub struct Guards {
+    /// Of each sink, with the unit of what it drives.
+    limits: Vec<(String, String, Limit)>,
+    driven: Vec<(String, u64)>,
+}
+
+impl Guards {
+    pub fn of(graph: &Graph) -> Self {
+        let unit = |sink: &str| {
+            let mut nodes = graph.nodes().node_weights();
+            let node = nodes.find(|node| node.path == sink);
+            let output = node.and_then(|node| node.outputs.first());
+            output.map_or_else(String::new, |output| output.quantity.unit())
+        };
+        let limits = graph
+            .limits()
+            .map(|(sink, limit)| (sink.to_owned(), unit(sink), limit));
+        let driven = graph.driven_devices();
+        Self {
+            limits: limits.collect(),
+            driven: driven
+                .map(|device| (device.name.clone(), device.fingerprint))
+                .collect(),
+        }
+    }
+
+    /// The limits that differ from those before.
+    pub fn changes(&self, before: &Self) -> Vec<String> {
+        let mut changes = Vec::new();
+        for (sink, unit, now) in &self.limits {
+            let mut known = before.limits.iter();
+            let Some((.., was)) = known.find(|(known, ..)| known == sink) else {
+                continue;
+            };
+            let slew = |limit: &Limit| limit.slew_per_s.unwrap_or(f64::INFINITY);
+            for (name, unit, was, now) in [
+                ("peak", unit.clone(), was.peak, now.peak),
+                ("continuous", unit.clone(), was.continuous, now.continuous),
+                ("window", "s".to_owned(), was.window_s, now.window_s),
+                ("slew", format!("{unit}/s"), slew(was), slew(now)),
+            ] {
+                if was != now {
+                    changes.push(format!("limit of `{sink}`: {name} {was} -> {now} {unit}"));
+                }
+            }
+        }
+        changes
+    }
+}

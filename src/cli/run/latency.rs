@@ -1,0 +1,138 @@
+//! How late what was sensed was driven, as measured while a graph ran live.
+
+use super::driver::{ms, quantiles_ms};
+use super::drivers::Drivers;
+use crate::engine::graph::{Graph, PathLatency};
+use crate::engine::run::Histogram;
+use crate::nodes::soundcard::played;
+use serde_json::{Map, Value, json};
+
+/// What is said before the latencies.
+pub const BY_WHOSE_CLOCK: &str =
+    "latencies by the clock of this computer; what converters, amplifiers and bodies add is not in them";
+
+/// The latency from a source that reads a device to a sink that drives one.
+#[derive(Debug)]
+pub struct Measured {
+    planned: PathLatency,
+    /// How old what was read was.
+    age: Part,
+    /// How long what was written took to be played, as the system states; a device beyond a network does not.
+    leaving: Part,
+}
+
+/// What one end of the way adds.
+#[derive(Debug)]
+enum Part {
+    Simulated,
+    Known(Histogram),
+    Unknown,
+}
+
+/// What is known of each such pair of the graph now.
+pub fn measured(graph: &Graph, drivers: &Drivers) -> Vec<Measured> {
+    let cards: Vec<_> = played(graph).iter().map(|played| played.sink).collect();
+    let pairs = graph.latencies().into_iter().filter_map(|planned| {
+        let [source, sink] = planned.ends.map(|node| {
+            let device = graph.nodes()[node].device()?;
+            Some(&graph.devices()[device])
+        });
+        let ages = source?.device().ages().map(|meter| meter.ages());
+        let leaving = drivers
+            .output_latency()
+            .filter(|_| cards.contains(&planned.ends[1]));
+        Some(Measured {
+            age: Part::of(source?.entry.spec.simulated, ages),
+            leaving: Part::of(sink?.entry.spec.simulated, leaving),
+            planned,
+        })
+    });
+    pairs.collect()
+}
+
+impl Part {
+    fn of(simulated: bool, seen: Option<Histogram>) -> Self {
+        match seen.filter(|histogram| histogram.total() > 0) {
+            _ if simulated => Self::Simulated,
+            Some(histogram) => Self::Known(histogram),
+            None => Self::Unknown,
+        }
+    }
+
+    fn at_ms(&self, fraction: f64) -> Option<f64> {
+        match self {
+            Self::Simulated => Some(0.0),
+            Self::Known(histogram) => Some(ms(histogram.quantile_ns(fraction))),
+            Self::Unknown => None,
+        }
+    }
+
+    fn shown(&self) -> String {
+        match self {
+            Self::Simulated => "0 (simulated)".to_owned(),
+            Self::Known(histogram) => {
+                let at = |fraction: f64| histogram.quantile_ns(fraction) as f64 / 1e6;
+                format!("{:.2}/{:.2}/{:.2}", at(0.5), at(0.99), at(1.0))
+            }
+            Self::Unknown => "not known".to_owned(),
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        match self {
+            Self::Simulated => json!("simulated"),
+            Self::Known(histogram) => quantiles_ms(histogram),
+            Self::Unknown => Value::Null,
+        }
+    }
+}
+
+impl Measured {
+    /// The whole of it but for group delays, as far as it is known; none where nothing was read.
+    fn transport_ms(&self, fraction: f64) -> Option<f64> {
+        Some(
+            self.age.at_ms(fraction)?
+                + 1e3 * self.planned.held_s
+                + self.leaving.at_ms(fraction).unwrap_or(0.0),
+        )
+    }
+
+    /// For people: a line.
+    pub fn shown(&self) -> String {
+        let PathLatency { source, sink, .. } = &self.planned;
+        let all = [0.5, 0.99, 1.0].map(|fraction| self.transport_ms(fraction));
+        let transport = match all {
+            [Some(half), Some(most), Some(longest)] => {
+                format!("transport {half:.2} ms p50, {most:.2} p99, {longest:.2} max")
+            }
+            _ => "nothing was sensed".to_owned(),
+        };
+        format!(
+            "latency {source} -> {sink}: {transport} (age when read {}, held by the graph {:.2}, until played, as the \
+             system states, {}); group delay {:.2} ms",
+            self.age.shown(),
+            1e3 * self.planned.held_s,
+            self.leaving.shown(),
+            1e3 * self.planned.group_delay_s
+        )
+    }
+}
+
+/// For programs.
+pub fn to_json(all: &[Measured]) -> Value {
+    let round = |seconds: f64| (seconds * 1e6).round() / 1e3;
+    let each = all.iter().map(|measured| {
+        let at = |fraction: f64| measured.transport_ms(fraction).map(|ms| (ms * 1e3).round() / 1e3);
+        let planned = &measured.planned;
+        let facts = json!({
+            "transport": { "p50": at(0.5), "p99": at(0.99), "max": at(1.0) },
+            "age_when_read": measured.age.to_json(),
+            "held_by_the_graph": round(planned.held_s),
+            "until_played": measured.leaving.to_json(),
+            "computed_transport": round(planned.transport_s),
+            "group_delay": round(planned.group_delay_s),
+        });
+        (format!("{} to {}", planned.source, planned.sink), facts)
+    });
+    Value::Object(each.collect::<Map<_, _>>())
+}

@@ -1,0 +1,230 @@
+//! Signals written besides those of the graph's own sinks: probes and records.
+
+use super::super::output::{self, Force};
+use super::super::{Failure, recording};
+use super::folder::RunFolder;
+use crate::engine::graph::Graph;
+use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
+use crate::engine::run::{Outlets, Probe};
+use crate::engine::settings::closest;
+use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
+use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
+use crate::nodes::soundcard::{Played, played};
+use crate::report::record::{Watch, watch};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where all signals go.
+pub const RECORD: &str = "record";
+
+/// `NODE.PORT=FILE` as given.
+#[derive(Debug, Clone)]
+pub struct ProbeArgument {
+    output: String,
+    pub file: PathBuf,
+}
+
+pub fn probe_argument(text: &str) -> Result<ProbeArgument, String> {
+    let (output, file) = text.split_once('=').ok_or("write it as NODE.PORT=FILE")?;
+    let file = PathBuf::from(file);
+    match file.extension().and_then(|e| e.to_str()) {
+        Some("wav" | "csv") => Ok(ProbeArgument {
+            output: output.to_owned(),
+            file,
+        }),
+        _ => Err("the file has to end in .wav or .csv".to_owned()),
+    }
+}
+
+/// Opens the probes; each writes into a folder of its own until the run is complete.
+pub fn open_probes(
+    graph: &Graph,
+    arguments: &[ProbeArgument],
+    folder: &RunFolder,
+    outlets: &mut Outlets<'_>,
+) -> Result<Vec<PathBuf>, Failure> {
+    for (number, argument) in arguments.iter().enumerate() {
+        let watch = find(graph, &argument.output)?;
+        let name = argument.file.file_name().map(PathBuf::from).unwrap_or_default();
+        let path = folder.probe(number)?.join(name);
+        let writer = match is_wav(&path) {
+            true => open_to_fit(&path, &watch.stream)
+                .map_err(|error| Failure::file("write", &argument.file, &error))?,
+            false => writer(&path, &watch.stream)?,
+        };
+        outlets.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
+}
+
+/// What a sample of 1.0 stands for in the WAV files of probes, for the user.
+pub fn full_scales(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+    let wav = files.iter().filter(|file| is_wav(file));
+    wav.map(|file| {
+        let note = recording::note(file)?;
+        let (full_scale, unit) = (
+            note.full_scale.unwrap_or(1.0),
+            note.unit.filter(|unit| unit != "1").unwrap_or_default(),
+        );
+        let space = if unit.is_empty() { "" } else { " " };
+        Ok(format!(
+            "{}: a sample of 1.0 stands for {full_scale}{space}{unit}",
+            file.display()
+        ))
+    })
+    .collect()
+}
+
+fn is_wav(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "wav")
+}
+
+/// Moves the probes' files to where they were asked for; those that are there with their notes are returned.
+pub fn place_probes(folder: &RunFolder, files: &[PathBuf], force: Force) -> Result<Vec<PathBuf>, Failure> {
+    let mut placed = Vec::new();
+    for (number, file) in files.iter().enumerate() {
+        let waiting = folder.probe(number)?;
+        let entries = file
+            .parent()
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| fs::read_dir(&waiting)?.collect());
+        let entries: Vec<fs::DirEntry> = entries.map_err(|error| Failure::file("write", file, &error))?;
+        for entry in entries {
+            let target = file.with_file_name(entry.file_name());
+            placed.push(output::place(&entry.path(), &target, force)?);
+        }
+    }
+    let is_placed = |file: &&PathBuf| placed.contains(file) && placed.contains(&note_of(file));
+    Ok(files.iter().filter(is_placed).cloned().collect())
+}
+
+/// The note that goes with a probe's file.
+pub fn note_of(file: &Path) -> PathBuf {
+    let mut note = file.as_os_str().to_owned();
+    note.push(".ron");
+    note.into()
+}
+
+/// Writes every output into `record/`: WAV where that can hold it, CSV where not.
+pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
+    let place = folder.path().join(RECORD);
+    fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+    let mut names = Vec::new();
+    for watch in outputs(graph) {
+        let name = unlike(&mut names, &watch.stream.name);
+        let wav = writer(&place.join(format!("{name}.wav")), &watch.stream);
+        let writer = match wav {
+            Ok(writer) if watch.stream.kind.is_linear() => writer,
+            _ => writer(&place.join(format!("{name}.csv")), &watch.stream)?,
+        };
+        outlets.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(())
+}
+
+/// Writes what soundcards play, in their full scale: what they get live, they would get offline.
+pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
+    for (played, name) in played_files(graph) {
+        let Some(watch) = watch(graph, played.sink, 0) else {
+            continue;
+        };
+        let writer = scaled_writer(&folder.join(name), &watch.stream, played.full_scale)?;
+        outlets.probe(Probe {
+            node: watch.node,
+            output: watch.output,
+            writer,
+        });
+    }
+    Ok(())
+}
+
+/// What soundcards play, and the file of each.
+pub fn played_files(graph: &Graph) -> Vec<(Played, String)> {
+    let mut names = Vec::new();
+    let file = |played: Played| {
+        let name = unlike(&mut names, &played.endpoint);
+        (played, format!("{name}.soundcard.wav"))
+    };
+    played(graph).into_iter().map(file).collect()
+}
+
+/// A name as that of a file, with a number where another has it already.
+fn unlike(names: &mut Vec<String>, name: &str) -> String {
+    let plain = name.replace('/', ".");
+    let mut free = plain.clone();
+    for number in 2.. {
+        if !names.contains(&free) {
+            break;
+        }
+        free = format!("{plain}-{number}");
+    }
+    names.push(free.clone());
+    free
+}
+
+fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
+    let nodes = graph.nodes();
+    nodes.node_indices().flat_map(move |node| {
+        (0..nodes[node].outputs.len()).filter_map(move |output| watch(graph, node, output))
+    })
+}
+
+fn writer(path: &Path, stream: &Stream) -> Result<Box<dyn FrameWriter>, Failure> {
+    scaled_writer(path, stream, 1.0)
+}
+
+fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dyn FrameWriter>, Failure> {
+    let context = FileContext {
+        streams: vec![stream.clone()],
+        graph_seed: 0,
+    };
+    let sink: Result<Box<dyn FileSink>, _> = if is_wav(path) {
+        let file = "probe.wav".to_owned();
+        WavSink::build(WavSinkSettings { file, full_scale }, &context)
+    } else {
+        let file = "probe.csv".to_owned();
+        CsvSink::build(CsvSinkSettings { file }, &context)
+    };
+    let sink = sink.map_err(|error| Failure::Message(format!("cannot probe {}: {error}", stream.name)))?;
+    sink.open(path, &context.streams)
+        .map_err(|error| Failure::file("write", path, &error))
+}
+
+/// The output called `node.port`, or the only one of `node`.
+fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
+    let mut all = outputs(graph);
+    let only = |watch: &Watch| {
+        let node = &graph.nodes()[watch.node];
+        node.path == name && node.outputs.len() == 1
+    };
+    all.find(|watch| watch.stream.name == name || only(watch))
+        .ok_or_else(|| {
+            let names: Vec<String> = outputs(graph).map(|watch| watch.stream.name).collect();
+            let near = closest(name, names.iter().map(String::as_str));
+            let help = match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("its outputs are {}", names.join(", ")),
+            };
+            Failure::Message(format!("the graph has no output `{name}`; {help}"))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_signals_go_to_one_file() {
+        let mut names = Vec::new();
+        let files = ["a/b", "a.b", "a.b-2", "c", "a/b"].map(|name| unlike(&mut names, name));
+        assert_eq!(files, ["a.b", "a.b-2", "a.b-2-2", "c", "a.b-3"]);
+    }
+}

@@ -1,0 +1,366 @@
+//! How the files of a run come to their place: what an earlier run wrote there and nobody changed goes, all else stays, and
+//! where a step fails every step before it is taken back.
+//!
+//! Where the process is killed in between, files are in two places. What was to be done stands in the folder until it is
+//! done, so that the next run or `haptograph recover` goes on with it: see [`MovePlan`].
+
+use super::super::Failure;
+use super::super::output::{self, Force};
+use super::super::written::{Written, free_beside};
+use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
+use crate::signal::files;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What was kept when a run was put in its place.
+#[derive(Debug, Default, PartialEq)]
+pub struct Placed {
+    /// Where an earlier run went that cannot be repeated.
+    pub earlier: Option<PathBuf>,
+    /// Files that no run wrote, or that were changed, and are where they were.
+    pub left: Vec<PathBuf>,
+    /// The same where the run has a file of that name: what they were called, and where they are.
+    pub moved: Vec<(PathBuf, PathBuf)>,
+}
+
+/// Files named in one line.
+const MOST_NAMED: usize = 5;
+
+impl Placed {
+    /// A line for each thing that was kept.
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        if let Some(earlier) = &self.earlier {
+            lines.push(format!(
+                "the live run that was there is kept as {}",
+                earlier.display()
+            ));
+        }
+        for (from, to) in &self.moved {
+            let (from, to) = (from.display(), to.display());
+            lines.push(format!("{from} was not as a run wrote it; it is kept as {to}"));
+        }
+        if !self.left.is_empty() {
+            let named = self.left.iter().take(MOST_NAMED);
+            let named: Vec<String> = named.map(|path| path.display().to_string()).collect();
+            let more = self.left.len() - named.len();
+            let more = if more > 0 {
+                format!(" and {more} more")
+            } else {
+                String::new()
+            };
+            lines.push(format!(
+                "left as they were, not of this run: {}{more}",
+                named.join(", ")
+            ));
+        }
+        lines
+    }
+}
+
+/// Refuses a place that is no folder, or a folder with files and without the manifest of a run.
+pub fn refuse_foreign(target: &Path, place: &Path) -> Result<(), Failure> {
+    let shown = target.display();
+    let is_empty = match fs::read_dir(place) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => true,
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            return Err(Failure::Message(format!(
+                "{shown} is not a folder; give another one by --out"
+            )));
+        }
+        Err(error) => return Err(Failure::file("read the folder", target, &error)),
+        Ok(mut entries) => entries.all(|entry| entry.is_ok_and(|entry| entry.path().join(MARKER).exists())),
+    };
+    if is_empty || Written::read(&place.join(MANIFEST)).is_some() {
+        return Ok(());
+    }
+    Err(Failure::Message(format!(
+        "{shown} holds files, and no {MANIFEST} tells which of them a run wrote; give another folder by --out (a run of an \
+         earlier version has none either: rename its folder)"
+    )))
+}
+
+/// The plan of a move, in the folder of a complete run from before its first file is moved until its last one is.
+pub const MOVES: &str = ".haptograph-moves";
+
+/// What was settled before the first file was moved, and cannot be found out afterwards. JSON.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct MovePlan {
+    /// Does the folder wait in its place, and not beside it?
+    inside: bool,
+    /// Where an earlier run goes that cannot be repeated: a name beside the place.
+    earlier: Option<String>,
+    /// Where the probes go, by their numbers; absolute.
+    probes: Vec<String>,
+}
+
+impl MovePlan {
+    /// Of a run in `content` that is to be at `place`.
+    pub fn of(content: &Path, place: &Path) -> Self {
+        let earlier = holds_what_cannot_be_repeated(place).then(|| free_beside(place));
+        let name = |path: PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
+        Self {
+            inside: content.parent() == Some(place),
+            earlier: earlier.and_then(name),
+            probes: Vec::new(),
+        }
+    }
+
+    /// Writes it down: from here on the move can be completed whatever happens. Where a path is no Unicode, nothing is
+    /// written, and what a kill leaves is two halves.
+    pub fn save(mut self, content: &Path, probes: &[PathBuf]) -> io::Result<()> {
+        for probe in probes {
+            let Some(path) = std::path::absolute(probe)?.to_str().map(str::to_owned) else {
+                return Ok(());
+            };
+            self.probes.push(path);
+        }
+        let text = serde_json::to_string_pretty(&self)? + "\n";
+        super::super::write_whole(&content.join(MOVES), text.as_bytes())
+    }
+
+    /// The plan of a folder whose run was being moved.
+    pub fn read(content: &Path) -> Option<Self> {
+        let text = files::read_text(&content.join(MOVES), MAX_FACTS_BYTES).ok()?;
+        serde_json::from_str(&text).ok()
+    }
+
+    /// Where the run in `content` goes; none where that is not told by its name.
+    pub fn place(&self, content: &Path) -> Option<PathBuf> {
+        let near = content.parent()?;
+        let name = content.file_name()?.to_str()?;
+        let (name, _) = name.rsplit_once(super::folder::PARTIAL)?;
+        Some(if self.inside {
+            near.to_owned()
+        } else {
+            near.join(name)
+        })
+    }
+}
+
+/// Goes on with a move that a kill interrupted. A plan can be forged: nothing is replaced that haptograph did not write.
+pub fn resume(content: &Path, place: &Path, plan: &MovePlan) -> Result<(), Failure> {
+    for (number, probe) in plan.probes.iter().enumerate() {
+        let waiting = content.join(PROBES).join(number.to_string());
+        let probe = Path::new(probe);
+        let is_signal = probe
+            .extension()
+            .is_some_and(|ending| ending == "wav" || ending == "csv");
+        let names = [probe.to_owned(), super::outputs::note_of(probe)];
+        for target in names.iter().filter(|_| is_signal) {
+            let from = waiting.join(target.file_name().unwrap_or_default());
+            if from.is_file() {
+                output::place(&from, target, Force::default())?;
+            }
+        }
+    }
+    let failed = |error| Failure::file("complete the move of", content, &error);
+    // The facts are moved last but one, and the manifest last.
+    if [MARK, MANIFEST].iter().any(|name| content.join(name).is_file()) {
+        self::place(content, place, plan).map_err(failed)?;
+    }
+    remove(content);
+    Ok(())
+}
+
+/// Moves all files of `content` to `place`, and removes `content`.
+pub fn place(content: &Path, place: &Path, plan: &MovePlan) -> io::Result<Placed> {
+    let new = files_in(content, &[MARKER, PROBES, REPLACED, MOVES, MANIFEST])?;
+    let new_manifest = content.join(MANIFEST);
+    // It is there where a move was interrupted, and lists what was moved then too.
+    if Written::read(&new_manifest).is_none() {
+        let mut manifest = Written::default();
+        new.iter().try_for_each(|name| manifest.note(content, name))?;
+        manifest.save(&new_manifest)?;
+    }
+    let mut moves = Moves::default();
+    let placed = clear((content, place), &new, plan, &mut moves).and_then(|placed| {
+        // The facts last but one, so that a folder with new facts is whole.
+        let (facts, files): (Vec<_>, Vec<_>) = new.iter().partition(|name| *name == Path::new(MARK));
+        let last = PathBuf::from(MANIFEST);
+        for name in files.into_iter().chain(facts).chain([&last]) {
+            moves.of(&content.join(name), &place.join(name))?;
+        }
+        Ok(placed)
+    });
+    let placed = placed.inspect_err(|_| moves.take_back())?;
+    remove_empty(place, &moves.left);
+    remove(content);
+    Ok(placed)
+}
+
+/// Removes a folder whose run is in its place, the marker by which it is found last.
+fn remove(content: &Path) {
+    step();
+    // Named by the next run where it cannot be removed.
+    for name in [REPLACED, PROBES] {
+        let _ = fs::remove_dir_all(content.join(name));
+    }
+    step();
+    let _ = fs::remove_dir_all(content);
+}
+
+/// Makes room in `place`: moves away what an earlier run wrote, and what is in the way.
+fn clear(
+    (content, place): (&Path, &Path),
+    new: &[PathBuf],
+    plan: &MovePlan,
+    moves: &mut Moves,
+) -> io::Result<Placed> {
+    let mut placed = Placed::default();
+    let list = place.join(MANIFEST);
+    let old = Written::read(&list).unwrap_or_default();
+    let mut names: Vec<PathBuf> = old.names().filter(|name| place.join(name).is_file()).collect();
+    // A name alone: a plan can be forged.
+    let kept = plan.earlier.as_ref().and_then(|name| Path::new(name).file_name());
+    let kept = kept.map(|name| place.with_file_name(name));
+    // An earlier run that is kept is kept as it is now.
+    let is_kept = kept.is_some();
+    names.retain(|name| is_kept || old.is_unchanged(place, name));
+    let aside = kept.clone().unwrap_or_else(|| content.join(REPLACED));
+    for name in names.iter().map(PathBuf::as_path).chain([Path::new(MANIFEST)]) {
+        if fs::symlink_metadata(place.join(name)).is_ok() {
+            moves.of(&place.join(name), &aside.join(name))?;
+        }
+    }
+    placed.earlier = kept;
+    for name in new {
+        if let Some(taken) = in_the_way(place, name) {
+            let free = free_beside(&taken);
+            moves.of(&taken, &free)?;
+            placed.moved.push((taken, free));
+        }
+    }
+    placed.left = left(place, &names, new, &placed.moved);
+    Ok(placed)
+}
+
+/// What lies where a file or one of its folders is to be.
+fn in_the_way(place: &Path, name: &Path) -> Option<PathBuf> {
+    let mut path = place.to_owned();
+    let mut parts = name.components().peekable();
+    while let Some(part) = parts.next() {
+        path.push(part);
+        let found = fs::symlink_metadata(&path).ok()?;
+        // A link is not followed: what it leads to is not the run's.
+        if parts.peek().is_none() || !found.is_dir() {
+            return Some(path);
+        }
+    }
+    None
+}
+
+/// Files in the folders that runs write into, that no run wrote.
+fn left(place: &Path, old: &[PathBuf], new: &[PathBuf], moved: &[(PathBuf, PathBuf)]) -> Vec<PathBuf> {
+    let folders: BTreeSet<&Path> = old.iter().chain(new).filter_map(|name| name.parent()).collect();
+    let mut found = Vec::new();
+    for folder in &folders {
+        let entries = fs::read_dir(place.join(folder)).into_iter().flatten().flatten();
+        for path in entries.map(|entry| entry.path()) {
+            let is_runs = path.join(MARKER).exists() || moved.iter().any(|(_, to)| *to == path);
+            let name = path.strip_prefix(place).unwrap_or(&path);
+            let leads_to_runs = folders.iter().any(|folder| folder.starts_with(name));
+            if !is_runs && !leads_to_runs {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// All files below a folder, by their names from there, but for some of its entries.
+fn files_in(folder: &Path, but: &[&str]) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next)? {
+            let entry = entry?;
+            let path = entry.path();
+            let name = path.strip_prefix(folder).unwrap_or(&path);
+            if but.iter().any(|but| name == Path::new(but)) {
+                continue;
+            }
+            if entry.file_type()?.is_dir() {
+                folders.push(path);
+            } else {
+                found.push(name.to_owned());
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Removes folders that files were moved out of, where nothing is left in them.
+fn remove_empty(place: &Path, left: &BTreeSet<PathBuf>) {
+    for folder in left.iter().rev() {
+        let mut folder = folder.as_path();
+        // What is not empty stays, by what removing a folder is.
+        while folder != place && folder.starts_with(place) && fs::remove_dir(folder).is_ok() {
+            let Some(parent) = folder.parent() else { break };
+            folder = parent;
+        }
+    }
+}
+
+/// Files that were moved, so that they can be moved back.
+#[derive(Debug, Default)]
+struct Moves {
+    done: Vec<(PathBuf, PathBuf)>,
+    /// Folders that files were moved out of.
+    left: BTreeSet<PathBuf>,
+}
+
+impl Moves {
+    /// Moves a file to where none is, making folders as need be.
+    fn of(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+        if let Some(folder) = to.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        if fs::symlink_metadata(to).is_ok() {
+            let message = format!("{} appeared meanwhile", to.display());
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
+        }
+        step();
+        fs::rename(from, to)?;
+        self.left.extend(from.parent().map(Path::to_owned));
+        self.done.push((from.to_owned(), to.to_owned()));
+        Ok(())
+    }
+
+    fn take_back(&self) {
+        for (from, to) in self.done.iter().rev() {
+            // The first error is the one to tell; what cannot be moved back is still where it was moved to.
+            let _ = fs::rename(to, from);
+        }
+    }
+}
+
+/// Where a test interrupts a move.
+#[cfg(not(test))]
+fn step() {}
+
+#[cfg(test)]
+std::thread_local! {
+    /// Steps until a kill, in this thread.
+    pub static STEPS_LEFT: std::cell::Cell<Option<u32>> = const { std::cell::Cell::new(None) };
+}
+
+#[cfg(test)]
+fn step() {
+    match STEPS_LEFT.get() {
+        Some(0) => panic!("killed on purpose"),
+        left => STEPS_LEFT.set(left.map(|left| left - 1)),
+    }
+}
+
+/// A live run of real devices can hold somebody's hour.
+fn holds_what_cannot_be_repeated(place: &Path) -> bool {
+    let facts = files::read_text(&place.join(MARK), MAX_FACTS_BYTES).ok();
+    let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
+    facts.is_some_and(|facts| facts["live"] == true && facts["real_devices"] == true)
+}

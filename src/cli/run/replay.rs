@@ -1,0 +1,228 @@
+//! `haptograph run --replay`: a live run again, as its drivers saw it then.
+
+use super::super::Failure;
+use super::folder::MAX_FACTS_BYTES;
+use super::summary::Summary;
+use super::{Arguments, Making, message, progress_bar, stop_on_interrupt};
+use crate::engine::graph::Graph;
+use crate::engine::registry::Registry;
+use crate::engine::run::{ARRIVALS, Offline, ReplayBounds};
+use crate::signal::files;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::Instant;
+
+const FACTS: &str = "run.json";
+
+pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<(), Failure> {
+    spare(folder, &super::target(arguments))?;
+    let graph = arguments.graph.load_and_warn(registry, arguments.seed)?;
+    let facts = facts(folder)?;
+    let set = arguments.graph.set.iter();
+    let set: Vec<String> = set.map(|(name, value)| format!("{name}={value}")).collect();
+    for (fact, what, now) in [
+        ("seed", "the seed", json!(graph.seed())),
+        ("set", "--set", json!(set)),
+        ("endpoints", "--endpoints", json!(arguments.graph.endpoints())),
+    ] {
+        let then = &facts[fact];
+        if *then != now {
+            return Err(Failure::Message(format!(
+                "that run had another value of {what}: {then}, and not {now}"
+            )));
+        }
+    }
+    let bounds = bounds(&graph, &facts).map_err(|why| {
+        let path = folder.join(FACTS);
+        Failure::Message(format!(
+            "{}: {why}; the file is damaged, or of another run",
+            path.display()
+        ))
+    })?;
+    let mut made = Making::begin(arguments, &graph)?;
+    let stop = stop_on_interrupt()?;
+    made.kept.folder.begin();
+    let bar = progress_bar(facts["seconds"].as_f64().unwrap_or(1.0));
+    let start = Instant::now();
+    let offline = Offline::new(made.outlets, usize::from(arguments.block));
+    let outcome = offline.replay((folder, &bounds), &stop, &mut |done_s| {
+        bar.set_position((done_s * 1e3) as u64)
+    });
+    let outcome = outcome.map_err(message)?;
+    bar.finish_and_clear();
+    let mut summary = Summary::of(arguments, &graph, &outcome, start.elapsed().as_secs_f64());
+    summary.add(
+        vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
+        differs(&facts),
+    );
+    made.kept.complete(arguments, &graph, &summary)
+}
+
+/// Refuses to put the new run in the place of the one that it repeats, or of a folder which that is in.
+fn spare(folder: &Path, target: &Path) -> Result<(), Failure> {
+    match (folder.canonicalize(), target.canonicalize()) {
+        (Ok(repeated), Ok(replaced)) if repeated.starts_with(&replaced) => Err(Failure::Message(format!(
+            "{} holds the run that is to be repeated, and would be replaced; give another folder by --out",
+            target.display()
+        ))),
+        // What is not there cannot be lost.
+        _ => Ok(()),
+    }
+}
+
+/// The longest run, s, and how much longer its drivers may have run than the clock on the wall says: a part of that, and s.
+const MAX_S: f64 = 1e7;
+const CLOCKS_DIFFER: f64 = 0.01;
+const SPARE_S: f64 = 1.0;
+
+/// What the facts of a run say of its length, if they go together and with the graph.
+fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
+    if facts["live"] != true {
+        return Err("it is not of a live run".to_owned());
+    }
+    let clocks: Vec<String> = { graph.clocks().iter() }
+        .map(|clock| format!("{} {}", clock.name, clock.rate))
+        .collect();
+    if facts["clocks"] != json!(clocks) {
+        let (then, now) = (&facts["clocks"], json!(clocks));
+        return Err(format!("`clocks` is {then}, and the graph's are {now}"));
+    }
+    let time = |name: &str| {
+        let time_s = facts[name]
+            .as_f64()
+            .filter(|time_s| (0.0..=MAX_S).contains(time_s));
+        time_s.ok_or_else(|| format!("`{name}` is {}, and no run takes that", facts[name]))
+    };
+    let (seconds, took_s) = (time("seconds")?, time("took_s")?);
+    let longest_s = took_s * (1.0 + CLOCKS_DIFFER) + SPARE_S;
+    if seconds > longest_s {
+        return Err(format!(
+            "`seconds` is {seconds}, and that is more than `took_s`, {took_s}"
+        ));
+    }
+    let driver = graph
+        .drivers()
+        .first()
+        .map(|driver| graph.clocks()[*driver].rate.hz());
+    let rate_hz = driver.unwrap_or(1.0);
+    let frames = facts["driver_frames"].as_u64();
+    let is_right = |frames: &u64| (*frames as f64 - seconds * rate_hz).abs() <= 0.5 + 1e-9 * *frames as f64;
+    let frames = frames.filter(is_right).ok_or_else(|| {
+        let frames = &facts["driver_frames"];
+        format!("`driver_frames` is {frames}, and that is not {seconds} s at {rate_hz} Hz")
+    })?;
+    let none = |name: &str| facts[name] == 0;
+    let is_whole = none("swaps") && none("lost_callbacks") && facts["panics"] == json!([]);
+    Ok(ReplayBounds {
+        longest_s,
+        frames: Some((frames, is_whole)),
+    })
+}
+
+/// Why the samples cannot be those of the run, or end before it.
+fn differs(facts: &Value) -> Vec<String> {
+    let count = |fact: &str| facts[fact].as_u64().unwrap_or(0);
+    let mut list = Vec::new();
+    let swaps = count("swaps");
+    if swaps > 0 {
+        list.push(format!(
+            "another version of the graph took over while it ran, times: {swaps}; the replay ends where the first did"
+        ));
+    }
+    if count("vanished") > 0 {
+        list.push(
+            "the soundcard was gone for a while in that run; how its outputs rose again is not repeated"
+                .to_owned(),
+        );
+    }
+    list
+}
+
+/// The facts of the run that is to be repeated.
+fn facts(folder: &Path) -> Result<Value, Failure> {
+    let path = folder.join(FACTS);
+    let text = files::read_text(&path, MAX_FACTS_BYTES).map_err(|error| {
+        Failure::Message(format!(
+            "cannot read {}: {error}; give the folder of a live run, with `{ARRIVALS}` in it",
+            path.display()
+        ))
+    })?;
+    serde_json::from_str(&text).map_err(|error| Failure::Message(format!("{}: {error}", path.display())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::document::Document;
+    use crate::engine::graph::{CheckOptions, check};
+    use std::fs;
+
+    #[test]
+    fn a_replay_names_what_it_does_not_repeat() {
+        let quiet = json!({"set_while_running": ["0.10 s out.gain=0.3 (OSC)"], "changes": 1, "swaps": 0, "vanished": 0});
+        assert_eq!(differs(&quiet), Vec::<String>::new());
+        let told = differs(&json!({"swaps": 2, "vanished": 1}));
+        assert!(
+            told[0].contains("times: 2") && told[1].contains("soundcard"),
+            "{told:?}"
+        );
+    }
+
+    #[test]
+    fn facts_that_do_not_go_together_are_refused() {
+        let text = r#"Graph(format: 1, clocks: { "servo": Driver(rate_hz: 125) },
+            nodes: { "one": Constant(clock: "servo", value: 1, quantity: "number") })"#;
+        let document = Document::parse("g.ron", text).unwrap();
+        let registry = crate::nodes::registry();
+        let graph = check(&document, &registry, &CheckOptions::default()).unwrap();
+        let whole = json!({
+            "live": true, "clocks": ["servo 125 Hz"], "seconds": 2.0, "took_s": 2.1, "driver_frames": 250, "swaps": 0,
+            "lost_callbacks": 0, "panics": [],
+        });
+        let is = bounds(&graph, &whole).unwrap();
+        assert_eq!(is.frames, Some((250, true)));
+        assert!((2.1..5.0).contains(&is.longest_s), "{is:?}");
+        let with = |name: &str, value: Value| {
+            let mut facts = whole.clone();
+            facts[name] = value;
+            bounds(&graph, &facts)
+        };
+        for (name, value) in [
+            ("live", json!(false)),
+            ("clocks", json!(["servo 126 Hz"])),
+            ("clocks", json!("servo")),
+            ("seconds", json!(-1)),
+            ("seconds", json!(1e300)),
+            ("seconds", json!("2")),
+            ("seconds", json!(3.0)),
+            ("took_s", json!(0.0)),
+            ("took_s", json!(null)),
+            ("took_s", json!(1e18)),
+            ("driver_frames", json!(251)),
+            ("driver_frames", json!(2.5)),
+            ("driver_frames", json!(u64::MAX)),
+        ] {
+            assert!(with(name, value.clone()).is_err(), "{name}: {value}");
+        }
+        for (name, value) in [
+            ("swaps", json!(1)),
+            ("lost_callbacks", json!(7)),
+            ("panics", json!(["x"])),
+        ] {
+            assert_eq!(with(name, value).unwrap().frames, Some((250, false)), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_replay_never_replaces_what_it_repeats() {
+        let folder = tempfile::tempdir().unwrap();
+        let live = folder.path().join("runs/live");
+        fs::create_dir_all(live.join("within")).unwrap();
+        for target in [&live, &live.join("within/.."), &folder.path().join("runs")] {
+            assert!(spare(&live, target).is_err(), "{}", target.display());
+        }
+        for target in [live.join("within"), folder.path().join("runs/live-replay")] {
+            assert!(spare(&live, &target).is_ok(), "{}", target.display());
+        }
+    }
+}

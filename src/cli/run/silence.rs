@@ -1,0 +1,271 @@
+//! What is said of live inputs that fall silent: the actuators that depend on each, and what they were delivered.
+
+use crate::engine::run::{ActuatorStatus, InputStatus};
+use crate::engine::silence::InputState;
+use crate::nodes::network::Connections;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// An input is waited for so long at the start before anything is said.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// A silence is said after so long, when its actuators have come to zero, and at last after the longer time.
+const SHORTEST: Duration = Duration::from_millis(150);
+const LONGEST: Duration = Duration::from_secs(1);
+/// Silences that are kept for `run.json`.
+const MOST_EVENTS: usize = 1000;
+
+/// Follows the live inputs of a run.
+#[derive(Debug)]
+pub struct SilenceMonitor {
+    start: Instant,
+    known: Vec<Known>,
+    events: Vec<Value>,
+}
+
+/// An input, and what was said of it.
+#[derive(Debug)]
+struct Known {
+    device: String,
+    is_heard: bool,
+    /// Since when it is, or is not.
+    since: Instant,
+    was_said: bool,
+}
+
+impl SilenceMonitor {
+    /// Of a run that begins now.
+    pub fn new(now: Instant) -> Self {
+        Self {
+            start: now,
+            known: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    /// Takes in how the inputs are; returns what there is to say.
+    pub fn poll(&mut self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
+        // An input that the graph does not have any more is new when it comes back.
+        self.known
+            .retain(|known| inputs.iter().any(|input| input.device == known.device));
+        inputs
+            .iter()
+            .filter_map(|input| self.poll_one(now, input, network))
+            .collect()
+    }
+
+    fn poll_one(&mut self, now: Instant, input: &InputStatus, network: &Connections) -> Option<String> {
+        let is_heard = matches!(input.state, InputState::Heard | InputState::Jumped);
+        let place = self.known.iter().position(|known| known.device == input.device);
+        let place = place.unwrap_or_else(|| {
+            self.known.push(Known {
+                device: input.device.clone(),
+                is_heard,
+                since: now,
+                was_said: false,
+            });
+            self.known.len() - 1
+        });
+        let known = &mut self.known[place];
+        if is_heard != known.is_heard {
+            (known.is_heard, known.since) = (is_heard, now);
+            let was_said = std::mem::take(&mut known.was_said);
+            return (is_heard && was_said).then(|| returned(input));
+        }
+        let lasts = now.saturating_duration_since(known.since);
+        if is_heard || known.was_said || !is_due(input, lasts) {
+            return None;
+        }
+        known.was_said = true;
+        if self.events.len() < MOST_EVENTS {
+            self.events
+                .push(event(input, now.saturating_duration_since(self.start)));
+        }
+        Some(match input.state {
+            InputState::Never => format!(
+                "{} has sent nothing yet: {}",
+                name(input, network),
+                delivered(input)
+            ),
+            _ => {
+                let silent_ms = 1e3 * (lasts.as_secs_f64() + input.timeout_s);
+                let held = if input.holds { ", and is held" } else { "" };
+                format!(
+                    "`{}` has been silent for {silent_ms:.0} ms{held}: {}",
+                    input.device,
+                    delivered(input)
+                )
+            }
+        })
+    }
+
+    /// What is shown every second: who is silent.
+    pub fn status(&self) -> String {
+        let silent = self.known.iter().filter(|known| known.was_said);
+        silent
+            .map(|known| format!(", `{}` is silent", known.device))
+            .collect()
+    }
+
+    /// What is left to say at the end of a run: which inputs sent nothing at all.
+    pub fn warnings(&self, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
+        let never = inputs.iter().filter(|input| input.state == InputState::Never);
+        never
+            .map(|input| {
+                format!(
+                    "{} sent nothing in this run: {}",
+                    name(input, network),
+                    delivered(input)
+                )
+            })
+            .collect()
+    }
+
+    /// The silences that were said, for `run.json`.
+    pub fn into_events(self) -> Vec<Value> {
+        self.events
+    }
+}
+
+/// Is it time to say that an input is silent?
+fn is_due(input: &InputStatus, lasts: Duration) -> bool {
+    if input.state == InputState::Never {
+        return lasts > PATIENCE;
+    }
+    let settled = input
+        .actuators
+        .iter()
+        .all(|actuator| actuator.at_zero || !actuator.is_closed);
+    lasts > LONGEST || lasts > SHORTEST && settled
+}
+
+/// `` `stylus` at 127.0.0.1:9751 ``
+fn name(input: &InputStatus, network: &Connections) -> String {
+    let mut places = network.places();
+    match places.find(|(device, _)| *device == input.device) {
+        Some((device, place)) => format!("`{device}` at {place}"),
+        None => format!("`{}`", input.device),
+    }
+}
+
+/// Each actuator that depends on a silent input, and what it is given.
+fn delivered(input: &InputStatus) -> String {
+    let each = input.actuators.iter().map(|actuator| {
+        let ActuatorStatus {
+            path,
+            delivered,
+            unit,
+            ..
+        } = actuator;
+        let does = match (actuator.at_zero, actuator.is_closed, input.state) {
+            (true, _, InputState::Never) => "is at zero",
+            (true, ..) => "ramped to zero",
+            (false, true, _) => "is still on its way to zero",
+            (false, false, _) => "goes on",
+        };
+        format!("actuator `{path}` {does} (delivered {delivered:.3} {unit})")
+    });
+    match each.collect::<Vec<_>>() {
+        none if none.is_empty() => "no actuator depends on it".to_owned(),
+        each => each.join(", "),
+    }
+}
+
+fn returned(input: &InputStatus) -> String {
+    let each = input.actuators.iter().map(|actuator| {
+        let path = &actuator.path;
+        match actuator.is_closed {
+            true => format!("actuator `{path}` stays at zero as another input is silent"),
+            false => format!("actuator `{path}` follows it again"),
+        }
+    });
+    let each = each.collect::<Vec<_>>().join(", ");
+    let colon = if each.is_empty() { "" } else { ": " };
+    format!("`{}` is heard again{colon}{each}", input.device)
+}
+
+fn event(input: &InputStatus, at: Duration) -> Value {
+    let actuators = input.actuators.iter().map(|actuator| {
+        json!({
+            "actuator": actuator.path, "delivered": actuator.delivered, "unit": actuator.unit,
+            "at_zero": actuator.at_zero,
+        })
+    });
+    json!({
+        "input": input.device,
+        "at_s": (at.as_secs_f64() * 1e3).round() / 1e3,
+        "never_heard": input.state == InputState::Never,
+        "on_silence": if input.holds { "Hold" } else { "Zero" },
+        "actuators": actuators.collect::<Vec<_>>(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn input(state: InputState, delivered: f64, is_closed: bool) -> InputStatus {
+        InputStatus {
+            device: "stylus".to_owned(),
+            state,
+            holds: !is_closed,
+            timeout_s: 0.2,
+            actuators: vec![ActuatorStatus {
+                path: "out".to_owned(),
+                delivered,
+                unit: "A".to_owned(),
+                is_closed,
+                at_zero: is_closed && delivered == 0.0,
+            }],
+        }
+    }
+
+    #[test]
+    fn zero_is_said_of_what_is_at_zero_only() {
+        use InputState::{Heard, Silent};
+        let start = Instant::now();
+        let mut monitor = SilenceMonitor::new(start);
+        let network = Connections::default();
+        let mut said = |ms: u64, input: InputStatus| {
+            let now = start + Duration::from_millis(ms);
+            monitor.poll(now, &[input], &network).join("; ")
+        };
+        assert_eq!(said(0, input(Heard, 0.4, false)), "");
+        assert_eq!(said(1000, input(Silent, 0.4, true)), "");
+        assert_eq!(said(1200, input(Silent, 0.2, true)), "", "it is on its way");
+        let late = said(2050, input(Silent, 0.1, true));
+        assert!(
+            late.contains("on its way") && late.contains("delivered 0.100 A"),
+            "{late}"
+        );
+        assert_eq!(said(2100, input(Silent, 0.0, true)), "", "said once");
+        assert!(said(2200, input(Heard, 0.0, false)).contains("`out` follows it again"));
+        assert_eq!(said(3000, input(Silent, 0.0, true)), "");
+        let zero = said(3200, input(Silent, 0.0, true));
+        assert!(
+            zero.contains("silent for 400 ms") && zero.contains("`out` ramped to zero (delivered 0.000 A)"),
+            "{zero}"
+        );
+        assert!(said(4000, input(Heard, 0.0, true)).contains("another input is silent"));
+        said(5000, input(Silent, 0.4, false));
+        let held = said(5200, input(Silent, 0.4, false));
+        assert!(held.contains("`out` goes on (delivered 0.400 A)"), "{held}");
+        let events = monitor.into_events();
+        let zero: Vec<bool> = events
+            .iter()
+            .map(|event| event["actuators"][0]["at_zero"] == true)
+            .collect();
+        assert_eq!(zero, [false, true, false]);
+    }
+
+    #[test]
+    fn an_input_that_never_sent_is_said_once_and_at_the_end() {
+        let start = Instant::now();
+        let mut monitor = SilenceMonitor::new(start);
+        let network = Connections::default();
+        let never = [input(InputState::Never, 0.0, true)];
+        let mut said = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
+        assert!(said(0).is_empty() && said(2).is_empty() && said(4).len() == 1 && said(9).is_empty());
+        assert_eq!(monitor.status(), ", `stylus` is silent");
+        assert_eq!(monitor.warnings(&never, &network).len(), 1);
+    }
+}

@@ -1,0 +1,107 @@
+//! Has a file of the graph changed? Asked by looking at times and lengths: that works with every editor and file
+//! system, and a few files looked at ten times a second cost nothing.
+
+use crate::engine::graph::Graph;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// The files of a graph: itself, what it includes, and what its settings name.
+pub struct Watch {
+    files: Vec<(PathBuf, Stamp)>,
+    /// A change was seen at the last look: it counts when the next finds nothing new, as then it is whole.
+    settling: bool,
+}
+
+/// None while the file is gone: some editors write another and rename it.
+pub type Stamp = Option<(SystemTime, u64)>;
+
+impl Watch {
+    pub fn of(graph: &Graph) -> Self {
+        let sources = graph.sources().iter().map(|source| source.path.clone());
+        let named = graph.nodes().node_weights().flat_map(|node| node.files.clone());
+        let mut paths: Vec<PathBuf> = sources.chain(named).collect();
+        paths.sort();
+        paths.dedup();
+        Self {
+            files: paths
+                .into_iter()
+                .filter_map(|path| stamp(&path).map(|stamp| (path, Some(stamp))))
+                .collect(),
+            settling: false,
+        }
+    }
+
+    /// Also looks at the other files of another graph; of those that it looks at already, what is new is still to be seen.
+    pub fn also(&mut self, other: Self) {
+        for (path, stamp) in other.files {
+            if !self.files.iter().any(|(known, _)| *known == path) {
+                self.files.push((path, stamp));
+            }
+        }
+    }
+
+    /// Looks at the files of another graph from now on; what is new of those that it looked at is still to be seen.
+    pub fn turn_to(&mut self, other: Self) {
+        let before = std::mem::replace(&mut self.files, other.files);
+        for (path, stamp) in &mut self.files {
+            if let Some((_, known)) = before.iter().find(|(known, _)| known == path) {
+                *stamp = *known;
+            }
+        }
+    }
+
+    /// True once for each change.
+    pub fn has_changed(&mut self) -> bool {
+        let (mut new, mut gone) = (false, false);
+        for (path, known) in &mut self.files {
+            let now = stamp(path);
+            new |= now != *known;
+            gone |= now.is_none();
+            *known = now;
+        }
+        if new || gone {
+            self.settling |= new;
+            return false;
+        }
+        std::mem::take(&mut self.settling)
+    }
+}
+
+/// When a file was changed last, and its length; none where there is no such file.
+pub fn stamp(path: &Path) -> Stamp {
+    let facts = std::fs::metadata(path).ok()?;
+    Some((facts.modified().ok()?, facts.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::document::Document;
+    use crate::engine::graph::{CheckOptions, check};
+
+    #[test]
+    fn a_change_is_seen_once_and_only_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("g.ron");
+        let text = include_str!("../new/starter.ron");
+        std::fs::write(&path, text).unwrap();
+        let document = Document::load(&path, &Default::default()).unwrap();
+        let graph = check(&document, &crate::nodes::registry(), &CheckOptions::default()).unwrap();
+        let mut watch = Watch::of(&graph);
+        assert!(!watch.has_changed());
+        std::fs::remove_file(&path).unwrap();
+        assert!(!watch.has_changed() && !watch.has_changed());
+        std::fs::write(&path, format!("{text} ")).unwrap();
+        assert!(!watch.has_changed(), "it may still be being written");
+        assert!(watch.has_changed());
+        assert!(!watch.has_changed());
+        std::fs::write(&path, format!("{text}  ")).unwrap();
+        watch.also(Watch::of(&graph));
+        assert!(!watch.has_changed());
+        assert!(watch.has_changed(), "it was saved before");
+        std::fs::write(&path, format!("{text}   ")).unwrap();
+        watch.turn_to(Watch::of(&graph));
+        assert!(!watch.has_changed());
+        assert!(watch.has_changed(), "it was saved while it was loaded");
+    }
+}

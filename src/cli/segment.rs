@@ -1,0 +1,182 @@
+//! `haptograph segment`: where a signal changes its character (thesis 2.3.2).
+
+use super::progress::Progress;
+use super::table::{facts, significant, table};
+use super::{Failure, read_file, recording, remark, say};
+use crate::engine::registry::Registry;
+use crate::signal::files::{self, MAX_RECORDING_BYTES};
+use crate::surfaces::learning::segmentation::{
+    GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
+};
+use crate::surfaces::recording::read_column;
+use clap::ValueEnum;
+use clap::error::ErrorKind;
+use serde::Serialize;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Find where a signal changes its character, by minimum description length
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A CSV file with a header
+    file: PathBuf,
+    /// The column to segment, by its name in the header
+    #[arg(long, value_name = "NAME")]
+    column: String,
+    /// How the objective is minimised: exactly, or by the thesis's island genetic algorithm
+    #[arg(long, value_enum, default_value_t = Method::Exact)]
+    method: Method,
+    /// The fewest samples a segment may have
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    min_span: usize,
+    /// The highest order of a segment's model
+    #[arg(long, value_name = "P", default_value_t = 20)]
+    max_order: usize,
+    /// How a segment's innovation variance is estimated
+    #[arg(long, value_enum, default_value_t = Variance::LeastSquares)]
+    variance: Variance,
+    /// Seed of the genetic algorithm, 1 where it is not given
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Stop the genetic algorithm after this long; what it finds then depends on the machine
+    #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]
+    time_limit: Option<f64>,
+    /// Print {"breaks":[...],"orders":[...],"mdl":...}; breaks are the 0-based first samples of the second and later segments
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Method {
+    /// Dynamic programming over a grid, then breaks refined sample by sample
+    Exact,
+    /// 25 islands, as in the thesis; slower and never better
+    Genetic,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum Variance {
+    /// Conditional least squares, for which the number of breaks is consistent
+    LeastSquares,
+    /// From the autocovariance, as in the thesis
+    YuleWalker,
+    /// Burg's lattice
+    Burg,
+}
+
+impl Variance {
+    pub fn estimate(self) -> VarianceEstimate {
+        match self {
+            Self::LeastSquares => VarianceEstimate::ConditionalLeastSquares,
+            Self::YuleWalker => VarianceEstimate::YuleWalker,
+            Self::Burg => VarianceEstimate::Burg,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Json<'a> {
+    breaks: &'a [usize],
+    orders: &'a [usize],
+    mdl: f64,
+    /// Only where the signal is known to come from simulated devices.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    simulated: bool,
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    refuse_idle_flags(arguments)?;
+    let signal = column(&arguments.file, &arguments.column)?;
+    let simulated = recording::is_simulated(&arguments.file)?;
+    warn_of_offset(&signal);
+    let settings = SegmentationSettings {
+        min_span: arguments.min_span,
+        max_order: arguments.max_order,
+        variance: arguments.variance.estimate(),
+        method: match arguments.method {
+            Method::Exact => SegmentationMethod::Exact { grid: None },
+            Method::Genetic => SegmentationMethod::Genetic(GeneticSettings {
+                seed: arguments.seed.unwrap_or(1),
+                time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+                ..GeneticSettings::default()
+            }),
+        },
+    };
+    let progress = (arguments.method == Method::Genetic).then(|| Progress::unknown("evolving"));
+    let found =
+        segment(&signal, &settings).map_err(|error| Failure::file("segment", &arguments.file, &error))?;
+    drop(progress);
+    if arguments.json {
+        let Segmentation { breaks, orders, mdl } = &found;
+        return super::say_json(&Json {
+            breaks,
+            orders,
+            mdl: *mdl,
+            simulated,
+        });
+    }
+    say(&describe(&found, signal.len(), simulated))
+}
+
+/// A column of a file of any length, line by line.
+fn column(path: &Path, name: &str) -> Result<Vec<f64>, Failure> {
+    let file = files::open(path, MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))?;
+    read_column(BufReader::with_capacity(1 << 16, file), name).map_err(|error| match read_file(path) {
+        Ok(bytes) => recording::unreadable(path, &bytes, &error),
+        Err(failure) => failure,
+    })
+}
+
+/// What means nothing to the exact search is a misunderstanding.
+fn refuse_idle_flags(arguments: &Arguments) -> Result<(), Failure> {
+    let flag = match (arguments.seed, arguments.time_limit) {
+        _ if arguments.method == Method::Genetic => return Ok(()),
+        (Some(_), _) => "--seed",
+        (_, Some(_)) => "--time-limit",
+        _ => return Ok(()),
+    };
+    let message =
+        format!("{flag} is for --method genetic; the exact search is not random and needs no limit\n");
+    Err(Failure::Usage(clap::Error::raw(
+        ErrorKind::ArgumentConflict,
+        message,
+    )))
+}
+
+fn describe(found: &Segmentation, samples: usize, simulated: bool) -> String {
+    let rows = found.segments(samples).zip(&found.orders).map(|(range, order)| {
+        vec![
+            range.start.to_string(),
+            range.len().to_string(),
+            order.to_string(),
+        ]
+    });
+    let rows: Vec<_> = rows.collect();
+    let mut head = vec![
+        ("samples", samples.to_string()),
+        ("segments", found.orders.len().to_string()),
+        ("description length", significant(found.mdl, 8)),
+    ];
+    head.extend(simulated.then(|| ("simulated", "yes".to_owned())));
+    let head = facts(&head);
+    format!("{head}\n{}", table(&["first sample", "samples", "order"], &rows))
+}
+
+/// An autoregressive process has no mean: an offset would be modelled as a resonance at 0 Hz.
+fn warn_of_offset(signal: &[f64]) {
+    // In parts of the largest, as squares of very large numbers are none.
+    let largest = signal.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+    let average = |value: &dyn Fn(f64) -> f64| {
+        signal.iter().map(|x| value(x / largest)).sum::<f64>() / signal.len() as f64
+    };
+    let mean = average(&|x| x);
+    let deviation = average(&|x| (x - mean) * (x - mean)).sqrt();
+    if mean.abs() > deviation {
+        remark(&format!(
+            "warning: the signal's mean of {} is larger than its deviation of {}; take the mean out (or filter) first\n",
+            significant(mean * largest, 3),
+            significant(deviation * largest, 3)
+        ));
+    }
+}

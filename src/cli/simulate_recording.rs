@@ -1,0 +1,91 @@
+//! `haptograph simulate-recording`: the recorder's graph writes one recording.
+
+use super::output::{Force, Output};
+use super::run::{progress_bar, stop_on_interrupt};
+use super::{Failure, say};
+use crate::engine::registry::Registry;
+use crate::nodes::simulated::material::MaterialName;
+use crate::recorder::{RecordError, Session, record};
+use crate::surfaces::recording::{Gesture, save};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use std::path::PathBuf;
+
+/// Simulate the recording of a surface: runs graphs/recorder.ron and writes one file to learn from
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The simulated material
+    #[arg(long, value_parser = materials())]
+    material: MaterialName,
+    /// What is done: drag for textures, circle for friction, tap for taps, press for stiffness
+    #[arg(long, value_parser = motions())]
+    motion: Gesture,
+    /// Who does it: another number is another hand, posture and habit
+    #[arg(long, default_value_t = 1)]
+    person: u64,
+    /// Length of the recording
+    #[arg(long, default_value_t = 10.0, value_parser = seconds)]
+    seconds: f64,
+    /// The piece of the material and the attempt
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The file to write: haptograph's own archive (.npz) or a table (.csv)
+    #[arg(short, long = "output", value_name = "FILE", value_parser = recording_file)]
+    output: PathBuf,
+    #[command(flatten)]
+    force: Force,
+}
+
+fn materials() -> impl TypedValueParser<Value = MaterialName> {
+    PossibleValuesParser::new(MaterialName::ALL.map(MaterialName::word))
+        .try_map(|word| MaterialName::from_word(&word).ok_or("no such material"))
+}
+
+fn motions() -> impl TypedValueParser<Value = Gesture> {
+    PossibleValuesParser::new(Gesture::ALL.map(Gesture::word))
+        .try_map(|word| Gesture::from_word(&word).ok_or("no such motion"))
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.1..=3600.0).contains(&value) => Ok(value),
+        _ => Err("give a number of seconds from 0.1 to 3600".to_owned()),
+    }
+}
+
+fn recording_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "npz" || extension == "csv" {
+        Ok(path)
+    } else {
+        Err("a recording is written as .npz (haptograph's own archive) or .csv".to_owned())
+    }
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let session = Session {
+        material: arguments.material,
+        gesture: arguments.motion,
+        person: arguments.person,
+        seconds: arguments.seconds,
+        seed: arguments.seed,
+    };
+    let output = Output::claim(&arguments.output, arguments.force)?;
+    let stop = stop_on_interrupt()?;
+    let bar = progress_bar(session.seconds);
+    let recording = record(&session, &stop, &mut |done_s| {
+        bar.set_position((done_s * 1e3) as u64)
+    });
+    bar.finish_and_clear();
+    let recording = recording.map_err(|error| match error {
+        RecordError::Graph(diagnostics) => Failure::Graph(diagnostics),
+        error => Failure::Message(error.to_string()),
+    })?;
+    let (output, ()) = output.write_by(|path| save(&recording, path))?;
+    say(&format!(
+        "wrote {} (simulated: {} over {})\n",
+        output.display(),
+        session.gesture.word(),
+        session.material.word()
+    ))
+}

@@ -1,0 +1,93 @@
+//! `haptograph surface`: what to do with surface files.
+
+mod convert;
+mod interpolate;
+mod leave_one_out;
+mod resample;
+mod select;
+mod show;
+
+use super::output::{Force, Output};
+use super::{Failure, remark, snippet};
+use crate::engine::registry::Registry;
+use crate::signal::files as bounded;
+use crate::surfaces::{Surface, TextureModel, files};
+use clap::Subcommand;
+use std::path::{Path, PathBuf};
+
+/// Show, convert, resample, select, interpolate and compare surface files
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Show(show::Arguments),
+    Convert(convert::Arguments),
+    Resample(resample::Arguments),
+    Select(select::Arguments),
+    Interpolate(interpolate::Arguments),
+    LeaveOneOut(leave_one_out::Arguments),
+}
+
+pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    match &arguments.command {
+        Command::Show(arguments) => show::run(arguments),
+        Command::Convert(arguments) => convert::run(arguments),
+        Command::Resample(arguments) => resample::run(arguments),
+        Command::Select(arguments) => select::run(arguments),
+        Command::Interpolate(arguments) => interpolate::run(arguments),
+        Command::LeaveOneOut(arguments) => leave_one_out::run(arguments),
+    }
+}
+
+/// A surface from a file; what is wrong in the file is shown at its place.
+pub fn load(path: &Path) -> Result<Surface, Failure> {
+    files::load(path).map_err(|error| match &error {
+        files::FileError::Read { path, error: read } => {
+            match (read.place, bounded::read(path, files::MAX_FILE_BYTES)) {
+                (Some(place), Ok(bytes)) => {
+                    let text = String::from_utf8_lossy(&bytes);
+                    let line = text.lines().nth(place.line - 1).unwrap_or_default();
+                    let name = path.display().to_string();
+                    Failure::Shown(snippet::at(
+                        &name,
+                        line,
+                        place.line,
+                        place.column,
+                        &read.problem.to_string(),
+                    ))
+                }
+                _ => Failure::Message(error.to_string()),
+            }
+        }
+        _ => Failure::Message(error.to_string()),
+    })
+}
+
+/// Refuses an output that could not or must not be written, before the work.
+pub fn claim(path: &Path, force: Force) -> Result<Output, Failure> {
+    files::check_extension(path).map_err(|error| Failure::Message(error.to_string()))?;
+    Output::claim(path, force)
+}
+
+/// Writes a surface, and says what the format has no place for; where it is, is returned.
+pub fn save(surface: &Surface, output: &Output) -> Result<PathBuf, Failure> {
+    let (path, left_out) = output.write_by(|path| files::save(surface, path))?;
+    if !left_out.is_empty() {
+        remark(&format!(
+            "warning: {} has no place for: {}\n",
+            path.display(),
+            left_out.join(", ")
+        ));
+    }
+    Ok(path)
+}
+
+/// The texture of a surface that has to have one.
+fn texture<'s>(surface: &'s Surface, path: &Path) -> Result<&'s TextureModel, Failure> {
+    let missing = || Failure::Message(format!("{} holds no texture", path.display()));
+    surface.texture.as_ref().ok_or_else(missing)
+}

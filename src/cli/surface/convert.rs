@@ -1,0 +1,38 @@
+//! `haptograph surface convert`: between haptograph's files and the toolkit's.
+
+use super::{Failure, claim, load, save};
+use crate::cli::output::Force;
+use crate::cli::{say, spare};
+use crate::surfaces::files::merge;
+use std::path::PathBuf;
+
+/// Convert a surface between haptograph's .ron and the toolkit's (HaTT) .xml
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The file to read, its format told by its content; several with different parts of one material (the toolkit's models and taps)
+    /// become one
+    #[arg(value_name = "IN", required = true, num_args = 1..)]
+    input: Vec<PathBuf>,
+    /// The file to write, its format told by its extension: .ron or .xml
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    force: Force,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    spare(&arguments.input, &arguments.output)?;
+    let output = claim(&arguments.output, arguments.force)?;
+    let mut surface = None;
+    for path in &arguments.input {
+        let next = load(path)?;
+        surface = Some(match surface {
+            None => next,
+            Some(first) => merge(first, next).map_err(|error| Failure::file("add", path, &error))?,
+        });
+    }
+    // At least one file is required.
+    let Some(surface) = surface else { return Ok(()) };
+    let output = save(&surface, &output)?;
+    say(&format!("wrote {}\n", output.display()))
+}

@@ -1,0 +1,163 @@
+//! `haptograph surface leave-one-out`: which kind of map predicts textures best where nothing was measured?
+
+use super::{Failure, load, select};
+use crate::cli::progress::Progress;
+use crate::cli::table::table;
+use crate::cli::{say, say_json};
+use crate::surfaces::evaluate::leave_one_out::{FAR, Mean, PowerExponents};
+use crate::surfaces::evaluate::{LeaveOneOut, MapKind, Prediction, Summary, leave_one_out};
+use crate::surfaces::{Surface, TextureModel};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Compare kinds of maps: predict each measured model of a texture from the others
+///
+/// Takes surfaces with measured models: the toolkit's files, and what `learn --method thesis` wrote. Each model is left out and predicted by the
+/// thesis's triangulation, by the nearest model, and by the law that `learn` fits by default; then models at speeds 1.7 times away and more
+/// from a narrow third of the models. Errors are log-spectral distances over the third octaves from 20 to 1000 Hz, and of the power.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Surface files, or folders of them; folders in them count too
+    #[arg(required = true, value_name = "DIR|FILE")]
+    paths: Vec<PathBuf>,
+    /// Print all figures as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+const CAVEAT: &str = "The toolkit's models were cleaned against planes in force and speed before they were published, which favours trends: \
+     a law does better on them than it may on raw recordings.";
+const FADE: &str = "A law is rendered with an amplitude that falls linearly below a third of the lightest known force; without that fade it is what \
+     was fitted.";
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut surfaces: Vec<Surface> = vec![];
+    for path in &arguments.paths {
+        if path.is_dir() {
+            surfaces.extend(select::collect(path)?);
+        } else {
+            surfaces.push(load(path)?);
+        }
+    }
+    let textures: Vec<&TextureModel> = surfaces.iter().filter_map(|one| one.texture.as_ref()).collect();
+    let progress = Progress::of("leaving out");
+    let found = leave_one_out(&textures, &|part| progress.at(part))
+        .map_err(|error| Failure::file("compare maps of", &arguments.paths[0], &error))?;
+    drop(progress);
+    if arguments.json {
+        say_json(&to_json(&found))
+    } else {
+        say(&describe(&found))
+    }
+}
+
+/// What is counted, by its name.
+type Part = (&'static str, fn(&Prediction) -> bool);
+const PARTS: [Part; 3] = [
+    ("all", |_| true),
+    ("inside", |one| one.inside),
+    ("outside", |one| !one.inside),
+];
+
+fn describe(found: &LeaveOneOut) -> String {
+    let models = Summary::of(&found.left_out, MapKind::Law, |_| true).map_or(0, |law| law.models);
+    let mut text = format!(
+        "{models} measured models of {} textures, each predicted from the others of its texture.\n\
+         Means over textures ± standard error; LSD over third octaves from 20 to 1000 Hz.\n\n",
+        found.textures
+    );
+    let mut rows = vec![];
+    for (part, count) in PARTS {
+        for map in MapKind::ALL {
+            rows.extend(Summary::of(&found.left_out, map, count).map(|one| row(part, map, &one)));
+        }
+    }
+    text += &table(&HEADER, &rows);
+    let far = MapKind::ALL.map(|map| Summary::of(&found.far, map, |_| true).map(|one| row("far", map, &one)));
+    text += &format!(
+        "\nA narrow third of the models known, others predicted at speeds at least {FAR} times away:\n\n{}",
+        table(&HEADER, &far.into_iter().flatten().collect::<Vec<_>>())
+    );
+    if let Some(exponents) = &found.exponents {
+        text += &format!("\n{}\n", describe_exponents(exponents));
+    }
+    text + &format!("\n{FADE}\n{CAVEAT}\n")
+}
+
+const HEADER: [&str; 7] = [
+    "models",
+    "map",
+    "LSD dB",
+    "power off by dB",
+    "beyond 6 dB %",
+    "of all models %",
+    "count",
+];
+
+fn row(part: &str, map: MapKind, one: &Summary) -> Vec<String> {
+    let number = |value: &Mean, scale: f64, digits: usize| {
+        let error = value
+            .error
+            .map_or_else(String::new, |error| format!(" ± {:.digits$}", error * scale));
+        format!("{:.digits$}{error}", value.mean * scale)
+    };
+    vec![
+        part.to_owned(),
+        map.as_str().to_owned(),
+        number(&one.lsd_db, 1.0, 2),
+        number(&one.power_db, 1.0, 2),
+        number(&one.beyond, 100.0, 1),
+        format!("{:.1}", 100.0 * one.beyond_of_models),
+        one.models.to_string(),
+    ]
+}
+
+fn describe_exponents(exponents: &PowerExponents) -> String {
+    let PowerExponents {
+        pooled,
+        mean,
+        deviation,
+        textures,
+    } = exponents;
+    format!(
+        "Power goes as speed^{:.2} force^{:.2} over all models, each texture with a level of its own; over {textures} textures alone, \
+         as speed^{:.2} force^{:.2}, with standard deviations of {:.2} and {:.2}. The law is drawn to the former, the predicted texture left out.",
+        pooled[0], pooled[1], mean[0], mean[1], deviation[0], deviation[1]
+    )
+}
+
+fn to_json(found: &LeaveOneOut) -> Value {
+    let of = |predictions: &[Prediction], count: fn(&Prediction) -> bool| -> Value {
+        let maps = MapKind::ALL.into_iter().filter_map(|map| {
+            let one = Summary::of(predictions, map, count)?;
+            Some((map.as_str().replace(' ', "_"), summary(&one)))
+        });
+        Value::Object(maps.collect())
+    };
+    let parts = PARTS.map(|(part, count)| (part.to_owned(), of(&found.left_out, count)));
+    json!({
+        "textures": found.textures,
+        "left_out": Value::Object(parts.into_iter().collect()),
+        "narrow_third": { "speeds_apart": FAR, "maps": of(&found.far, |_| true) },
+        "power_exponents": found.exponents.map(|exponents| json!({
+            "pooled": exponents.pooled,
+            "mean": exponents.mean,
+            "deviation": exponents.deviation,
+            "textures": exponents.textures,
+        })),
+        "notes": [FADE, CAVEAT],
+    })
+}
+
+fn summary(one: &Summary) -> Value {
+    json!({
+        "lsd_db": one.lsd_db.mean,
+        "lsd_error_db": one.lsd_db.error,
+        "power_db": one.power_db.mean,
+        "power_error_db": one.power_db.error,
+        "beyond_6_db": one.beyond.mean,
+        "beyond_6_db_of_models": one.beyond_of_models,
+        "models": one.models,
+        "textures": one.textures,
+    })
+}

@@ -1,0 +1,84 @@
+//! `haptograph surface resample`: a texture at a lower rate.
+
+use super::{Failure, claim, load, save};
+use crate::cli::output::Force;
+use crate::cli::table::significant;
+use crate::cli::{say, say_json, spare};
+use crate::surfaces::resampling::{self, resample_surface};
+use clap::ValueEnum;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Bring a surface's texture to a lower rate
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The surface file
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// The new rate
+    #[arg(long = "rate", value_name = "HZ")]
+    rate_hz: f64,
+    /// How
+    #[arg(long, value_enum)]
+    method: Method,
+    /// The file to write, .ron or .xml
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    force: Force,
+    /// Print the deviation as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Method {
+    /// Exact zero-order hold, zeros outside the unit circle reflected (thesis 4.2)
+    Zoh,
+    /// What the toolkit did; to compare with
+    Hatt,
+    /// The band-limited spectrum fitted anew: closest, AR only, any lower rate
+    Spectral,
+}
+
+#[derive(Serialize)]
+struct Json {
+    rate_hz: f64,
+    method: &'static str,
+    worst_db: f64,
+    worst_at_hz: f64,
+    worst_vertex: usize,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    spare([&arguments.input], &arguments.output)?;
+    let output = claim(&arguments.output, arguments.force)?;
+    let method = match arguments.method {
+        Method::Zoh => resampling::Method::Zoh,
+        Method::Hatt => resampling::Method::Hatt,
+        Method::Spectral => resampling::Method::Spectral,
+    };
+    let surface = load(&arguments.input)?;
+    let (surface, resampled) = resample_surface(&surface, arguments.rate_hz, method)
+        .map_err(|error| Failure::file("resample", &arguments.input, &error))?;
+    let output = save(&surface, &output)?;
+    let (worst, vertex) = (resampled.worst, resampled.worst_vertex);
+    if arguments.json {
+        return say_json(&Json {
+            rate_hz: arguments.rate_hz,
+            method: method.name(),
+            worst_db: worst.db,
+            worst_at_hz: worst.frequency_hz,
+            worst_vertex: vertex,
+        });
+    }
+    say(&format!(
+        "wrote {}: {} Hz by {}\nworst spectral deviation from 20 Hz to {} Hz: {} dB at {} Hz, model {vertex} (from 0)\n",
+        output.display(),
+        arguments.rate_hz,
+        method.name(),
+        significant(0.4 * arguments.rate_hz, 4),
+        significant(worst.db, 3),
+        significant(worst.frequency_hz, 4),
+    ))
+}

@@ -1,0 +1,225 @@
+//! `haptograph surface select`: a few surfaces that stand for a folder of them (thesis 4.4).
+
+use super::Failure;
+use crate::cli::progress::Progress;
+use crate::cli::table::{significant, table};
+use crate::cli::{remark, say, say_json};
+use crate::surfaces::evaluate::RandomWalk;
+use crate::surfaces::files::{self, merge};
+use crate::surfaces::select::{Features, Selection, features, select};
+use crate::surfaces::{Surface, TextureModel};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Choose a few surfaces that stand for all in a folder
+///
+/// Surfaces are told apart by friction, tap response and vibration power along one trajectory, as z-scores; alike ones are clustered, and the
+/// one nearest to the centre of each cluster is chosen. Files of one material (the toolkit's models and taps) are taken together.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A folder of surface files; folders in it count too
+    dir: PathBuf,
+    /// How many to choose; 15, as in the thesis, or half of them if there are fewer than 30
+    #[arg(long, value_name = "N")]
+    count: Option<usize>,
+    /// Seed of the trajectory and of the vibrations
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print features, clusters and choice as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The thesis's choice: 15 of 100.
+const USUAL_COUNT: usize = 15;
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let surfaces = collect(&arguments.dir)?;
+    warn_of_mixed_forces(&surfaces);
+    let found = measure(&surfaces, arguments.seed)?;
+    let count = arguments
+        .count
+        .unwrap_or(USUAL_COUNT.min(found.len().div_ceil(2)));
+    let selection =
+        select(&found, count).map_err(|error| Failure::file("select from", &arguments.dir, &error))?;
+    if arguments.json {
+        say_json(&to_json(&found, &selection))
+    } else {
+        say(&describe(&found, &selection))
+    }
+}
+
+/// Tap responses by recorded and by rendered forces are not alike.
+fn warn_of_mixed_forces(surfaces: &[Surface]) {
+    let with = |recorded: bool| {
+        let has = |s: &&Surface| s.taps.as_ref().is_some_and(|taps| taps.has_forces() == recorded);
+        surfaces.iter().find(has)
+    };
+    if let (Some(recorded), Some(rendered)) = (with(true), with(false)) {
+        remark(&format!(
+            "warning: tap responses are not all measured alike: {} keeps the forces recorded with its taps, {} does not, and is \
+             measured by those it is rendered with\n",
+            recorded.name, rendered.name
+        ));
+    }
+}
+
+/// All surfaces below a folder, parts of one material in one.
+pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
+    let mut paths = vec![];
+    walk(dir, &mut paths).map_err(|error| Failure::file("read", dir, &error))?;
+    paths.sort();
+    let mut by_name: BTreeMap<String, (PathBuf, Surface)> = BTreeMap::new();
+    let mut clashes = vec![];
+    for path in paths {
+        let surface = match files::load(&path) {
+            Ok(surface) => surface,
+            Err(error) => {
+                remark(&format!("warning: passed over: {error}\n"));
+                continue;
+            }
+        };
+        let name = surface.name.clone();
+        let entry = match by_name.remove(&name) {
+            None => (path, surface),
+            Some((first, known)) => {
+                if share_a_part(&known, &surface) {
+                    clashes.push(format!("{name:?} in {} and {}", first.display(), path.display()));
+                }
+                (first, joined(known, surface))
+            }
+        };
+        by_name.insert(name, entry);
+    }
+    if let Some(example) = clashes.first() {
+        remark(&format!(
+            "warning: {} surfaces stand in several files under one name and count as one ({example}); of each part the first \
+             file's counts, of textures that of the highest rate\n",
+            clashes.len()
+        ));
+    }
+    if by_name.is_empty() {
+        return Err(Failure::Message(format!(
+            "there is no surface in {} (.ron or .xml)",
+            dir.display()
+        )));
+    }
+    Ok(by_name.into_values().map(|(_, surface)| surface).collect())
+}
+
+fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(dir)? {
+        let entry = entry?;
+        let path = entry.path();
+        if entry.file_type()?.is_dir() {
+            walk(&path, paths)?;
+        } else if path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("ron") || e.eq_ignore_ascii_case("xml"))
+        {
+            paths.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn share_a_part(a: &Surface, b: &Surface) -> bool {
+    a.texture.is_some() && b.texture.is_some()
+        || a.taps.is_some() && b.taps.is_some()
+        || a.friction.is_some() && b.friction.is_some()
+        || a.stiffness.is_some() && b.stiffness.is_some()
+}
+
+/// Two files of one name as one surface. Where both have a part, the texture of the higher rate counts, else the first.
+fn joined(mut known: Surface, mut next: Surface) -> Surface {
+    let rate_hz = |texture: &Option<TextureModel>| texture.as_ref().map_or(0.0, TextureModel::rate_hz);
+    if rate_hz(&next.texture) > rate_hz(&known.texture) {
+        known.texture = None;
+    } else if known.texture.is_some() {
+        next.texture = None;
+    }
+    next.friction = next.friction.filter(|_| known.friction.is_none());
+    next.stiffness = next.stiffness.filter(|_| known.stiffness.is_none());
+    next.taps = next.taps.filter(|_| known.taps.is_none());
+    merge(known.clone(), next).unwrap_or(known)
+}
+
+/// The features of all surfaces, on all cores.
+fn measure(surfaces: &[Surface], seed: u64) -> Result<Vec<Features>, Failure> {
+    let progress = Progress::of("playing");
+    let done = AtomicUsize::new(0);
+    let walk = RandomWalk {
+        seed,
+        ..RandomWalk::default()
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let share = surfaces.len().div_ceil(threads).max(1);
+    let work = |surfaces: &[Surface]| -> Vec<_> {
+        let one = |surface: &Surface| {
+            let found = features(surface, &walk, seed)
+                .map_err(|error| Failure::Message(format!("{} cannot be played: {error}", surface.name)));
+            progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / surfaces.len() as f64);
+            found
+        };
+        surfaces.iter().map(one).collect()
+    };
+    let found: Vec<Result<Features, Failure>> = std::thread::scope(|scope| {
+        let workers: Vec<_> = surfaces
+            .chunks(share)
+            .map(|share| scope.spawn(|| work(share)))
+            .collect();
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().ok())
+            .flatten()
+            .collect()
+    });
+    found.into_iter().collect()
+}
+
+fn to_json(found: &[Features], selection: &Selection) -> serde_json::Value {
+    let surfaces = found.iter().zip(&selection.clusters).map(|(f, cluster)| {
+        json!({
+            "name": f.name, "mu": f.friction, "tap_response_n_s_per_m": f.tap_response, "power": f.power, "cluster": cluster,
+        })
+    });
+    json!({
+        "features": selection.features,
+        "selected": selection.chosen.iter().map(|&i| &*found[i].name).collect::<Vec<_>>(),
+        "surfaces": surfaces.collect::<Vec<_>>(),
+        "scree": selection.scree,
+    })
+}
+
+fn describe(found: &[Features], selection: &Selection) -> String {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
+    let rows: Vec<Vec<String>> = selection
+        .chosen
+        .iter()
+        .enumerate()
+        .map(|(cluster, &i)| {
+            let others = (0..found.len()).filter(|&j| j != i && selection.clusters[j] == cluster);
+            let others: Vec<&str> = others.map(|j| &*found[j].name).collect();
+            let f = &found[i];
+            vec![
+                f.name.clone(),
+                number(f.friction),
+                number(f.tap_response),
+                number(f.power),
+                others.join(", "),
+            ]
+        })
+        .collect();
+    let head = format!(
+        "{} of {} surfaces, by {}\n\n",
+        selection.chosen.len(),
+        found.len(),
+        selection.features.join(", ")
+    );
+    head + &table(
+        &["surface", "mu", "tap (N s/m)", "power ((m/s²)²)", "stands for"],
+        &rows,
+    )
+}

@@ -1,0 +1,221 @@
+//! `haptograph surface show`: all that a surface file holds.
+
+use super::{Failure, load};
+use crate::cli::table::{facts, significant, table};
+use crate::cli::{say, say_json};
+use crate::surfaces::files::decimal::format_thousandfold;
+use crate::surfaces::{Provenance, Surface, Taps, TextureModel, VertexKind};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Show what a surface file holds
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The surface file
+    file: PathBuf,
+    /// Print all of it as JSON, every model with its coefficients
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let surface = load(&arguments.file)?;
+    if arguments.json {
+        return say_json(&to_json(&surface));
+    }
+    say(&describe(&surface))
+}
+
+fn mm_s(speed_m_s: f64) -> f64 {
+    format_thousandfold(speed_m_s)
+        .parse()
+        .unwrap_or(speed_m_s * 1000.0)
+}
+
+fn kind(kind: VertexKind) -> &'static str {
+    match kind {
+        VertexKind::Measured => "measured",
+        VertexKind::Fitted => "fitted",
+        VertexKind::Edge => "edge",
+    }
+}
+
+fn to_json(surface: &Surface) -> Value {
+    let Provenance {
+        origin,
+        source,
+        settings,
+        version,
+    } = &surface.provenance;
+    json!({
+        "name": surface.name,
+        "friction": surface.friction.map(|friction| json!({ "mu": friction.mu(), "r_squared": friction.r_squared() })),
+        "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
+        "taps": surface.taps.as_ref().map(taps_json),
+        "texture": surface.texture.as_ref().map(texture_json),
+        "provenance": { "origin": origin.word(), "source": source, "settings": settings, "version": version },
+    })
+}
+
+fn taps_json(taps: &Taps) -> Value {
+    let speeds: Vec<f64> = taps.taps().iter().map(|tap| mm_s(tap.speed_m_s)).collect();
+    json!({ "rate_hz": taps.rate_hz(), "samples": taps.length(), "speeds_mm_s": speeds, "response_n_s_per_m": taps.response().map(|line| line.slope) })
+}
+
+fn texture_json(texture: &TextureModel) -> Value {
+    let models = texture.models().iter().map(|at| {
+        json!({
+            "speed_mm_s": mm_s(at.speed_m_s),
+            "force_n": at.force_n,
+            "kind": kind(at.kind),
+            "ar": at.model.ar(),
+            "ar_lsf": at.model.ar_lsf(),
+            "ma": at.model.ma(),
+            "ma_lsf": at.model.ma_lsf(),
+            "gain": at.model.gain(),
+            "variance": at.model.variance(),
+            "power_m2_s4": at.model.power(),
+        })
+    });
+    json!({
+        "warping": texture.warping(), "highpass_hz": texture.highpass_hz(),
+        "crackle": texture.crackle().map(|crackle| json!({
+            "depth": crackle.depth(), "time_constant_ms": 1000.0 * crackle.time_constant_s(),
+        })),
+        "lines": texture.lines().iter().map(|line| json!({
+            "cycles_per_mm": line.cycles_per_m() / 1000.0, "diffusion_rad2_per_mm": line.diffusion_rad2_per_m() / 1000.0,
+            "powers_m2_s4": line.powers_m2_s4(),
+        })).collect::<Vec<_>>(),
+        "rate_hz": texture.rate_hz(),
+        "ar_order": texture.ar_order(),
+        "ma_order": texture.ma_order(),
+        "max_speed_mm_s": mm_s(texture.max_speed_m_s()),
+        "max_force_n": texture.max_force_n(),
+        "models": models.collect::<Vec<_>>(),
+        "triangles": texture.triangles(),
+    })
+}
+
+fn describe(surface: &Surface) -> String {
+    let Provenance {
+        origin,
+        source,
+        settings,
+        version,
+    } = &surface.provenance;
+    let name = if surface.name.is_empty() {
+        "(no name)"
+    } else {
+        &surface.name
+    };
+    let fit = |r_squared: Option<f64>| {
+        r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
+    };
+    let none = || "none".to_owned();
+    let friction = surface.friction.map_or_else(none, |f| {
+        format!("mu {}{}", significant(f.mu(), 4), fit(f.r_squared()))
+    });
+    let stiffness = surface.stiffness.map_or_else(none, |s| {
+        format!("{} N/mm{}", significant(s.n_per_mm(), 4), fit(s.r_squared()))
+    });
+    let mut text = format!("{name}\n\n");
+    text += &facts(&[
+        ("origin", origin.word().to_owned()),
+        ("source", source.clone()),
+        ("made by", version.clone()),
+        ("friction", friction),
+        ("stiffness", stiffness),
+        ("taps", surface.taps.as_ref().map_or_else(none, describe_taps)),
+        (
+            "texture",
+            surface.texture.as_ref().map_or_else(none, describe_texture),
+        ),
+    ]);
+    if let Some(texture) = &surface.texture {
+        text += &format!("\n{}", models(texture));
+    }
+    if !settings.is_empty() {
+        let settings: Vec<(&str, String)> = settings
+            .iter()
+            .map(|(name, value)| (name.as_str(), value.clone()))
+            .collect();
+        text += &format!("\nMade with\n\n{}", facts(&settings));
+    }
+    text
+}
+
+fn describe_taps(taps: &Taps) -> String {
+    let (first, last) = (&taps.taps()[0], &taps.taps()[taps.taps().len() - 1]);
+    let response = taps.response().map_or_else(String::new, |line| {
+        format!(", {} N per m/s", significant(line.slope, 3))
+    });
+    format!(
+        "{} of {} ms at {} Hz, {} to {} mm/s{response}",
+        taps.taps().len(),
+        significant(1000.0 * taps.length() as f64 / taps.rate_hz(), 4),
+        taps.rate_hz(),
+        significant(mm_s(first.speed_m_s), 4),
+        significant(mm_s(last.speed_m_s), 4),
+    )
+}
+
+fn describe_texture(texture: &TextureModel) -> String {
+    let order = match texture.ma_order() {
+        0 => format!("AR({})", texture.ar_order()),
+        ma => format!("ARMA({}, {ma})", texture.ar_order()),
+    };
+    let order = match texture.warping() {
+        0.0 => order,
+        warping => format!("warped {order} of factor {}", significant(warping, 3)),
+    };
+    let crackle = texture.crackle().map_or_else(String::new, |crackle| {
+        format!(
+            "; crackle of depth {} and {} ms",
+            significant(crackle.depth(), 2),
+            significant(1000.0 * crackle.time_constant_s(), 2)
+        )
+    });
+    let lines = texture
+        .lines()
+        .iter()
+        .map(|line| significant(line.cycles_per_m() / 1000.0, 3));
+    let lines = match lines.collect::<Vec<_>>().join(" and ") {
+        none if none.is_empty() => none,
+        some => format!("; lines of {some} cycles/mm"),
+    };
+    format!(
+        "{} models {order} at {} Hz in {} triangles, to {} mm/s and {} N{crackle}{lines}",
+        texture.models().len(),
+        texture.rate_hz(),
+        texture.triangles().len(),
+        significant(mm_s(texture.max_speed_m_s()), 4),
+        significant(texture.max_force_n(), 4),
+    )
+}
+
+/// The models inside the map, a row each.
+fn models(texture: &TextureModel) -> String {
+    let rows: Vec<Vec<String>> = texture
+        .models()
+        .iter()
+        .enumerate()
+        .filter(|(_, at)| at.kind != VertexKind::Edge)
+        .map(|(number, at)| {
+            vec![
+                number.to_string(),
+                significant(mm_s(at.speed_m_s), 4),
+                significant(at.force_n, 3),
+                significant(at.model.variance(), 3),
+                significant(at.model.power(), 3),
+            ]
+        })
+        .collect();
+    let header = [
+        "model",
+        "speed (mm/s)",
+        "force (N)",
+        "variance ((m/s²)²)",
+        "power ((m/s²)²)",
+    ];
+    table(&header, &rows)
+}

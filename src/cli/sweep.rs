@@ -1,0 +1,347 @@
+//! `haptograph sweep`: one graph, run once for each of several settings over the same strokes, and a page that lays the
+//! runs over each other.
+
+use super::output::Force;
+use super::run::folder::RunFolder;
+use super::run::summary::{self, Summary};
+use super::run::{self, Shown, message, timed};
+use super::{Failure, GraphArguments, remark, say, warnings};
+use crate::engine::diagnostic::render;
+use crate::engine::graph::Graph;
+use crate::engine::registry::Registry;
+use crate::engine::run::{Offline, Outlets};
+use crate::report::asked::Drawn;
+use crate::report::record::Record;
+use crate::report::sweep::{SweepPage, SweptRun};
+use clap::ArgGroup;
+use serde_json::json;
+use std::fs;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+/// Run a graph once for each of several settings, with a page that compares the runs
+///
+/// `--over gain=0.5,1,2` runs it for each value. Given twice, it runs for every combination. `--case gain=2,seed=3` adds
+/// one run with these settings; where only cases are given, the graph as it is comes first.
+#[derive(Debug, clap::Args)]
+#[command(group = ArgGroup::new("varied").args(["over", "case"]).required(true).multiple(true))]
+pub struct Arguments {
+    #[command(flatten)]
+    pub graph: GraphArguments,
+    /// A parameter of the graph and its values; can be repeated
+    #[arg(long, value_name = "NAME=VALUE,...", value_parser = values)]
+    pub over: Vec<(String, Vec<String>)>,
+    /// Settings of one run; can be repeated
+    #[arg(long, value_name = "NAME=VALUE,...", value_parser = case)]
+    pub case: Vec<Case>,
+    /// How long each run takes, in its own time
+    #[arg(long = "for", value_name = "SECONDS", default_value_t = run::DURATION_S, value_parser = run::seconds)]
+    pub duration_s: f64,
+    /// The seed of all random streams, in place of the graph's own
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// The folder to write, with a folder for each run in it; `out/GRAPH-sweep` where it is not given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Parameters and values of one run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Case(Vec<(String, String)>);
+
+impl Case {
+    /// What it is called: `gain=2, seed=3`; without the name where all runs set the same one parameter.
+    fn name(&self, short: bool) -> String {
+        match self.0.as_slice() {
+            [] => "as it is".to_owned(),
+            [(_, value)] if short => value.clone(),
+            settings => {
+                let all = settings.iter().map(|(name, value)| format!("{name}={value}"));
+                all.collect::<Vec<_>>().join(", ")
+            }
+        }
+    }
+}
+
+/// Parts between commas that are in no bracket and no string.
+fn parts(text: &str) -> Vec<String> {
+    let (mut parts, mut depth, mut quoted) = (vec![String::new()], 0_i32, false);
+    for letter in text.chars() {
+        match letter {
+            '"' => quoted = !quoted,
+            '(' | '[' | '{' if !quoted => depth += 1,
+            ')' | ']' | '}' if !quoted => depth -= 1,
+            ',' if !quoted && depth == 0 => {
+                parts.push(String::new());
+                continue;
+            }
+            _ => {}
+        }
+        if let Some(last) = parts.last_mut() {
+            last.push(letter);
+        }
+    }
+    parts.iter().map(|part| part.trim().to_owned()).collect()
+}
+
+fn values(text: &str) -> Result<(String, Vec<String>), String> {
+    let (name, values) = super::assignment(text)?;
+    let values = parts(&values);
+    if values.iter().any(String::is_empty) {
+        return Err("a value is missing: write it as NAME=VALUE,VALUE".to_owned());
+    }
+    Ok((name, values))
+}
+
+fn case(text: &str) -> Result<Case, String> {
+    let settings: Result<_, _> = parts(text).iter().map(|part| super::assignment(part)).collect();
+    settings.map(Case)
+}
+
+impl Arguments {
+    /// Every combination of the values to go over, then the single cases.
+    fn cases(&self) -> Vec<Case> {
+        let mut cases = vec![Case(Vec::new())];
+        for (name, values) in &self.over {
+            let longer = cases.iter().flat_map(|case| {
+                values.iter().map(|value| {
+                    let setting = (name.clone(), value.clone());
+                    Case(case.0.iter().cloned().chain([setting]).collect())
+                })
+            });
+            cases = longer.collect();
+        }
+        cases.extend(self.case.iter().cloned());
+        cases
+    }
+}
+
+/// One run that is done.
+struct Done {
+    name: String,
+    graph: Graph,
+    shown: Shown,
+    summary: Summary,
+}
+
+/// Runs of one sweep: each is kept to be drawn.
+const MOST_RUNS: usize = 200;
+
+pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    arguments.graph.refuse_repeated()?;
+    super::refuse_repeated("--over", arguments.over.iter().map(|(name, _)| name.as_str()))?;
+    for (name, values) in &arguments.over {
+        super::refuse_repeated(&format!("--over {name}=..."), values.iter().map(String::as_str))?;
+    }
+    let combined = arguments
+        .over
+        .iter()
+        .try_fold(1_usize, |count, (_, values)| count.checked_mul(values.len()));
+    if combined.is_none_or(|count| count.saturating_add(arguments.case.len()) > MOST_RUNS) {
+        return Err(Failure::Message(format!(
+            "these values have more than {MOST_RUNS} combinations; sweep over fewer"
+        )));
+    }
+    let cases = arguments.cases();
+    let short = arguments.case.is_empty() && arguments.over.len() == 1;
+    // All graphs are checked before the first runs.
+    let graphs: Vec<(String, run::Arguments, Graph)> = cases
+        .iter()
+        .map(|case| {
+            let run = arguments_of(arguments, case);
+            let graph = run.graph.load(registry, run.seed).map_err(Failure::Graph)?;
+            Ok((case.name(short), run, graph))
+        })
+        .collect::<Result<_, Failure>>()?;
+    for (_, _, graph) in &graphs {
+        if !graph.warnings().is_empty() {
+            remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
+        }
+    }
+    let target = arguments.out.clone().unwrap_or_else(|| {
+        let name = format!("{}-sweep", arguments.graph.name());
+        PathBuf::from("out").join(name)
+    });
+    let mut folder = RunFolder::beside(&target)?;
+    let stop = run::stop_on_interrupt()?;
+    folder.begin();
+    let mut done = Vec::new();
+    for (number, (name, run_arguments, graph)) in graphs.into_iter().enumerate() {
+        let place = folder.path().join(format!("{:02}", number + 1));
+        fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
+        let mut outlets = Outlets::new(&graph);
+        outlets.open_files(&place).map_err(message)?;
+        let shown = Shown::of(&graph, &mut outlets);
+        let offline = Offline::new(outlets, usize::from(run_arguments.block));
+        let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
+        let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
+        summary.add(Vec::new(), run::unreached(&graph));
+        for (file, text) in [
+            ("run.json", summary.to_json()),
+            ("report.html", summary.page(&graph, &shown)),
+        ] {
+            folder.write(&format!("{:02}/{file}", number + 1), &text)?;
+        }
+        done.push(Done {
+            name,
+            graph,
+            shown,
+            summary,
+        });
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+    }
+    folder.write("report.html", &page(arguments, &done))?;
+    folder.write("run.json", &facts(arguments, &done))?;
+    let placed = folder.put_in_place()?;
+    placed
+        .lines()
+        .iter()
+        .for_each(|line| remark(&format!("note: {line}\n")));
+    say(&format!(
+        "ran {} {} times; look at {}\n",
+        arguments.graph.name(),
+        done.len(),
+        target.join("report.html").display()
+    ))
+}
+
+fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
+    let GraphArguments {
+        graph,
+        set,
+        endpoints,
+    } = &arguments.graph;
+    run::Arguments {
+        graph: GraphArguments {
+            graph: graph.clone(),
+            // What comes later counts.
+            set: set.iter().chain(&case.0).cloned().collect(),
+            endpoints: endpoints.clone(),
+        },
+        duration_s: Some(arguments.duration_s),
+        live: false,
+        watch: false,
+        rested: false,
+        osc: None,
+        replay: None,
+        seed: arguments.seed,
+        out: None,
+        block: 64,
+        threads: 1,
+        probe: Vec::new(),
+        force: Force::default(),
+        record: false,
+        json: false,
+    }
+}
+
+fn page(arguments: &Arguments, done: &[Done]) -> String {
+    let Some(first) = done.first() else {
+        return String::new();
+    };
+    let surfaces = summary::surfaces(&first.graph);
+    let textures = surfaces
+        .iter()
+        .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
+    let runs = done.iter().map(|run| SweptRun {
+        name: run.name.clone(),
+        signals: run.shown.records.iter().map(Record::content).collect(),
+        drawn: run
+            .shown
+            .asked
+            .iter()
+            .map(|(_, traces)| Drawn {
+                name: &run.name,
+                traces,
+            })
+            .collect(),
+        warnings: run.summary.warnings().to_vec(),
+    });
+    let fact = |name: &str, value: String| (name.to_owned(), value);
+    let names: Vec<&str> = done.iter().map(|run| run.name.as_str()).collect();
+    let swept: Vec<&str> = arguments.over.iter().map(|(name, _)| name.as_str()).collect();
+    let mut facts = vec![
+        fact("Graph", arguments.graph.graph.display().to_string()),
+        fact("Runs", names.join("; ")),
+        fact("Seconds", arguments.duration_s.to_string()),
+        fact("Seed", first.graph.seed().to_string()),
+    ];
+    if !swept.is_empty() {
+        facts.insert(1, fact("Over", swept.join(", ")));
+    }
+    SweepPage {
+        title: format!("{}, {} runs", arguments.graph.name(), done.len()),
+        about: first.graph.about().to_owned(),
+        simulation: first.summary.simulation().clone(),
+        facts,
+        asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),
+        runs: runs.collect(),
+        textures: textures.collect(),
+    }
+    .to_html()
+}
+
+fn facts(arguments: &Arguments, done: &[Done]) -> String {
+    let runs: Vec<_> = done
+        .iter()
+        .enumerate()
+        .map(|(i, run)| json!({ "name": run.name, "folder": format!("{:02}", i + 1) }))
+        .collect();
+    let facts = json!({
+        "graph": arguments.graph.graph.to_string_lossy(),
+        "seconds": arguments.duration_s,
+        "runs": runs,
+        "haptograph": env!("CARGO_PKG_VERSION"),
+    });
+    format!("{facts:#}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commas_in_brackets_and_strings_separate_nothing() {
+        assert_eq!(
+            parts(r#"Force, [Plane(), Sphere(a: 1, b: 2)],"a,b""#),
+            ["Force", "[Plane(), Sphere(a: 1, b: 2)]", r#""a,b""#]
+        );
+        assert_eq!(
+            values("a=1,2").unwrap(),
+            ("a".into(), vec!["1".into(), "2".into()])
+        );
+        assert!(values("a=1,,2").is_err() && values("a").is_err() && case("a=1,b").is_err());
+    }
+
+    #[test]
+    fn values_combine_and_cases_stand_alone() {
+        let sweep = |over: &[&str], cases: &[&str]| {
+            let arguments = Arguments {
+                graph: GraphArguments {
+                    graph: "g.ron".into(),
+                    set: Vec::new(),
+                    endpoints: None,
+                },
+                over: over.iter().map(|text| values(text).unwrap()).collect(),
+                case: cases.iter().map(|text| case(text).unwrap()).collect(),
+                duration_s: 1.0,
+                seed: None,
+                out: None,
+            };
+            arguments
+                .cases()
+                .iter()
+                .map(|c| c.name(false))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            sweep(&["a=1,2", "b=3,4"], &[]),
+            ["a=1, b=3", "a=1, b=4", "a=2, b=3", "a=2, b=4"]
+        );
+        assert_eq!(sweep(&[], &["a=0", "b=0,c=1"]), ["as it is", "a=0", "b=0, c=1"]);
+        assert_eq!(Case(vec![("a".into(), "7".into())]).name(true), "7");
+    }
+}
