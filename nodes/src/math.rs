@@ -1,6 +1,9 @@
 //! Plain arithmetic on signals, lane by lane where the frames have several.
 
 pub mod calculus;
+pub mod curve;
+pub mod expression;
+mod formula;
 pub mod limits;
 pub mod products;
 pub mod routing;

@@ -154,7 +154,8 @@ impl Processor for Table {
         let x = io.lanes(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
             // No value is that of no place.
-            *y = if x.is_finite() { self.at(*x) } else { 0.0 };
+            let value = if x.is_finite() { self.at(*x) } else { 0.0 };
+            *y = if value.is_finite() { value } else { 0.0 };
         }
     }
 }
@@ -198,13 +199,20 @@ mod tests {
         }
         assert!(y[..=300].windows(2).all(|pair| pair[1] >= pair[0] - 1e-12));
         assert!(y[300..].windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
-        let steepest = y.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+        let steepest = y
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .fold(0.0, f64::max);
         assert!(steepest < 0.1, "it is continuous: {steepest}");
     }
 
     #[test]
     fn points_that_make_no_curve_are_refused() {
-        for points in [&[[0.0, 1.0]][..], &[[1.0, 0.0], [1.0, 2.0]], &[[1.0, 0.0], [0.0, 2.0]]] {
+        for points in [
+            &[[0.0, 1.0]][..],
+            &[[1.0, 0.0], [1.0, 2.0]],
+            &[[1.0, 0.0], [0.0, 2.0]],
+        ] {
             let refused = bench(points, Between::Linear, Beyond::Hold).err();
             assert_eq!(refused.and_then(|error| error.field), Some("points"));
         }

@@ -65,9 +65,9 @@ impl NodeKind for Expression {
         }))
     }
 
-    fn memory_bytes(_: &ExpressionSettings, cx: &BuildContext) -> u64 {
-        // No formula is deeper than its brackets and arguments are nested.
-        8 * 256 * cx.max_frames as u64
+    fn memory_bytes(settings: &ExpressionSettings, cx: &BuildContext) -> u64 {
+        // It works on fewer numbers a frame than the formula has characters.
+        size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
 }
 
@@ -87,7 +87,8 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
     for (i, name) in given.iter().enumerate() {
         if !is_free(name) || given[..i].contains(name) {
             let message = format!("`{name}` cannot be the name of an input here");
-            let help = "a name is a word of letters, digits and `_` that is no function, not `t`, and stands once";
+            let help =
+                "a name is a word of letters, digits and `_` that is no function, not `t`, and stands once";
             return Err(BuildError::at("names", message).help(help));
         }
     }
@@ -103,10 +104,10 @@ struct Computer {
 
 impl Processor for Computer {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let out = io.out(0);
         let time_s = |frame: usize| (tick.first + frame as u64) as f64 * self.tick_s;
-        self.formula
-            .compute(|input| io.lanes(input), time_s, &mut self.work, out);
+        let inputs = |input| io.lanes(input);
+        self.formula.compute(tick.frames, inputs, time_s, &mut self.work);
+        io.out(0).copy_from_slice(&self.work[..tick.frames]);
     }
 }
 

@@ -69,7 +69,10 @@ const FUNCTIONS: [(&str, Function); 29] = [
     // Not `f64::clamp`, which panics where the bounds are the wrong way round.
     ("clamp", Function::Three(|x, low, high| x.max(low).min(high))),
     ("mix", Function::Three(|a, b, part| a + (b - a) * part)),
-    ("if", Function::Three(|condition, then, otherwise| if condition != 0.0 { then } else { otherwise })),
+    (
+        "if",
+        Function::Three(|condition, then, otherwise| if condition != 0.0 { then } else { otherwise }),
+    ),
 ];
 
 const CONSTANTS: [(&str, f64); 2] = [("pi", PI), ("e", E)];
@@ -134,30 +137,24 @@ impl Formula {
         self.depth
     }
 
-    /// Computes one frame after another: `inputs` gives the samples of each input, `time_s` the time of a frame.
-    ///
-    /// A result that is not finite is zero. `work` holds at least [`depth`](Self::depth) times as many numbers as `out`.
+    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results are
+    /// the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not finite is
+    /// zero.
     pub fn compute<'a>(
         &self,
+        frames: usize,
         inputs: impl Fn(usize) -> &'a [f64],
         time_s: impl Fn(usize) -> f64,
         work: &mut [f64],
-        out: &mut [f64],
     ) {
-        let frames = out.len();
-        if frames == 0 || work.len() < self.depth * frames {
-            return;
-        }
         let mut height = 0;
         for step in &self.steps {
             let (below, above) = work.split_at_mut(height * frames);
+            let above = above.iter_mut().take(frames);
             match step {
-                Step::Number(number) => above[..frames].fill(*number),
-                Step::Input(input) => above[..frames].copy_from_slice(&inputs(*input)[..frames]),
-                Step::Time => above[..frames]
-                    .iter_mut()
-                    .enumerate()
-                    .for_each(|(frame, x)| *x = time_s(frame)),
+                Step::Number(number) => above.for_each(|x| *x = *number),
+                Step::Input(input) => above.zip(inputs(*input)).for_each(|(x, sample)| *x = *sample),
+                Step::Time => above.enumerate().for_each(|(frame, x)| *x = time_s(frame)),
                 Step::Call(function) => {
                     height -= function.arguments();
                     function.apply(&mut below[height * frames..], frames);
@@ -165,8 +162,8 @@ impl Formula {
             }
             height += 1;
         }
-        for (y, x) in out.iter_mut().zip(work) {
-            *y = if x.is_finite() { *x } else { 0.0 };
+        for x in work.iter_mut().take(frames).filter(|x| !x.is_finite()) {
+            *x = 0.0;
         }
     }
 }
@@ -366,10 +363,10 @@ mod tests {
     /// Of inputs a = 3 and b = -2, half a second after the start.
     fn value(text: &str) -> f64 {
         let formula = Formula::parse(text, &["a", "b"]).expect(text);
-        let (mut work, mut out) = (vec![0.0; formula.depth()], [f64::NAN]);
+        let mut work = vec![0.0; formula.depth()];
         let inputs: [&[f64]; 2] = [&[3.0], &[-2.0]];
-        formula.compute(|input| inputs[input], |_| 0.5, &mut work, &mut out);
-        out[0]
+        formula.compute(1, |input| inputs[input], |_| 0.5, &mut work);
+        work[0]
     }
 
     #[test]
@@ -444,9 +441,9 @@ mod tests {
     #[test]
     fn frames_are_computed_each_for_itself() {
         let formula = Formula::parse("if(a > 0, a * b, t)", &["a", "b"]).expect("right");
-        let (mut work, mut out) = (vec![0.0; 3 * formula.depth()], [0.0; 3]);
+        let mut work = vec![0.0; 3 * formula.depth()];
         let inputs: [&[f64]; 2] = [&[1.0, 0.0, 3.0], &[4.0, 5.0, 6.0]];
-        formula.compute(|input| inputs[input], |frame| 10.0 + frame as f64, &mut work, &mut out);
-        assert_eq!(out, [4.0, 11.0, 18.0]);
+        formula.compute(3, |input| inputs[input], |frame| 10.0 + frame as f64, &mut work);
+        assert_eq!(work[..3], [4.0, 11.0, 18.0]);
     }
 }

@@ -27,8 +27,18 @@ impl NodeKind for Phase {
         doc: "The phase of an oscillation whose frequency is a signal, in turns from 0 up to 1. A sine of it is an `Expression`: \
               `sin(2*pi * a)`.",
         source: "",
-        inputs: &[input("frequency", Kind::Scalar, Quantity::FREQUENCY, "Turns a second; backwards below zero.")],
-        outputs: &[output("phase", Kind::Scalar, Quantity::NUMBER, "The part of a turn that is done, 0 up to 1.")],
+        inputs: &[input(
+            "frequency",
+            Kind::Scalar,
+            Quantity::FREQUENCY,
+            "Turns a second; backwards below zero.",
+        )],
+        outputs: &[output(
+            "phase",
+            Kind::Scalar,
+            Quantity::NUMBER,
+            "The part of a turn that is done, 0 up to 1.",
+        )],
         example: r#""turn": Phase(frequency: "pitch.output")"#,
     };
 
@@ -53,7 +63,11 @@ impl Processor for Turning {
             *phase = self.turns;
             let next = self.turns + hz * self.tick_s;
             // What is no number does not turn it; the remainder can round up to 1.
-            self.turns = if next.is_finite() { next - next.floor() } else { self.turns };
+            self.turns = if next.is_finite() {
+                next - next.floor()
+            } else {
+                self.turns
+            };
             self.turns = if self.turns < 1.0 { self.turns } else { 0.0 };
         }
     }
@@ -187,7 +201,10 @@ mod tests {
             assert!(apart.min(1.0 - apart) < 1e-9 && (0.0..1.0).contains(phase), "{i}");
         }
         let backwards = bench.run(&[&[-1e-20, f64::NAN, -10.0, -10.0]]).remove(0);
-        assert!(backwards.iter().all(|phase| (0.0..1.0).contains(phase)), "{backwards:?}");
+        assert!(
+            backwards.iter().all(|phase| (0.0..1.0).contains(phase)),
+            "{backwards:?}"
+        );
     }
 
     fn envelope(settings: AdsrSettings, gate: &[f64]) -> Vec<f64> {
@@ -218,7 +235,10 @@ mod tests {
             sustain: 1.0,
             release_ms: 0.0,
         };
-        assert_eq!(envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]), [1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(
+            envelope(at_once, &[1.0, 1.0, 0.0, f64::NAN]),
+            [1.0, 1.0, 0.0, 0.0]
+        );
         let slow = AdsrSettings {
             attack_ms: 4.0,
             decay_ms: 1.0,
