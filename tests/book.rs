@@ -4,9 +4,11 @@
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::registry::Registry;
+use haptograph::engine::run::{Offline, Outlets};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::AtomicBool;
 
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
@@ -90,6 +92,57 @@ fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let strongest = forces.fold(0.0, |most: f64, force| most.max(force.abs()));
     assert!((0.799..=0.8).contains(&strongest), "{strongest} N");
     assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
+}
+
+/// The largest sample of the WAV file that a run left, m/s2, or else of the CSV file's last column.
+fn loudest(folder: &Path) -> f64 {
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |most: f64, x| most.max(x.abs()));
+    if let Ok(mut wav) = hound::WavReader::open(folder.join("vibration.wav")) {
+        return 20.0 * largest(&mut wav.samples::<f32>().map(|x| f64::from(x.unwrap())));
+    }
+    let text = fs::read_to_string(folder.join("force.csv")).unwrap();
+    let cells = text.lines().flat_map(|row| row.rsplit(',').take(3));
+    largest(&mut cells.filter_map(|cell| cell.parse().ok()))
+}
+
+/// Every pipeline of the cookbook is on its page with its picture as it is drawn now, runs, and is neither silent nor held
+/// down by its limiter.
+#[test]
+fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
+    let page = fs::read_to_string(root().join("docs/cookbook.md")).unwrap();
+    let mut seen = 0;
+    for entry in fs::read_dir(root().join("graphs/cookbook")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let document = Document::load(&path, &Default::default()).unwrap();
+        let graph = check(&document, &registry(), &CheckOptions::default()).unwrap();
+        assert!(graph.warnings().is_empty(), "{name}: {:?}", graph.warnings());
+        let drawn = haptograph::report::drawing::standalone_svg(&graph, name);
+        let kept = fs::read_to_string(root().join(format!("docs/cookbook/{name}.svg"))).unwrap_or_default();
+        assert!(
+            drawn == kept,
+            "haptograph draw {} --force -o docs/cookbook/{name}.svg",
+            path.display()
+        );
+        assert!(
+            page.contains(&format!("(cookbook/{name}.svg)"))
+                && page.contains(&format!("(../graphs/cookbook/{name}.ron)"))
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let mut outlets = Outlets::new(&graph);
+        outlets.open_files(folder.path()).unwrap();
+        let outcome = Offline::new(outlets, 64)
+            .run(4.0, &AtomicBool::new(false), &mut |_| ())
+            .unwrap();
+        for actuator in &outcome.actuators {
+            let held = actuator.clipped.peak + actuator.clipped.continuous;
+            assert!(held * 20 < actuator.clipped.ticks, "{name}: {actuator:?}");
+        }
+        let loudest = loudest(folder.path());
+        assert!((0.2..20.0).contains(&loudest), "{name}: {loudest}");
+        seen += 1;
+    }
+    assert_eq!(seen, 10);
 }
 
 /// Blocks of RON.
