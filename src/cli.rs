@@ -95,11 +95,13 @@ fn commands() -> Vec<Command> {
     ]
 }
 
+type Run = dyn Fn(&ArgMatches, &Registry) -> Result<(), Failure>;
+
 /// A command: its name, its arguments, and what it does.
 struct Command {
     name: &'static str,
     arguments: fn(clap::Command) -> clap::Command,
-    run: Box<dyn Fn(&ArgMatches, &Registry) -> Result<(), Failure>>,
+    run: Box<Run>,
 }
 
 impl Command {

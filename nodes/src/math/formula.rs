@@ -31,11 +31,13 @@ enum Step {
     Call(Function),
 }
 
+type OfTwo = fn(f64, f64) -> f64;
+
 /// Functions by their number of arguments.
 #[derive(Debug, Clone, Copy)]
 enum Function {
     One(fn(f64) -> f64),
-    Two(fn(f64, f64) -> f64),
+    Two(OfTwo),
     Three(fn(f64, f64, f64) -> f64),
 }
 
@@ -80,7 +82,7 @@ const CONSTANTS: [(&str, f64); 2] = [("pi", PI), ("e", E)];
 const TIME: &str = "t";
 
 /// Binary operators by how weakly they bind, and what they do; of those that begin alike the longer comes first.
-const OPERATORS: [&[(&str, fn(f64, f64) -> f64)]; 5] = [
+const OPERATORS: [&[(&str, OfTwo)]; 5] = [
     &[("||", |a, b| truth(a != 0.0 || b != 0.0))],
     &[("&&", |a, b| truth(a != 0.0 && b != 0.0))],
     &[

@@ -3,7 +3,9 @@
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::surfaces::evaluate::holdout::{BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult};
+use crate::surfaces::evaluate::holdout::{
+    BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
+};
 use crate::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
 use serde_json::{Value, json};
 use std::path::Path;

@@ -273,12 +273,13 @@ fn tap_errors(train: &Taps, test: &[Tap]) -> (Vec<f64>, Vec<f64>) {
     errors.into_iter().unzip()
 }
 
+/// Is told which part is tested, what is learned from, and what is tested on.
+type OnSplit<'a> = dyn FnMut(&'static str, &[Sliding], &[Sliding]) + 'a;
+/// What a recording is split by: the names of the parts above and below the median, and the measure.
+type Split = (&'static str, &'static str, fn(&Sliding) -> f64);
+
 /// Moments of each recording beyond the median force, below it, and the same by speed.
-fn friction(
-    recordings: &[&AnyRecording],
-    processing: &ProcessingSettings,
-    fold: &mut dyn FnMut(&'static str, &[Sliding], &[Sliding]),
-) {
+fn friction(recordings: &[&AnyRecording], processing: &ProcessingSettings, fold: &mut OnSplit<'_>) {
     for recording in recordings {
         let Ok(moments) = sliding(recording, processing, &FrictionSettings::default()) else {
             continue;
@@ -286,7 +287,7 @@ fn friction(
         if moments.is_empty() {
             continue;
         }
-        let splits: [(&'static str, &'static str, fn(&Sliding) -> f64); 2] = [
+        let splits: [Split; 2] = [
             ("harder", "lighter", |m| m.normal_n),
             ("faster", "slower", |m| m.speed_m_s),
         ];
