@@ -144,7 +144,12 @@ impl Run {
     /// Does with an actuator's gate what a live run did at this point of time.
     pub(super) fn turn_gate(&mut self, actuator: usize, open: bool, seconds: f64) {
         let span = self.fade_span(seconds);
-        self.state.actuators[actuator].gate.turn(open, span);
+        let gate = &mut self.state.actuators[actuator].gate;
+        match span.0 {
+            // What was heard before the first frame was let through at once.
+            0 => *gate = SilenceGate::new(open),
+            _ => gate.turn(open, span),
+        }
     }
 
     /// Lets others know what each actuator was given last.

@@ -74,13 +74,13 @@ fn taken(bits: &[Bits; 2]) -> [Vec<u64>; 2] {
     bits.clone().map(|bits| bits.lock().unwrap().clone())
 }
 
-/// Speaks, falls silent, and comes back; then it is stopped.
-fn live_run(graph: &Graph, listen: &str, folder: &Path) -> [Vec<u64>; 2] {
+/// Speaks from a wake on, falls silent, and comes back; then it is stopped.
+fn live_run(graph: &Graph, (listen, from): (&str, usize), folder: &Path) -> [Vec<u64>; 2] {
     let (outlets, bits) = listening(graph);
     let (mut lives, mut session) = Session::open_all(outlets, &LiveOptions::default(), Some(folder)).unwrap();
     let rates: Vec<usize> = lives.iter().map(|live| live.run().rate_hz() as usize).collect();
     for wake in 0..400_usize {
-        if !(150..280).contains(&wake) && wake % 7 < 3 && wake > 20 {
+        if !(150..280).contains(&wake) && wake % 7 < 3 && wake >= from {
             told_by_hand(listen, 1.0 + 0.001 * wake as f64);
         }
         if wake == 380 {
@@ -110,10 +110,16 @@ fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<[Vec<u64>; 2], O
 
 #[test]
 fn a_run_whose_input_fell_silent_is_repeated_bit_for_bit() {
-    for (listen, two) in [("127.0.0.1:61761", false), ("127.0.0.1:61762", true)] {
+    // The last two are heard before their first frame.
+    for (listen, two, from) in [
+        ("127.0.0.1:61761", false, 21),
+        ("127.0.0.1:61762", true, 21),
+        ("127.0.0.1:61764", false, 0),
+        ("127.0.0.1:61765", true, 0),
+    ] {
         let folder = tempfile::tempdir().unwrap();
         let graph = graph(listen, two);
-        let live = live_run(&graph, listen, folder.path());
+        let live = live_run(&graph, (listen, from), folder.path());
         // It was driven, it was not, and it was again.
         let [_, out] = &live;
         let last_zero = out[..out.len() - out.len() / 10]
@@ -152,7 +158,7 @@ fn what_no_device_can_have_sensed_is_refused_at_its_line() {
     let listen = "127.0.0.1:61763";
     let folder = tempfile::tempdir().unwrap();
     let graph = graph(listen, false);
-    live_run(&graph, listen, folder.path());
+    live_run(&graph, (listen, 21), folder.path());
     let logs = std::fs::read_dir(folder.path().join("arrivals")).unwrap();
     let mut logs = logs.map(|entry| entry.unwrap().path());
     let path = logs
