@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Counts of durations in buckets of 1/16 octave: quantiles are right to 4.4 per cent.
 #[derive(Debug, Clone)]
@@ -132,6 +132,12 @@ impl AgeMeter {
         let older_ns = (1e9 * older_s).max(0.0) as u64;
         self.ages
             .record(self.ns_at(now).saturating_sub(newest_ns) + older_ns);
+    }
+
+    /// How old the newest of what has arrived is at this moment.
+    pub fn newest(&self, now: Instant) -> Duration {
+        let newest_ns = self.newest_ns.load(Relaxed);
+        Duration::from_nanos(self.ns_at(now).saturating_sub(newest_ns))
     }
 
     /// The ages of what was read so far.

@@ -2,13 +2,14 @@
 
 use super::output::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
-use super::{Failure, say};
+use super::{Failure, remark, say};
 use crate::engine::registry::Registry;
 use crate::nodes::simulated::material::MaterialName;
 use crate::recorder::{RecordError, Session, record};
 use crate::surfaces::recording::{Gesture, save};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 
 /// Simulate the recording of a surface: runs graphs/recorder.ron and writes one file to learn from
 #[derive(Debug, clap::Args)]
@@ -73,8 +74,10 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let output = Output::claim(&arguments.output, arguments.force)?;
     let stop = stop_on_interrupt()?;
     let bar = progress_bar(session.seconds);
+    let mut recorded_s = 0.0;
     let recording = record(&session, &stop, &mut |done_s| {
-        bar.set_position((done_s * 1e3) as u64)
+        recorded_s = done_s;
+        bar.set_position((done_s * 1e3) as u64);
     });
     bar.finish_and_clear();
     let recording = recording.map_err(|error| match error {
@@ -82,6 +85,12 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         error => Failure::Message(error.to_string()),
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
+    if stop.load(Ordering::Relaxed) {
+        remark(&format!(
+            "warning: stopped after {recorded_s:.3} s of {} s\n",
+            session.seconds
+        ));
+    }
     say(&format!(
         "wrote {} (simulated: {} over {})\n",
         output.display(),

@@ -164,7 +164,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         PathBuf::from("out").join(name)
     });
     let mut folder = RunFolder::beside(&target)?;
-    let stop = run::stop_on_interrupt()?;
+    let (stop, planned) = (run::stop_on_interrupt()?, graphs.len());
     folder.begin();
     let mut done = Vec::new();
     for (number, (name, run_arguments, graph)) in graphs.into_iter().enumerate() {
@@ -194,12 +194,18 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         }
     }
     folder.write("report.html", &page(arguments, &done))?;
-    folder.write("run.json", &facts(arguments, &done))?;
+    folder.write("run.json", &facts(arguments, &done, planned))?;
     let placed = folder.put_in_place()?;
     placed
         .lines()
         .iter()
         .for_each(|line| remark(&format!("note: {line}\n")));
+    if done.len() < planned || stop.load(Ordering::Relaxed) {
+        remark(&format!(
+            "warning: stopped after {} of {planned} runs; the last is shorter than --for says\n",
+            done.len()
+        ));
+    }
     say(&format!(
         "ran {} {} times; look at {}\n",
         arguments.graph.name(),
@@ -284,7 +290,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     .to_html()
 }
 
-fn facts(arguments: &Arguments, done: &[Done]) -> String {
+fn facts(arguments: &Arguments, done: &[Done], planned: usize) -> String {
     let runs: Vec<_> = done
         .iter()
         .enumerate()
@@ -293,6 +299,8 @@ fn facts(arguments: &Arguments, done: &[Done]) -> String {
     let facts = json!({
         "graph": arguments.graph.graph.to_string_lossy(),
         "seconds": arguments.duration_s,
+        "planned": planned,
+        "stopped": done.len() < planned || done.iter().any(|run| run.summary.was_stopped()),
         "runs": runs,
         "haptograph": env!("CARGO_PKG_VERSION"),
     });

@@ -249,7 +249,16 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         _ => format!("{to} takes {wanted}, but `{from}` is {quantity}"),
     };
     let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
-    let diagnostic = match conversion(cx, quantity, wanted) {
+    let source = &draft.nodes[wire.from];
+    let stated = match source.entry.spec.outputs[wire.output].quantity {
+        // What it is was left unsaid.
+        QuantityRule::Setting(setting) if quantity == Quantity::NUMBER => wanted.name().map(|name| {
+            let kind = source.entry.spec.name;
+            format!("if that is what it is, say so: `{setting}: \"{name}\"` in that `{kind}`")
+        }),
+        _ => None,
+    };
+    let diagnostic = match stated.or_else(|| conversion(cx, quantity, wanted)) {
         Some(help) => diagnostic.help(help),
         None => diagnostic.help(format!(
             "put a node between that turns {} into {}",

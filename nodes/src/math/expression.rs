@@ -35,7 +35,8 @@ impl NodeKind for Expression {
               `>=`, `==`, `!=`, which give 1 or 0), `&&`, `||`, the constants `pi` and `e`, the time `t` in s, and the functions sin, \
               cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, ln, log2, log10, sqrt, pow, hypot, abs, sign, floor, ceil, \
               round, mod, min, max, clamp(x, low, high), mix(a, b, part), if(condition, then, otherwise), not. A result that is not \
-              finite, as of a division by zero, is zero.",
+              finite, as of a division by zero, is zero. `2^3^2` is 2^9, `%` and `mod` have the sign of the divisor. It runs on the clock \
+              of its inputs: for a vibration from slower ones write `clock: \"audio\"` and `Linear(...)` around each of them.",
         source: "",
         inputs: &[InputSpec {
             name: "inputs",
@@ -51,7 +52,7 @@ impl NodeKind for Expression {
             quantity: QuantityRule::Setting("quantity"),
             doc: "The value of the formula, of the quantity that `quantity` names.",
         }],
-        example: r#""ridges": Expression(inputs: ["stylus.force", "speed.speed"], names: ["force", "speed"], formula: "0.3 * force * sin(2*pi * 40 * t) * min(speed / 0.1, 1)", quantity: "acceleration")"#,
+        example: r#""ridges": Expression(inputs: ["texture.acceleration", "hum.output"], names: ["texture", "hum"], formula: "0.5 * texture + clamp(hum, -2, 2)", quantity: "acceleration")"#,
     };
 
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -87,8 +88,7 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
     for (i, name) in given.iter().enumerate() {
         if !is_free(name) || given[..i].contains(name) {
             let message = format!("`{name}` cannot be the name of an input here");
-            let help =
-                "a name is a word of letters, digits and `_` that is no function, not `t`, and stands once";
+            let help = "a name is a word of letters, digits and `_` that stands once and is no function, constant or `t`";
             return Err(BuildError::at("names", message).help(help));
         }
     }

@@ -1,5 +1,6 @@
 //! Formulas over signals: text in, a program of a stack machine out, which computes whole blocks without allocating.
 
+use haptograph_engine::settings::closest;
 use std::f64::consts::{E, PI};
 
 /// The longest formula, in characters, and the deepest nesting of brackets.
@@ -78,6 +79,23 @@ const FUNCTIONS: [(&str, Function); 29] = [
 ];
 
 const CONSTANTS: [(&str, f64); 2] = [("pi", PI), ("e", E)];
+/// What other languages write, and what is written here.
+const FOREIGN: [(&str, &str); 14] = [
+    ("**", "`^`"),
+    (".*", "`*`"),
+    ("./", "`/`"),
+    (".^", "`^`"),
+    ("&", "`&&`"),
+    ("|", "`||`"),
+    ("=", "`==`"),
+    ("!", "`not(...)`"),
+    ("~", "`not(...)`"),
+    ("?", "`if(condition, then, otherwise)`"),
+    ("log", "`ln`, `log2` or `log10`"),
+    ("rem", "`mod`"),
+    ("fmod", "`mod`"),
+    ("arctan2", "`atan2`"),
+];
 /// The name of the time since the start, s.
 const TIME: &str = "t";
 
@@ -96,6 +114,9 @@ const OPERATORS: [&[(&str, OfTwo)]; 5] = [
     &[("+", |a, b| a + b), ("-", |a, b| a - b)],
     &[("*", |a, b| a * b), ("/", |a, b| a / b), ("%", f64::rem_euclid)],
 ];
+
+/// The level of the comparisons, which do not chain.
+const COMPARISONS: usize = 2;
 
 fn truth(is_so: bool) -> f64 {
     f64::from(u8::from(is_so))
@@ -125,12 +146,12 @@ impl Formula {
         }
         parser.binary(0)?;
         parser.blanks();
-        match parser.rest().chars().next() {
-            None => Ok(Self {
+        match parser.rest() {
+            "" => Ok(Self {
                 steps: parser.steps.into(),
                 depth: parser.depth,
             }),
-            Some(strange) => Err(parser.wrong(format!("`{strange}` is not expected"))),
+            _ => Err(parser.unexpected()),
         }
     }
 
@@ -229,10 +250,42 @@ impl<'t> Parser<'t> {
     }
 
     fn expect(&mut self, sign: &str) -> Result<(), FormulaError> {
-        match self.takes(sign) {
-            true => Ok(()),
-            false => Err(self.wrong(format!("`{sign}` is missing"))),
+        match (self.takes(sign), self.rest()) {
+            (true, _) => Ok(()),
+            (false, "") => Err(self.wrong(format!("`{sign}` is missing"))),
+            _ if sign == "(" => Err(self.wrong("a function is followed by `(`".to_owned())),
+            _ => Err(self.unexpected()),
         }
+    }
+
+    /// What stands here cannot follow.
+    fn unexpected(&self) -> FormulaError {
+        let Some(strange) = self.rest().chars().next() else {
+            return self.wrong("a number, a name or `(` is missing".to_owned());
+        };
+        if let Some(here) = self.foreign(self.rest()) {
+            return self.wrong(here);
+        }
+        if strange.is_alphanumeric() || strange == '(' {
+            return self.wrong(format!(
+                "an operator is missing before `{strange}`, as in `2 * x`"
+            ));
+        }
+        self.wrong(format!("`{strange}` is not expected"))
+    }
+
+    /// What is written here in place of a sign or function of other languages.
+    fn foreign(&self, text: &str) -> Option<String> {
+        let is_word = |sign: &str| sign.starts_with(char::is_alphabetic);
+        let is_it = |sign: &str| {
+            if is_word(sign) {
+                text == sign
+            } else {
+                text.starts_with(sign)
+            }
+        };
+        let (sign, ours) = FOREIGN.iter().find(|(sign, _)| is_it(sign))?;
+        Some(format!("`{sign}` is written as {ours} here"))
     }
 
     fn push(&mut self, step: Step) {
@@ -250,9 +303,16 @@ impl<'t> Parser<'t> {
             return self.signed();
         };
         self.binary(level + 1)?;
-        while let Some((_, function)) = operators.iter().find(|(sign, _)| self.takes(sign)) {
+        let mut done = 0;
+        while let Some((sign, function)) = operators.iter().find(|(sign, _)| self.takes(sign)) {
+            if done > 0 && level == COMPARISONS {
+                let message =
+                    format!("a second comparison, `{sign}`, has to be joined by `&&`: `0 < a && a < 1`");
+                return Err(self.wrong(message));
+            }
             self.binary(level + 1)?;
             self.push(Step::Call(Function::Two(*function)));
+            done += 1;
         }
         Ok(())
     }
@@ -283,10 +343,9 @@ impl<'t> Parser<'t> {
             return self.expect(")");
         }
         match self.rest().chars().next() {
-            None => Err(self.wrong("a number, a name or `(` is missing".to_owned())),
             Some(digit) if digit.is_ascii_digit() || digit == '.' => self.number(),
             Some(letter) if letter.is_alphabetic() || letter == '_' => self.name(),
-            Some(strange) => Err(self.wrong(format!("`{strange}` is not expected"))),
+            _ => Err(self.unexpected()),
         }
     }
 
@@ -324,15 +383,27 @@ impl<'t> Parser<'t> {
             None if name == TIME => Step::Time,
             None => match constant {
                 Some((_, value)) => Step::Number(*value),
-                None => {
-                    let inputs = self.inputs.join(", ");
-                    return Err(self.wrong(format!("there is no `{name}`; the inputs are {inputs}")));
-                }
+                None => return Err(self.unknown(name)),
             },
         };
         self.at += name.len();
         self.push(step);
         Ok(())
+    }
+
+    fn unknown(&self, name: &str) -> FormulaError {
+        if let Some(here) = self.foreign(name) {
+            return self.wrong(here);
+        }
+        let functions = FUNCTIONS.iter().map(|(known, _)| *known);
+        let constants = CONSTANTS.iter().map(|(known, _)| *known);
+        let known = self.inputs.iter().copied().chain(functions).chain(constants);
+        let near = name.strip_prefix("arc").map(|rest| format!("a{rest}"));
+        let help = match closest(near.as_deref().unwrap_or(name), known) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("the inputs are {}", self.inputs.join(", ")),
+        };
+        self.wrong(format!("there is no `{name}`; {help}"))
     }
 
     fn call(&mut self, name: &str, function: Function) -> Result<(), FormulaError> {
@@ -343,6 +414,9 @@ impl<'t> Parser<'t> {
                 return Err(self.wrong(format!("`{name}` takes {wanted} arguments, and `,` is missing")));
             }
             self.binary(0)?;
+        }
+        if self.takes(",") {
+            return Err(self.wrong(format!("`{name}` takes {wanted} arguments only")));
         }
         self.expect(")")?;
         self.push(Step::Call(function));
@@ -355,7 +429,13 @@ pub fn is_free(name: &str) -> bool {
     let mut letters = name.chars();
     let is_word = letters.next().is_some_and(|c| c.is_alphabetic() || c == '_')
         && letters.all(|c| c.is_alphanumeric() || c == '_');
-    is_word && name != TIME && FUNCTIONS.iter().all(|(known, _)| *known != name)
+    let functions = FUNCTIONS.iter().map(|(known, _)| *known);
+    let constants = CONSTANTS.iter().map(|(known, _)| *known);
+    is_word
+        && functions
+            .chain(constants)
+            .chain([TIME])
+            .all(|known| known != name)
 }
 
 #[cfg(test)]
@@ -426,6 +506,12 @@ mod tests {
             ("a b", 3),
             ("2 * c", 5),
             ("sin a", 5),
+            ("2a", 2),
+            ("2(a)", 2),
+            ("min(a, b, 1)", 10),
+            ("a ** 2", 4),
+            ("0 < a < 1", 8),
+            ("(a b)", 4),
             ("min(a)", 6),
             ("(a", 3),
             ("1.2.3", 1),
@@ -434,6 +520,18 @@ mod tests {
         ] {
             let error = Formula::parse(text, &["a", "b"]).expect_err(text);
             assert_eq!(error.at, at, "{text}: {error}");
+        }
+        for (text, said) in [
+            ("2 * PI", "`pi`"),
+            ("log(a)", "`ln`"),
+            ("arcsin(a)", "`asin`"),
+            ("a & b", "`&&`"),
+            ("a = 1", "`==`"),
+            ("a ? 1 : 2", "`if("),
+            ("5mm", "operator"),
+        ] {
+            let error = Formula::parse(text, &["a", "b"]).expect_err(text);
+            assert!(error.message.contains(said), "{text}: {error}");
         }
         for deep in ["(".repeat(5000), "-".repeat(1000), "(".repeat(200)] {
             assert!(Formula::parse(&deep, &["a"]).is_err());

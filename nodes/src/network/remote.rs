@@ -241,6 +241,16 @@ impl Remote {
         }
     }
 
+    /// How old news are, in ticks; none if they came before this device was there and are too old to be news.
+    fn age_of_news(&self) -> Option<u64> {
+        let Some(woke) = self.woke.filter(|_| self.seen == 0) else {
+            return Some(0);
+        };
+        let age_s = self.link.ages.newest(woke).as_secs_f64();
+        let ticks = (age_s / self.period_s) as u64;
+        (ticks <= self.timeout_ticks).then_some(ticks)
+    }
+
     /// Has the tip moved as no hand moves it?
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
@@ -255,12 +265,13 @@ impl Device for Remote {
         self.held = self.held.saturating_sub(1);
         if let Some((version, sensed)) = self.link.sensed.look()
             && version != self.seen
+            && let Some(age) = self.age_of_news()
         {
             if !self.is_silent() && self.jumps_to(&sensed) {
                 self.held = self.timeout_ticks;
                 self.link.count(Count::Jumps, 1);
             }
-            (self.seen, self.latest, self.age) = (version, sensed, 0);
+            (self.seen, self.latest, self.age) = (version, sensed, age);
         }
         if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
             self.link.ages.read(woke, 0.0);
@@ -375,6 +386,30 @@ mod tests {
         }
         assert_eq!(state(&remote), InputState::Heard);
         assert!((before - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_came_before_a_device_was_there_is_news_while_it_is_fresh() {
+        let mut first = remote(false);
+        news(&mut first, 0.01);
+        let told = Instant::now();
+        // An edit makes another device of the same address.
+        let another = |ms: u64| {
+            let mut another = remote(false);
+            another.link = Arc::clone(&first.link);
+            another.look(told + Duration::from_millis(ms));
+            another.advance();
+            another
+        };
+        let mut fresh = another(10);
+        assert_eq!(state(&fresh), InputState::Heard);
+        (0..11).for_each(|_| fresh.advance());
+        assert_eq!(state(&fresh), InputState::Silent, "20 ms after it was told");
+        let mut late = another(30);
+        assert_eq!((state(&late), force(&mut late)), (InputState::Never, 0.0));
+        late.woke = Some(Instant::now());
+        news(&mut late, 0.02);
+        assert_eq!(state(&late), InputState::Heard);
     }
 
     #[test]

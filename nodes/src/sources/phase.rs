@@ -84,11 +84,11 @@ haptograph_engine::settings! {
     pub struct AdsrSettings {
         /// From 0 to 1, ms.
         [live] attack_ms: f64 = 5.0, in 0.0..=1e6;
-        /// From 1 to 0, if it went so far, ms.
+        /// The time of a whole fall from 1 to 0: to a `sustain` of 0.5 it takes half of it, ms.
         [live] decay_ms: f64 = 50.0, in 0.0..=1e6;
         /// Where it stays while the gate is open, a part of 1.
         [live] sustain: f64 = 0.5, in 0.0..=1.0;
-        /// From 1 to 0 after the gate has closed, ms.
+        /// The time of a whole fall from 1 to 0 after the gate has closed, ms.
         [live] release_ms: f64 = 100.0, in 0.0..=1e6;
     }
 }

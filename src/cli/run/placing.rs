@@ -362,5 +362,9 @@ fn step() {
 fn holds_what_cannot_be_repeated(place: &Path) -> bool {
     let facts = files::read_text(&place.join(MARK), MAX_FACTS_BYTES).ok();
     let facts = facts.and_then(|text| serde_json::from_str::<serde_json::Value>(&text).ok());
-    facts.is_some_and(|facts| facts["live"] == true && facts["real_devices"] == true)
+    match facts {
+        Some(facts) => facts["live"] == true && facts["real_devices"] == true,
+        // It was a run, and nothing says any more that it was none of these.
+        None => place.join(MANIFEST).exists() || place.join(MARK).exists(),
+    }
 }

@@ -110,6 +110,11 @@ impl Summary {
         &self.simulation
     }
 
+    /// Was the run stopped before its end?
+    pub fn was_stopped(&self) -> bool {
+        self.stopped
+    }
+
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

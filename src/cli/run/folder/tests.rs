@@ -50,6 +50,20 @@ fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
 }
 
 #[test]
+fn a_run_of_which_nothing_says_any_more_that_it_can_be_repeated_is_kept() {
+    let parent = tempfile::tempdir().unwrap();
+    let target = parent.path().join("out");
+    let run = || run(&target, &[(MARK, "{}"), ("felt.csv", "1")]).unwrap().earlier;
+    assert_eq!(run(), None);
+    fs::remove_file(target.join(MARK)).unwrap();
+    assert!(run().is_some_and(|kept| kept.ends_with("out-1")));
+    fs::write(target.join(MARK), "{} and a note").unwrap();
+    assert!(run().is_some_and(|kept| kept.ends_with("out-2")));
+    assert_eq!(run(), None);
+    assert_eq!(names(&parent.path().join("out-1")), ["felt.csv", MANIFEST]);
+}
+
+#[test]
 fn files_of_others_stay_and_changed_ones_are_kept_beside() {
     let parent = tempfile::tempdir().unwrap();
     let target = parent.path().join("out");
