@@ -85,8 +85,15 @@ pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
             (free.clone(), free)
         }
     };
+    let noted = note(&place, |list, name| list.announce(name, from));
     move_file(from, &place).map_err(|error| Failure::file("write", to, &error))?;
-    if let Err(error) = note(&place) {
+    let noted = noted.and_then(|()| {
+        note(&place, |list, name| {
+            list.arrived(name);
+            Ok(())
+        })
+    });
+    if let Err(error) = noted {
         let shown = shown.display();
         remark(&format!(
             "note: it is not noted that haptograph wrote {shown}, which will not be replaced without --force: {error}\n"
@@ -127,8 +134,8 @@ fn is_own(place: &Path) -> bool {
     list.is_some_and(|list| list.is_unchanged(folder, Path::new(name)))
 }
 
-/// Notes that haptograph wrote a file as it is now.
-fn note(place: &Path) -> io::Result<()> {
+/// Changes what is noted of a file in the list of its folder.
+fn note(place: &Path, change: impl FnOnce(&mut Written, &Path) -> io::Result<()>) -> io::Result<()> {
     let folder = folder_of(place).map_err(io::Error::other)?;
     let _lock = lock(folder);
     let ledger = folder.join(LEDGER);
@@ -141,7 +148,7 @@ fn note(place: &Path) -> io::Result<()> {
     }
     let mut list = list.unwrap_or_default();
     list.retain(|name| folder.join(name).exists());
-    list.note(folder, Path::new(place.file_name().unwrap_or_default()))?;
+    change(&mut list, Path::new(place.file_name().unwrap_or_default()))?;
     list.save(&ledger)
 }
 
@@ -188,6 +195,24 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "edited");
         assert_eq!(write(&path, "4", true).as_ref(), Some(&path));
         assert_eq!(write(folder.path(), "5", true), None);
+    }
+
+    #[test]
+    fn a_kill_before_or_after_the_move_leaves_a_file_that_can_be_replaced() {
+        for moved in [false, true] {
+            let folder = tempfile::tempdir().unwrap();
+            let (path, waiting) = (folder.path().join("x.svg"), folder.path().join("waiting"));
+            write(&path, "1", false).unwrap();
+            fs::write(&waiting, "2").unwrap();
+            note(&path, |list, name| list.announce(name, &waiting)).unwrap();
+            if moved {
+                fs::rename(&waiting, &path).unwrap();
+            }
+            assert_eq!(write(&path, "3", false).as_ref(), Some(&path));
+            assert_eq!(write(&path, "4", false).as_ref(), Some(&path));
+            fs::write(&path, "edited").unwrap();
+            assert_eq!(write(&path, "5", false), None);
+        }
     }
 
     #[test]

@@ -20,6 +20,9 @@ const CHUNK: usize = 1 << 16;
 pub struct Written {
     haptograph: String,
     sha256: BTreeMap<String, String>,
+    /// What is about to be moved there: a kill may come before or after the move.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    coming: BTreeMap<String, String>,
 }
 
 impl Written {
@@ -50,12 +53,29 @@ impl Written {
         Ok(())
     }
 
+    /// Notes a file that is about to be moved to this name.
+    pub fn announce(&mut self, name: &Path, waiting: &Path) -> io::Result<()> {
+        if let Some(text) = name.to_str() {
+            self.coming.insert(text.to_owned(), hash(waiting)?);
+        }
+        Ok(())
+    }
+
+    /// What was announced by this name is there.
+    pub fn arrived(&mut self, name: &Path) {
+        if let Some((name, hash)) = name.to_str().and_then(|text| self.coming.remove_entry(text)) {
+            self.sha256.insert(name, hash);
+        }
+    }
+
     /// Is this file in the list, and still as it was written?
     pub fn is_unchanged(&self, folder: &Path, name: &Path) -> bool {
-        let noted = name.to_str().and_then(|text| self.sha256.get(text));
+        let noted = |list: &BTreeMap<String, String>| list.get(name.to_str()?).cloned();
+        let noted = [noted(&self.sha256), noted(&self.coming)];
         let file = folder.join(name);
         let is_file = fs::symlink_metadata(&file).is_ok_and(|found| found.is_file());
-        noted.is_some_and(|noted| is_file && hash(&file).is_ok_and(|hash| hash == *noted))
+        let is_noted = |hash: String| noted.contains(&Some(hash));
+        is_file && noted.iter().any(Option::is_some) && hash(&file).is_ok_and(is_noted)
     }
 
     /// All names that stay inside the folder: a list can be forged.
