@@ -11,7 +11,7 @@ use crate::recording::ProcessedRecording;
 /// How a texture is learned.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TextureMethod {
-    /// As a law over speed and force on a warped frequency axis, [`learn_law`], with crackle and lines fixed in space.
+    /// As a law over speed and force on a warped frequency axis, with crackle and lines fixed in space.
     Law(LawSettings),
     /// As in the thesis: segments, a model each, triangulated: [`learn_texture`].
     Thesis(TextureSettings),
