@@ -72,15 +72,27 @@ pub(super) const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// An event device and how it is understood.
 #[derive(Debug)]
-#[cfg_attr(
-    not(all(feature = "evdev", target_os = "linux")),
-    expect(dead_code, reason = "nothing is read without the feature")
-)]
 pub(super) struct Input {
     pub link: Arc<Link>,
     pub path: PathBuf,
     pub counts_per_mm: Option<f64>,
     pub pressed_n: f64,
+}
+
+/// Whether it is the same device, understood in the same way.
+impl PartialEq for Input {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.path, self.counts_per_mm, self.pressed_n)
+            == (&other.path, other.counts_per_mm, other.pressed_n)
+    }
+}
+
+/// A device whose events cannot be understood.
+pub(super) fn unknown_scale() -> std::io::Error {
+    std::io::Error::new(
+        std::io::ErrorKind::InvalidInput,
+        "it does not say how many counts a millimetre has; give `counts_per_mm`",
+    )
 }
 
 #[cfg(all(feature = "evdev", target_os = "linux"))]
@@ -91,8 +103,9 @@ pub(super) use reading::begin;
 pub(super) fn begin(
     _: &str,
     _: &Arc<Input>,
+    _: std::sync::mpsc::Receiver<Arc<Input>>,
     _: &Arc<std::sync::atomic::AtomicBool>,
-) -> std::io::Result<std::thread::JoinHandle<()>> {
+) -> std::io::Result<(std::thread::JoinHandle<()>, bool)> {
     Err(std::io::Error::other(
         "this program was built without it; on Linux, `cargo build --release --features evdev`",
     ))

@@ -101,7 +101,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
 }
 
 /// What is said where.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub(super) struct Addresses {
     position: String,
     force: String,

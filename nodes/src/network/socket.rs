@@ -10,6 +10,7 @@ use haptograph_engine::graph::Graph;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -25,6 +26,11 @@ pub(super) struct Plug {
 }
 
 impl Plug {
+    /// Would a conversation go on in the same way with both?
+    fn says_the_same(&self, other: &Self) -> bool {
+        (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
+    }
+
     /// Do both listen at the same place? At port 0 each has a free port of its own.
     fn shares_with(&self, link: &Arc<Link>, listen: SocketAddr) -> bool {
         Arc::ptr_eq(&self.link, link) || self.listen == listen && listen.port() != 0
@@ -32,12 +38,21 @@ impl Plug {
 }
 
 /// The language of a device.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Codec {
     /// The device protocol.
     Protocol,
     /// Open Sound Control.
     Osc(Arc<Addresses>),
+}
+
+impl Codec {
+    fn teller(&self) -> Option<Teller> {
+        match self {
+            Self::Protocol => None,
+            Self::Osc(addresses) => addresses.teller(),
+        }
+    }
 }
 
 /// The longest that the thread waits before it looks whether it should end, or has something to tell.
@@ -67,15 +82,20 @@ struct Listening {
 #[derive(Debug)]
 struct Reading {
     input: Arc<Input>,
+    /// Does the device say how many counts a millimetre has?
+    states_scale: bool,
+    /// Tells the thread of other settings.
+    edits: Sender<Arc<Input>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 #[derive(Debug)]
 struct Connection {
-    link: Arc<Link>,
     /// As the graph gives it.
-    listen: SocketAddr,
+    plug: Plug,
+    /// Tells the thread of other settings.
+    edits: Sender<Plug>,
     /// With the port that the system chose for port 0.
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
@@ -116,13 +136,26 @@ impl Connections {
         self.heard.truncate(before.heard);
     }
 
-    /// Takes over the names that the graph, which runs, has for its devices. Packets of devices that it does not have are
-    /// counted on, and they are there when a graph has them again.
-    pub fn rename_for(&mut self, graph: &Graph) {
+    /// Takes over the names and settings that the graph, which runs, has for its devices. Packets of devices that it does
+    /// not have are counted on, and they are there when a graph has them again.
+    pub fn follow(&mut self, graph: &Graph) {
         for (device, way) in remotes(graph) {
             let link = match way {
-                Way::Socket(plug) => &plug.link,
-                Way::Input(input) => &input.link,
+                Way::Socket(plug) => {
+                    let same =
+                        |known: &&mut Connection| plug.shares_with(&known.plug.link, known.plug.listen);
+                    if let Some(known) = self.list.iter_mut().find(same) {
+                        known.follow(plug);
+                    }
+                    &plug.link
+                }
+                Way::Input(input) => {
+                    let same = |known: &&mut Reading| Arc::ptr_eq(&known.input.link, &input.link);
+                    if let Some(known) = self.inputs.iter_mut().find(same) {
+                        known.follow(input);
+                    }
+                    &input.link
+                }
             };
             if let Some(known) = self.heard.iter_mut().find(|known| Arc::ptr_eq(&known.link, link)) {
                 device.clone_into(&mut known.device);
@@ -144,11 +177,10 @@ impl Connections {
                 }
                 Way::Input(input) => {
                     // What is read already goes on, for whoever has its link.
-                    if !self
-                        .inputs
-                        .iter()
-                        .any(|known| Arc::ptr_eq(&known.input.link, &input.link))
-                    {
+                    let same = |known: &&Reading| Arc::ptr_eq(&known.input.link, &input.link);
+                    if let Some(known) = self.inputs.iter().find(same) {
+                        known.understands(device, input)?;
+                    } else {
                         self.inputs.push(Reading::begin(device, input)?);
                         let place = input.path.display().to_string();
                         self.listen(device, place, &input.link);
@@ -157,7 +189,7 @@ impl Connections {
             }
         }
         for (device, plug) in plugs {
-            let is_it = |known: &Connection| plug.shares_with(&known.link, known.listen);
+            let is_it = |known: &Connection| plug.shares_with(&known.plug.link, known.plug.listen);
             if !self.list.iter().any(is_it) {
                 let connection = Connection::open(device, plug)?;
                 let place = connection.bound.to_string();
@@ -203,16 +235,40 @@ fn remotes(graph: &Graph) -> impl Iterator<Item = (&str, &Way)> {
 impl Reading {
     fn begin(device: &str, input: &Arc<Input>) -> Result<Self, NetworkError> {
         let stop = Arc::new(AtomicBool::new(false));
-        let thread = evdev::begin(device, input, &stop).map_err(|error| NetworkError::Input {
-            device: device.to_owned(),
-            path: input.path.clone(),
-            error,
-        })?;
+        let (edits, edited) = channel();
+        let begun = evdev::begin(device, input, edited, &stop);
+        let (thread, states_scale) = begun.map_err(|error| failed(device, input, error))?;
         Ok(Self {
             input: Arc::clone(input),
+            states_scale,
+            edits,
             stop,
             thread: Some(thread),
         })
+    }
+
+    /// Can the device be read with these settings?
+    fn understands(&self, device: &str, input: &Input) -> Result<(), NetworkError> {
+        match input.counts_per_mm.is_some() || self.states_scale {
+            true => Ok(()),
+            false => Err(failed(device, input, evdev::unknown_scale())),
+        }
+    }
+
+    fn follow(&mut self, input: &Arc<Input>) {
+        if *self.input != **input {
+            self.input = Arc::clone(input);
+            // A thread that is gone follows nothing.
+            let _ = self.edits.send(Arc::clone(input));
+        }
+    }
+}
+
+fn failed(device: &str, input: &Input, error: std::io::Error) -> NetworkError {
+    NetworkError::Input {
+        device: device.to_owned(),
+        path: input.path.clone(),
+        error,
     }
 }
 
@@ -243,17 +299,26 @@ impl Connection {
         let bound = socket.local_addr().map_err(failed)?;
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, theirs) = (Arc::clone(&stop), plug.clone());
+        let (edits, edited) = channel();
         let thread = std::thread::Builder::new()
             .name(format!("network {device}"))
-            .spawn(move || Conversation::new(theirs, &socket).hold(&flag))
+            .spawn(move || Conversation::new(theirs, &socket).hold(&edited, &flag))
             .map_err(failed)?;
         Ok(Self {
-            link: Arc::clone(&plug.link),
-            listen: plug.listen,
+            plug: plug.clone(),
+            edits,
             bound,
             stop,
             thread: Some(thread),
         })
+    }
+
+    fn follow(&mut self, plug: &Plug) {
+        if !self.plug.says_the_same(plug) {
+            self.plug = plug.clone();
+            // A thread that is gone follows nothing.
+            let _ = self.edits.send(plug.clone());
+        }
     }
 }
 
@@ -281,12 +346,9 @@ struct Conversation<'a> {
 
 impl<'a> Conversation<'a> {
     fn new(plug: Plug, socket: &'a UdpSocket) -> Self {
-        let teller = match &plug.codec {
-            Codec::Protocol => None,
-            Codec::Osc(addresses) => addresses.teller(),
-        };
         Self {
             device: plug.only,
+            teller: plug.codec.teller(),
             plug,
             socket,
             heard: None,
@@ -295,13 +357,15 @@ impl<'a> Conversation<'a> {
             driven: [0.0; DRIVEN],
             driven_version: (0, None),
             told: 0,
-            teller,
         }
     }
 
-    fn hold(mut self, stop: &AtomicBool) {
+    fn hold(mut self, edits: &Receiver<Plug>, stop: &AtomicBool) {
         let mut bytes = vec![0; MAX_BYTES];
         while !stop.load(Ordering::Relaxed) {
+            if let Some(plug) = edits.try_iter().last() {
+                self.follow(plug);
+            }
             match self.socket.recv_from(&mut bytes) {
                 Ok((length, from)) => self.hear(&bytes[..length], from),
                 Err(error) if is_passing(&error) => {}
@@ -310,6 +374,11 @@ impl<'a> Conversation<'a> {
             }
             self.tell();
         }
+        self.release();
+    }
+
+    /// Tells the device that nothing drives it any more.
+    fn release(&mut self) {
         self.driven = [0.0; DRIVEN];
         if let Some(teller) = &self.teller {
             // One of them will arrive.
@@ -319,6 +388,16 @@ impl<'a> Conversation<'a> {
             // Whether it arrives or not, the device has its own watchdog.
             let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
         }
+    }
+
+    /// Goes on with other settings. Who is driven no more is told so, who is not listened to any more is forgotten.
+    fn follow(&mut self, plug: Plug) {
+        if plug.codec != self.plug.codec || plug.only != self.plug.only {
+            self.release();
+            (self.device, self.heard) = (plug.only, None);
+            self.teller = plug.codec.teller();
+        }
+        self.plug = plug;
     }
 
     fn is_silent(&self) -> bool {

@@ -1,11 +1,12 @@
 //! Linux's events become positions and forces, on a thread of its own.
 
-use super::Input;
+use super::{Input, unknown_scale};
 use crate::network::link::SENSED;
 use evdev::{AbsInfo, AbsoluteAxisCode, EventSummary, KeyCode, RelativeAxisCode};
 use std::io::{Error, ErrorKind, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -104,14 +105,18 @@ impl Open {
     fn new(input: &Input) -> Result<Self> {
         let device = evdev::Device::open(&input.path)?;
         device.set_nonblocking(true)?;
-        let abilities = abilities(&device)?;
-        let tip = Tip::new(input, &abilities).ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidInput,
-                "it does not say how many counts a millimetre has; give `counts_per_mm`",
-            )
-        })?;
+        let tip = tip(&device, input)?;
         Ok(Self { device, tip })
+    }
+
+    /// The same with other settings; the tip is where it was.
+    fn with(self, input: &Input) -> Result<Self> {
+        let tip = tip(&self.device, input)?;
+        let tip = Tip {
+            sensed: self.tip.sensed,
+            ..tip
+        };
+        Ok(Self { tip, ..self })
     }
 
     /// Takes what happened since. Did anything?
@@ -129,6 +134,10 @@ impl Open {
             Err(error) => Err(error),
         }
     }
+}
+
+fn tip(device: &evdev::Device, input: &Input) -> Result<Tip> {
+    Tip::new(input, &abilities(device)?).ok_or_else(unknown_scale)
 }
 
 fn abilities(device: &evdev::Device) -> Result<Abilities> {
@@ -172,19 +181,28 @@ fn meaning(event: EventSummary) -> Option<Event> {
     })
 }
 
-/// Reads a device until `stop`, on a thread of its own; one that is pulled out is looked for.
+/// Reads a device until `stop`, on a thread of its own; one that is pulled out is looked for. Also says whether it states
+/// its scale.
 pub(in crate::network) fn begin(
     device: &str,
     input: &Arc<Input>,
+    edits: Receiver<Arc<Input>>,
     stop: &Arc<AtomicBool>,
-) -> Result<JoinHandle<()>> {
-    let mut open = Some(Open::new(input)?);
-    let (input, stop) = (Arc::clone(input), Arc::clone(stop));
-    std::thread::Builder::new()
+) -> Result<(JoinHandle<()>, bool)> {
+    let first = Open::new(input)?;
+    let place = abilities(&first.device)?.place;
+    let states_scale = place.is_some_and(|place| place.iter().all(|axis| axis.counts_per_mm.is_some()));
+    let mut open = Some(first);
+    let (mut input, stop) = (Arc::clone(input), Arc::clone(stop));
+    let thread = std::thread::Builder::new()
         .name(format!("input {device}"))
         .spawn(move || {
             let mut quiet = 0;
             while !stop.load(Relaxed) {
+                if let Some(edited) = edits.try_iter().last() {
+                    input = edited;
+                    open = open.and_then(|this| this.with(&input).ok());
+                }
                 let Some(this) = &mut open else {
                     std::thread::sleep(RETRY);
                     open = Open::new(&input).ok();
@@ -201,7 +219,8 @@ pub(in crate::network) fn begin(
                     Err(_) => open = None,
                 }
             }
-        })
+        })?;
+    Ok((thread, states_scale))
 }
 
 #[cfg(test)]
@@ -233,7 +252,15 @@ mod tests {
             counts_per_mm: None,
             pressed_n: 1.0,
         };
-        assert!(begin("stylus", &Arc::new(input), &Arc::default()).is_err());
+        assert!(
+            begin(
+                "stylus",
+                &Arc::new(input),
+                std::sync::mpsc::channel().1,
+                &Arc::default()
+            )
+            .is_err()
+        );
     }
 
     fn input(counts_per_mm: Option<f64>) -> Input {

@@ -28,7 +28,8 @@ impl Table {
         };
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        let thread = std::thread::spawn(move || Conversation::new(plug, &socket).hold(&flag));
+        let (_, edits) = channel();
+        let thread = std::thread::spawn(move || Conversation::new(plug, &socket).hold(&edits, &flag));
         let device = UdpSocket::bind("127.0.0.1:0").unwrap();
         device.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
         Self {
@@ -168,27 +169,83 @@ fn drives_that_nobody_renews_are_not_told_again() {
     table.end();
 }
 
-#[test]
-fn a_graph_that_is_not_run_after_all_leaves_no_socket_behind() {
+/// A graph of tablets with these endpoints.
+fn graph_of(endpoints: &[(&str, String)]) -> Graph {
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
+    let tablet =
+        |(name, _): &(&str, String)| format!(r#""{name}": Tablet(clock: "servo", endpoint: "{name}"), "#);
+    let endpoint = |(name, written): &(&str, String)| format!(r#""{name}": {written}, "#);
+    let nodes: String = endpoints.iter().map(tablet).collect();
+    let endpoints: String = endpoints.iter().map(endpoint).collect();
+    let text = format!(
+        r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{ {nodes} }},
+        endpoints: {{ "simulated": {{ {endpoints} }} }})"#
+    );
+    let document = Document::parse("g.ron", &text).unwrap();
+    check(&document, &crate::registry(), &CheckOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"))
+}
+
+#[test]
+fn other_settings_at_the_same_address_hold_from_the_edit_on() {
+    let told = UdpSocket::bind("127.0.0.1:0").unwrap();
+    told.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let send_to = told.local_addr().unwrap();
+    let listen = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let osc = |rest: &str| graph_of(&[("pen", format!(r#"OscDevice(listen: "{listen}", {rest})"#))]);
+    let before = osc(&format!(r#"position: "/old", send_to: "{send_to}""#));
+    let mut connections = Connections::default();
+    connections.connect(&before).unwrap();
+    let after = osc(r#"position: "/new""#);
+    connections.connect(&after).unwrap();
+    connections.follow(&after);
+    // The two share a link.
+    let link = match remotes(&after).next().unwrap().1 {
+        Way::Socket(plug) => Arc::clone(&plug.link),
+        Way::Input(_) => unreachable!("it is a socket"),
+    };
+    let device = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let (start, mut heard) = (Instant::now(), None);
+    while heard.is_none() && start.elapsed() < Duration::from_secs(30) {
+        for (addr, x_mm) in [("/old", 10.0), ("/new", 20.0)] {
+            let args = [x_mm, 0.0].map(rosc::OscType::Float).to_vec();
+            let message = rosc::OscMessage {
+                addr: addr.to_owned(),
+                args,
+            };
+            let bytes = rosc::encoder::encode(&rosc::OscPacket::Message(message)).unwrap();
+            device.send_to(&bytes, listen).unwrap();
+        }
+        std::thread::sleep(WAIT);
+        heard = link
+            .sensed
+            .look()
+            .map(|(_, sensed)| sensed[0])
+            .filter(|x_m| *x_m > 0.015);
+    }
+    assert_eq!(heard, Some(0.02), "at the new address");
+    assert_eq!(connections.list.len(), 1);
+    // Who was told of drives and is no more was told three times that they are zero, after whatever came before.
+    drop(connections);
+    told.set_nonblocking(true).unwrap();
+    let (mut last, mut bytes) = (Vec::new(), [0; 100]);
+    while let Ok((length, _)) = told.recv_from(&mut bytes) {
+        last = bytes[..length].to_vec();
+    }
+    assert!(last.starts_with(b"/brake"), "{last:?}");
+}
+
+#[test]
+fn a_graph_that_is_not_run_after_all_leaves_no_socket_behind() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let busy = socket.local_addr().unwrap();
     // The first is free as long as nobody else takes it.
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let graph = |names: &[(&str, SocketAddr)]| {
-        let (mut nodes, mut endpoints) = (String::new(), String::new());
-        for (name, listen) in names {
-            nodes += &format!(r#""{name}": Tablet(clock: "servo", endpoint: "{name}"), "#);
-            endpoints += &format!(r#""{name}": UdpDevice(listen: "{listen}"), "#);
-        }
-        let text = format!(
-            r#"Graph(format: 1, clocks: {{ "servo": Driver(rate_hz: 1000) }}, nodes: {{ {nodes} }},
-            endpoints: {{ "simulated": {{ {endpoints} }} }})"#
-        );
-        let document = Document::parse("g.ron", &text).unwrap();
-        check(&document, &crate::registry(), &CheckOptions::default())
-            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    let graph = |names: &[(&'static str, SocketAddr)]| {
+        let udp = |(name, listen): &(&'static str, SocketAddr)| {
+            (*name, format!(r#"UdpDevice(listen: "{listen}")"#))
+        };
+        graph_of(&names.iter().map(udp).collect::<Vec<_>>())
     };
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
     let mut connections = Connections::default();

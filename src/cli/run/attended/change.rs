@@ -152,7 +152,7 @@ impl Attended {
         let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
         match self.session.change(graph, &self.folder) {
             Ok(changed) => {
-                self.network.rename_for(graph);
+                self.network.follow(graph);
                 self.endpoints.add(graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
