@@ -1,7 +1,7 @@
 //! Files and lines of which no more is read than is meant to be: the only place where the library opens a file to
 //! read it.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
@@ -81,10 +81,28 @@ impl Read for Bounded {
 /// # Errors
 /// Those of the file system, and [`Refusal`].
 pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
-    let mut options = File::options();
-    options.read(true);
+    let file = open_regular(path, File::options().read(true))?;
+    if file.metadata()?.len() > max_bytes {
+        return Err(Refusal::TooLong { max_bytes }.into());
+    }
+    Ok(Bounded {
+        file,
+        max_bytes,
+        left: max_bytes,
+    })
+}
+
+/// Opens a regular file that is to be changed where it is. Never waits, as [`open`].
+///
+/// # Errors
+/// Those of the file system, and [`Refusal::NotRegular`].
+pub fn open_to_change(path: &Path) -> io::Result<File> {
+    open_regular(path, File::options().read(true).write(true))
+}
+
+fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
     #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
+    std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NONBLOCK | libc::O_NOCTTY);
     let opened = options.open(path);
     // Sockets cannot be opened at all, nor can folders everywhere.
     let metadata = match &opened {
@@ -98,15 +116,7 @@ pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
         let found = kind(metadata.file_type());
         return Err(Refusal::NotRegular { found }.into());
     }
-    if metadata.len() > max_bytes {
-        return Err(Refusal::TooLong { max_bytes }.into());
-    }
-    let left = max_bytes;
-    opened.map(|file| Bounded {
-        file,
-        max_bytes,
-        left,
-    })
+    opened
 }
 
 #[cfg(unix)]

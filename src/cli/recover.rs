@@ -11,7 +11,7 @@ use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
 use crate::surfaces::recording::assemble;
-use std::fs::{self, OpenOptions, TryLockError};
+use std::fs::{self, TryLockError};
 use std::path::{Path, PathBuf};
 
 /// Make usable what a run left that came to a sudden end
@@ -131,7 +131,7 @@ fn file(path: &Path, asked: bool) -> Option<Done> {
         return asked.then_some(Ok(text));
     }
     let failed = |error: &dyn std::fmt::Display| Some(Err(Failure::file("recover", path, error)));
-    let mut file = match OpenOptions::new().read(true).write(true).open(path) {
+    let mut file = match files::open_to_change(path) {
         Ok(file) => file,
         Err(error) => return failed(&error),
     };
