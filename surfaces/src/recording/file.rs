@@ -1,8 +1,9 @@
 //! Recordings on disk: what kind a file is, told by its content, and where reading failed.
 
 use super::csv::{self, Table};
+use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
-use super::{AnyRecording, ReadError, formats, read_archive, read_hatt, write_archive, write_csv};
+use super::{AnyRecording, ReadError, read_archive, read_hatt, write_archive, write_csv};
 use crate::files::write_atomically;
 use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader, Read};
@@ -55,7 +56,7 @@ fn with_neighbour(paths: &[PathBuf]) -> Vec<PathBuf> {
         let is_wav = path
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("wav"));
-        let tables = ["csv", "xlsx", "ods", "xls", "mat"].map(|extension| path.with_extension(extension));
+        let tables = ["csv", "xlsx", "mat"].map(|extension| path.with_extension(extension));
         all.extend(tables.into_iter().find(|table| is_wav && table.is_file()));
     }
     all
@@ -67,6 +68,8 @@ enum Kind {
     Archive,
     Hatt,
     Spreadsheet,
+    /// That is not read.
+    OtherSpreadsheet,
     Matlab,
     Wav,
     Csv,
@@ -80,9 +83,12 @@ fn kind(path: &Path) -> Result<Kind, LoadError> {
         .unwrap_or(start)
         .trim_ascii_start();
     Ok(match start {
-        [b'P', b'K', ..] if formats::is_spreadsheet(&all(path)?) => Kind::Spreadsheet,
-        [b'P', b'K', ..] => Kind::Archive,
-        [0xd0, 0xcf, 0x11, 0xe0, ..] => Kind::Spreadsheet,
+        [b'P', b'K', ..] => match formats::workbook(BufReader::new(file.get_ref().as_file())) {
+            Some(Workbook::Xlsx) => Kind::Spreadsheet,
+            Some(Workbook::Other) => Kind::OtherSpreadsheet,
+            None => Kind::Archive,
+        },
+        [0xd0, 0xcf, 0x11, 0xe0, ..] => Kind::OtherSpreadsheet,
         [b'R', b'I', b'F', b'F', ..] => Kind::Wav,
         [0x89, b'H', b'D', b'F', ..] => Kind::Matlab,
         _ if start.starts_with(b"MATLAB ") => Kind::Matlab,
@@ -97,6 +103,9 @@ fn table(path: &Path, import: &ImportSettings) -> Result<Table, LoadError> {
         Kind::Wav => formats::wav(&all(path)?, import),
         Kind::Matlab => formats::matlab(&all(path)?, import),
         Kind::Spreadsheet => formats::spreadsheet(&all(path)?, import),
+        Kind::OtherSpreadsheet => Err(ReadError::Io(
+            "of spreadsheets .xlsx alone is read; save it as that, or as CSV".to_owned(),
+        )),
         Kind::Archive | Kind::Hatt => Err(ReadError::Io(
             "this is a whole recording already; only tables can be joined".to_owned(),
         )),

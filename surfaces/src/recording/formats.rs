@@ -5,6 +5,8 @@ mod matlab;
 mod spreadsheet;
 mod wav;
 
+use std::io::{Read, Seek};
+
 pub(super) use matlab::matlab;
 pub(super) use wav::wav;
 
@@ -20,8 +22,21 @@ pub(super) fn spreadsheet(
     Err(super::ReadError::Io(message.to_owned()))
 }
 
-/// Whether a ZIP archive is a spreadsheet: names of members stand in it as they are.
-pub(super) fn is_spreadsheet(bytes: &[u8]) -> bool {
-    let has = |name: &[u8]| bytes.windows(name.len()).any(|window| window == name);
-    has(b"xl/workbook") || has(b"opendocument.spreadsheet")
+/// What a ZIP archive holds besides a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Workbook {
+    /// The kind that is read.
+    Xlsx,
+    Other,
+}
+
+/// The workbook that a ZIP archive is, if it is one.
+pub(super) fn workbook(archive: impl Read + Seek) -> Option<Workbook> {
+    let archive = zip::ZipArchive::new(archive).ok()?;
+    let has = |name: &str| archive.index_for_name(name).is_some();
+    match () {
+        () if has("xl/workbook.xml") => Some(Workbook::Xlsx),
+        () if has("xl/workbook.bin") || has("content.xml") => Some(Workbook::Other),
+        () => None,
+    }
 }

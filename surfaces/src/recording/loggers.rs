@@ -466,3 +466,18 @@ fn a_spreadsheet_is_a_table_and_its_errors_name_the_cell() {
         (33, 1)
     );
 }
+
+#[test]
+fn other_spreadsheets_are_refused_with_what_to_do() {
+    let folder = Folder::new();
+    let old = folder.with("old.xls", [&[0xd0, 0xcf, 0x11, 0xe0][..], &[0; 600]].concat());
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(vec![]));
+    archive
+        .start_file("content.xml", zip::write::SimpleFileOptions::default())
+        .expect("memory");
+    let open = folder.with("open.ods", archive.finish().expect("memory").into_inner());
+    for path in [old, open] {
+        let error = read(&[path], &ImportSettings::default()).expect_err("it is not read");
+        assert!(error.to_string().contains("save it as"), "{error}");
+    }
+}

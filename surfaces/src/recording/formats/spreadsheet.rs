@@ -2,24 +2,19 @@
 
 use super::super::csv::{Cells, Table, number_of};
 use super::super::{ImportSettings, ReadError};
-use calamine::{Cell, Data, DataRef, Range, Reader, Sheets, Xlsx, open_workbook_auto_from_rs};
+use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx};
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read, Seek};
+use std::io::{Cursor, Read, Seek, copy, sink};
+use zip::ZipArchive;
 
 /// Reads rows below a header; lines `# key: value` above it are in the first column.
 pub(in crate::recording) fn spreadsheet(bytes: &[u8], import: &ImportSettings) -> Result<Table, ReadError> {
-    let wrong = |message: String| ReadError::Io(message);
-    let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
-        .map_err(|e| wrong(format!("the spreadsheet is damaged: {e}")))?;
-    let sheet = match &mut book {
-        Sheets::Xlsx(book) => first_sheet(book),
-        Sheets::Xlsb(_) => Err("it is a binary workbook; save it as .xlsx".to_owned()),
-        other => other
-            .worksheet_range_at(0)
-            .unwrap_or_else(|| Ok(Range::empty()))
-            .map_err(|e| e.to_string()),
-    };
-    let sheet = sheet.map_err(|why| wrong(format!("the first sheet cannot be read: {why}")))?;
+    let sheet = bounded(bytes, MOST_INFLATED).and_then(|()| {
+        let mut book =
+            Xlsx::new(Cursor::new(bytes)).map_err(|e| format!("the spreadsheet is damaged: {e}"))?;
+        first_sheet(&mut book).map_err(|why| format!("the first sheet cannot be read: {why}"))
+    });
+    let sheet = sheet.map_err(ReadError::Io)?;
     let first_row = sheet.start().map_or(0, |(row, _)| u64::from(row)) + 1;
     let mut cells = Cells::default();
     for (row, line) in sheet.rows().zip(first_row..) {
@@ -44,10 +39,29 @@ pub(in crate::recording) fn spreadsheet(bytes: &[u8], import: &ImportSettings) -
     Table::of_cells(cells, import)
 }
 
+/// What a workbook may inflate to, bytes: a few of the largest sheets that are read. Texts of all sheets are kept at once.
+const MOST_INFLATED: u64 = 1 << 29;
+
+/// Inflates all of it to nowhere, as what an archive says of its own length may be wrong.
+fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
+    let damaged = |e: &dyn std::fmt::Display| format!("the spreadsheet is damaged: {e}");
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(&e))?;
+    let mut left = most;
+    for member in 0..archive.len() {
+        let member = archive.by_index(member).map_err(|e| damaged(&e))?;
+        let inflated = copy(&mut member.take(left + 1), &mut sink()).map_err(|e| damaged(&e))?;
+        let room = left.checked_sub(inflated);
+        left = room.ok_or_else(|| {
+            format!("the spreadsheet is larger than {most} bytes when it is inflated; save it as CSV")
+        })?;
+    }
+    Ok(())
+}
+
 /// Cells of a sheet at most.
 const MOST_CELLS: usize = 1 << 24;
-/// Places of a sheet at most, for each cell in it and besides: all places within its extent take memory.
-const MOST_PLACES: [u64; 2] = [64, 1 << 20];
+/// Places of a sheet at most, for each cell in it and besides, and at all: all places within its extent take memory.
+const MOST_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
 
 /// The cells of the first sheet, bounded before memory is taken for its extent.
 fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, String> {
@@ -65,8 +79,8 @@ fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, String>
             return Err(format!("it has more than {MOST_CELLS} cells"));
         }
     }
-    let [of_each, besides] = MOST_PLACES;
-    if rows * columns > of_each * cells.len() as u64 + besides {
+    let [of_each, besides, at_all] = MOST_PLACES;
+    if rows * columns > (of_each * cells.len() as u64 + besides).min(at_all) {
         return Err(format!(
             "its {} cells lie in {rows} rows and {columns} columns",
             cells.len()
@@ -90,5 +104,26 @@ fn value(cell: &Data) -> f64 {
         Data::String(text) if text.trim().is_empty() => f64::NAN,
         Data::String(text) => number_of(text).unwrap_or(f64::INFINITY),
         _ => f64::INFINITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn what_a_workbook_inflates_to_is_bounded() {
+        let mut archive = zip::ZipWriter::new(Cursor::new(vec![]));
+        for name in ["xl/workbook.xml", "xl/sharedStrings.xml"] {
+            archive
+                .start_file(name, zip::write::SimpleFileOptions::default())
+                .unwrap();
+            archive.write_all(&[b' '; 500]).unwrap();
+        }
+        let bytes = archive.finish().unwrap().into_inner();
+        assert_eq!(bounded(&bytes, 1000), Ok(()));
+        assert!(bounded(&bytes, 999).is_err_and(|why| why.contains("999 bytes")));
+        assert!(bounded(&bytes[..bytes.len() / 2], 1000).is_err());
     }
 }
