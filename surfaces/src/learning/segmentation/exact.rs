@@ -268,7 +268,9 @@ impl<'a, E: Estimator> Search<'a, E> {
     fn limit(&self, extended: usize) -> f64 {
         let (cost, segments) = self.incumbent;
         let refund = if extended < segments - 1 {
-            Self::greatest_refund(segments, extended + 1, true)
+            // Which of the two is greater depends on whether a prefix of one segment is extended.
+            let of = |is_last| Self::greatest_refund(segments, extended + 1, is_last);
+            of(true).max(of(false))
         } else {
             0.0
         };

@@ -346,6 +346,24 @@ fn shortcuts_change_nothing() {
         .collect();
     let stationary: [Piece; 1] = [(0, &[-1.69, 0.81], 1.0)];
     let silence: [Piece; 3] = [(0, &[-0.9], 1.0), (2000, &[], 0.0), (3000, &[-0.9], 1.0)];
+    // A faint change: one segment and two cost nearly the same.
+    let faint = |more: f64| {
+        [
+            (0, &[-0.9][..], 1.0),
+            (400, &[-0.9], 1.0 + more),
+            (800, &[-0.9], 1.0),
+        ]
+    };
+    let faints: Vec<[Piece; 3]> = (0..40).map(|k| faint(0.02 * f64::from(k))).collect();
+    for (i, pieces) in faints.iter().enumerate() {
+        let signal = piecewise(1600, pieces, i as u64);
+        let settings = with(VarianceEstimate::default(), 20, 4, None);
+        assert_eq!(
+            best_on_grid::<ConditionalLeastSquares>(&signal, &settings, 20),
+            best_on_grid::<Unpruned>(&signal, &settings, 20),
+            "{i}"
+        );
+    }
     for (i, pieces) in [&many[..], &stationary, &silence].into_iter().enumerate() {
         let signal = piecewise(8000 + i, pieces, 5);
         for (span, step) in [(50, 20), (20, 20), (100, 50)] {
