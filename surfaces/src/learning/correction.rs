@@ -189,10 +189,15 @@ mod tests {
 
     #[test]
     fn what_no_neighbour_shares_is_mostly_not_corrected() {
-        // By chance a draw of noise looks smooth now and then.
-        let corrected = (0..20).filter(|seed| Correction::fit(&stretches(|_| 0.0, 0.5, *seed)).is_some());
-        let corrected = corrected.count();
-        assert!(corrected <= 10, "{corrected} of 20");
+        // By chance a draw of noise looks smooth now and then; what is then made up for is a fraction of the noise.
+        let sizes: Vec<f64> = (0..20)
+            .map(|seed| {
+                let correction = Correction::fit(&stretches(|_| 0.0, 0.5, seed));
+                correction.map_or(0.0, |found| found.at(&Place::new(0.7, 0.3))[0].abs())
+            })
+            .collect();
+        assert!(sizes.iter().all(|log| *log < 0.4), "{sizes:?}");
+        assert!(sizes.iter().sum::<f64>() / 20.0 < 0.1, "{sizes:?}");
         assert!(Correction::fit(&stretches(|place| place[0], 0.0, 5)[..1]).is_none());
         assert!(Correction::fit(&[]).is_none());
     }

@@ -76,6 +76,7 @@ impl Fitted {
 ///
 /// # Errors
 /// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.
+#[cfg(test)]
 pub fn learn_law(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
@@ -85,7 +86,10 @@ pub fn learn_law(
     Ok((fitted.corrected().texture()?, report))
 }
 
-/// Fits the law alone. Errors are those of [`learn_law`].
+/// Fits the law alone.
+///
+/// # Errors
+/// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.
 pub(super) fn fit_law(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,
@@ -219,7 +223,8 @@ fn long_stretches(
                     dragged += weight;
                 }
             }
-            if dragged > 0.0 {
+            // What is seen is tapered: a touch in the first or last tenth alone would seem faint.
+            if dragged >= 0.5 {
                 stretches.push(Stretch {
                     place: place / dragged,
                     seen: spectrum.of(&signals.acceleration_m_s2[start..start + length]),

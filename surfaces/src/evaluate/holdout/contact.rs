@@ -267,7 +267,7 @@ fn tap_errors(train: &Taps, test: &[Tap]) -> (Vec<f64>, Vec<f64>) {
     ];
     let errors = methods.map(|method| {
         let found = test.iter().map(|tap| of(tap, &method(tap.speed_m_s)));
-        let (shape, level): (Vec<f64>, Vec<f64>) = found.unzip();
+        let (shape, level): (Vec<f64>, Vec<f64>) = found.filter(|(_, level)| level.is_finite()).unzip();
         (mean(&shape), mean(&level))
     });
     errors.into_iter().unzip()
@@ -312,6 +312,10 @@ fn friction_errors(train: &[Sliding], test: &[Sliding], fits: &[FrictionFit]) ->
     coefficients.insert(1, mean(&ratios));
     let square = |value: &dyn Fn(&Sliding) -> f64| test.iter().map(|m| value(m).powi(2)).sum::<f64>();
     let recorded = square(&|m| m.tangential_n);
+    // At one speed or one force only nothing lies beyond the median.
+    if recorded == 0.0 {
+        return None;
+    }
     let error = |mu: f64| 100.0 * (square(&|m| m.tangential_n - mu * m.normal_n) / recorded).sqrt();
     Some(coefficients.into_iter().map(error).collect())
 }
