@@ -8,7 +8,6 @@ use crate::node::NodeEntry;
 pub struct Registry {
     nodes: Vec<NodeEntry>,
     devices: Vec<DeviceEntry>,
-    twice: Vec<&'static str>,
 }
 
 impl Registry {
@@ -19,18 +18,12 @@ impl Registry {
 
     /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
     pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
-        if self.node(entry.spec.name).is_some() {
-            self.twice.push(entry.spec.name);
-        }
         self.nodes.push(entry);
         self
     }
 
     /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
     pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
-        if self.device(entry.spec.name).is_some() {
-            self.twice.push(entry.spec.name);
-        }
         self.devices.push(entry);
         self
     }
@@ -41,9 +34,17 @@ impl Registry {
         self.add(entry)
     }
 
-    /// The names that were added twice.
-    pub(crate) fn twice(&self) -> &[&'static str] {
-        &self.twice
+    /// Puts a device kind in the place of the one of the same name, if there is one.
+    pub fn replace_device(&mut self, entry: DeviceEntry) -> &mut Self {
+        self.devices.retain(|known| known.spec.name != entry.spec.name);
+        self.add_device(entry)
+    }
+
+    /// The names that two kinds have, each once: of nodes, then of devices.
+    pub(crate) fn twice(&self) -> impl Iterator<Item = &'static str> {
+        let nodes = self.nodes.iter().map(|entry| entry.spec.name).collect();
+        let devices = self.devices.iter().map(|entry| entry.spec.name).collect();
+        repeated(nodes).chain(repeated(devices))
     }
 
     /// The node kind of this name.
@@ -65,4 +66,14 @@ impl Registry {
     pub fn devices(&self) -> &[DeviceEntry] {
         &self.devices
     }
+}
+
+fn repeated(mut names: Vec<&'static str>) -> impl Iterator<Item = &'static str> {
+    names.sort_unstable();
+    let chunks: Vec<_> = names
+        .chunk_by(|a, b| a == b)
+        .filter(|same| same.len() > 1)
+        .map(|same| same[0])
+        .collect();
+    chunks.into_iter()
 }

@@ -125,9 +125,9 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
 
 /// An error for each name that two kinds have: it has no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
-    registry.twice().iter().map(|name| {
+    registry.twice().map(|name| {
         let message = format!("two kinds are registered as `{name}`");
-        let help = "rename one where this program registers it, or take the place of the other by `Registry::replace`";
+        let help = "rename one where this program registers it, or take the place of the other by `Registry::replace` or `replace_device`";
         Diagnostic::error("E0212", Span::default(), message)
             .of_no_place()
             .help(help)
