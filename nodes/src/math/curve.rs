@@ -11,7 +11,7 @@ haptograph_engine::choices! {
     pub enum Between {
         /// A straight line.
         Linear,
-        /// A cubic that never leaves the range of the two points (Fritsch and Carlson 1980).
+        /// A cubic that never leaves the range of the two points (Fritsch and Butland 1984).
         Smooth,
         /// The value of the point before.
         Hold,
@@ -52,7 +52,7 @@ impl NodeKind for Curve {
         group: "math",
         doc: "A function of a scalar that is given by points: the characteristic of a sensor, the profile of a surface over \
               position, a force over depth.",
-        source: "Fritsch and Carlson, Monotone piecewise cubic interpolation, 1980 (`Smooth`)",
+        source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Scalar),
             ..any_input("input", "Where on the curve, x.")
@@ -117,7 +117,7 @@ fn slopes(points: &[[f64; 2]]) -> Vec<f64> {
         .map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         .collect();
     let at = |i: usize| match (i.checked_sub(1).map(|before| steps[before]), steps.get(i)) {
-        (Some(a), Some(b)) if a * b > 0.0 => 2.0 * a * b / (a + b),
+        (Some(a), Some(&b)) if (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0) => 2.0 / (1.0 / a + 1.0 / b),
         (Some(_), Some(_)) => 0.0,
         (Some(a), None) => a,
         (None, Some(b)) => *b,
