@@ -19,6 +19,7 @@ mod output;
 mod progress;
 mod recording;
 mod recover;
+mod remarks;
 mod run;
 mod segment;
 mod simulate_recording;
@@ -34,6 +35,7 @@ use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
 use crate::signal::files;
 use clap::{ArgMatches, Args};
+pub(crate) use remarks::remark;
 use std::collections::HashSet;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -69,7 +71,9 @@ pub fn main(registry: &Registry) -> ExitCode {
         .subcommand()
         .and_then(|(name, matches)| Some((commands.iter().find(|command| command.name == name)?, matches)));
     let result = chosen.map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
-    result.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+    let code = result.map_or_else(Failure::report, |()| ExitCode::SUCCESS);
+    remarks::settle();
+    code
 }
 
 /// All commands, in the order of the help.
@@ -127,7 +131,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// What is wrong with a graph.
     #[error("{0}")]
     Graph(Diagnostics),
@@ -150,12 +154,12 @@ pub enum Failure {
 
 impl Failure {
     /// A failure to do something with a file.
-    pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
+    pub(crate) fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
     }
 
     /// Says it on standard error, and gives the code to exit with.
-    pub fn report(self) -> ExitCode {
+    pub(crate) fn report(self) -> ExitCode {
         if let Self::Usage(error) = self {
             // As `Parser::parse` does it, with its colours and code.
             let _ = error.print();
@@ -168,8 +172,7 @@ impl Failure {
             Self::Shown(text) => text.clone(),
             Self::Reported | Self::BrokenPipe => String::new(),
         };
-        // Where standard error is closed there is nobody left to tell.
-        let _ = std::io::stderr().write_all(text.as_bytes());
+        remark(&text);
         match self {
             Self::BrokenPipe => ExitCode::SUCCESS,
             _ => ExitCode::FAILURE,
@@ -178,7 +181,9 @@ impl Failure {
 }
 
 /// Writes to standard output; a reader that has gone away ends the command quietly.
-pub fn say(text: &str) -> Result<(), Failure> {
+pub(crate) fn say(text: &str) -> Result<(), Failure> {
+    // In the order in which it was said, where both go to one place.
+    remarks::settle();
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
@@ -189,21 +194,15 @@ pub fn say(text: &str) -> Result<(), Failure> {
 }
 
 /// One line of JSON on standard output.
-pub fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+pub(crate) fn say_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(value)
         .map_err(|error| Failure::Message(format!("cannot say it as JSON: {error}")))?;
     say(&(text + "\n"))
 }
 
-/// Says something on standard error that is no failure.
-pub fn remark(text: &str) {
-    // A remark that nobody can read is no reason to stop.
-    let _ = std::io::stderr().write_all(text.as_bytes());
-}
-
 /// Which graph, and with what in place of its defaults.
 #[derive(Debug, Clone, Args)]
-pub struct GraphArguments {
+pub(crate) struct GraphArguments {
     /// The graph file
     pub graph: PathBuf,
     /// Give a parameter of the graph another value; can be repeated
@@ -224,7 +223,10 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 }
 
 /// Refuses to be told a thing twice: one of the two would be meant.
-pub fn refuse_repeated<'a>(flag: &str, names: impl IntoIterator<Item = &'a str>) -> Result<(), Failure> {
+pub(crate) fn refuse_repeated<'a>(
+    flag: &str,
+    names: impl IntoIterator<Item = &'a str>,
+) -> Result<(), Failure> {
     let mut seen = HashSet::new();
     match names.into_iter().find(|name| !seen.insert(*name)) {
         None => Ok(()),
@@ -236,12 +238,12 @@ pub fn refuse_repeated<'a>(flag: &str, names: impl IntoIterator<Item = &'a str>)
 
 impl GraphArguments {
     /// Refuses a parameter that is set twice.
-    pub fn refuse_repeated(&self) -> Result<(), Failure> {
+    pub(crate) fn refuse_repeated(&self) -> Result<(), Failure> {
         refuse_repeated("--set", self.set.iter().map(|(name, _)| name.as_str()))
     }
 
     /// The graph, proved sound.
-    pub fn load(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Diagnostics> {
+    pub(crate) fn load(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Diagnostics> {
         let document = Document::load(&self.graph, &LoadOptions::default())?;
         let options = CheckOptions {
             set: self.set.clone(),
@@ -253,12 +255,12 @@ impl GraphArguments {
     }
 
     /// The set of endpoints to bind to.
-    pub fn endpoints(&self) -> &str {
+    pub(crate) fn endpoints(&self) -> &str {
         self.endpoints.as_deref().unwrap_or("simulated")
     }
 
     /// The same for a live run: with the live endpoints, where the graph has them and no others were asked for.
-    pub fn for_live(&self) -> Result<Self, Failure> {
+    pub(crate) fn for_live(&self) -> Result<Self, Failure> {
         let mut live = self.clone();
         if live.endpoints.is_none() {
             let document = Document::load(&self.graph, &LoadOptions::default()).map_err(Failure::Graph)?;
@@ -268,20 +270,20 @@ impl GraphArguments {
     }
 
     /// The graph, its warnings said on standard error.
-    pub fn load_and_warn(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Failure> {
+    pub(crate) fn load_and_warn(&self, registry: &Registry, seed: Option<u64>) -> Result<Graph, Failure> {
         let graph = self.load(registry, seed).map_err(Failure::Graph)?;
         warn(&graph);
         Ok(graph)
     }
 
     /// Refuses to write over a file that the graph is read from.
-    pub fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
+    pub(crate) fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
         let read = graph.nodes().node_weights().flat_map(|node| &node.files);
         spare(read.chain([&self.graph]), output)
     }
 
     /// The file's name without its extension.
-    pub fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         self.graph
             .file_stem()
             .map_or_else(|| "graph".to_owned(), |stem| stem.to_string_lossy().into_owned())
@@ -289,14 +291,14 @@ impl GraphArguments {
 }
 
 /// Says what a sound graph is warned about.
-pub fn warn(graph: &Graph) {
+pub(crate) fn warn(graph: &Graph) {
     if !graph.warnings().is_empty() {
         remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
     }
 }
 
 /// What a sound graph was warned about.
-pub fn warnings(graph: &Graph) -> Diagnostics {
+pub(crate) fn warnings(graph: &Graph) -> Diagnostics {
     Diagnostics {
         sources: graph.sources().clone(),
         list: graph.warnings().to_vec(),
@@ -304,12 +306,12 @@ pub fn warnings(graph: &Graph) -> Diagnostics {
 }
 
 /// All bytes of a file.
-pub fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read(path, files::MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))
 }
 
 /// Refuses an output that is one of the inputs.
-pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
+pub(crate) fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Result<(), Failure> {
     // What cannot be resolved does not exist yet.
     let Ok(target) = output.canonicalize() else {
         return Ok(());
@@ -325,7 +327,7 @@ pub fn spare(inputs: impl IntoIterator<Item: AsRef<Path>>, output: &Path) -> Res
 }
 
 /// The folder of a file that is to be written: before the work, so that none is lost for a name.
-pub fn folder_of(path: &Path) -> Result<&Path, Failure> {
+pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

@@ -2,6 +2,8 @@
 #![cfg(unix)]
 
 use std::fs::{self, File};
+#[cfg(target_os = "linux")]
+use std::io::Write;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -160,5 +162,85 @@ fn a_signal_at_any_moment_leaves_a_whole_run_or_a_named_one_or_none() {
         // A share of the time that the run takes, up to a little more than all of it.
         let share = f64::from((seed >> 33) as u32) / f64::from(1_u32 << 31) * 1.1;
         strike(folder.path(), ["INT", "TERM"][number % 2], took.mul_f64(share));
+    }
+}
+
+/// Waits until a command hears ctrl-C, and says it to it.
+#[cfg(target_os = "linux")]
+fn interrupt_when_heard(child: &Child) {
+    let status = format!("/proc/{}/status", child.id());
+    let hears = || {
+        let status = fs::read_to_string(&status).expect("the child's status");
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16).expect("a mask");
+        // SIGINT is 2, whose bit is the second.
+        caught & 2 != 0
+    };
+    let begun = Instant::now();
+    while !hears() {
+        assert!(begun.elapsed() < PATIENCE, "it never hears ctrl-C");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = Command::new("kill")
+        .args(["-s", "INT", &child.id().to_string()])
+        .status();
+    assert!(sent.expect("kill").success());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_stop_waits_for_nobody_who_should_read_what_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("g.ron"), GRAPH).unwrap();
+    let fifo = folder.path().join("fifo");
+    assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    // A pipe that holds as much as it can.
+    let mut full = fs::OpenOptions::new().read(true).write(true).open(&fifo).unwrap();
+    full.write_all(&vec![b' '; 65_536]).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
+    command
+        .args(["run", "g.ron", "--live", "--out", "out"])
+        .current_dir(folder.path());
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    let mut run = command.stderr(full.try_clone().unwrap()).spawn().unwrap();
+    interrupt_when_heard(&run);
+    let status = end(&mut run);
+    assert!(status.is_some_and(|it| it.success()), "{status:?}");
+    assert!(is_complete(&folder.path().join("out")));
+    assert_eq!(names(folder.path()), ["fifo", "g.ron", "out"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_ctrl_c_cut_short_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let swept = GRAPH.replace("frequency_hz: 5", r#"frequency_hz: Param("f")"#);
+    let swept = swept.replace("format: 1,", r#"format: 1, parameters: { "f": 5.0 },"#);
+    fs::write(folder.path().join("g.ron"), swept).unwrap();
+    let values: Vec<String> = (1..=200).map(|f| f.to_string()).collect();
+    let over = format!("f={}", values.join(","));
+    let sweep = [
+        "sweep", "g.ron", "--over", &over, "--for", "600", "--out", "swept",
+    ];
+    let simulate = [
+        "simulate-recording",
+        "--material",
+        "canvas",
+        "--motion",
+        "drag",
+        "--seconds",
+        "3600",
+        "-o",
+        "take.npz",
+    ];
+    for (arguments, made) in [(&sweep[..], "swept/run.json"), (&simulate[..], "take.npz")] {
+        let said = folder.path().join("said");
+        let mut run = start(folder.path(), arguments, &said);
+        interrupt_when_heard(&run);
+        let status = end(&mut run);
+        let said = fs::read_to_string(said).unwrap();
+        assert!(status.is_some_and(|it| it.success()), "{status:?}: {said}");
+        assert!(said.contains("warning: stopped after"), "{said}");
+        assert!(folder.path().join(made).is_file(), "{said}");
     }
 }

@@ -1,6 +1,6 @@
 //! A panic is a fault of haptograph: what it said is kept, and told where that holds up nothing.
 
-use super::remark;
+use super::remarks::{at_once, remark};
 use std::panic::PanicHookInfo;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,7 +19,7 @@ pub fn listen() {
         if !LIVE.load(Ordering::Relaxed) {
             let trace = std::backtrace::Backtrace::capture();
             let is_wanted = trace.status() == std::backtrace::BacktraceStatus::Captured;
-            remark(&if is_wanted {
+            at_once(&if is_wanted {
                 format!("{text}{trace}\n")
             } else {
                 text
@@ -68,7 +68,8 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
 fn words(at: &str, thread: &str, message: &str) -> String {
     format!(
         "error: haptograph {} panicked{at}, on the thread `{thread}`: {message}\n\
-         This is a fault of haptograph. Please report it where you have haptograph from, with these lines and the graph.\n",
+         This is a fault of the code that stands there. Where that is haptograph's, please report it where you have \
+         haptograph from, with these lines and the graph.\n",
         env!("CARGO_PKG_VERSION")
     )
 }

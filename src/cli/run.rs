@@ -23,7 +23,7 @@ pub mod summary;
 mod watch;
 
 use super::output::{self, Force};
-use super::{Failure, GraphArguments, remark, say};
+use super::{Failure, GraphArguments, remark, remarks, say};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
@@ -303,6 +303,7 @@ pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
         }
     })
     .map_err(|error| Failure::Message(format!("cannot listen for ctrl-C: {error}")))?;
+    remarks::queue(&stop).map_err(|error| Failure::Message(format!("cannot begin a thread: {error}")))?;
     Ok(stop)
 }
 

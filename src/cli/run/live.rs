@@ -154,7 +154,7 @@ fn run_with(
     let mut summary = Summary::of(&arguments, &graph, &ended.outcome, took_s);
     summary.set_endpoints(attended.endpoints);
     facts.extend(facts_of(&ended));
-    facts.push(("panics", "Panics of haptograph", json!(attended.panics)));
+    facts.push(("panics", "Panics", json!(attended.panics)));
     notes.extend(warnings_of(&ended));
     summary.add(facts, notes);
     made.kept.complete(&arguments, &graph, &summary)?;
