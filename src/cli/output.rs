@@ -26,16 +26,31 @@ pub struct Force {
 pub struct Output {
     path: PathBuf,
     force: Force,
+    /// Folders that were made for it, innermost first; they go again where nothing was written.
+    made: Vec<PathBuf>,
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        // One that is not empty stays, and with it those around it.
+        let _ = self.made.iter().try_for_each(fs::remove_dir);
+    }
 }
 
 impl Output {
     /// Sees to it before the work that a file can be written and loses nobody anything.
     pub fn claim(path: &Path, force: Force) -> Result<Self, Failure> {
-        folder_of(path)?;
-        let place = replaceable(path, force)?;
-        tempfile::tempfile_in(folder_of(&place)?).map_err(|error| Failure::file("write", path, &error))?;
         let path = path.to_owned();
-        Ok(Self { path, force })
+        let made = Vec::new();
+        Self { path, force, made }.proved()
+    }
+
+    fn proved(self) -> Result<Self, Failure> {
+        folder_of(&self.path)?;
+        let place = replaceable(&self.path, self.force)?;
+        tempfile::tempfile_in(folder_of(&place)?)
+            .map_err(|error| Failure::file("write", &self.path, &error))?;
+        Ok(self)
     }
 
     /// Sees to the page `report.html` of a folder, which is made if need be.
@@ -46,8 +61,15 @@ impl Output {
                 folder.display()
             )));
         }
+        let path = folder.join("report.html");
+        let is_missing =
+            |folder: &&Path| !folder.as_os_str().is_empty() && fs::symlink_metadata(folder).is_err();
+        let missing = folder.ancestors().take_while(is_missing);
+        let made = missing.map(Path::to_owned).collect();
+        // From here on they go again.
+        let output = Self { path, force, made };
         fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
-        Self::claim(&folder.join("report.html"), force)
+        output.proved()
     }
 
     /// Writes the file whole or not at all; where it is, is returned.
@@ -86,7 +108,14 @@ pub fn place(from: &Path, to: &Path, force: Force) -> Result<PathBuf, Failure> {
         }
     };
     let noted = note(&place, |list, name| list.announce(name, from));
-    move_file(from, &place).map_err(|error| Failure::file("write", to, &error))?;
+    move_file(from, &place).map_err(|error| {
+        // Where that cannot be noted either, the list has a name too many.
+        let _ = note(&place, |list, name| {
+            list.withdraw(name);
+            Ok(())
+        });
+        Failure::file("write", to, &error)
+    })?;
     let noted = noted.and_then(|()| {
         note(&place, |list, name| {
             list.arrived(name);
@@ -213,6 +242,22 @@ mod tests {
             fs::write(&path, "edited").unwrap();
             assert_eq!(write(&path, "5", false), None);
         }
+    }
+
+    #[test]
+    fn a_folder_for_a_page_that_is_not_written_goes_again() {
+        let above = tempfile::tempdir().unwrap();
+        let (new, old) = (above.path().join("new/page"), above.path().join("old"));
+        fs::create_dir(&old).unwrap();
+        for folder in [&new, &old] {
+            drop(Output::claim_page(folder, Force::default()).unwrap());
+        }
+        assert!(!above.path().join("new").exists() && old.exists());
+        Output::claim_page(&new, Force::default())
+            .unwrap()
+            .write("page")
+            .unwrap();
+        assert_eq!(fs::read_to_string(new.join("report.html")).unwrap(), "page");
     }
 
     #[test]

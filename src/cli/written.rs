@@ -68,6 +68,11 @@ impl Written {
         }
     }
 
+    /// What was announced by this name does not come.
+    pub fn withdraw(&mut self, name: &Path) {
+        name.to_str().and_then(|text| self.coming.remove(text));
+    }
+
     /// Is this file in the list, and still as it was written?
     pub fn is_unchanged(&self, folder: &Path, name: &Path) -> bool {
         let noted = |list: &BTreeMap<String, String>| list.get(name.to_str()?).cloned();
