@@ -74,7 +74,7 @@ fn the_texturepad_leaves_sound_facts_and_a_page() {
     assert!(wav[100..].iter().any(|byte| *byte != 0), "silence");
     let facts: serde_json::Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
     assert_eq!(
-        (&facts["seconds"], &facts["simulated"]),
+        (&facts["seconds"], &facts["simulated_devices"]),
         (&0.7.into(), &true.into())
     );
 }

@@ -76,7 +76,7 @@ fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
         facts["packets"]["arm"]["accepted"].as_u64().unwrap() > 10,
         "{facts}"
     );
-    assert_eq!(facts["simulated"], false);
+    assert_eq!(facts["simulated_devices"], false);
     let latency = &facts["latencies_ms"]["arm to out"];
     let age_ms = latency["age_when_read"]["p50"].as_f64().unwrap();
     // Older than 2 s it counts as gone. How long the device takes to be driven is not known here.

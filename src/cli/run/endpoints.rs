@@ -74,7 +74,11 @@ impl Endpoints {
     pub fn facts(&self) -> [(&'static str, &'static str, Value); 3] {
         [
             ("devices", "Devices", self.to_json()),
-            ("simulated", "Simulated", json!(self.any_simulated())),
+            (
+                "simulated_devices",
+                "Simulated devices",
+                json!(self.any_simulated()),
+            ),
             ("real_devices", "Real devices", json!(self.any_real())),
         ]
     }

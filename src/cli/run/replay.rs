@@ -112,7 +112,9 @@ fn bounds(graph: &Graph, facts: &Value) -> Result<ReplayBounds, String> {
         format!("`driver_frames` is {frames}, and that is not {seconds} s at {rate_hz} Hz")
     })?;
     let none = |name: &str| facts[name] == 0;
-    let is_whole = none("swaps") && none("lost_callbacks") && facts["panics"] == json!([]);
+    // Panics were called faults before they were two things.
+    let panics = facts.get("panics").or_else(|| facts.get("faults"));
+    let is_whole = none("swaps") && none("lost_callbacks") && panics == Some(&json!([]));
     Ok(ReplayBounds {
         longest_s,
         frames: Some((frames, is_whole)),

@@ -152,7 +152,7 @@ impl Summary {
             .facts
             .iter()
             // Which devices are simulated and which are real stands beside each.
-            .filter(|(key, ..)| !["simulated", "real_devices"].contains(key))
+            .filter(|(key, ..)| !["simulated_devices", "real_devices"].contains(key))
             .filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
         Page {
             title: self.name.clone(),

@@ -27,15 +27,15 @@ fn a_live_run_of_real_devices_is_kept_and_others_are_replaced() {
     let run = |facts: &str| run(&target, &[(MARK, facts)]).unwrap().earlier;
     let kept = |name: &str| Some(parent.path().canonicalize().unwrap().join(name));
     // A real stylus and a simulated actuator.
-    let real = r#"{"live": true, "simulated": true, "real_devices": true}"#;
-    assert_eq!(run(r#"{"simulated": false, "real_devices": true}"#), None);
+    let real = r#"{"live": true, "simulated_devices": true, "real_devices": true}"#;
+    assert_eq!(run(r#"{"simulated_devices": false, "real_devices": true}"#), None);
     assert_eq!(
-        run(r#"{"live": true, "simulated": true, "real_devices": false}"#),
+        run(r#"{"live": true, "simulated_devices": true, "real_devices": false}"#),
         None
     );
     // No device at all.
     assert_eq!(
-        run(r#"{"live": true, "simulated": false, "real_devices": false}"#),
+        run(r#"{"live": true, "simulated_devices": false, "real_devices": false}"#),
         None
     );
     assert_eq!(run(real), None);
