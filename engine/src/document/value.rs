@@ -65,6 +65,7 @@ impl Value {
     ///
     /// # Errors
     /// Where it is not, or has brackets within more than 64 others.
+    #[doc(hidden)]
     pub fn parse(text: &str) -> Result<Self, Diagnostics> {
         let (mut sources, mut list) = (Sources::default(), Vec::new());
         let id = sources.add("text".into(), text.into());

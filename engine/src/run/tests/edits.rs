@@ -343,7 +343,7 @@ const BY_HAND: Wired = Wired {
     ask: 1.5,
 };
 
-/// What was tried by hand against heat that is forgotten; each is done several times over.
+/// Edits that might make a limiter forget heat; each is done several times over.
 const SEQUENCES: [(&str, &[Step]); 9] = [
     (
         "lower and raise the continuous limit",
@@ -402,7 +402,7 @@ const SEQUENCES: [(&str, &[Step]); 9] = [
 
 #[test]
 #[expect(clippy::print_stdout, reason = "which sequence it was, if one fails")]
-fn no_sequence_that_was_tried_by_hand_lets_an_actuator_exceed_the_limit_in_force() {
+fn no_known_sequence_of_edits_lets_an_actuator_exceed_the_limit_in_force() {
     for (name, steps) in SEQUENCES {
         for real in [false, true] {
             println!("{name}, real: {real}");
