@@ -8,7 +8,7 @@ use haptograph_engine::document::{Builder, Document, LoadOptions, Part, hold};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeIndex, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::Run;
+use haptograph_engine::run::{ControlError, Run};
 use realtime::allocations;
 use std::path::Path;
 use std::sync::Arc;
@@ -226,6 +226,9 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
         Err(HostError::Taken { .. })
     ));
     assert_eq!(force.set(f64::NAN), Err(Full::NotFinite));
+    assert_eq!(force.set_at(f64::NAN, 1.0), Err(Full::NotFinite));
+    assert_eq!(force.set_at(f64::INFINITY, 1.0), Err(Full::NotFinite));
+    assert_eq!(force.waiting(), 0);
     drop(force);
     let mut force = graph.input::<Scalar>("stylus.force").expect("it was let go");
     let wrong = Player::open(&graph, &PlayOptions::default().probe("texture/filter.sound")).err();
@@ -272,7 +275,9 @@ fn playing_allocates_nothing() {
     let mut force = graph.input::<Scalar>("stylus.force").expect("a force");
     let mut current = graph.output::<Scalar>("haptuator.current").expect("a current");
     let options = PlayOptions::default().probe("texture/filter.acceleration");
-    let (mut player, _session) = Player::open(&graph, &options).expect("plays");
+    let (mut player, mut session) = Player::open(&graph, &options).expect("plays");
+    let gain = session.settings().find(|live| live.name() == "out.gain").cloned();
+    let gain = gain.expect("a live gain");
     let mut vibration = player
         .probe::<Scalar>("texture/filter.acceleration")
         .expect("a probe");
@@ -280,10 +285,15 @@ fn playing_allocates_nothing() {
     let count = allocations(|| {
         for k in 0..50 {
             let _ = force.set(f64::from(k % 7));
+            let _ = session.set(gain.node, gain.setting, f64::from(k % 3) / 2.0);
             player.process(480);
             current.read(&mut frames);
             vibration.read(&mut frames);
         }
     });
     assert_eq!(count, 0);
+    let set = session.settings().find(|live| live.name() == "out.gain");
+    assert_eq!(set.map(|live| live.value), Some(0.5));
+    let unknown = session.set(gain.node, usize::MAX, 0.5);
+    assert_eq!(unknown, Err(ControlError::NotLive));
 }

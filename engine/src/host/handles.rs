@@ -129,8 +129,8 @@ pub enum Full {
     /// A second's worth of frames waits already: nobody calls [`Player::process`](super::Player::process).
     #[error("the queue is full: nobody processes")]
     Full,
-    /// A lane was infinite or no number.
-    #[error("a lane is infinite or no number")]
+    /// A lane, or the time that it was set for, was infinite or no number.
+    #[error("a lane or its time is infinite or no number")]
     NotFinite,
 }
 
@@ -213,6 +213,9 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, value: V) -> Result<(), Full> {
+        if !seconds.is_finite() {
+            return Err(Full::NotFinite);
+        }
         // A time that falls on a tick is that tick's, in spite of the last bit.
         let tick = (seconds.max(0.0) * self.end.rate.hz() - 1e-6).ceil().max(0.0);
         self.put(Due::Tick(tick as u64), value)

@@ -17,6 +17,7 @@ use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::{Graph, LiveSetting};
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
+use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -221,6 +222,17 @@ impl Session {
     /// The live settings, as they were set last.
     pub fn settings(&self) -> impl Iterator<Item = &LiveSetting> {
         self.controls.iter().flat_map(Control::settings)
+    }
+
+    /// Sets a live setting of a node, as [`LiveSetting`] has both. Real-time safe, unlike [`Session::set_by_name`].
+    ///
+    /// # Errors
+    /// As [`Control::set`].
+    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) -> Result<(), ControlError> {
+        let is_it = |live: &LiveSetting| (live.node, live.setting) == (node, setting);
+        let knows = |control: &&mut Control| control.settings().iter().any(is_it);
+        let control = self.controls.iter_mut().find(knows);
+        control.ok_or(ControlError::NotLive)?.set(node, setting, value)
     }
 
     /// Sets a live setting by its name: `out.gain`.
