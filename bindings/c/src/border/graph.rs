@@ -1,0 +1,212 @@
+//! Graphs.
+
+use super::memory::{self, Answer};
+use super::{Channel, Graph, GraphOptions, Status};
+use crate::failure::{Failure, guard};
+use crate::graphs::{self, Direction, Text, Wanted};
+use crate::table::{self, What};
+use std::ffi::c_char;
+use std::path::Path;
+
+/// # Safety
+/// The lists and texts in `options` are as the header says.
+unsafe fn wanted<'a>(options: &GraphOptions) -> Result<Wanted<'a>, Failure> {
+    // SAFETY: the condition of this function; so it is with each below.
+    let set = unsafe { memory::texts("set", options.set, options.set_count)? };
+    // SAFETY: as above.
+    let endpoints = unsafe { memory::maybe_text("endpoints", options.endpoints)? };
+    let hosted = (!options.hosted.is_null())
+        // SAFETY: as above.
+        .then(|| unsafe { memory::texts("hosted", options.hosted, options.hosted_count) });
+    Ok(Wanted {
+        set,
+        endpoints,
+        hosted: hosted.transpose()?,
+        seed: (options.has_seed != 0).then_some(options.seed),
+    })
+}
+
+/// Reads and checks a graph file. The graph is the caller's, to be freed by haptograph_graph_free(); nothing of the
+/// arguments is kept. Any thread; not real-time.
+///
+/// `path`: of the file; what it names is looked for beside it. `options`: null for none. `graph`: where the handle goes.
+/// HAPTOGRAPH_STATUS_GRAPH: the graph has errors, which haptograph_last_error_rendered() shows.
+///
+/// # Safety
+/// Every pointer that is not null points to what its type says, texts end with 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_open(
+    path: *const c_char,
+    options: *const GraphOptions,
+    graph: *mut Graph,
+) -> Status {
+    guard(|| {
+        // SAFETY: what the header asks of each pointer; so it is with each below.
+        let answer = unsafe { Answer::to(graph)? };
+        // SAFETY: as above.
+        let path = unsafe { memory::path("path", path)? };
+        // SAFETY: as above.
+        let wanted = unsafe { wanted(&memory::options(options)?)? };
+        let id = graphs::open(&Text::File(path), &wanted)?;
+        answer.write(Graph { id });
+        Ok(())
+    })
+}
+
+/// The same from a text in memory of `length` bytes, UTF-8, which need not end with 0. `name`: of the file that it stands
+/// for, in messages and for what it includes; null: "graph.ron" in the working folder. Any thread; not real-time.
+///
+/// # Safety
+/// As of haptograph_graph_open; `text` has `length` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_parse(
+    text: *const c_char,
+    length: usize,
+    name: *const c_char,
+    options: *const GraphOptions,
+    graph: *mut Graph,
+) -> Status {
+    guard(|| {
+        // SAFETY: what the header asks of each pointer; so it is with each below.
+        let answer = unsafe { Answer::to(graph)? };
+        // SAFETY: as above.
+        let text = unsafe { memory::sized_text("text", text, length)? };
+        let name = match name.is_null() {
+            true => Path::new("graph.ron"),
+            // SAFETY: as above.
+            false => unsafe { memory::path("name", name)? },
+        };
+        // SAFETY: as above.
+        let wanted = unsafe { wanted(&memory::options(options)?)? };
+        let id = graphs::open(&Text::Here(text, name), &wanted)?;
+        answer.write(Graph { id });
+        Ok(())
+    })
+}
+
+/// Frees a graph. Inputs, outputs and players of it go on. Any thread; not real-time.
+#[unsafe(no_mangle)]
+pub extern "C" fn haptograph_graph_free(graph: Graph) -> Status {
+    guard(|| table::free(graph.id, What::Graph))
+}
+
+/// Frames a second that haptograph_player_process() counts in, Hz. Any thread; not real-time.
+///
+/// # Safety
+/// `rate_hz` is null or of room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_rate(graph: Graph, rate_hz: *mut f64) -> Status {
+    guard(|| {
+        // SAFETY: what the header asks of it.
+        let answer = unsafe { Answer::to(rate_hz)? };
+        let rate_hz = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::rate_hz(graph)))?;
+        answer.write(rate_hz);
+        Ok(())
+    })
+}
+
+/// The warnings of a graph as on a terminal: copies at most `capacity` bytes and ends them with 0. `length`: how many
+/// bytes there are without that 0, or null. Any thread; not real-time.
+///
+/// # Safety
+/// `text` is null or of room for `capacity` bytes; `length` is null or of room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_warnings(
+    graph: Graph,
+    text: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+) -> Status {
+    guard(|| {
+        // SAFETY: what the header asks of it; so it is with each below.
+        let answer = unsafe { Answer::maybe_to(length)? };
+        let found = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::warnings(graph)))?;
+        answer.write(found.len());
+        if capacity == 0 {
+            return Ok(());
+        }
+        let cut = boundary(&found, capacity - 1);
+        let bytes: Vec<c_char> = found.as_bytes()[..cut]
+            .iter()
+            .map(|byte| *byte as c_char)
+            .collect();
+        let ended: Vec<c_char> = bytes.into_iter().chain([0]).collect();
+        // SAFETY: as above. Nobody wants to know how many these are.
+        let unwanted = unsafe { Answer::maybe_to(std::ptr::null_mut())? };
+        // SAFETY: as above.
+        unsafe { memory::copy(&ended, (text, capacity), &unwanted) }.map_err(Into::into)
+    })
+}
+
+/// The channels that nodes read and this program feeds: copies at most `capacity` of them. `count`: how many there are,
+/// or null. Any thread; not real-time.
+///
+/// # Safety
+/// `channels` is null or of room for `capacity` of them; `count` is null or of room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_inputs(
+    graph: Graph,
+    channels: *mut Channel,
+    capacity: usize,
+    count: *mut usize,
+) -> Status {
+    // SAFETY: the condition of this function.
+    guard(|| unsafe { list(graph, Direction::In, (channels, capacity), count) })
+}
+
+/// The channels that nodes drive and this program hears: as haptograph_graph_inputs().
+///
+/// # Safety
+/// As of haptograph_graph_inputs.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn haptograph_graph_outputs(
+    graph: Graph,
+    channels: *mut Channel,
+    capacity: usize,
+    count: *mut usize,
+) -> Status {
+    // SAFETY: the condition of this function.
+    guard(|| unsafe { list(graph, Direction::Out, (channels, capacity), count) })
+}
+
+/// # Safety
+/// `channels.0` is null or of room for `channels.1` of them; `count` is null or of room for a number.
+unsafe fn list(
+    graph: Graph,
+    direction: Direction,
+    channels: (*mut Channel, usize),
+    count: *mut usize,
+) -> Result<(), Failure> {
+    // SAFETY: the condition of this function; so it is below.
+    let answer = unsafe { Answer::maybe_to(count)? };
+    let found = table::graph(graph.id, |graph| {
+        Ok::<_, Failure>(graphs::channels(graph, direction))
+    })?;
+    let shown = |(name, channel): &(String, haptograph_engine::device::Channel)| Channel {
+        name: fixed(name),
+        unit: fixed(&channel.quantity.unit()),
+        components: channel.kind.width() as u32,
+    };
+    let found: Vec<Channel> = found.iter().map(shown).collect();
+    // SAFETY: as above.
+    unsafe { memory::copy(&found, channels, &answer) }.map_err(Into::into)
+}
+
+/// The bytes of the whole characters in so much room.
+fn boundary(text: &str, room: usize) -> usize {
+    (0..=room.min(text.len()))
+        .rev()
+        .find(|at| text.is_char_boundary(*at))
+        .unwrap_or(0)
+}
+
+/// As much of a text as finds room, ended with 0.
+fn fixed<const ROOM: usize>(text: &str) -> [c_char; ROOM] {
+    let mut fixed = [0; ROOM];
+    let cut = boundary(text, ROOM - 1);
+    fixed
+        .iter_mut()
+        .zip(&text.as_bytes()[..cut])
+        .for_each(|(to, byte)| *to = *byte as c_char);
+    fixed
+}

@@ -1,0 +1,256 @@
+//! From pointers to what safe code takes. Null and misaligned pointers, and lengths that no memory has, are refused; that
+//! the others point to what they say is the caller's duty, by the header.
+
+use crate::border::{GraphOptions, PlayOptions, Status};
+use crate::failure::Failure;
+use std::ffi::{CStr, c_char};
+use std::mem::MaybeUninit;
+use std::path::Path;
+
+/// More texts in a list are taken for a mistake.
+const MOST_TEXTS: usize = 1 << 16;
+
+fn refused(what: &str, why: &str) -> Failure {
+    Failure::new(Status::Argument, format_args!("`{what}` {why}"))
+}
+
+/// A text of the caller's.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of bytes that end with 0 and stay as they are for `'a`.
+pub unsafe fn bytes<'a>(what: &str, pointer: *const c_char) -> Result<&'a CStr, Failure> {
+    if pointer.is_null() {
+        return Err(refused(what, "is null"));
+    }
+    // SAFETY: it is not null; the rest is this function's own condition.
+    Ok(unsafe { CStr::from_ptr(pointer) })
+}
+
+/// A text in UTF-8.
+///
+/// # Safety
+/// As of [`bytes`].
+pub unsafe fn text<'a>(what: &str, pointer: *const c_char) -> Result<&'a str, Failure> {
+    // SAFETY: this function's own condition.
+    let bytes = unsafe { bytes(what, pointer)? };
+    bytes.to_str().map_err(|_| refused(what, "is no UTF-8"))
+}
+
+/// A text in UTF-8, or none.
+///
+/// # Safety
+/// As of [`bytes`].
+pub unsafe fn maybe_text<'a>(what: &str, pointer: *const c_char) -> Result<Option<&'a str>, Failure> {
+    // SAFETY: this function's own condition.
+    (!pointer.is_null())
+        .then(|| unsafe { text(what, pointer) })
+        .transpose()
+}
+
+/// A path: on Unix any bytes, elsewhere UTF-8.
+///
+/// # Safety
+/// As of [`bytes`].
+pub unsafe fn path<'a>(what: &str, pointer: *const c_char) -> Result<&'a Path, Failure> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt;
+        // SAFETY: this function's own condition.
+        let bytes = unsafe { bytes(what, pointer)? };
+        Ok(Path::new(std::ffi::OsStr::from_bytes(bytes.to_bytes())))
+    }
+    #[cfg(not(unix))]
+    {
+        // SAFETY: this function's own condition.
+        Ok(Path::new(unsafe { text(what, pointer)? }))
+    }
+}
+
+/// A text with a length.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of `length` bytes that stay as they are for `'a`.
+pub unsafe fn sized_text<'a>(what: &str, pointer: *const c_char, length: usize) -> Result<&'a str, Failure> {
+    if pointer.is_null() {
+        return Err(refused(what, "is null"));
+    }
+    if length > isize::MAX as usize {
+        return Err(refused(what, "is longer than any memory"));
+    }
+    // SAFETY: bytes are aligned anywhere, it is not null, and the length was checked; the rest is the condition.
+    let bytes = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), length) };
+    std::str::from_utf8(bytes).map_err(|_| refused(what, "is no UTF-8"))
+}
+
+/// A list of texts in UTF-8; of none, it may be null.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of `count` pointers, each as of [`bytes`].
+pub unsafe fn texts<'a>(
+    what: &str,
+    pointer: *const *const c_char,
+    count: usize,
+) -> Result<Vec<&'a str>, Failure> {
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    if pointer.is_null() || !pointer.is_aligned() {
+        return Err(refused(what, "is null or misaligned"));
+    }
+    if count > MOST_TEXTS {
+        return Err(refused(what, "has more than 65536 texts"));
+    }
+    // SAFETY: not null, aligned, and short; that there are so many is the condition.
+    let pointers = unsafe { std::slice::from_raw_parts(pointer, count) };
+    let read = |pointer: &*const c_char| {
+        // SAFETY: this function's own condition.
+        unsafe { text(what, *pointer) }
+    };
+    pointers.iter().map(read).collect()
+}
+
+fn has_memory(pointer: *const f64, length: usize) -> bool {
+    !pointer.is_null() && pointer.is_aligned() && length <= isize::MAX as usize / size_of::<f64>()
+}
+
+/// Values of the caller's. Real-time.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of `length` values that stay as they are for `'a`.
+pub unsafe fn values<'a>(pointer: *const f64, length: usize) -> Result<&'a [f64], Status> {
+    if !has_memory(pointer, length) {
+        return Err(Status::Argument);
+    }
+    // SAFETY: not null, aligned, no longer than memory; the rest is the condition.
+    Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
+}
+
+/// Room for values of the caller's. Real-time.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of room for `length` values that nobody else uses for `'a`.
+pub unsafe fn room<'a>(pointer: *mut f64, length: usize) -> Result<&'a mut [MaybeUninit<f64>], Status> {
+    if !has_memory(pointer, length) {
+        return Err(Status::Argument);
+    }
+    // SAFETY: not null, aligned, no longer than memory; what is there may be anything; the rest is the condition.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), length) })
+}
+
+/// Where an answer goes.
+pub struct Answer<T>(*mut T);
+
+impl<T: Copy> Answer<T> {
+    /// A place that has to be there.
+    ///
+    /// # Safety
+    /// Unless it is null, `pointer` is of room for a `T` that nobody else uses until the answer is written.
+    pub unsafe fn to(pointer: *mut T) -> Result<Self, Status> {
+        match pointer.is_null() || !pointer.is_aligned() {
+            true => Err(Status::Argument),
+            false => Ok(Self(pointer)),
+        }
+    }
+
+    /// A place that may be null, for answers that are not wanted.
+    ///
+    /// # Safety
+    /// As of [`Self::to`].
+    pub unsafe fn maybe_to(pointer: *mut T) -> Result<Self, Status> {
+        match pointer.is_aligned() {
+            true => Ok(Self(pointer)),
+            false => Err(Status::Argument),
+        }
+    }
+
+    /// Writes it.
+    pub fn write(&self, value: T) {
+        if !self.0.is_null() {
+            // SAFETY: it is aligned and not null; the rest whoever made this has answered for.
+            unsafe { self.0.write(value) };
+        }
+    }
+}
+
+/// Copies to the caller as many as there is room for, and says how many there are. Without room, `pointer` may be null.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of room for `capacity` of them that nobody else uses.
+pub unsafe fn copy<T: Copy>(
+    items: &[T],
+    (pointer, capacity): (*mut T, usize),
+    count: &Answer<usize>,
+) -> Result<(), Status> {
+    count.write(items.len());
+    if capacity == 0 {
+        return Ok(());
+    }
+    if pointer.is_null() || !pointer.is_aligned() {
+        return Err(Status::Argument);
+    }
+    let copied = items.len().min(capacity);
+    // SAFETY: the source has so many, the target too by the condition, and is not null but aligned; what was just made
+    // here does not lie where the caller's memory is.
+    unsafe { std::ptr::copy_nonoverlapping(items.as_ptr(), pointer, copied) };
+    Ok(())
+}
+
+/// A structure that begins with its own size.
+pub trait Options: Copy {
+    /// One that says nothing.
+    const NOTHING: Self;
+    fn size(&self) -> usize;
+}
+
+impl Options for GraphOptions {
+    const NOTHING: Self = Self {
+        size: size_of::<Self>(),
+        set: std::ptr::null(),
+        set_count: 0,
+        endpoints: std::ptr::null(),
+        hosted: std::ptr::null(),
+        hosted_count: 0,
+        has_seed: 0,
+        seed: 0,
+    };
+    fn size(&self) -> usize {
+        self.size
+    }
+}
+
+impl Options for PlayOptions {
+    const NOTHING: Self = Self {
+        size: size_of::<Self>(),
+        rested: 0,
+        block: 0,
+        seconds: 0.0,
+        folder: std::ptr::null(),
+        probes: std::ptr::null(),
+        probe_count: 0,
+    };
+    fn size(&self) -> usize {
+        self.size
+    }
+}
+
+/// Options of the caller's; null says nothing. A size that is not this version's is refused.
+///
+/// # Safety
+/// Unless it is null, `pointer` is of a `T`.
+pub unsafe fn options<T: Options>(pointer: *const T) -> Result<T, Failure> {
+    if pointer.is_null() {
+        return Ok(T::NOTHING);
+    }
+    if !pointer.is_aligned() {
+        return Err(refused("options", "is misaligned"));
+    }
+    // SAFETY: not null, aligned, and a `T` by the condition, all of whose fields take any bits.
+    let options = unsafe { pointer.read() };
+    match options.size() == size_of::<T>() {
+        true => Ok(options),
+        false => Err(refused(
+            "options",
+            "has another size than in this version: begin with HAPTOGRAPH_GRAPH_OPTIONS or HAPTOGRAPH_PLAY_OPTIONS",
+        )),
+    }
+}

@@ -1,0 +1,98 @@
+//! Graphs: reading and checking them, and what they have.
+
+use crate::border::Status;
+use crate::failure::Failure;
+use crate::table::{self, Entry};
+use haptograph_engine::device::Channel;
+use haptograph_engine::diagnostic::{Diagnostics, render};
+use haptograph_engine::document::{Document, LoadOptions};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
+use std::path::Path;
+
+/// Where a graph's text is.
+pub enum Text<'a> {
+    File(&'a Path),
+    /// A text, and the name of the file that it stands for.
+    Here(&'a str, &'a Path),
+}
+
+/// How it is to be checked.
+pub struct Wanted<'a> {
+    /// Each `name=value`.
+    pub set: Vec<&'a str>,
+    pub endpoints: Option<&'a str>,
+    /// None: every endpoint is the caller's.
+    pub hosted: Option<Vec<&'a str>>,
+    pub seed: Option<u64>,
+}
+
+impl Wanted<'_> {
+    fn options(&self) -> Result<CheckOptions, Failure> {
+        let mut options = CheckOptions::hosted();
+        for assignment in &self.set {
+            let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
+                let message = format_args!("`{assignment}` sets nothing: write it as NAME=VALUE");
+                return Err(Failure::new(Status::Argument, message));
+            };
+            if options.set.iter().any(|(known, _)| known == name) {
+                let message = format_args!("`{name}` is set twice: set it once");
+                return Err(Failure::new(Status::Argument, message));
+            }
+            options.set.push((name.to_owned(), value.to_owned()));
+        }
+        if let Some(endpoints) = self.endpoints {
+            options.endpoints = endpoints.to_owned();
+        }
+        if let Some(names) = &self.hosted {
+            options.hosted = Hosted::Also(names.iter().map(|name| (*name).to_owned()).collect());
+        }
+        options.seed = self.seed;
+        Ok(options)
+    }
+}
+
+/// Reads and checks a graph; its handle.
+pub fn open(text: &Text<'_>, wanted: &Wanted<'_>) -> Result<u64, Failure> {
+    let options = wanted.options()?;
+    let document = match text {
+        Text::File(path) => Document::load(path, &LoadOptions::default())?,
+        Text::Here(text, name) => Document::parse(name, text)?,
+    };
+    let graph = check(&document, &haptograph_nodes::registry(), &options)?;
+    Ok(table::insert(Entry::Graph(Box::new(graph)))?)
+}
+
+/// The warnings of a graph as on a terminal; empty where there are none.
+pub fn warnings(graph: &Graph) -> String {
+    match graph.warnings() {
+        [] => String::new(),
+        warnings => render(
+            &Diagnostics {
+                sources: graph.sources().clone(),
+                list: warnings.to_vec(),
+            },
+            false,
+        ),
+    }
+}
+
+/// Frames a second that a player of it counts in, Hz.
+pub fn rate_hz(graph: &Graph) -> f64 {
+    let driver = graph.drivers().first().copied().unwrap_or_default();
+    graph.clocks().get(driver).map_or(0.0, |clock| clock.rate.hz())
+}
+
+/// The channels that are the caller's.
+#[derive(Clone, Copy)]
+pub enum Direction {
+    In,
+    Out,
+}
+
+/// Those of one direction, by their full names.
+pub fn channels(graph: &Graph, direction: Direction) -> Vec<(String, Channel)> {
+    match direction {
+        Direction::In => graph.host_inputs().collect(),
+        Direction::Out => graph.host_outputs().collect(),
+    }
+}
