@@ -1,0 +1,15 @@
+// A thing that others listen to.
+export class Emitter {
+    #listeners = new Map();
+
+    // Calls `listener` with the value of every `type` from now on; returns what ends that.
+    on(type, listener) {
+        if (!this.#listeners.has(type)) this.#listeners.set(type, new Set());
+        this.#listeners.get(type).add(listener);
+        return () => this.#listeners.get(type).delete(listener);
+    }
+
+    emit(type, value) {
+        for (const listener of this.#listeners.get(type) ?? []) listener(value);
+    }
+}

@@ -1,0 +1,80 @@
+// Which ports the engine sends, and the traces of what it sent. A port that several panels show is sent once.
+import { Trace } from "./trace.js";
+
+const MOST_PORTS = 16;
+const UNSETTLED_MS = 250; // how long messages that were under way may still follow the list before
+
+export class Taps {
+    #connection;
+    #slots = []; // { trace, since_ms }: the places of the latest list
+    #pending = false;
+    #offset_s = null; // run time less the page's own
+
+    constructor(connection) {
+        this.#connection = connection;
+        connection.on("samples", (frame) => this.#take(frame));
+        connection.on("graph", () => this.#restart());
+        connection.on("lost", () => (this.#offset_s = null));
+    }
+
+    // The trace of a port, sent from now on until it is released; null where all places are taken.
+    watch(name, raw = false) {
+        let slot = this.#slots.find(({ trace }) => trace.name === name && trace.raw === raw);
+        if (!slot) {
+            if (this.#slots.length >= MOST_PORTS) return null;
+            slot = { trace: new Trace(name, raw), since_ms: performance.now() };
+            this.#slots.push(slot);
+            this.#announce();
+        }
+        slot.trace.users++;
+        return slot.trace;
+    }
+
+    // Ends one use. The last place moves into the one that is free, so the others keep theirs.
+    release(trace) {
+        if (!trace || --trace.users > 0) return;
+        const at = this.#slots.findIndex((slot) => slot.trace === trace);
+        if (at < 0) return;
+        const last = this.#slots.pop();
+        if (last.trace !== trace) this.#slots[at] = { trace: last.trace, since_ms: performance.now() };
+        this.#announce();
+    }
+
+    // The traces that are sent now.
+    get traces() {
+        return this.#slots.map(({ trace }) => trace);
+    }
+
+    // The run's time, as smooth as the page's own clock.
+    now_s() {
+        return performance.now() / 1000 + (this.#offset_s ?? 0);
+    }
+
+    #announce() {
+        if (this.#pending) return;
+        this.#pending = true;
+        queueMicrotask(() => {
+            this.#pending = false;
+            this.#connection.send({ type: "scope", ports: this.#slots.map(({ trace: { name, raw } }) => ({ name, raw })) });
+        });
+    }
+
+    #restart() {
+        for (const { trace } of this.#slots) trace.clear();
+        this.#offset_s = null;
+        this.#announce();
+    }
+
+    #take(frame) {
+        const slot = this.#slots[frame.place];
+        if (!slot || performance.now() - slot.since_ms < UNSETTLED_MS) return;
+        slot.trace.push(frame);
+        this.#follow(slot.trace.end_s - performance.now() / 1000);
+    }
+
+    #follow(offset_s) {
+        const error_s = this.#offset_s === null ? Infinity : offset_s - this.#offset_s;
+        if (Math.abs(error_s) > 0.3) this.#offset_s = offset_s;
+        else this.#offset_s += error_s * (error_s > 0 ? 0.05 : 0.005);
+    }
+}
