@@ -1,0 +1,48 @@
+// Making and finding elements. Text from the engine enters the page here only, as text.
+export const find = (id) => document.getElementById(id);
+
+// An element `tag`; `properties` are attributes, `on...` listeners, `text`; `children` are elements or strings.
+export function make(tag, properties = {}, ...children) {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(properties)) {
+        if (value === null || value === undefined || value === false) continue;
+        if (name === "text") element.textContent = value;
+        else if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+        else if (name in element && typeof value !== "string") element[name] = value;
+        else element.setAttribute(name, value);
+    }
+    element.append(...children.filter((child) => child !== null && child !== undefined));
+    return element;
+}
+
+// Sets text only where it changed, so that a screen reader is not told the same again.
+export function setText(element, text) {
+    if (element.textContent !== text) element.textContent = text;
+}
+
+// Is the person writing there?
+export function takesText(element) {
+    return element instanceof HTMLElement && (element.isContentEditable || element.tagName === "TEXTAREA" || element.tagName === "SELECT"
+        || (element.tagName === "INPUT" && !["range", "checkbox", "file", "button"].includes(element.type)));
+}
+
+// What a browser keeps for this page; nothing where it is not allowed to.
+export const kept = {
+    get(key, otherwise) {
+        try {
+            return JSON.parse(localStorage.getItem(`studio.${key}`)) ?? otherwise;
+        } catch {
+            return otherwise;
+        }
+    },
+    set(key, value) {
+        try {
+            localStorage.setItem(`studio.${key}`, JSON.stringify(value));
+        } catch {
+            // Private windows keep nothing; the page works without.
+        }
+    },
+};
+
+// An SVG text as the address of an image: in an image no script runs and nothing is loaded.
+export const imageOf = (svg) => `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
