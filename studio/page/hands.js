@@ -1,0 +1,181 @@
+// From pointers and keys to hands on the pads: where, how hard, how tilted; sent at once.
+import { pointers } from "./frames.js";
+
+const REPEAT_MS = 20; // a hand that rests is sent again this often, so that it is not taken for a silent input
+const KEY_SPEED_MM_S = 80;
+const KEY_SPEED_FAST_MM_S = 240;
+const SPEED_WINDOW_MS = 45;
+const TRAIL_MS = 1600;
+
+export class Hands {
+    #connection;
+    #hands = new Map(); // by who moves it: a pointer's id, "keys", "demo"
+
+    constructor(connection) {
+        this.#connection = connection;
+        this.pads = [];
+        this.force_n = 1; // of whoever cannot press harder: mouse, finger, keys
+        this.allowed = () => true;
+        setInterval(() => this.#repeat(), REPEAT_MS);
+    }
+
+    // The hands that are down.
+    get down() {
+        return [...this.#hands.values()];
+    }
+
+    setPads(pads) {
+        this.liftAll();
+        this.pads = pads;
+    }
+
+    // Puts a hand on the first free pad; false where there is none.
+    press(who, sample) {
+        if (!this.allowed()) return false;
+        if (who !== "demo") this.lift("demo");
+        const taken = new Set(this.down.map((hand) => hand.pad));
+        const pad = this.pads.findIndex((_, i) => !taken.has(i));
+        if (pad < 0) return false;
+        this.#hands.set(who, { who, pad, samples: [], speed_mm_s: 0, sent_ms: 0 });
+        this.move(who, [sample]);
+        return true;
+    }
+
+    // Takes new samples of a hand, oldest first, and sends them.
+    move(who, samples) {
+        const hand = this.#hands.get(who);
+        if (!hand) return;
+        const last_ms = hand.samples.at(-1)?.time_ms ?? -Infinity;
+        const fresh = samples.filter((sample) => sample.time_ms > last_ms).map((sample) => this.#inside(hand.pad, sample));
+        if (fresh.length === 0) return;
+        hand.samples.push(...fresh);
+        this.#send(hand, fresh);
+        this.#measure(hand);
+    }
+
+    // Changes the force of a hand that stands still.
+    repress(who, force_n) {
+        const last = this.#hands.get(who)?.samples.at(-1);
+        if (last) this.move(who, [{ ...last, force_n, time_ms: performance.now() }]);
+    }
+
+    lift(who) {
+        const hand = this.#hands.get(who);
+        if (!hand) return;
+        this.#hands.delete(who);
+        const last = hand.samples.at(-1);
+        if (last) this.#send(hand, [{ ...last, force_n: 0, time_ms: performance.now() }]);
+    }
+
+    liftAll() {
+        for (const who of [...this.#hands.keys()]) this.lift(who);
+    }
+
+    #inside(pad, sample) {
+        const { width_mm, height_mm, force_n } = this.pads[pad];
+        const within = (value, most) => Math.max(-most, Math.min(most, value));
+        return {
+            ...sample,
+            x_mm: within(sample.x_mm, width_mm / 2),
+            y_mm: within(sample.y_mm, height_mm / 2),
+            force_n: Math.max(0, Math.min(sample.force_n, force_n)),
+        };
+    }
+
+    #send(hand, samples) {
+        hand.sent_ms = performance.now();
+        this.#connection.sendBinary(pointers(hand.pad, samples));
+    }
+
+    #repeat() {
+        const now_ms = performance.now();
+        for (const hand of this.down) {
+            if (now_ms - hand.sent_ms < REPEAT_MS) continue;
+            const last = hand.samples.at(-1);
+            this.#send(hand, [{ ...last, time_ms: now_ms }]);
+            if (now_ms - last.time_ms > SPEED_WINDOW_MS) hand.speed_mm_s = 0;
+        }
+    }
+
+    // Length of the way in the last few hundredths of a second over its time.
+    #measure(hand) {
+        const end = hand.samples.at(-1);
+        while (hand.samples.length > 2 && end.time_ms - hand.samples[0].time_ms > TRAIL_MS) hand.samples.shift();
+        let way_mm = 0, i = hand.samples.length - 1;
+        for (; i > 0 && end.time_ms - hand.samples[i - 1].time_ms < SPEED_WINDOW_MS; i--) {
+            const [a, b] = [hand.samples[i - 1], hand.samples[i]];
+            way_mm += Math.hypot(b.x_mm - a.x_mm, b.y_mm - a.y_mm);
+        }
+        const time_ms = end.time_ms - hand.samples[i].time_ms;
+        hand.speed_mm_s = time_ms > 0 ? (1000 * way_mm) / time_ms : 0;
+    }
+}
+
+// Pointer Events on `element`; `toMm(clientX, clientY)` says where on the pad that is.
+export function followPointers(element, hands, toMm) {
+    const sampleOf = (event, force_n) => ({
+        ...toMm(event.clientX, event.clientY),
+        time_ms: event.timeStamp,
+        force_n,
+        tilt_x_deg: event.tiltX || 0,
+        tilt_y_deg: event.tiltY || 0,
+    });
+    const forceOf = (event) => (event.pointerType === "pen" ? event.pressure * (hands.pads[0]?.force_n ?? 1) : hands.force_n);
+    const samplesOf = (event) => {
+        const events = event.getCoalescedEvents?.() ?? [];
+        return (events.length ? events : [event]).map((each) => sampleOf(each, forceOf(each)));
+    };
+    const move = (event) => hands.move(event.pointerId, samplesOf(event));
+    const lift = (event) => hands.lift(event.pointerId);
+    element.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0 || event.target.closest("button")) return;
+        event.preventDefault();
+        element.focus({ preventScroll: true });
+        element.setPointerCapture(event.pointerId);
+        hands.press(event.pointerId, sampleOf(event, forceOf(event)));
+    });
+    // Not held back until the next frame where the browser can do that; pointermove brings what is left.
+    element.addEventListener("pointerrawupdate", move);
+    element.addEventListener("pointermove", move);
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) element.addEventListener(type, lift);
+    for (const type of ["contextmenu", "dragstart", "selectstart"]) element.addEventListener(type, (event) => event.preventDefault());
+    window.addEventListener("blur", () => hands.liftAll());
+    window.addEventListener("pagehide", () => hands.liftAll());
+    document.addEventListener("visibilitychange", () => document.hidden && hands.liftAll());
+}
+
+// Arrow keys held on `element` move a hand that presses; `changeForce(steps)` is for plus and minus.
+export function followKeys(element, hands, changeForce) {
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const held = new Set();
+    const at = { x_mm: 0, y_mm: 0, tilt_x_deg: 0, tilt_y_deg: 0 };
+    let fast = false, last_ms = 0;
+    const step = (now_ms) => {
+        if (held.size === 0) return hands.lift("keys");
+        const [dx, dy] = [...held].reduce(([x, y], key) => [x + ways[key][0], y + ways[key][1]], [0, 0]);
+        const way_mm = ((fast ? KEY_SPEED_FAST_MM_S : KEY_SPEED_MM_S) * Math.min(now_ms - last_ms, 50)) / 1000 / (Math.hypot(dx, dy) || 1);
+        const { width_mm, height_mm } = hands.pads[0] ?? { width_mm: 0, height_mm: 0 };
+        at.x_mm = Math.max(-width_mm / 2, Math.min(width_mm / 2, at.x_mm + dx * way_mm));
+        at.y_mm = Math.max(-height_mm / 2, Math.min(height_mm / 2, at.y_mm + dy * way_mm));
+        last_ms = now_ms;
+        hands.move("keys", [{ ...at, time_ms: performance.now(), force_n: hands.force_n }]);
+        requestAnimationFrame(step);
+    };
+    element.addEventListener("keydown", (event) => {
+        fast = event.shiftKey;
+        if (event.key === "+" || event.key === "-") return changeForce(event.key === "+" ? 1 : -1);
+        if (event.key === "Home") [at.x_mm, at.y_mm] = [0, 0];
+        if (!(event.key in ways)) return;
+        event.preventDefault();
+        if (held.size === 0 && hands.press("keys", { ...at, time_ms: performance.now(), force_n: hands.force_n })) {
+            last_ms = performance.now();
+            requestAnimationFrame(step);
+        }
+        held.add(event.key);
+    });
+    element.addEventListener("keyup", (event) => {
+        fast = event.shiftKey;
+        held.delete(event.key);
+    });
+    element.addEventListener("blur", () => held.clear());
+}

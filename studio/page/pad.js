@@ -1,0 +1,218 @@
+// The pad: a picture of the surface, the hands on it, and the force of those that cannot press.
+import { DemoHand } from "./demo.js";
+import { find, imageOf, setText } from "./dom.js";
+import { everyFrame } from "./frame.js";
+import { followKeys, followPointers, Hands } from "./hands.js";
+import { digits } from "./numbers.js";
+import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
+
+const MARGIN = 14;
+const GRID_MM = 10;
+const TRAIL_MS = 1600;
+// On a picture of a surface the colours are the same by day and night.
+const HAND_INKS = ["#c2500c", "#1c5ba0", "#0f6d57", "#8f3f8a"];
+const HALO = "#ffffff";
+const MARK = "#1c242c";
+
+export function mountPad(studio) {
+    const hands = new Hands(studio.connection);
+    const place = { left: 0, top: 0, scale: 1, width_mm: 100, height_mm: 60 };
+    const element = find("pad");
+    const canvas = new Surface(find("pad-canvas"), () => layOut(canvas, hands, place));
+    hands.allowed = () => studio.mayTouch();
+    const toMm = (clientX, clientY) => {
+        const box = element.getBoundingClientRect();
+        return {
+            x_mm: (clientX - box.left - place.left) / place.scale - place.width_mm / 2,
+            y_mm: place.height_mm / 2 - (clientY - box.top - place.top) / place.scale,
+        };
+    };
+    followPointers(element, hands, toMm);
+    const force = mountForce(studio, hands, element);
+    followKeys(element, hands, force.change);
+    const demo = mountDemo(studio, hands);
+    studio.on("graph", (graph) => {
+        if (JSON.stringify(graph.pads) !== JSON.stringify(hands.pads)) {
+            hands.setPads(graph.pads);
+            force.show();
+        }
+        layOut(canvas, hands, place);
+        showSwatch(studio);
+    });
+    mountPhoto(studio);
+    everyFrame((now_ms) => draw(canvas, hands, place, now_ms, demo.running));
+    return { hands, demo };
+}
+
+// The largest rectangle of the pad's proportions.
+function layOut(canvas, hands, place) {
+    const { width_mm, height_mm } = hands.pads[0] ?? { width_mm: 160, height_mm: 100 };
+    const scale = Math.max(0.1, Math.min((canvas.width - 2 * MARGIN) / width_mm, (canvas.height - 2 * MARGIN) / height_mm));
+    const [width, height] = [width_mm * scale, height_mm * scale];
+    find("main").style.setProperty("--aspect", String(height_mm / width_mm));
+    Object.assign(place, { scale, width_mm, height_mm, left: (canvas.width - width) / 2, top: (canvas.height - height) / 2 });
+    Object.assign(find("pad-swatch").style, {
+        left: `${place.left}px`, top: `${place.top}px`, width: `${width}px`, height: `${height}px`,
+    });
+}
+
+// The surface that runs, as a picture: a photograph where the user gave one, else its swatch.
+function showSwatch(studio) {
+    const surface = studio.currentSurface();
+    const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
+    find("pad-swatch").style.backgroundImage = picture ? `url("${picture}")` : "none";
+    setText(find("pad-surface-name"), surface?.name ?? studio.graph?.pads[0]?.endpoint ?? "");
+}
+
+function mountPhoto(studio) {
+    studio.usePhoto = (file) => {
+        if (studio.photo) URL.revokeObjectURL(studio.photo);
+        studio.photo = URL.createObjectURL(file);
+        showSwatch(studio);
+    };
+    find("photo").addEventListener("change", (event) => event.target.files[0] && studio.usePhoto(event.target.files[0]));
+}
+
+// The slider of force: finer for small forces, as the hand is.
+function mountForce(studio, hands, element) {
+    const slider = find("force");
+    const most = () => hands.pads[0]?.force_n ?? 5;
+    const show = () => {
+        hands.force_n = Math.min(hands.force_n, most());
+        slider.value = 1000 * Math.sqrt(hands.force_n / most());
+        slider.setAttribute("aria-valuetext", `${digits(hands.force_n)} newtons`);
+        setText(find("force-text"), `${hands.force_n.toFixed(2)} N`);
+        for (const { who } of hands.down) {
+            if (who !== "demo" && who !== studio.penDown) hands.repress(who, hands.force_n);
+        }
+    };
+    const set = (force_n) => {
+        hands.force_n = Math.max(0.02, Math.min(most(), force_n));
+        show();
+    };
+    slider.addEventListener("input", () => set(most() * (slider.value / 1000) ** 2));
+    const change = (steps) => set(hands.force_n * 1.12 ** steps);
+    element.addEventListener("pointerdown", (event) => (studio.penDown = event.pointerType === "pen" ? event.pointerId : null));
+    element.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        change(-Math.sign(event.deltaY));
+    }, { passive: false });
+    show();
+    return { show, change };
+}
+
+function mountDemo(studio, hands) {
+    const demo = new DemoHand(hands);
+    const button = find("demo");
+    button.addEventListener("click", () => (demo.running ? demo.stop() : demo.start()));
+    everyFrame(() => {
+        const pressed = String(demo.running);
+        if (button.getAttribute("aria-pressed") === pressed) return;
+        button.setAttribute("aria-pressed", pressed);
+        setText(button, demo.running ? "Stop stroking" : "Let it stroke");
+    });
+    return demo;
+}
+
+function draw(canvas, hands, place, now_ms, simulated) {
+    const context = canvas.begin();
+    if (!context) return;
+    drawGrid(context, place);
+    for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
+    if (simulated) haloText(context, "simulated hand", place.left + 12, place.top + 20, MARK, HALO);
+}
+
+function drawGrid(context, place) {
+    const { left, top, scale, width_mm, height_mm } = place;
+    context.lineWidth = 1;
+    for (let mm = 0; mm <= width_mm / 2; mm += GRID_MM) {
+        for (const x of new Set([mm, -mm])) line(context, left + (width_mm / 2 + x) * scale, top, 0, height_mm * scale, mm);
+    }
+    for (let mm = 0; mm <= height_mm / 2; mm += GRID_MM) {
+        for (const y of new Set([mm, -mm])) line(context, left, top + (height_mm / 2 - y) * scale, width_mm * scale, 0, mm);
+    }
+    const [x, y] = [left + 14, top + height_mm * scale - 14];
+    context.strokeStyle = HALO;
+    context.lineWidth = 5;
+    bar(context, x, y, GRID_MM * scale);
+    context.strokeStyle = MARK;
+    context.lineWidth = 2;
+    bar(context, x, y, GRID_MM * scale);
+    context.font = FONT;
+    haloText(context, `${GRID_MM} mm`, x + GRID_MM * scale + 8, y + 4, MARK, HALO);
+}
+
+function line(context, x, y, dx, dy, mm) {
+    context.strokeStyle = mm % 50 === 0 ? "rgb(20 28 36 / .22)" : "rgb(20 28 36 / .09)";
+    context.beginPath();
+    context.moveTo(Math.round(x) + 0.5, Math.round(y) + 0.5);
+    context.lineTo(Math.round(x + dx) + 0.5, Math.round(y + dy) + 0.5);
+    context.stroke();
+}
+
+function bar(context, x, y, width) {
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(x + width, y);
+    context.stroke();
+}
+
+function drawHand(context, hand, place, pad, now_ms) {
+    const ink = HAND_INKS[hand.pad % HAND_INKS.length];
+    const px = ({ x_mm, y_mm }) => [place.left + (x_mm + place.width_mm / 2) * place.scale, place.top + (place.height_mm / 2 - y_mm) * place.scale];
+    drawTrail(context, hand.samples, px, ink, now_ms);
+    const last = hand.samples.at(-1);
+    const [x, y] = px(last);
+    const radius = 7 + 30 * Math.sqrt(last.force_n / pad.force_n);
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.fillStyle = `color-mix(in srgb, ${ink} 22%, transparent)`;
+    context.fill();
+    context.lineWidth = 4.5;
+    context.strokeStyle = HALO;
+    context.stroke();
+    context.lineWidth = 2.2;
+    context.strokeStyle = ink;
+    context.stroke();
+    context.beginPath();
+    context.arc(x, y, 3, 0, 2 * Math.PI);
+    context.fillStyle = ink;
+    context.fill();
+    drawLabel(context, `${last.force_n.toFixed(2)} N   ${hand.speed_mm_s.toFixed(0)} mm/s`, x, y - radius - 14, place);
+}
+
+function drawTrail(context, samples, px, ink, now_ms) {
+    for (const [width, colour] of [[5, HALO], [2.4, ink]]) {
+        context.strokeStyle = colour;
+        for (let i = 1; i < samples.length; i++) {
+            const age = (now_ms - samples[i].time_ms) / TRAIL_MS;
+            if (age > 1) continue;
+            context.globalAlpha = (1 - Math.max(0, age)) ** 1.5 * (width > 3 ? 0.45 : 0.95);
+            context.lineWidth = width;
+            context.beginPath();
+            context.moveTo(...px(samples[i - 1]));
+            context.lineTo(...px(samples[i]));
+            context.stroke();
+        }
+    }
+    context.globalAlpha = 1;
+}
+
+// Force and speed on a small plate above the pen, or below it at the upper edge.
+function drawLabel(context, text, x, y, place) {
+    context.font = FONT_STRONG;
+    const width = context.measureText(text).width + 18;
+    const left = Math.max(6, Math.min(x - width / 2, place.left * 2 + place.width_mm * place.scale - width - 6));
+    const top = y - 13 < 4 ? y + 90 : y - 13;
+    context.beginPath();
+    context.roundRect(left, top, width, 24, 7);
+    context.globalAlpha = 0.92;
+    context.fillStyle = colours.box;
+    context.fill();
+    context.globalAlpha = 1;
+    context.lineWidth = 1;
+    context.strokeStyle = colours.frame;
+    context.stroke();
+    context.fillStyle = colours.ink;
+    context.fillText(text, left + 9, top + 16);
+}
