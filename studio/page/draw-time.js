@@ -1,0 +1,136 @@
+// A scope over time: least and most of every pixel's column, so that no peak is lost.
+import { roundUp, scaleOf, tickText, ticks } from "./numbers.js";
+import { colours, haloText } from "./theme.js";
+
+const INSET = { left: 46, right: 6, top: 5, bottom: 17 };
+export const LANE_INKS = ["ink0", "ink1", "ink2", "ink3", "ink4", "ink5"];
+
+// What is smaller than this fills no scope: at rest an axis is quiet.
+const LEAST_SHOWN = { m: 0.005, "m/s": 0.01, N: 0.05, "m/s²": 0.05, A: 1e-3, V: 1e-3 };
+
+// The box of a plot in a scope's canvas.
+export const boxOf = (surface) => ({
+    left: INSET.left, top: INSET.top, width: surface.width - INSET.left - INSET.right, height: surface.height - INSET.top - INSET.bottom,
+});
+
+// Draws `trace` from `end_s - span_s` to `end_s`. `memory` keeps the range between frames; `limits` are the actuator's.
+export function drawTime(context, surface, { trace, end_s, span_s, memory, limits, port, zoom }) {
+    const box = boxOf(surface);
+    const columns = columnsOf(trace, end_s, span_s, Math.max(1, Math.floor(box.width)));
+    memory.least ??= LEAST_SHOWN[port.unit] ?? 1e-6;
+    const range = rangeOf(columns, memory, limits, zoom);
+    const scale = scaleOf(port.unit, Math.max(Math.abs(range[0]), range[1]));
+    const y = (value) => box.top + (box.height * (range[1] - value)) / (range[1] - range[0]);
+    drawAxes(context, box, range, scale, span_s, y);
+    if (limits) drawLimits(context, box, range, limits, y);
+    context.save();
+    context.beginPath();
+    context.rect(box.left, box.top - 1, box.width, box.height + 2);
+    context.clip();
+    for (let lane = trace.lanes - 1; lane >= 0; lane--) drawLane(context, box, columns, lane, y);
+    context.restore();
+    if (trace.lanes > 1) drawNames(context, box, port.lanes);
+}
+
+// For every lane least and most of each column; NaN where there is nothing.
+function columnsOf(trace, end_s, span_s, width) {
+    const low = Array.from({ length: trace.lanes }, () => new Float32Array(width).fill(NaN));
+    const high = low.map((lane) => new Float32Array(lane));
+    let first = 0, last = 0;
+    const scale = width / span_s;
+    for (let back = 0; back < trace.count; back++) {
+        const x = Math.floor((trace.end_s - (back + 1) * trace.interval_s - end_s + span_s) * scale);
+        if (x >= width) continue;
+        if (x < 0) break;
+        const at = trace.place(back);
+        for (let lane = 0; lane < trace.lanes; lane++) {
+            const [least, most] = [trace.least[at + lane], trace.most[at + lane]];
+            if (!(low[lane][x] <= least)) low[lane][x] = least;
+            if (!(high[lane][x] >= most)) high[lane][x] = most;
+        }
+        last = Math.max(last, x);
+        first = x;
+    }
+    return { low, high, first, last, sparse: trace.interval_s * scale > 0.9 };
+}
+
+// Follows what is seen: wider at once, narrower slowly.
+function rangeOf({ low, high }, memory, limits, zoom) {
+    let [least, most] = [0, 0];
+    low.forEach((lane) => lane.forEach((value) => value < least && (least = value)));
+    high.forEach((lane) => lane.forEach((value) => value > most && (most = value)));
+    const two = least < -0.05 * most;
+    const wanted = Math.max(most, -least);
+    memory.size = Math.max(wanted, (memory.size ?? 0) * 0.985, limits ? limits.peak * 1e-3 : memory.least);
+    memory.two = two || (memory.two && wanted < memory.size * 0.2);
+    const size = roundUp(memory.size * 1.02) / zoom;
+    return memory.two ? [-size, size] : [least < 0 ? -size * 0.05 : 0, size];
+}
+
+function drawAxes(context, box, range, scale, span_s, y) {
+    context.lineWidth = 1;
+    context.textAlign = "right";
+    const [low, high] = range.map((value) => value * scale.factor);
+    const marks = ticks(low, high, Math.max(2, box.height / 34));
+    const step = marks.length > 1 ? marks[1] - marks[0] : 1;
+    for (const mark of marks) {
+        const at = Math.round(y(mark / scale.factor)) + 0.5;
+        context.strokeStyle = mark === 0 ? colours.axis : colours.grid;
+        context.beginPath();
+        context.moveTo(box.left, at);
+        context.lineTo(box.left + box.width, at);
+        context.stroke();
+        context.fillStyle = colours.soft;
+        if (at > box.top + 3) context.fillText(tickText(mark, step), box.left - 6, Math.min(at + 4, box.top + box.height + 4));
+    }
+    context.textAlign = "left";
+    context.fillText(scale.unit, 6, box.top + box.height + 14);
+    context.textAlign = "right";
+    context.fillText("now", box.left + box.width, box.top + box.height + 14);
+    context.fillText(`−${span_s < 1 ? `${Math.round(span_s * 1000)} ms` : `${span_s} s`}`, box.left + 34, box.top + box.height + 14);
+    context.textAlign = "left";
+}
+
+// The peak limit as a line, the continuous one dashed, where they are within what is shown.
+function drawLimits(context, box, range, limits, y) {
+    context.strokeStyle = colours.bad;
+    context.lineWidth = 1.2;
+    for (const [value, dash] of [[limits.peak, []], [-limits.peak, []], [limits.continuous, [5, 4]], [-limits.continuous, [5, 4]]]) {
+        if (!value || value > range[1] || value < range[0]) continue;
+        context.setLineDash(dash);
+        context.beginPath();
+        context.moveTo(box.left, y(value));
+        context.lineTo(box.left + box.width, y(value));
+        context.stroke();
+    }
+    context.setLineDash([]);
+}
+
+function drawLane(context, box, { low, high, first, last, sparse }, lane, y) {
+    const ink = colours[LANE_INKS[lane % LANE_INKS.length]];
+    context.beginPath();
+    let pen = false;
+    for (let x = first; x <= last; x++) {
+        const [least, most] = [low[lane][x], high[lane][x]];
+        if (Number.isNaN(most)) {
+            pen = pen && sparse;
+            continue;
+        }
+        const at = box.left + x + 0.5;
+        context[pen ? "lineTo" : "moveTo"](at, y(most));
+        if (least !== most) context.lineTo(at, y(least));
+        pen = true;
+    }
+    context.strokeStyle = ink;
+    context.lineWidth = 1.3;
+    context.lineJoin = "round";
+    context.stroke();
+}
+
+function drawNames(context, box, names) {
+    let x = box.left + 6;
+    names.forEach((name, lane) => {
+        haloText(context, name, x, box.top + 11, colours[LANE_INKS[lane % LANE_INKS.length]], colours.box);
+        x += context.measureText(name).width + 10;
+    });
+}

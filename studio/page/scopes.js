@@ -1,0 +1,150 @@
+// Scopes: any port over time, as a spectrum, a spectrogram, a meter or a number.
+import { find, kept, make, setText } from "./dom.js";
+import { drawMeter, drawNumber } from "./draw-meter.js";
+import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
+import { drawTime } from "./draw-time.js";
+import { everyFrame } from "./frame.js";
+import { Surface } from "./theme.js";
+
+const SPANS_S = [0.05, 0.2, 0.5, 1, 2, 5, 10, 20];
+const LAG_S = 0.04; // the right edge stands this much behind, so that it does not flicker
+const SPECTRAL = new Set(["spectrum", "spectrogram"]);
+const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectrogram, meter: drawMeter, number: drawNumber };
+const SPECTRAL_FROM_HZ = 200;
+
+export function mountScopes(studio) {
+    const state = { cards: [], span_s: kept.get("span", 2), paused_s: null, graph: null };
+    mountBar(studio, state);
+    studio.on("graph", (graph) => follow(studio, state, graph));
+    studio.addScope = (name, view = "time") => add(studio, state, name, view);
+    studio.scopeCount = () => state.cards.length;
+    everyFrame((now_ms) => {
+        const end_s = state.paused_s ?? studio.taps.now_s() - LAG_S;
+        for (const card of state.cards) drawCard(studio, state, card, end_s, now_ms);
+    });
+}
+
+function mountBar(studio, state) {
+    const span = find("scope-span");
+    span.replaceChildren(...SPANS_S.map((s) => make("option", { value: String(s), text: s < 1 ? `${s * 1000} ms` : `${s} s` })));
+    span.value = String(state.span_s);
+    span.addEventListener("change", () => kept.set("span", (state.span_s = Number(span.value))));
+    const pause = find("scope-pause");
+    pause.addEventListener("click", () => {
+        state.paused_s = state.paused_s === null ? studio.taps.now_s() - LAG_S : null;
+        pause.setAttribute("aria-pressed", String(state.paused_s !== null));
+        setText(pause, state.paused_s === null ? "Pause" : "Go on");
+    });
+    const list = find("scope-add");
+    list.addEventListener("change", () => {
+        if (list.value) add(studio, state, list.value, "time");
+        list.selectedIndex = 0;
+    });
+}
+
+// Another graph: cards whose ports are still there stay, the list is made anew.
+function follow(studio, state, graph) {
+    const list = find("scope-add");
+    const nodes = Map.groupBy ? Map.groupBy(graph.ports, (port) => port.node) : group(graph.ports);
+    list.replaceChildren(make("option", { value: "", text: "Add a port…" }), ...[...nodes].map(([node, ports]) =>
+        make("optgroup", { label: node }, ...ports.map((port) => make("option", { value: port.name, text: port.name })))));
+    const same = state.graph?.name === graph.name;
+    state.graph = graph;
+    const wanted = same ? state.cards.map(({ name, view }) => ({ name, view })) : kept.get(`scopes.${graph.name}`, null) ?? firstScopes(graph);
+    const there = (name) => graph.ports.some((port) => port.name === name);
+    if (same && state.cards.every((card) => there(card.name))) {
+        for (const card of state.cards) card.port = graph.ports.find((port) => port.name === card.name);
+        return;
+    }
+    for (const card of [...state.cards]) remove(studio, state, card, false);
+    for (const { name, view } of wanted) if (there(name)) add(studio, state, name, view, false);
+    showEmpty(state);
+}
+
+function group(ports) {
+    const nodes = new Map();
+    for (const port of ports) nodes.set(port.node, [...(nodes.get(port.node) ?? []), port]);
+    return nodes;
+}
+
+// What a person wants to see first: what the hand does, what is rendered, what the actuator gets.
+function firstScopes({ maps, ports, actuators }) {
+    const out = [];
+    const take = (port, view) => port && !out.some(({ name, view: shown }) => name === port.name && shown === view) && out.push({ name: port.name, view });
+    const named = (name) => ports.find((port) => port.name === name);
+    const driven = ports.find((port) => actuators.some((actuator) => port.node === actuator.name));
+    const felt = ports.findLast((port) => port.quantity === "acceleration" && port.rate_hz > SPECTRAL_FROM_HZ) ?? driven;
+    if (maps[0]) {
+        take(named(maps[0].speed_port), "time");
+        take(named(maps[0].force_port), "time");
+    }
+    take(felt, "time");
+    take(felt, "spectrum");
+    take(driven, "time");
+    take(driven, "meter");
+    if (out.length === 0) take(ports.at(-1), "time");
+    return out;
+}
+
+function add(studio, state, name, view, keep = true) {
+    const port = state.graph?.ports.find((each) => each.name === name);
+    if (!port) return;
+    const card = { name, port, view, memory: {}, zoom: 1, trace: null };
+    card.trace = studio.taps.watch(name, SPECTRAL.has(view));
+    if (!card.trace) return studio.say("warn", "Sixteen ports are shown at most: remove a scope first.");
+    const canvas = make("canvas", { role: "img", "aria-label": `${name} as ${view}` });
+    card.element = make("article", { class: "scope", "aria-label": name }, barOf(studio, state, card), make("div", { class: "fill" }, canvas));
+    find("scopes").append(card.element);
+    card.surface = new Surface(canvas);
+    state.cards.push(card);
+    showEmpty(state);
+    if (keep) remember(state);
+}
+
+function barOf(studio, state, card) {
+    const views = card.port.rate_hz >= SPECTRAL_FROM_HZ ? Object.keys(VIEWS) : ["time", "meter", "number"];
+    const choice = make("select", { "aria-label": `How ${card.name} is shown` }, ...views.map((view) => make("option", { text: view })));
+    choice.value = card.view;
+    choice.addEventListener("change", () => setView(studio, state, card, choice.value));
+    const zoom = (factor) => () => (card.zoom = Math.max(1 / 64, Math.min(64, card.zoom * factor)));
+    const name = make("span", { class: "scope-name clip", text: card.name, title: `${card.name}: ${card.port.quantity}, ${card.port.rate_hz} Hz` });
+    name.style.setProperty("--curve", "var(--ink0)");
+    return make("div", { class: "scope-bar" }, name, make("div", { class: "scope-tools" }, choice,
+        make("button", { class: "quiet", text: "−", "aria-label": "Smaller", title: "Smaller", onclick: zoom(0.5) }),
+        make("button", { class: "quiet", text: "+", "aria-label": "Larger", title: "Larger", onclick: zoom(2) }),
+        make("button", { class: "quiet", text: "×", "aria-label": `Remove ${card.name}`, title: "Remove", onclick: () => remove(studio, state, card) })));
+}
+
+function setView(studio, state, card, view) {
+    const trace = studio.taps.watch(card.name, SPECTRAL.has(view));
+    if (!trace) return studio.say("warn", "Sixteen ports are shown at most: remove a scope first.");
+    studio.taps.release(card.trace);
+    Object.assign(card, { trace, view, memory: {}, zoom: 1 });
+    remember(state);
+}
+
+function remove(studio, state, card, keep = true) {
+    studio.taps.release(card.trace);
+    card.surface.end();
+    card.element.remove();
+    state.cards = state.cards.filter((each) => each !== card);
+    showEmpty(state);
+    if (keep) remember(state);
+}
+
+const remember = (state) => kept.set(`scopes.${state.graph.name}`, state.cards.map(({ name, view }) => ({ name, view })));
+
+function showEmpty(state) {
+    const empty = find("scopes").querySelector(".empty");
+    if (state.cards.length) empty?.remove();
+    else if (!empty) find("scopes").append(make("p", { class: "empty", text: "Add a port from the list, or click a wire in the drawn graph." }));
+}
+
+function drawCard(studio, state, card, end_s, now_ms) {
+    if (state.paused_s !== null && card.view !== "time") return;
+    const context = card.surface.begin();
+    if (!context || card.trace.lanes === 0) return;
+    const limits = studio.graph.actuators.find(({ name, unit }) => name === card.port.node && unit === card.port.unit) ?? null;
+    const actuator = limits && studio.status?.actuators.find(({ name }) => name === limits.name);
+    VIEWS[card.view](context, card.surface, { ...card, span_s: state.span_s, end_s, now_ms, limits, actuator });
+}
