@@ -1,0 +1,56 @@
+// One live setting: a slider with its number, generated from its range.
+import { make } from "./dom.js";
+import { prose } from "./prose.js";
+
+const STEPS = 1000;
+const LOG_FROM_RATIO = 100;
+const USELESS_RATIO = 1e6; // a range this many times the value is a bound on what is valid, not one to turn through
+
+// How a slider's place from 0 to 1 stands for a value; null where the setting has no range to turn through.
+export function scaleFor({ min, max, value, whole }) {
+    if (min === null || max === null || min === undefined || max === undefined || !(max > min)) return null;
+    if (min > 0 && max / min > LOG_FROM_RATIO) {
+        return { to: (x) => rounded(min * (max / min) ** x, whole), from: (v) => Math.log(Math.max(v, min) / min) / Math.log(max / min) };
+    }
+    if (max - min > USELESS_RATIO * Math.max(Math.abs(value), 1e-3)) return null;
+    return { to: (x) => rounded(min + (max - min) * x, whole), from: (v) => (v - min) / (max - min) };
+}
+
+// No more digits than a slider can mean.
+const rounded = (value, whole) => (whole ? Math.round(value) : Number(value.toPrecision(4)));
+
+// The row of a setting; `dispose` ends its listening.
+export function controlRow(studio, setting, { compact = false } = {}) {
+    const scale = scaleFor(setting);
+    const label = `${setting.node} ${setting.field}`;
+    const name = make("span", { class: "name", text: setting.field, title: setting.name });
+    const slider = scale ? make("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": label }) : make("span", { class: "no-range" });
+    const number = make("input", { type: "number", step: setting.whole ? "1" : "any", "aria-label": `${label}, number`, min: setting.min, max: setting.max });
+    const show = (value) => {
+        if (scale) {
+            slider.value = String(STEPS * scale.from(value));
+            slider.setAttribute("aria-valuetext", `${value} ${setting.unit ?? ""}`);
+        }
+        if (document.activeElement !== number) number.value = String(Number(Number(value).toPrecision(6)));
+    };
+    const change = (value) => {
+        if (!Number.isFinite(value)) return;
+        const within = Math.max(setting.min ?? -Infinity, Math.min(setting.max ?? Infinity, setting.whole ? Math.round(value) : value));
+        studio.set(setting.name, within);
+    };
+    if (scale) {
+        slider.addEventListener("input", () => change(scale.to(slider.value / STEPS)));
+        slider.addEventListener("dblclick", () => change(setting.value));
+        slider.title = "Double click: back to the value of the graph";
+    }
+    number.addEventListener("change", () => {
+        if (number.value !== "") change(Number(number.value));
+        const value = studio.values.get(setting.name);
+        number.value = String(Number(Number(value).toPrecision(6)));
+    });
+    const dispose = studio.on("value", (changed) => changed.name === setting.name && show(changed.value));
+    show(studio.values.get(setting.name) ?? setting.value);
+    const doc = compact ? null : make("span", { class: "doc" }, ...prose(setting.doc));
+    const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, make("span", { class: "unit", text: setting.unit ?? "" }), doc);
+    return { element: row, dispose };
+}

@@ -1,0 +1,100 @@
+// All live settings by node, and the graph's parameters; presets of both in a file.
+import { controlRow } from "./control.js";
+import { find, make, setText } from "./dom.js";
+
+const PRESET_VERSION = 1;
+
+export function mountControls(studio) {
+    let rows = [], shape = null;
+    studio.on("graph", (graph) => {
+        const now = JSON.stringify([graph.settings.map(({ value, ...rest }) => rest), graph.parameters.map(({ name }) => name), graph.surfaces.map(({ path }) => path)]);
+        if (now !== shape) {
+            for (const row of rows) row.dispose();
+            rows = rebuild(studio, graph);
+            shape = now;
+        }
+        showParameters(graph);
+    });
+    find("preset-save").addEventListener("click", () => savePreset(studio));
+    find("preset-load").addEventListener("change", async (event) => {
+        const [file] = event.target.files;
+        if (file) await studio.loadPreset(file);
+        event.target.value = "";
+    });
+    studio.loadPreset = (file) => loadPreset(studio, file);
+}
+
+function rebuild(studio, graph) {
+    const nodes = new Map();
+    for (const setting of graph.settings) nodes.set(setting.node, [...(nodes.get(setting.node) ?? []), setting]);
+    const rows = [];
+    const groups = [...nodes].map(([node, settings]) => {
+        const made = settings.map((setting) => controlRow(studio, setting));
+        rows.push(...made);
+        return make("section", { class: "control-group", "aria-label": node }, make("h3", { text: node }), ...made.map((row) => row.element));
+    });
+    const list = make("datalist", { id: "surface-paths" }, ...graph.surfaces.map(({ path, name }) => make("option", { value: JSON.stringify(path), text: name })));
+    const parameters = graph.parameters.length > 0 && make("section", { class: "control-group", "aria-label": "Parameters" },
+        make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
+        ...graph.parameters.map((parameter) => parameterRow(studio, parameter)), list);
+    if (groups.length === 0) groups.push(make("p", { class: "soft", text: "No node of this graph has a live setting." }));
+    find("controls").replaceChildren(...[parameters, ...groups].filter(Boolean));
+    return rows;
+}
+
+function parameterRow(studio, parameter) {
+    const field = make("input", { type: "text", value: parameter.value, spellcheck: "false", autocomplete: "off", "data-parameter": parameter.name, "aria-label": `parameter ${parameter.name}` });
+    if (parameter.is_surface) field.setAttribute("list", "surface-paths");
+    const error = make("span", { class: "error", role: "alert", hidden: true });
+    const apply = async () => {
+        const reply = await studio.parameter(parameter.name, field.value);
+        error.hidden = reply.ok;
+        setText(error, reply.ok ? "" : reply.error);
+    };
+    field.addEventListener("keydown", (event) => event.key === "Enter" && apply());
+    return make("div", { class: "parameter" }, make("span", { class: "name", text: parameter.name, title: `default ${parameter.default}` }), field,
+        make("button", { text: "Apply", "aria-label": `Apply ${parameter.name}`, onclick: apply }), error);
+}
+
+function showParameters(graph) {
+    for (const { name, value } of graph.parameters) {
+        const field = find("controls").querySelector(`[data-parameter="${CSS.escape(name)}"]`);
+        if (field && document.activeElement !== field) field.value = value;
+    }
+}
+
+function savePreset(studio) {
+    const { name, parameters } = studio.graph;
+    const preset = {
+        haptograph_preset: PRESET_VERSION, graph: name,
+        settings: Object.fromEntries(studio.values),
+        parameters: Object.fromEntries(parameters.map(({ name: parameter, value }) => [parameter, value])),
+    };
+    const address = URL.createObjectURL(new Blob([`${JSON.stringify(preset, null, 2)}\n`], { type: "application/json" }));
+    make("a", { href: address, download: `${name}-preset.json` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
+// Parameters first (the graph is loaded anew), then the settings that it has.
+async function loadPreset(studio, file) {
+    let preset;
+    try {
+        preset = JSON.parse(await file.text());
+    } catch {
+        return studio.say("bad", `${file.name} is not a preset: it is not JSON.`);
+    }
+    if (preset?.haptograph_preset !== PRESET_VERSION) return studio.say("bad", `${file.name} is not a preset of this version.`);
+    const failures = [];
+    for (const { name, value } of studio.graph.parameters) {
+        const wanted = preset.parameters?.[name];
+        if (typeof wanted !== "string" || wanted === value) continue;
+        const reply = await studio.parameter(name, wanted);
+        if (!reply.ok) failures.push(`${name}: ${reply.error}`);
+    }
+    for (const [name, value] of Object.entries(preset.settings ?? {})) {
+        if (typeof value === "number" && studio.values.has(name)) studio.set(name, value);
+        else failures.push(`${name}: this graph has no such live setting`);
+    }
+    if (failures.length) studio.say("warn", `${file.name} was loaded but for ${failures.join("; ")}`);
+    else studio.say("good", `${file.name} was loaded.`);
+}

@@ -1,0 +1,177 @@
+// The drawn graph: moved and zoomed, its nodes chosen, its wires put on scopes, the level of what is scoped on them.
+import { find, make } from "./dom.js";
+import { everyFrame } from "./frame.js";
+import { mountNode } from "./node.js";
+import { cleaned } from "./svg.js";
+
+const LEAST_SCALE = 0.05;
+const MOST_SCALE = 4;
+const READABLE_SCALE = 0.78;
+const CLICK_PX = 5;
+const LEVEL_EVERY_MS = 100;
+// The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
+const STYLE = `
+:host{display:block;position:absolute;inset:0}
+svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important;overflow:visible}
+rect.paper{fill:transparent}
+[data-node]{cursor:pointer}[data-node]:hover .box,[data-node]:focus-visible .box,[data-node].chosen .box{stroke-width:3}
+[data-node]:focus{outline:none}
+[data-port]{pointer-events:none;transition:stroke-width .12s}
+.grab{fill:none;stroke:transparent;stroke-width:14;pointer-events:stroke;cursor:copy}
+.grab:hover{stroke:var(--accent);stroke-opacity:.28}
+[data-port].live{stroke:var(--accent)!important}`;
+
+export function mountGraph(studio) {
+    const host = find("graph");
+    const canvas = make("div");
+    const shadow = canvas.attachShadow({ mode: "open" });
+    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], drawing: null, peaks: new Map(), fitted: false };
+    host.append(canvas, buttonsOf(host, view));
+    const showNode = mountNode(studio, (node) => choose(view, node));
+    studio.showNode = showNode;
+    studio.on("graph", ({ drawing }) => {
+        if (drawing !== view.drawing) build(studio, shadow, view, drawing, showNode);
+        view.drawing = drawing;
+        if (!view.fitted) fit(host, view);
+    });
+    new ResizeObserver(() => !view.fitted && fit(host, view)).observe(host);
+    followHand(host, view);
+    let last_ms = 0;
+    everyFrame((now_ms) => {
+        if (now_ms - last_ms < LEVEL_EVERY_MS || host.clientHeight === 0) return;
+        last_ms = now_ms;
+        showLevels(studio, view);
+    });
+}
+
+function build(studio, shadow, view, drawing, showNode) {
+    const svg = cleaned(drawing);
+    shadow.replaceChildren(make("style", { text: STYLE }));
+    if (!svg) return;
+    const box = svg.viewBox.baseVal;
+    view.size = [box.width || 1, box.height || 1];
+    svg.setAttribute("width", view.size[0]);
+    svg.setAttribute("height", view.size[1]);
+    svg.removeAttribute("role");
+    for (const node of svg.querySelectorAll("[data-node]")) {
+        const path = node.getAttribute("data-node");
+        for (const [name, value] of [["tabindex", "0"], ["role", "button"], ["aria-label", `node ${path}`]]) node.setAttribute(name, value);
+        node.addEventListener("keydown", (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), showNode(path)));
+    }
+    // A wire is thin: what is clicked is a wide one that is not seen.
+    for (const wire of svg.querySelectorAll("path[data-port]")) {
+        const grab = wire.cloneNode();
+        grab.setAttribute("class", "grab");
+        grab.setAttribute("data-wire", wire.getAttribute("data-port"));
+        grab.removeAttribute("data-port");
+        const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
+        title.textContent = `${wire.getAttribute("data-port")}: click to put it on a scope`;
+        grab.append(title);
+        wire.after(grab);
+    }
+    shadow.append(svg);
+    view.svg = svg;
+    view.clicked = (target) => {
+        const node = target.closest?.("[data-node]")?.getAttribute("data-node");
+        const wire = target.closest?.("[data-wire]")?.getAttribute("data-wire");
+        if (wire) studio.addScope(wire);
+        else if (node) showNode(node);
+        else showNode(null);
+    };
+    place(view);
+}
+
+function choose(view, path) {
+    for (const node of view.svg?.querySelectorAll("[data-node]") ?? []) node.classList.toggle("chosen", node.getAttribute("data-node") === path);
+}
+
+function place(view) {
+    if (view.svg) view.svg.style.transform = `translate(${view.x}px, ${view.y}px) scale(${view.scale})`;
+}
+
+// The whole graph where it can be read so, else its height or a readable size from its left end.
+function fit(host, view, whole = false) {
+    const [width, height] = [host.clientWidth, host.clientHeight];
+    if (!width || !height) return;
+    const all = Math.min((width - 8) / view.size[0], (height - 8) / view.size[1]);
+    view.scale = whole ? all : Math.min(1.2, Math.max(all, Math.min(READABLE_SCALE, (height - 8) / view.size[1])));
+    view.x = Math.max(0, (width - view.size[0] * view.scale) / 2);
+    view.y = Math.max(0, (height - view.size[1] * view.scale) / 2);
+    place(view);
+}
+
+function zoom(view, factor, x, y) {
+    const scale = Math.max(LEAST_SCALE, Math.min(MOST_SCALE, view.scale * factor));
+    view.x = x - ((x - view.x) * scale) / view.scale;
+    view.y = y - ((y - view.y) * scale) / view.scale;
+    view.scale = scale;
+    view.fitted = true;
+    place(view);
+}
+
+function buttonsOf(host, view) {
+    const middle = (factor) => () => zoom(view, factor, host.clientWidth / 2, host.clientHeight / 2);
+    return make("div", { class: "graph-buttons" },
+        make("button", { text: "−", "aria-label": "Zoom out", onclick: middle(0.8) }),
+        make("button", { text: "+", "aria-label": "Zoom in", onclick: middle(1.25) }),
+        make("button", { text: "Fit", onclick: () => { view.fitted = true; fit(host, view, true); } }));
+}
+
+// Drag moves, wheel and two fingers zoom, a press that does not move clicks.
+function followHand(host, view) {
+    const down = new Map();
+    let moved = 0, target = null;
+    const local = (event) => [event.clientX - host.getBoundingClientRect().left, event.clientY - host.getBoundingClientRect().top];
+    host.addEventListener("pointerdown", (event) => {
+        if (event.target.closest?.("button")) return;
+        [moved, target] = [0, event.composedPath()[0]];
+        down.set(event.pointerId, local(event));
+        host.setPointerCapture(event.pointerId);
+    });
+    host.addEventListener("pointermove", (event) => {
+        const before = down.get(event.pointerId);
+        if (!before) return;
+        const now = local(event);
+        const other = [...down].find(([id]) => id !== event.pointerId)?.[1];
+        moved += Math.hypot(now[0] - before[0], now[1] - before[1]);
+        down.set(event.pointerId, now);
+        if (moved < CLICK_PX) return;
+        if (other) {
+            const spread = (at) => Math.hypot(at[0] - other[0], at[1] - other[1]) || 1;
+            return zoom(view, spread(now) / spread(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+        }
+        [view.x, view.y, view.fitted] = [view.x + now[0] - before[0], view.y + now[1] - before[1], true];
+        place(view);
+    });
+    host.addEventListener("pointerup", () => down.size === 1 && moved < CLICK_PX && view.clicked?.(target));
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) host.addEventListener(type, (event) => down.delete(event.pointerId));
+    host.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        zoom(view, 1.0016 ** -event.deltaY, ...local(event));
+    }, { passive: false });
+    host.addEventListener("keydown", (event) => {
+        const steps = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] }[event.key];
+        if (event.key === "+" || event.key === "-") zoom(view, event.key === "+" ? 1.25 : 0.8, host.clientWidth / 2, host.clientHeight / 2);
+        if (!steps) return;
+        event.preventDefault();
+        [view.x, view.y, view.fitted] = [view.x + steps[0], view.y + steps[1], true];
+        place(view);
+    });
+}
+
+// Wires of scoped ports: thicker the louder, against the loudest that they were.
+function showLevels(studio, view) {
+    if (!view.svg) return;
+    const levels = new Map();
+    for (const trace of studio.taps.traces) {
+        const { rms } = trace.level(0.15);
+        const peak = Math.max(rms, (view.peaks.get(trace.name) ?? 0) * 0.998);
+        view.peaks.set(trace.name, peak);
+        levels.set(trace.name, peak > 0 ? rms / peak : 0);
+    }
+    for (const wire of view.svg.querySelectorAll("path[data-port]")) {
+        const level = levels.get(wire.getAttribute("data-port"));
+        wire.classList.toggle("live", level !== undefined);
+        wire.style.strokeWidth = level === undefined ? "" : (1.4 + 5 * Math.sqrt(level)).toFixed(1);
+    }
+}

@@ -1,0 +1,6 @@
+// Documentation text as nodes: what stands between back-ticks as code, all else as text.
+import { make } from "./dom.js";
+
+export function prose(text) {
+    return (text ?? "").split("`").map((part, i) => (i % 2 ? make("code", { class: "mono", text: part }) : part)).filter((part) => part !== "");
+}
