@@ -1,0 +1,153 @@
+// The graph's own text: written with colours, completion and help, checked by the engine as one types, applied and saved.
+import { find, make, setText } from "./dom.js";
+import { completions, helpAt } from "./help.js";
+import { ron } from "./ron.js";
+import * as cm from "./vendor/codemirror.js";
+
+const CHECK_AFTER_MS = 300;
+
+export function mountEditor(studio) {
+    const state = { view: null, engine: null, saved: true, timer: 0, asked: 0, note: null };
+    const act = { apply: () => apply(studio, state), save: () => save(studio, state) };
+    state.view = new cm.EditorView({ parent: find("editor"), state: cm.EditorState.create({ doc: "", extensions: extensionsOf(studio, state, act) }) });
+    find("editor-apply").addEventListener("click", act.apply);
+    find("editor-save").addEventListener("click", act.save);
+    find("editor-revert").addEventListener("click", () => replace(state, state.engine ?? ""));
+    studio.on("graph", (graph) => {
+        const untouched = state.engine === null || textOf(state) === state.engine;
+        [state.engine, state.saved] = [graph.text, graph.saved];
+        if (untouched && textOf(state) !== graph.text) replace(state, graph.text);
+        show(studio, state);
+    });
+    studio.editor = state.view;
+    return act;
+}
+
+const textOf = (state) => state.view.state.doc.toString();
+
+function replace(state, text) {
+    state.view.dispatch({ changes: { from: 0, to: state.view.state.doc.length, insert: text } });
+}
+
+function extensionsOf(studio, state, act) {
+    return [
+        cm.lineNumbers(), cm.foldGutter(), cm.lintGutter(), cm.history(), cm.drawSelection(), cm.indentUnit.of("    "), cm.bracketMatching(),
+        cm.closeBrackets(), cm.highlightActiveLine(), cm.highlightActiveLineGutter(), cm.highlightSelectionMatches(), cm.search({ top: true }), ron,
+        cm.syntaxHighlighting(highlight), theme, cm.autocompletion({ override: [completions(studio)] }),
+        cm.hoverTooltip((view, at) => tooltip(studio, view, at)),
+        cm.keymap.of([
+            { key: "Mod-Enter", run: () => (act.apply(), true) },
+            { key: "Mod-s", run: () => (act.save(), true) },
+            ...cm.closeBracketsKeymap, ...cm.completionKeymap, ...cm.lintKeymap, ...cm.searchKeymap, ...cm.historyKeymap, ...cm.foldKeymap, ...cm.defaultKeymap,
+        ]),
+        cm.EditorView.contentAttributes.of({ "aria-label": "The graph's text" }),
+        cm.EditorView.updateListener.of((update) => {
+            if (!update.docChanged) return;
+            state.note = null;
+            show(studio, state);
+            clearTimeout(state.timer);
+            state.timer = setTimeout(() => check(studio, state), CHECK_AFTER_MS);
+        }),
+    ];
+}
+
+function tooltip(studio, view, at) {
+    const help = helpAt(studio, view.state.doc.toString(), at);
+    return help && { pos: help.from, end: help.to, above: true, create: () => ({ dom: help.element }) };
+}
+
+// Asks the engine what is wrong with the text; an answer to an older text is passed over.
+async function check(studio, state) {
+    if (!studio.connection.open) return;
+    const asked = ++state.asked;
+    const reply = await studio.connection.request({ type: "check", text: textOf(state) });
+    if (asked === state.asked) showProblems(studio, state, reply.diagnostics ?? []);
+}
+
+async function apply(studio, state) {
+    const text = textOf(state);
+    setText(find("editor-state"), "Applying…");
+    state.asked++;
+    const reply = await studio.connection.request({ type: "apply", text });
+    showProblems(studio, state, reply.diagnostics ?? []);
+    if (reply.ok) state.engine = text;
+    const ms = typeof reply.ms === "number" ? ` (${Math.round(reply.ms)} ms)` : "";
+    state.note = reply.ok ? `Applied: ${reply.change ?? "no change"}${ms}` : `Not applied, the sound goes on as before: ${reply.error}`;
+    show(studio, state);
+}
+
+async function save(studio, state) {
+    const reply = await studio.connection.request({ type: "save", text: textOf(state) });
+    state.note = reply.ok ? `Saved to ${studio.graph?.path ?? "the file"}` : `Not saved: ${reply.error}`;
+    show(studio, state);
+}
+
+function show(studio, state) {
+    const text = textOf(state);
+    const applied = text === state.engine;
+    const can = studio.connection.open && (studio.status?.owner ?? true);
+    find("editor-apply").disabled = applied || !can;
+    find("editor-save").disabled = !studio.hello?.can.save || (applied && state.saved) || !can;
+    find("editor-revert").disabled = applied;
+    const says = !applied ? "Not applied yet: what runs is the text before" : state.saved ? "What runs is what the file says" : "What runs is not saved";
+    setText(find("editor-state"), state.note ? `${state.note}${applied && !state.saved ? ". Not saved" : ""}` : says);
+    find("editor-state").title = find("editor-state").textContent;
+}
+
+function showProblems(studio, state, diagnostics) {
+    const doc = state.view.state.doc;
+    const own = ({ file }) => !file || baseName(file) === baseName(studio.graph?.path ?? file);
+    const inline = diagnostics.filter((diagnostic) => own(diagnostic) && diagnostic.line).map((diagnostic) => {
+        const from = offset(doc, diagnostic.line, diagnostic.column);
+        const to = Math.max(offset(doc, diagnostic.end_line ?? diagnostic.line, diagnostic.end_column ?? diagnostic.column), Math.min(from + 1, doc.length));
+        return { from, to, severity: severityOf(diagnostic), message: [diagnostic.message, diagnostic.help].filter(Boolean).join("\n"), source: diagnostic.code };
+    });
+    state.view.dispatch(cm.setDiagnostics(state.view.state, inline));
+    find("problems").replaceChildren(...diagnostics.map((diagnostic) => problem(state, diagnostic, own(diagnostic))));
+}
+
+const baseName = (path) => path.split(/[\\/]/).at(-1);
+const severityOf = ({ severity }) => (["error", "warning", "info", "hint"].includes(severity) ? severity : "error");
+
+// Lines and columns count from 1, columns in characters.
+function offset(doc, line, column) {
+    const at = doc.line(Math.max(1, Math.min(doc.lines, line)));
+    return at.from + [...at.text].slice(0, Math.max(0, (column ?? 1) - 1)).join("").length;
+}
+
+function problem(state, diagnostic, own) {
+    const where = diagnostic.line ? `${own ? "" : `${baseName(diagnostic.file)} `}${diagnostic.line}:${diagnostic.column}` : "";
+    const go = () => {
+        if (!own || !diagnostic.line) return;
+        const at = offset(state.view.state.doc, diagnostic.line, diagnostic.column);
+        state.view.dispatch({ selection: { anchor: at }, scrollIntoView: true });
+        state.view.focus();
+    };
+    return make("li", {}, make("button", { onclick: go }, make("span", { class: "where", text: where }),
+        make("span", { class: severityOf(diagnostic), text: `${severityOf(diagnostic)} ${diagnostic.code ?? ""} ` }), diagnostic.message ?? "",
+        diagnostic.help ? make("span", { class: "help", text: diagnostic.help }) : null));
+}
+
+const { tags } = cm;
+const highlight = cm.HighlightStyle.define([
+    { tag: [tags.lineComment, tags.blockComment], color: "var(--soft)", fontStyle: "italic" },
+    { tag: tags.string, color: "var(--ink2)" }, { tag: tags.labelName, color: "var(--ink3)", fontWeight: "600" },
+    { tag: tags.number, color: "var(--ink1)" }, { tag: tags.atom, color: "var(--ink5)" },
+    { tag: tags.typeName, color: "var(--ink0)", fontWeight: "600" }, { tag: tags.propertyName, color: "var(--ink)" },
+    { tag: [tags.bracket, tags.punctuation], color: "var(--soft)" },
+]);
+const theme = cm.EditorView.theme({
+    "&": { color: "var(--ink)", backgroundColor: "var(--box)", fontSize: "13px" },
+    ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.55" },
+    ".cm-content": { caretColor: "var(--ink)" }, ".cm-cursor": { borderLeftColor: "var(--ink)" },
+    ".cm-gutters": { backgroundColor: "var(--panel)", color: "var(--soft)", border: "none" },
+    ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--tint0) 45%, transparent)" }, ".cm-activeLineGutter": { backgroundColor: "var(--tint0)" },
+    "&.cm-focused .cm-selectionBackground, .cm-selectionBackground": { backgroundColor: "color-mix(in srgb, var(--accent) 28%, transparent) !important" },
+    ".cm-matchingBracket, &.cm-focused .cm-matchingBracket": { backgroundColor: "var(--tint2)", outline: "1px solid var(--ink2)" },
+    ".cm-tooltip": { backgroundColor: "var(--box)", color: "var(--ink)", border: "1px solid var(--frame)", borderRadius: "8px", overflow: "hidden", boxShadow: "0 4px 18px rgb(0 0 0 / .25)" },
+    ".cm-tooltip-autocomplete ul li[aria-selected]": { backgroundColor: "var(--accent)", color: "var(--on-accent)" },
+    ".cm-tooltip-autocomplete ul": { fontFamily: "var(--mono)", fontSize: "12.5px" }, ".cm-completionDetail": { color: "inherit", opacity: ".75", fontStyle: "normal" },
+    ".cm-panels": { backgroundColor: "var(--panel)", color: "var(--ink)" }, ".cm-panel input, .cm-panel button": { fontSize: "13px", backgroundImage: "none" },
+    ".cm-foldPlaceholder": { backgroundColor: "var(--tint6)", border: "none", color: "var(--soft)" },
+    ".cm-diagnostic": { whiteSpace: "pre-wrap" },
+});
