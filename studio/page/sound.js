@@ -1,0 +1,137 @@
+// What the actuator gets, to be heard: only after a press, and quietly at first.
+import { find, setText } from "./dom.js";
+
+const FIRST_LEVEL_DB = -20;
+const SILENT_DB = -60;
+const RAMP_S = 0.25;
+const CUT_S = 0.004;
+
+export class Sound {
+    #studio;
+    #context = null;
+    #player = null;
+    #gain = null;
+
+    constructor(studio) {
+        this.#studio = studio;
+        this.on = false;
+        this.level_db = FIRST_LEVEL_DB;
+        this.report = null;
+        this.error = null;
+        find("sound").addEventListener("click", () => this.toggle());
+        find("level").addEventListener("input", (event) => this.#setLevel(Number(event.target.value)));
+        studio.connection.on("sound", (frame) => this.#play(frame.values));
+        studio.on("graph", (graph) => this.#follow(graph));
+        this.#show();
+    }
+
+    // Why there can be no sound here; null where there can.
+    get obstacle() {
+        if (!this.#studio.graph) return null;
+        if (!this.#studio.graph.sound) return "This graph drives nothing that could be heard";
+        if (!("audioWorklet" in AudioContext.prototype)) return "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
+        return this.error;
+    }
+
+    // From what the engine sends to the ear, in seconds; null while nothing plays.
+    get latency_s() {
+        if (!this.on || !this.report || !this.#context) return null;
+        return this.report.fill_s + (this.#context.baseLatency || 0) + (this.#context.outputLatency || 0);
+    }
+
+    async toggle() {
+        if (this.on) return this.#end();
+        this.error = null;
+        try {
+            await this.#begin();
+        } catch (error) {
+            this.error = `The sound did not start: ${error.message}`;
+        }
+        this.#show();
+    }
+
+    // Silence at once, at STOP.
+    cut() {
+        this.#gain?.gain.cancelScheduledValues(0);
+        this.#gain?.gain.setTargetAtTime(0, this.#context.currentTime, CUT_S);
+    }
+
+    // Back to the level, slowly.
+    resume() {
+        if (this.on) this.#ramp();
+    }
+
+    async #begin() {
+        const { sound } = this.#studio.graph ?? {};
+        if (!sound || this.obstacle) return;
+        if (this.#context?.sampleRate !== sound.rate_hz) await this.#open(sound.rate_hz);
+        await this.#context.resume();
+        this.on = true;
+        this.#player.port.postMessage({});
+        this.#studio.connection.send({ type: "sound", on: true });
+        if (this.#studio.status?.state !== "stopped") this.#ramp();
+    }
+
+    async #open(rate_hz) {
+        await this.#context?.close();
+        this.#context = contextAt(rate_hz);
+        await this.#context.audioWorklet.addModule(new URL("worklet.js", import.meta.url));
+        this.#player = new AudioWorkletNode(this.#context, "player", { numberOfInputs: 0, outputChannelCount: [2], processorOptions: { rate_hz } });
+        this.#player.port.onmessage = ({ data }) => (this.report = data);
+        this.#gain = this.#context.createGain();
+        this.#gain.gain.value = 0;
+        this.#player.connect(this.#gain).connect(this.#context.destination);
+    }
+
+    #end() {
+        this.on = false;
+        this.cut();
+        this.#studio.connection.send({ type: "sound", on: false });
+        setTimeout(() => !this.on && this.#context?.suspend(), 100);
+        this.#show();
+    }
+
+    // Another graph, or the same engine again: it has to be asked anew.
+    async #follow({ sound }) {
+        if (!this.on) return this.#show();
+        if (!sound) return this.#end();
+        await this.#begin();
+    }
+
+    #play(values) {
+        if (!this.on) return;
+        const copy = values.slice();
+        this.#player.port.postMessage({ values: copy }, [copy.buffer]);
+    }
+
+    #setLevel(level_db) {
+        this.level_db = level_db;
+        if (this.on && this.#studio.status?.state !== "stopped") this.#ramp(0.03);
+        this.#show();
+    }
+
+    #ramp(time_s = RAMP_S) {
+        const { gain } = this.#gain;
+        const wanted = this.level_db <= SILENT_DB ? 0 : 10 ** (this.level_db / 20);
+        gain.cancelScheduledValues(0);
+        gain.setTargetAtTime(wanted, this.#context.currentTime, time_s / 3);
+    }
+
+    #show() {
+        find("sound").setAttribute("aria-pressed", String(this.on));
+        setText(find("sound"), this.on ? "Sound on" : "Sound off");
+        find("sound").disabled = this.obstacle !== null && !this.error;
+        const text = this.level_db <= SILENT_DB ? "silent" : `${this.level_db} dB`.replace("-", "−");
+        setText(find("level-text"), text);
+        find("level").setAttribute("aria-valuetext", text);
+    }
+}
+
+// A context at the engine's rate, or at the card's where the browser will not have that.
+function contextAt(rate_hz) {
+    try {
+        return new AudioContext({ sampleRate: rate_hz, latencyHint: "interactive" });
+    } catch {
+        return new AudioContext({ latencyHint: "interactive" });
+    }
+}
