@@ -1,0 +1,158 @@
+// The studio: what the engine last said, what the page may ask of it, and the panels that show and do so.
+import { Connection } from "./connection.js";
+import { mountControls } from "./controls.js";
+import { find, setText, takesText } from "./dom.js";
+import { mountEditor } from "./editor.js";
+import { Emitter } from "./events.js";
+import { mountGraph } from "./graph.js";
+import { mountMap } from "./map.js";
+import { mountPad } from "./pad.js";
+import { mountScopes } from "./scopes.js";
+import { Sound } from "./sound.js";
+import { mountStatus } from "./status.js";
+import { currentSurface, mountSurfaces } from "./surfaces.js";
+import { mountTabs } from "./tabs.js";
+import { Taps } from "./taps.js";
+
+const VERSION = 1;
+
+// Emits `hello`, `graph`, `status` when the engine says them and `value` ({ name, value }) when a setting changes.
+class Studio extends Emitter {
+    constructor() {
+        super();
+        this.connection = new Connection();
+        this.taps = new Taps(this.connection);
+        this.values = new Map();
+        this.hello = this.graph = this.status = this.photo = null;
+        this.lost = false;
+        const { connection } = this;
+        connection.on("hello", (hello) => this.#greet(hello));
+        connection.on("graph", (graph) => this.#take(graph));
+        connection.on("status", (status) => this.#follow(status));
+        connection.on("settings", ({ settings }) => settings.forEach(({ name, value }) => this.#changed(name, value)));
+        connection.on("refused", ({ error }) => this.say("bad", `The engine refused a message: ${error}`));
+        connection.on("lost", (how) => this.#lose(how));
+    }
+
+    currentSurface() {
+        return currentSurface(this.graph);
+    }
+
+    // May this page put a hand on the pad now?
+    mayTouch() {
+        return this.connection.open && (this.status?.owner ?? false) && this.status.state === "running";
+    }
+
+    set(name, value) {
+        this.connection.send({ type: "set", name, value });
+        this.#changed(name, value);
+    }
+
+    parameter(name, value) {
+        return this.connection.request({ type: "parameter", name, value });
+    }
+
+    stop() {
+        this.connection.send({ type: "stop" });
+        this.sound.cut();
+        this.pad.hands.liftAll();
+        if (this.status) this.#follow({ ...this.status, state: "stopped" });
+    }
+
+    resume() {
+        this.connection.send({ type: "resume" });
+        this.sound.resume();
+    }
+
+    own() {
+        this.connection.send({ type: "own" });
+    }
+
+    #greet(hello) {
+        this.hello = hello;
+        this.lost = false;
+        find("banner").hidden = hello.version === VERSION;
+        if (hello.version !== VERSION) setText(find("banner"), `The engine speaks version ${hello.version} of the protocol, this page version ${VERSION}: reload the page.`);
+        this.emit("hello", hello);
+    }
+
+    #take(graph) {
+        this.graph = graph;
+        this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
+        setText(find("name"), graph.name);
+        setText(find("about"), graph.about ?? "");
+        find("about").title = graph.about ?? "";
+        document.title = `${graph.name} – haptograph studio`;
+        this.emit("graph", graph);
+        for (const [name, value] of this.values) this.emit("value", { name, value });
+    }
+
+    #follow(status) {
+        const before = this.status;
+        this.status = status;
+        if (before && before.state !== status.state) {
+            if (status.state === "running") this.sound.resume();
+            else {
+                this.sound.cut();
+                this.pad.hands.liftAll();
+            }
+        }
+        if (before?.owner && !status.owner) this.pad.hands.liftAll();
+        this.emit("status", status);
+        cover(this);
+    }
+
+    #changed(name, value) {
+        if (!this.values.has(name)) return;
+        this.values.set(name, value);
+        this.emit("value", { name, value });
+    }
+
+    #lose({ wait_s, ever }) {
+        this.lost = true;
+        this.status = null;
+        this.pad.hands.liftAll();
+        find("banner").hidden = false;
+        const again = `Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
+        setText(find("banner"), ever ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
+            : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`);
+        cover(this);
+    }
+}
+
+// What lies over the pad while it cannot be touched, and what to do about it.
+function cover(studio) {
+    const says = !studio.connection.open ? null
+        : studio.status?.state === "stopped" ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
+            : studio.status && !studio.status.owner ? ["Another page owns the pad.", "Take over", () => studio.own()] : null;
+    find("pad-cover").hidden = !says;
+    if (!says) return;
+    setText(find("pad-cover-text"), says[0]);
+    setText(find("pad-cover-button"), says[1]);
+    find("pad-cover-button").onclick = says[2];
+}
+
+// Escape and full stop are STOP, unless one writes or what has the focus took the key for itself.
+function mountStop(studio) {
+    find("stop").addEventListener("click", () => studio.stop());
+    window.addEventListener("keydown", (event) => {
+        if (event.defaultPrevented || event.isComposing) return;
+        if (event.key === "Escape" || (event.key === "." && !takesText(event.target))) studio.stop();
+    });
+}
+
+const studio = new Studio();
+studio.showTab = studio.say = () => {};
+mountTabs(studio);
+studio.sound = new Sound(studio);
+studio.pad = mountPad(studio);
+mountMap(studio);
+mountScopes(studio);
+mountGraph(studio);
+mountControls(studio);
+mountEditor(studio);
+mountSurfaces(studio);
+mountStatus(studio);
+mountStop(studio);
+studio.connection.connect();
+window.studio = studio; // for those who try things in the browser's console, and for tests

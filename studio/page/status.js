@@ -1,0 +1,134 @@
+// The one line that says what is the matter and what to do, and the figures beside it.
+import { find, setText } from "./dom.js";
+import { frameRate } from "./frame.js";
+
+const SAID_MS = 7000;
+const LATE_MS = 8;
+const SILENT_S = 0.5;
+const HOT = 0.85;
+const RECENT_MS = 8000;
+
+export function mountStatus(studio) {
+    const state = { said: null, action: null, counts: { lost: 0, faults: 0, underruns: 0 }, since: {} };
+    studio.say = (level, text) => {
+        state.said = { level, text, until_ms: performance.now() + SAID_MS };
+        show(studio, state);
+    };
+    find("status-action").addEventListener("click", () => state.action?.());
+    find("owner").addEventListener("click", () => studio.own());
+    setInterval(() => show(studio, state), 250);
+    studio.on("status", () => watchCounts(studio, state));
+    studio.on("graph", () => show(studio, state));
+}
+
+// Counts that grew lately are worth a word; old ones stand in the figures.
+function watchCounts(studio, { counts, since }) {
+    const now = { lost: studio.status.lost, faults: studio.status.faults, underruns: studio.sound.report?.underruns ?? 0 };
+    for (const [name, count] of Object.entries(now)) {
+        if (count > counts[name]) since[name] = performance.now();
+        counts[name] = count;
+    }
+}
+
+function show(studio, state) {
+    const { level, text, label, action } = pick(studio, state);
+    const line = find("status-text");
+    line.dataset.level = level;
+    setText(line, text);
+    line.title = text;
+    const button = find("status-action");
+    button.hidden = !action;
+    if (action) setText(button, label);
+    state.action = action ?? null;
+    showBadge(studio);
+    showLatency(studio);
+    setText(find("status-figures"), figures(studio, state));
+}
+
+// The most pressing thing.
+function pick(studio, state) {
+    const recent = (name) => performance.now() - (state.since[name] ?? -Infinity) < RECENT_MS;
+    for (const find of [connectionSays, stateSays]) {
+        const said = find(studio);
+        if (said) return said;
+    }
+    if (state.said && performance.now() < state.said.until_ms) return state.said;
+    return ownerSays(studio) ?? engineSays(studio, state.counts, recent) ?? soundSays(studio, state.counts, recent) ?? handSays(studio);
+}
+
+function connectionSays(studio) {
+    if (!studio.connection.open || !studio.status) return { level: "warn", text: studio.lost ? "Not connected: the engine has taken its actuators to zero by itself" : "Connecting to the engine" };
+    return null;
+}
+
+function stateSays(studio) {
+    const { state } = studio.status;
+    if (state === "stopped") return { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
+    if (state === "failed") return { level: "bad", text: "The engine failed: its actuators are at zero. The terminal says why; start it again there" };
+    return null;
+}
+
+function ownerSays(studio) {
+    if (studio.status.owner) return null;
+    return { level: "warn", text: "Another page owns the pad and the settings", label: "Take over", action: () => studio.own() };
+}
+
+function engineSays(studio, counts, recent) {
+    const { behind_ms, cost, silent, actuators } = studio.status;
+    if (recent("faults")) return { level: "bad", text: `An actuator was asked for NaN or infinity in ${counts.faults} ticks: it got zero. Undo the last edit` };
+    if (behind_ms > LATE_MS) {
+        const why = cost > 0.8 ? `the graph needs ${(100 * cost).toFixed(0)} % of the processor: make it cheaper` : "another program takes the processor: close some";
+        return { level: "warn", text: `The engine is ${behind_ms.toFixed(0)} ms late: ${why}` };
+    }
+    const mute = silent.find(({ for_s }) => for_s > SILENT_S);
+    if (mute && studio.pad.hands.down.length) return { level: "warn", text: `\`${mute.input}\` has been silent for ${mute.for_s.toFixed(0)} s: its actuators are at zero. Lift and press again` };
+    const hot = actuators.find(({ heat }) => heat > HOT);
+    if (hot) return { level: "warn", text: `\`${hot.name}\` uses ${(100 * hot.heat).toFixed(0)} % of its continuous limit: turn its gain down or pause` };
+    if (recent("lost")) return { level: "warn", text: `The page reads too slowly: ${counts.lost} messages were dropped. Remove a scope` };
+    return null;
+}
+
+function soundSays(studio, counts, recent) {
+    const { sound } = studio;
+    if (sound.obstacle) return { level: "note", text: sound.obstacle };
+    if (!sound.on) return { level: "note", text: "No sound yet: press Sound", label: "Sound on", action: () => sound.toggle() };
+    if (recent("underruns")) return { level: "warn", text: `The sound had ${counted(counts.underruns, "gap")}: the page buffers ${(1000 * (sound.report?.target_s ?? 0)).toFixed(0)} ms now` };
+    return null;
+}
+
+function handSays(studio) {
+    const down = studio.pad.hands.down;
+    if (down.some(({ who }) => who === "demo")) return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
+    if (down.length) return { level: "good", text: studio.sound.on ? `You hear ${studio.graph?.sound?.what ?? "the actuator"}` : "Stroking" };
+    return { level: "good", text: "Ready: stroke the pad" };
+}
+
+const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
+
+function showBadge(studio) {
+    const state = !studio.connection.open ? (studio.lost ? "lost" : "connecting") : studio.status?.state ?? "connecting";
+    find("state").dataset.state = state;
+    setText(find("state"), state === "lost" ? "no engine" : state);
+    find("owner").hidden = !studio.status || studio.status.owner;
+}
+
+// From the pointer to the ear, where something is heard; else to the engine.
+function showLatency(studio) {
+    const pointer = studio.status?.pointer;
+    const element = find("latency");
+    if (!pointer?.count) return setText(element, "");
+    const sound_s = studio.sound.latency_s;
+    setText(element, sound_s === null ? `${pointer.p50_ms.toFixed(1)} ms to engine` : `${(pointer.p50_ms + 1000 * sound_s).toFixed(0)} ms to ear`);
+    element.title = `Pointer to engine: median ${pointer.p50_ms.toFixed(1)} ms, largest ${pointer.max_ms.toFixed(1)} ms.`
+        + (sound_s === null ? "" : ` Sound: buffer ${(1000 * studio.sound.report.fill_s).toFixed(0)} ms and ${(1000 * (sound_s - studio.sound.report.fill_s)).toFixed(0)} ms in the browser and the card. The network between is not counted.`);
+}
+
+function figures(studio, { counts }) {
+    const { status } = studio;
+    if (!status) return "";
+    const parts = [`${status.time_s.toFixed(1)} s`, `processor ${(100 * status.cost).toFixed(0)} %`, `${status.late} late`, `${status.lost} lost`];
+    if (status.faults) parts.push(`${status.faults} NaN`);
+    if (studio.sound.on) parts.push(counted(counts.underruns, "gap"));
+    if (status.pages > 1) parts.push(`${status.pages} pages`);
+    return [...parts, `${frameRate()} fps`].join("   ");
+}

@@ -1,0 +1,117 @@
+// The surfaces of the folder as swatches, and recordings that are dropped on the page and learned.
+import { find, imageOf, make, setText } from "./dom.js";
+
+const MOST_BYTES = 64 * 1024 * 1024;
+
+export function mountSurfaces(studio) {
+    let shape = null;
+    studio.on("graph", (graph) => {
+        const now = JSON.stringify(graph.surfaces);
+        if (now !== shape) rebuild(studio, graph);
+        shape = now;
+        showCurrent(studio);
+    });
+    find("learn").addEventListener("change", (event) => {
+        if (event.target.files[0]) learn(studio, event.target.files[0]);
+        event.target.value = "";
+    });
+    mountDrop(studio);
+}
+
+// The parameter that a click on a swatch sets.
+const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_surface) ?? null;
+
+// A RON string of a path. JSON writes a string in the same way.
+const quoted = (path) => JSON.stringify(path);
+
+export function currentSurface(graph) {
+    const parameter = parameterOf(graph);
+    if (!parameter) return graph?.surfaces.find(({ path }) => path === graph.maps[0]?.surface) ?? null;
+    return graph.surfaces.find(({ path }) => quoted(path) === parameter.value) ?? null;
+}
+
+function rebuild(studio, graph) {
+    const parameter = parameterOf(graph);
+    const cards = graph.surfaces.map(({ path, name, swatch }) => {
+        const card = make("button", { class: "surface", "aria-pressed": "false", "data-path": path, title: path },
+            make("img", { src: imageOf(swatch), alt: "", loading: "lazy" }), make("span", { text: name }));
+        card.disabled = !parameter;
+        card.addEventListener("click", () => choose(studio, parameter.name, path));
+        return card;
+    });
+    const messages = [...find("surfaces").querySelectorAll(".surface-message")];
+    find("surfaces").replaceChildren(...messages, ...cards);
+}
+
+async function choose(studio, name, path) {
+    const reply = await studio.parameter(name, quoted(path));
+    if (!reply.ok) studio.say("bad", reply.error);
+}
+
+function showCurrent(studio) {
+    const current = currentSurface(studio.graph);
+    for (const card of find("surfaces").querySelectorAll(".surface")) {
+        card.setAttribute("aria-pressed", String(card.getAttribute("data-path") === current?.path));
+    }
+    const parameter = parameterOf(studio.graph);
+    const says = !studio.graph.surfaces.length ? "The surface folder is empty" : parameter ? "Click: it is on the pad at once" : "This graph has no parameter for its surface";
+    setText(find("surface-state"), says);
+}
+
+// Files dropped anywhere: recordings, presets, photographs.
+function mountDrop(studio) {
+    const cover = find("drop");
+    let depth = 0;
+    const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+    window.addEventListener("dragenter", (event) => hasFiles(event) && ((cover.hidden = false), depth++));
+    window.addEventListener("dragleave", (event) => hasFiles(event) && --depth <= 0 && (cover.hidden = true));
+    window.addEventListener("dragover", (event) => hasFiles(event) && event.preventDefault());
+    window.addEventListener("drop", (event) => {
+        if (!hasFiles(event)) return;
+        event.preventDefault();
+        [depth, cover.hidden] = [0, true];
+        for (const file of event.dataTransfer.files) take(studio, file);
+    });
+}
+
+function take(studio, file) {
+    if (/^image\/(png|jpeg|webp)$/.test(file.type)) studio.usePhoto(file);
+    else if (/\.json$/i.test(file.name)) studio.loadPreset(file);
+    else if (/\.csv$/i.test(file.name) || file.type === "text/csv") learn(studio, file);
+    else studio.say("warn", `${file.name} is no CSV, JSON, PNG, JPEG or WebP.`);
+}
+
+async function learn(studio, file) {
+    studio.showTab("surfaces");
+    const text = make("p");
+    const progress = make("progress", { max: 1, "aria-label": `Learning ${file.name}` });
+    const box = make("div", { class: "surface-message", role: "status" }, text, progress);
+    find("surfaces").prepend(box);
+    const end = (level, message) => {
+        progress.remove();
+        box.classList.toggle("bad", level === "bad");
+        text.textContent = message;
+        box.append(make("button", { class: "quiet", text: "Close", onclick: () => box.remove() }));
+    };
+    if (!studio.hello?.can.surfaces) return end("bad", "This engine does not learn surfaces.");
+    if (file.size > MOST_BYTES) return end("bad", `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; at most 64 MiB are taken. Cut the recording, or use \`haptograph learn\`.`);
+    text.textContent = `Reading ${file.name}…`;
+    const csv = await file.text();
+    const answer = studio.connection.request({ type: "learn", name: file.name, csv });
+    const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
+    const reply = await answer;
+    clearInterval(timer);
+    if (reply.ok) end("good", `${reply.change ?? `${file.name} was learned`}. Its swatch is below: click it and stroke it.`);
+    else end("bad", `${file.name} was not learned: ${reply.error}`);
+}
+
+function showProgress(studio, file, text, progress) {
+    const left = studio.connection.unsent;
+    if (left > 0 && file.size > 0) {
+        progress.value = Math.max(0, 1 - left / file.size);
+        setText(text, `Sending ${file.name}…`);
+    } else {
+        progress.removeAttribute("value");
+        setText(text, `Learning ${file.name}…`);
+    }
+}
