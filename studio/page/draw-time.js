@@ -81,7 +81,7 @@ function drawAxes(context, box, range, scale, span_s, y) {
         context.lineTo(box.left + box.width, at);
         context.stroke();
         context.fillStyle = colours.soft;
-        if (at > box.top + 3) context.fillText(tickText(mark, step), box.left - 6, Math.min(at + 4, box.top + box.height + 4));
+        context.fillText(tickText(mark, step).replace("-", "−"), box.left - 6, Math.max(box.top + 8, Math.min(at + 4, box.top + box.height + 2)));
     }
     context.textAlign = "left";
     context.fillText(scale.unit, 6, box.top + box.height + 14);

@@ -16,7 +16,7 @@ svg{position:absolute;left:0;top:0;transform-origin:0 0;max-width:none!important
 rect.paper{fill:transparent}
 [data-node]{cursor:pointer}[data-node]:hover .box,[data-node]:focus-visible .box,[data-node].chosen .box{stroke-width:3}
 [data-node]:focus{outline:none}
-[data-port]{pointer-events:none;transition:stroke-width .12s}
+[data-port]{pointer-events:none}
 .grab{fill:none;stroke:transparent;stroke-width:14;pointer-events:stroke;cursor:copy}
 .grab:hover{stroke:var(--accent);stroke-opacity:.28}
 [data-port].live{stroke:var(--accent)!important}`;
@@ -171,7 +171,9 @@ function showLevels(studio, view) {
     }
     for (const wire of view.svg.querySelectorAll("path[data-port]")) {
         const level = levels.get(wire.getAttribute("data-port"));
+        const width = level === undefined ? "" : String(Math.round(2 * (1.4 + 5 * Math.sqrt(level))) / 2);
+        if (wire.style.strokeWidth === width) continue; // a change paints the whole drawing anew
         wire.classList.toggle("live", level !== undefined);
-        wire.style.strokeWidth = level === undefined ? "" : (1.4 + 5 * Math.sqrt(level)).toFixed(1);
+        wire.style.strokeWidth = width;
     }
 }

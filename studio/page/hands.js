@@ -1,7 +1,8 @@
 // From pointers and keys to hands on the pads: where, how hard, how tilted; sent at once.
 import { pointers } from "./frames.js";
 
-const REPEAT_MS = 20; // a hand that rests is sent again this often, so that it is not taken for a silent input
+const REPEAT_MS = 50; // a hand that rests is sent again this often, so that it is not taken for a silent input
+const LOOK_MS = 10;
 const KEY_SPEED_MM_S = 80;
 const KEY_SPEED_FAST_MM_S = 240;
 const SPEED_WINDOW_MS = 45;
@@ -16,7 +17,7 @@ export class Hands {
         this.pads = [];
         this.force_n = 1; // of whoever cannot press harder: mouse, finger, keys
         this.allowed = () => true;
-        setInterval(() => this.#repeat(), REPEAT_MS);
+        setInterval(() => this.#repeat(), LOOK_MS);
     }
 
     // The hands that are down.

@@ -5,13 +5,17 @@ import { colours, FONT, FONT_STRONG, haloText, onTheme, Surface } from "./theme.
 
 const INSET = { left: 44, right: 16, top: 12, bottom: 34 };
 const TRAIL_MS = 4000;
+const TRAIL_STEPS = 12; // of fading
+const LIFTED_MS = 120; // between two points of the trail: the hand was away
 const EDGE_PIECES = 10; // an edge is straight in speed and force, so it bends on root axes
 const BARELY = 0.005; // m/s and N below which there is no vibration and no point
 
 export function mountMap(studio) {
-    const view = { map: null, traces: null, trail: [], plot: null, ground: null };
-    const surface = new Surface(find("map"), () => (view.ground = null));
-    onTheme(() => (view.ground = null));
+    const view = { map: null, traces: null, trail: [], plot: null }; // plot: null where the ground has to be drawn
+    const again = () => (view.plot = null);
+    const ground = new Surface(find("map-ground"), again);
+    const surface = new Surface(find("map"), again);
+    onTheme(again);
     const choice = find("map-choice");
     const choose = (index) => {
         const map = studio.graph?.maps[index] ?? null;
@@ -22,7 +26,7 @@ export function mountMap(studio) {
             view.trail = [];
         }
         view.map = map;
-        view.ground = null;
+        again();
     };
     choice.addEventListener("change", () => choose(choice.selectedIndex));
     studio.on("graph", ({ maps }) => {
@@ -32,20 +36,19 @@ export function mountMap(studio) {
         choice.selectedIndex = index;
         choose(index);
     });
-    everyFrame((now_ms) => draw(studio, surface, view, now_ms));
+    everyFrame((now_ms) => draw(studio, ground, surface, view, now_ms));
     studio.mapPoint = () => view.trail.at(-1) ?? null;
 }
 
-function draw(studio, surface, view, now_ms) {
+function draw(studio, ground, surface, view, now_ms) {
     const context = surface.begin();
     if (!context) return;
     if (!view.map) {
         setText(find("map-text"), studio.graph ? "This graph has no texture" : "");
         return;
     }
-    view.plot ??= null;
-    if (!view.ground) [view.ground, view.plot] = drawGround(surface, view.map);
-    context.drawImage(view.ground, 0, 0, surface.width, surface.height);
+    view.plot ??= drawGround(ground, view.map);
+    if (!view.plot) return;
     const [speed, force] = (view.traces ?? []).map((trace) => trace?.latest() ?? NaN);
     if (Number.isFinite(speed) && Number.isFinite(force) && force > BARELY) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
@@ -82,11 +85,8 @@ function locate({ points, triangles }, speed, force) {
 
 // Triangles, axes and their labels, drawn once for a map, a size and a theme.
 function drawGround(surface, map) {
-    const canvas = make("canvas");
-    canvas.width = surface.canvas.width;
-    canvas.height = surface.canvas.height;
-    const context = canvas.getContext("2d");
-    context.scale(surface.ratio, surface.ratio);
+    const context = surface.begin();
+    if (!context) return null;
     const most = map.points.reduce(([s, f], [a, b]) => [Math.max(s, a), Math.max(f, b)], [1e-3, 1e-3]);
     const box = { left: INSET.left, top: INSET.top, width: surface.width - INSET.left - INSET.right, height: surface.height - INSET.top - INSET.bottom };
     const plot = {
@@ -108,7 +108,8 @@ function drawGround(surface, map) {
     context.globalAlpha = 0.75;
     context.fillStyle = colours.ink0;
     for (const [speed, force] of map.points) dot(context, plot.x(speed), plot.y(force), 1.6);
-    return [canvas, plot];
+    context.globalAlpha = 1;
+    return plot;
 }
 
 // Root axes: the small speeds and forces, where most of what a hand does is, get the room.
@@ -152,15 +153,20 @@ function drawAxes(context, { box, most, x, y }) {
 }
 
 function drawTrail(context, { trail, plot }, now_ms) {
-    context.lineCap = "round";
+    const ageOf = (point) => Math.floor((TRAIL_STEPS * (now_ms - point.now_ms)) / TRAIL_MS);
+    context.lineJoin = "round";
     context.strokeStyle = colours.ink1;
     context.lineWidth = 2;
-    for (let i = 1; i < trail.length; i++) {
-        if (trail[i].now_ms - trail[i - 1].now_ms > 120) continue;
-        context.globalAlpha = 0.85 * (1 - (now_ms - trail[i].now_ms) / TRAIL_MS) ** 1.5;
+    for (let i = trail.length - 1; i > 0;) {
+        const age = ageOf(trail[i]);
+        context.globalAlpha = 0.85 * (1 - Math.min(1, age / TRAIL_STEPS)) ** 1.5;
         context.beginPath();
-        context.moveTo(plot.x(trail[i - 1].speed), plot.y(trail[i - 1].force));
-        context.lineTo(plot.x(trail[i].speed), plot.y(trail[i].force));
+        context.moveTo(plot.x(trail[i].speed), plot.y(trail[i].force));
+        do {
+            i--;
+            const lifted = trail[i + 1].now_ms - trail[i].now_ms > LIFTED_MS;
+            context[lifted ? "moveTo" : "lineTo"](plot.x(trail[i].speed), plot.y(trail[i].force));
+        } while (i > 0 && ageOf(trail[i]) === age);
         context.stroke();
     }
     context.globalAlpha = 1;

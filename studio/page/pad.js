@@ -9,6 +9,7 @@ import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
 const MARGIN = 14;
 const GRID_MM = 10;
 const TRAIL_MS = 1600;
+const TRAIL_STEPS = 10; // of fading
 // On a picture of a surface the colours are the same by day and night.
 const HAND_INKS = ["#c2500c", "#1c5ba0", "#0f6d57", "#8f3f8a"];
 const HALO = "#ffffff";
@@ -18,7 +19,8 @@ export function mountPad(studio) {
     const hands = new Hands(studio.connection);
     const place = { left: 0, top: 0, scale: 1, width_mm: 100, height_mm: 60 };
     const element = find("pad");
-    const canvas = new Surface(find("pad-canvas"), () => layOut(canvas, hands, place));
+    const grid = new Surface(find("pad-grid"), () => drawGrid(grid, place));
+    const canvas = new Surface(find("pad-canvas"), () => layOut(canvas, grid, hands, place));
     hands.allowed = () => studio.mayTouch();
     const toMm = (clientX, clientY) => {
         const box = element.getBoundingClientRect();
@@ -36,7 +38,7 @@ export function mountPad(studio) {
             hands.setPads(graph.pads);
             force.show();
         }
-        layOut(canvas, hands, place);
+        layOut(canvas, grid, hands, place);
         showSwatch(studio);
     });
     mountPhoto(studio);
@@ -45,7 +47,7 @@ export function mountPad(studio) {
 }
 
 // The largest rectangle of the pad's proportions.
-function layOut(canvas, hands, place) {
+function layOut(canvas, grid, hands, place) {
     const { width_mm, height_mm } = hands.pads[0] ?? { width_mm: 160, height_mm: 100 };
     const scale = Math.max(0.1, Math.min((canvas.width - 2 * MARGIN) / width_mm, (canvas.height - 2 * MARGIN) / height_mm));
     const [width, height] = [width_mm * scale, height_mm * scale];
@@ -54,6 +56,7 @@ function layOut(canvas, hands, place) {
     Object.assign(find("pad-swatch").style, {
         left: `${place.left}px`, top: `${place.top}px`, width: `${width}px`, height: `${height}px`,
     });
+    drawGrid(grid, place);
 }
 
 // The surface that runs, as a picture: a photograph where the user gave one, else its swatch.
@@ -117,12 +120,13 @@ function mountDemo(studio, hands) {
 function draw(canvas, hands, place, now_ms, simulated) {
     const context = canvas.begin();
     if (!context) return;
-    drawGrid(context, place);
-    for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
     if (simulated) haloText(context, "simulated hand", place.left + 12, place.top + 20, MARK, HALO);
+    for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
 }
 
-function drawGrid(context, place) {
+function drawGrid(surface, place) {
+    const context = surface.begin();
+    if (!context) return;
     const { left, top, scale, width_mm, height_mm } = place;
     context.lineWidth = 1;
     for (let mm = 0; mm <= width_mm / 2; mm += GRID_MM) {
@@ -182,16 +186,20 @@ function drawHand(context, hand, place, pad, now_ms) {
 }
 
 function drawTrail(context, samples, px, ink, now_ms) {
-    for (const [width, colour] of [[5, HALO], [2.4, ink]]) {
+    const newest_ms = now_ms - samples.at(-1).time_ms > TRAIL_MS ? now_ms : samples.at(-1).time_ms;
+    const ageOf = ({ time_ms }) => Math.floor((TRAIL_STEPS * (newest_ms - time_ms)) / TRAIL_MS);
+    context.lineJoin = "round";
+    for (const [width, colour, strength] of [[5, HALO, 0.45], [2.4, ink, 0.95]]) {
         context.strokeStyle = colour;
-        for (let i = 1; i < samples.length; i++) {
-            const age = (now_ms - samples[i].time_ms) / TRAIL_MS;
-            if (age > 1) continue;
-            context.globalAlpha = (1 - Math.max(0, age)) ** 1.5 * (width > 3 ? 0.45 : 0.95);
-            context.lineWidth = width;
+        context.lineWidth = width;
+        for (let i = samples.length - 1; i > 0;) {
+            const age = ageOf(samples[i]);
+            if (age >= TRAIL_STEPS) break;
+            context.globalAlpha = (1 - age / TRAIL_STEPS) ** 1.5 * strength;
             context.beginPath();
-            context.moveTo(...px(samples[i - 1]));
-            context.lineTo(...px(samples[i]));
+            context.moveTo(...px(samples[i]));
+            do context.lineTo(...px(samples[--i]));
+            while (i > 0 && ageOf(samples[i]) === age);
             context.stroke();
         }
     }

@@ -1,0 +1,205 @@
+// The page in a real Chromium against a running server: node page.mjs "http://127.0.0.1:PORT/?token=TOKEN" [folder for pictures]
+// `npm ci` here brings playwright-core; it drives the system's Chromium (CHROMIUM, or /usr/bin/chromium).
+import assert from "node:assert/strict";
+import { mkdirSync } from "node:fs";
+import { chromium } from "playwright-core";
+
+const [address, pictures] = process.argv.slice(2);
+assert(address, "give the address that the studio printed");
+if (pictures) mkdirSync(pictures, { recursive: true });
+const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--autoplay-policy=no-user-gesture-required"] });
+const problems = [];
+
+async function open(options = {}) {
+    const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
+    const page = await context.newPage();
+    page.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
+    page.on("pageerror", (error) => problems.push(error.stack));
+    page.on("request", (request) => new URL(request.url()).host === new URL(address).host || !/^(http|ws)/.test(request.url()) || problems.push(`a request left the origin: ${request.url()}`));
+    await page.goto(address);
+    await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: 10_000 });
+    return page;
+}
+
+const picture = async (page, name) => pictures && page.screenshot({ path: `${pictures}/${name}.png` });
+const tests = [];
+const test = (name, run) => tests.push([name, run]);
+
+// A pen by DevTools' own input events, so that pressure and kind arrive as from a tablet.
+async function pen(page) {
+    const session = await page.context().newCDPSession(page);
+    const send = (type, x, y, force) => session.send("Input.dispatchMouseEvent", { type, x, y, force, button: type === "mouseMoved" ? "none" : "left", buttons: type === "mouseReleased" ? 0 : 1, clickCount: 1, pointerType: "pen" });
+    const box = await page.locator("#pad-swatch").boundingBox();
+    const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
+    return {
+        press: (x, y, force) => send("mousePressed", ...at(x, y), force),
+        move: (x, y, force) => send("mouseMoved", ...at(x, y), force),
+        lift: (x, y) => send("mouseReleased", ...at(x, y), 0),
+    };
+}
+
+// Circles on the pad for `time_ms`, calling `look` on the way.
+async function stroke(page, force, time_ms, look = () => {}) {
+    const hand = await pen(page);
+    const start_ms = performance.now();
+    await hand.press(0.7, 0.5, force);
+    for (let elapsed_ms; (elapsed_ms = performance.now() - start_ms) < time_ms;) {
+        const angle = elapsed_ms / 150;
+        await hand.move(0.5 + 0.2 * Math.cos(angle), 0.5 + 0.25 * Math.sin(angle), force);
+        await look(elapsed_ms / time_ms);
+    }
+    await hand.lift(0.5, 0.5);
+}
+
+const latest = (page, name) => page.evaluate((port) => studio.taps.traces.find((trace) => trace.name === port)?.latest() ?? null, name);
+const level = (page, name, span_s) => page.evaluate(([port, span]) => studio.taps.traces.find((trace) => trace.name === port)?.level(span).rms ?? null, [name, span_s]);
+
+test("the page greets and shows the graph", async (page) => {
+    const { version, host, kinds, name } = await page.evaluate(() => ({ ...studio.hello, kinds: studio.hello.kinds.length, name: studio.graph.name }));
+    assert.equal(version, 1);
+    assert(["native", "page"].includes(host));
+    assert(kinds > 50, `${kinds} kinds`);
+    assert.equal(await page.textContent("#name"), name);
+    assert.equal(await page.isVisible("#banner"), false);
+    assert(await page.evaluate(() => document.querySelector("#graph > div").shadowRoot.querySelectorAll("[data-node]").length) > 0, "no node is drawn");
+    assert(await page.evaluate(() => document.querySelector("#graph > div").shadowRoot.querySelectorAll("path[data-port]").length) > 0, "no wire is drawn");
+});
+
+test("a stroke of a pen moves the map's point and is seen on a scope", async (page) => {
+    const [map, pad] = await page.evaluate(() => [studio.graph.maps[0], studio.graph.pads[0]]);
+    const forces = [], speeds = [], points = [];
+    await stroke(page, 0.4, 1800, async () => {
+        forces.push(await latest(page, map.force_port));
+        speeds.push(await latest(page, map.speed_port));
+        points.push(await page.evaluate(() => studio.mapPoint()));
+    });
+    await picture(page, "stroke");
+    const seen = forces.slice(forces.length / 2).sort((a, b) => a - b);
+    const force_n = seen[Math.floor(seen.length / 2)];
+    assert(Math.abs(force_n / (0.4 * pad.force_n) - 1) < 0.1, `0.4 of ${pad.force_n} N arrived as ${force_n} N`);
+    assert(Math.max(...speeds) > 0.02, `the speed never passed ${Math.max(...speeds)} m/s`);
+    const fastest = points.filter(Boolean).reduce((most, { speed }) => Math.max(most, speed), 0);
+    assert(fastest > 0.02, `the map's point never passed ${fastest} m/s`);
+    assert(await page.evaluate(() => studio.scopeCount()) > 0, "no scope is open");
+    await page.waitForTimeout(600);
+    assert((await latest(page, map.force_port)) < 0.01, "the lifted pen still presses");
+});
+
+test("the vibration grows with the stroke and ends with it", async (page) => {
+    const port = await page.evaluate(() => studio.graph.ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz > 1000)?.name);
+    if (!port) return;
+    let during = 0;
+    await stroke(page, 0.4, 1500, async (part) => part > 0.9 && (during = Math.max(during, await level(page, port, 0.3))));
+    await page.waitForTimeout(900);
+    const after = await level(page, port, 0.2);
+    assert(during > 0.01, `${during} m/s² while stroking`);
+    assert(after < during / 20, `${after} m/s² after, ${during} while stroking`);
+});
+
+test("a setting arrives at another page", async (page) => {
+    const setting = await page.evaluate(() => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0]);
+    const other = await open();
+    const value = Number(((setting.min ?? setting.value * 0.8) * 0.4 + (setting.max ?? setting.value * 1.2) * 0.6).toPrecision(3));
+    await page.evaluate((tab) => studio.showTab(tab), "controls");
+    const field = page.locator(`#controls [title="${setting.name}"] ~ input[type=number]`);
+    await field.fill(String(value));
+    await field.press("Tab");
+    await other.waitForFunction(([name, wanted]) => Math.abs(studio.values.get(name) - wanted) < 1e-9 * Math.abs(wanted), [setting.name, value], { timeout: 4000 });
+    await picture(page, "controls");
+    await field.fill(String(setting.value));
+    await field.press("Tab");
+    await other.context().close();
+});
+
+test("an error in the text is shown inline and the sound goes on", async (page) => {
+    await page.click("#sound");
+    await page.click("#demo");
+    await page.waitForFunction(() => studio.sound.report?.playing && studio.sound.report.peak > 1e-5, null, { timeout: 8000 });
+    await page.evaluate(() => {
+        studio.showTab("editor");
+        const text = studio.editor.state.doc.toString();
+        const at = text.indexOf("SpeedEstimator(");
+        studio.editor.dispatch({ changes: { from: at, to: at + "SpeedEstimator".length, insert: "SpeedEstimatr" }, selection: { anchor: at }, scrollIntoView: true });
+    });
+    await page.waitForSelector("#problems li", { timeout: 5000 });
+    await page.waitForSelector(".cm-lintRange-error, .cm-lint-marker-error", { timeout: 2000 });
+    await page.click("#editor-apply");
+    await page.waitForFunction(() => document.getElementById("editor-state").textContent.startsWith("Not applied"), null, { timeout: 5000 });
+    await picture(page, "error");
+    assert.equal(await page.evaluate(() => studio.graph.text.includes("SpeedEstimatr")), false);
+    await page.waitForTimeout(700);
+    const report = await page.evaluate(() => studio.sound.report);
+    assert(report.playing && report.peak > 1e-5, `the sound ended: ${JSON.stringify(report)}`);
+    await page.click("#editor-revert");
+    await page.waitForFunction(() => document.querySelectorAll("#problems li").length === 0, null, { timeout: 5000 });
+});
+
+test("a good edit takes over", async (page) => {
+    const before = await page.evaluate(() => studio.graph.text);
+    await page.evaluate(() => studio.editor.dispatch({ changes: { from: 0, insert: "// one more remark\n" } }));
+    await page.focus(".cm-content");
+    await page.keyboard.press("Control+Enter");
+    await page.waitForFunction(() => studio.graph.text.startsWith("// one more remark"), null, { timeout: 8000 });
+    assert.equal(await page.evaluate(() => studio.graph.saved), false);
+    await page.evaluate((text) => studio.editor.dispatch({ changes: { from: 0, to: studio.editor.state.doc.length, insert: text } }), before);
+    await page.click("#editor-apply");
+    await page.waitForFunction((text) => studio.graph.text === text, before, { timeout: 8000 });
+});
+
+test("STOP is a key and a button, and only Resume ends it", async (page) => {
+    await page.evaluate(() => studio.showTab("graph"));
+    if (await page.getAttribute("#demo", "aria-pressed") === "false") await page.click("#demo");
+    await page.click("h2 >> nth=0");
+    for (const stop of [() => page.keyboard.press("Escape"), () => page.keyboard.press("."), () => page.click("#stop")]) {
+        await stop();
+        await page.waitForFunction(() => studio.status.state === "stopped" && studio.pad.hands.down.length === 0, null, { timeout: 2000 });
+        await page.waitForTimeout(400);
+        assert.equal(await page.evaluate(() => studio.status.state), "stopped");
+        assert(await page.evaluate(() => studio.status.actuators.every(({ peak }) => peak === 0)), "a drive is not at zero");
+        await picture(page, "stopped");
+        await page.click("#pad-cover-button");
+        await page.waitForFunction(() => studio.status.state === "running", null, { timeout: 2000 });
+    }
+});
+
+test("of two pages one owns the pad", async (page) => {
+    const other = await open();
+    await other.waitForTimeout(300);
+    assert.equal(await other.evaluate(() => studio.status.owner), false);
+    await other.click("#pad-cover-button");
+    await other.waitForFunction(() => studio.status.owner, null, { timeout: 2000 });
+    await page.waitForFunction(() => !studio.status.owner, null, { timeout: 2000 });
+    await page.click("#pad-cover-button");
+    await page.waitForFunction(() => studio.status.owner, null, { timeout: 2000 });
+    await other.context().close();
+});
+
+test("the pad is stroked by the arrow keys", async (page) => {
+    const force_port = await page.evaluate(() => studio.graph.maps[0].force_port);
+    await page.focus("#pad");
+    await page.keyboard.down("ArrowRight");
+    await page.waitForTimeout(500);
+    assert((await latest(page, force_port)) > 0.1, "the keys do not press");
+    await page.keyboard.up("ArrowRight");
+    await page.waitForTimeout(500);
+    assert((await latest(page, force_port)) < 0.01, "the keys still press");
+});
+
+let failed = 0;
+const page = await open();
+await page.evaluate(() => studio.own());
+await page.waitForFunction(() => studio.status.owner, null, { timeout: 3000 });
+for (const [name, run] of tests) {
+    try {
+        await run(page);
+        console.log(`ok      ${name}`);
+    } catch (error) {
+        failed++;
+        await picture(page, `failed-${failed}`);
+        console.log(`FAILED  ${name}\n        ${String(error.message).split("\n").slice(0, 4).join("\n        ")}`);
+    }
+}
+if (problems.length) console.log(`FAILED  no console error, no request elsewhere\n        ${problems.join("\n        ")}`);
+else console.log("ok      no console error, no request elsewhere");
+await browser.close();
+process.exit(failed || problems.length ? 1 : 0);
