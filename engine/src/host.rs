@@ -20,11 +20,13 @@
 //! Handles and player can each live on a thread of their own. [`Player::process`], [`Input::set`], [`Input::push`] and
 //! [`Output::read`] are real-time code: they do not allocate, lock, wait or call the system.
 
+mod any;
 mod endpoint;
 mod handles;
 mod player;
 mod queue;
 
+pub use any::{AnyInput, AnyOutput};
 pub use endpoint::{Host, HostSettings};
 pub use handles::{Full, HostError, HostFrame, Input, Output, Scalar, Vector, Wrench};
 pub use player::{PlayOptions, Player};

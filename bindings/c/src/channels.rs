@@ -6,9 +6,14 @@ use crate::border::{
 use crate::failure::Failure;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
-use haptograph_engine::host::{Full, HostError, HostFrame, Input, Output, Player, Scalar, Vector, Wrench};
-use haptograph_signal::time::Rate;
+use haptograph_engine::host::{AnyInput, AnyOutput, Full, Player, Scalar, Vector, Wrench};
 use std::mem::MaybeUninit;
+
+const _: () = assert!(
+    SCALAR as usize == Kind::Scalar.width()
+        && VECTOR as usize == Kind::Vector.width()
+        && WRENCH as usize == Kind::Wrench.width()
+);
 
 /// When what is given to an input takes effect.
 #[derive(Clone, Copy)]
@@ -21,137 +26,77 @@ pub enum When {
     Next,
 }
 
-/// An input of any shape.
-pub trait AnyInput: Send {
-    /// Gives frames, one after the other; says how many found room, and what stopped the others.
-    fn give(&mut self, when: When, values: &[f64]) -> (usize, Result<(), Status>);
-    fn waiting(&self) -> usize;
-    fn components(&self) -> usize;
-    fn rate(&self) -> Rate;
+/// Gives frames, one after the other; says how many found room, and what stopped the others. Real-time.
+pub fn give(input: &mut AnyInput, when: When, values: &[f64]) -> (usize, Result<(), Status>) {
+    let width = input.kind().width();
+    if values.is_empty() || !values.len().is_multiple_of(width) {
+        return (0, Err(Status::Shape));
+    }
+    let mut given = 0;
+    for frame in values.chunks_exact(width) {
+        let put: Result<(), Full> = match when {
+            When::Now => input.set(frame),
+            When::At(seconds) => input.set_at(seconds, frame),
+            When::Next => input.push(frame),
+        };
+        match put {
+            Ok(()) => given += 1,
+            Err(full) => return (given, Err(full.into())),
+        }
+    }
+    (given, Ok(()))
 }
 
-impl<V: HostFrame> AnyInput for Input<V> {
-    fn give(&mut self, when: When, values: &[f64]) -> (usize, Result<(), Status>) {
-        let width = V::KIND.width();
-        if values.is_empty() || !values.len().is_multiple_of(width) {
-            return (0, Err(Status::Shape));
-        }
-        let mut given = 0;
-        for values in values.chunks_exact(width) {
-            let mut frame = V::default();
-            frame.lanes_mut().copy_from_slice(values);
-            let put: Result<(), Full> = match when {
-                When::Now => self.set(frame),
-                When::At(seconds) => self.set_at(seconds, frame),
-                When::Next => self.push(frame),
-            };
-            match put {
-                Ok(()) => given += 1,
-                Err(full) => return (given, Err(full.into())),
-            }
-        }
-        (given, Ok(()))
+/// Fills all of `values`, with zeros where there are no more frames; says how many frames there were. Real-time.
+pub fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
+    let width = output.kind().width();
+    if !values.len().is_multiple_of(width) {
+        return Err(Status::Shape);
     }
-
-    fn waiting(&self) -> usize {
-        Self::waiting(self)
+    let mut count = 0;
+    for values in values.chunks_exact_mut(width) {
+        let mut room = [0.0; 6];
+        let lanes = room.get_mut(..width).ok_or(Status::Shape)?;
+        count += usize::from(output.take(lanes));
+        values.iter_mut().zip(lanes).for_each(|(value, lane)| {
+            value.write(*lane);
+        });
     }
-
-    fn components(&self) -> usize {
-        V::KIND.width()
-    }
-
-    fn rate(&self) -> Rate {
-        Self::rate(self)
-    }
+    Ok(count)
 }
 
-/// An output of any shape.
-pub trait AnyOutput: Send {
-    /// Fills all of `values`, with zeros where there are no more frames; says how many frames there were.
-    fn read(&mut self, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status>;
-    fn waiting(&self) -> usize;
-    fn components(&self) -> usize;
-    fn rate(&self) -> Rate;
-}
-
-impl<V: HostFrame> AnyOutput for Output<V> {
-    fn read(&mut self, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
-        let width = V::KIND.width();
-        if !values.len().is_multiple_of(width) {
-            return Err(Status::Shape);
-        }
-        let mut count = 0;
-        for values in values.chunks_exact_mut(width) {
-            let frame = self.take();
-            count += usize::from(frame.is_some());
-            let frame = frame.unwrap_or_default();
-            values.iter_mut().zip(frame.lanes()).for_each(|(value, lane)| {
-                value.write(*lane);
-            });
-        }
-        Ok(count)
-    }
-
-    fn waiting(&self) -> usize {
-        Self::waiting(self)
-    }
-
-    fn components(&self) -> usize {
-        V::KIND.width()
-    }
-
-    fn rate(&self) -> Rate {
-        Self::rate(self)
-    }
-}
-
-const _: () = assert!(
-    SCALAR as usize == Kind::Scalar.width()
-        && VECTOR as usize == Kind::Vector.width()
-        && WRENCH as usize == Kind::Wrench.width()
-);
-
-fn no_shape(components: u32) -> Failure {
+fn no_shape<R>(components: u32) -> Result<R, Failure> {
     let message =
         format_args!("a channel has 1 (scalar), 3 (vector) or 6 (wrench) components, not {components}");
-    Failure::new(Status::Shape, message)
-}
-
-fn boxed_input<V: HostFrame>(made: Result<Input<V>, HostError>) -> Result<Box<dyn AnyInput>, Failure> {
-    Ok(Box::new(made?))
+    Err(Failure::new(Status::Shape, message))
 }
 
 /// The input of a graph with frames of so many components.
-pub fn input(graph: &Graph, name: &str, components: u32) -> Result<Box<dyn AnyInput>, Failure> {
-    match components {
-        SCALAR => boxed_input(graph.input::<Scalar>(name)),
-        VECTOR => boxed_input(graph.input::<Vector>(name)),
-        WRENCH => boxed_input(graph.input::<Wrench>(name)),
-        other => Err(no_shape(other)),
-    }
-}
-
-fn boxed_output<V: HostFrame>(made: Result<Output<V>, HostError>) -> Result<Box<dyn AnyOutput>, Failure> {
-    Ok(Box::new(made?))
+pub fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Failure> {
+    Ok(match components {
+        SCALAR => graph.input::<Scalar>(name)?.into_any(),
+        VECTOR => graph.input::<Vector>(name)?.into_any(),
+        WRENCH => graph.input::<Wrench>(name)?.into_any(),
+        other => return no_shape(other),
+    })
 }
 
 /// The output of a graph with frames of so many components.
-pub fn output(graph: &Graph, name: &str, components: u32) -> Result<Box<dyn AnyOutput>, Failure> {
-    match components {
-        SCALAR => boxed_output(graph.output::<Scalar>(name)),
-        VECTOR => boxed_output(graph.output::<Vector>(name)),
-        WRENCH => boxed_output(graph.output::<Wrench>(name)),
-        other => Err(no_shape(other)),
-    }
+pub fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+    Ok(match components {
+        SCALAR => graph.output::<Scalar>(name)?.into_any(),
+        VECTOR => graph.output::<Vector>(name)?.into_any(),
+        WRENCH => graph.output::<Wrench>(name)?.into_any(),
+        other => return no_shape(other),
+    })
 }
 
 /// The frames of a probe.
-pub fn probe(player: &mut Player, name: &str, components: u32) -> Result<Box<dyn AnyOutput>, Failure> {
-    match components {
-        SCALAR => boxed_output(player.probe::<Scalar>(name)),
-        VECTOR => boxed_output(player.probe::<Vector>(name)),
-        WRENCH => boxed_output(player.probe::<Wrench>(name)),
-        other => Err(no_shape(other)),
-    }
+pub fn probe(player: &mut Player, name: &str, components: u32) -> Result<AnyOutput, Failure> {
+    Ok(match components {
+        SCALAR => player.probe::<Scalar>(name)?.into_any(),
+        VECTOR => player.probe::<Vector>(name)?.into_any(),
+        WRENCH => player.probe::<Wrench>(name)?.into_any(),
+        other => return no_shape(other),
+    })
 }

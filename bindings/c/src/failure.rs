@@ -82,6 +82,7 @@ impl From<Full> for Status {
         match full {
             Full::Full => Self::Full,
             Full::NotFinite => Self::NotFinite,
+            Full::Shape => Self::Shape,
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Players: the real-time half of a run, and the half that may wait, behind one handle.
 
 use crate::border::{Outcome, State, Status};
-use crate::channels::{self, AnyOutput};
+use crate::channels;
 use crate::failure::Failure;
 use crate::table::{self, Entry, held};
 use haptograph_engine::graph::{Graph, NodeIndex};
-use haptograph_engine::host::{PlayOptions, Player};
+use haptograph_engine::host::{AnyOutput, PlayOptions, Player};
 use haptograph_engine::run::{LiveState, Session};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -113,7 +113,7 @@ impl PlayerEntry {
     }
 
     /// The frames of a probe.
-    pub fn probe(&self, name: &str, components: u32) -> Result<Box<dyn AnyOutput>, Failure> {
+    pub fn probe(&self, name: &str, components: u32) -> Result<AnyOutput, Failure> {
         channels::probe(&mut *held(&self.player)?, name, components)
     }
 

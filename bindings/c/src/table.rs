@@ -7,10 +7,10 @@
 //! given back to the system and a place's lock is only ever tried.
 
 use crate::border::Status;
-use crate::channels::{AnyInput, AnyOutput};
 use crate::failure::Failure;
 use crate::players::{PlayerEntry, Setting};
 use haptograph_engine::graph::Graph;
+use haptograph_engine::host::{AnyInput, AnyOutput};
 use std::collections::VecDeque;
 use std::collections::hash_map::RandomState;
 use std::hash::BuildHasher;
@@ -28,8 +28,8 @@ static FREE: Mutex<Free> = Mutex::new(Free {
 /// What a handle stands for.
 pub enum Entry {
     Graph(Box<Graph>),
-    Input(Mutex<Box<dyn AnyInput>>),
-    Output(Mutex<Box<dyn AnyOutput>>),
+    Input(Box<Mutex<AnyInput>>),
+    Output(Box<Mutex<AnyOutput>>),
     Player(Box<PlayerEntry>),
     Setting(Setting),
 }
@@ -183,20 +183,17 @@ pub fn player<R, E: From<Status>>(
 }
 
 /// The input of a handle, for this thread alone.
-pub fn input<R>(handle: u64, work: impl FnOnce(&mut dyn AnyInput) -> Result<R, Status>) -> Result<R, Status> {
+pub fn input<R>(handle: u64, work: impl FnOnce(&mut AnyInput) -> Result<R, Status>) -> Result<R, Status> {
     with(handle, |entry| match entry {
-        Entry::Input(input) => work(&mut **held(input)?),
+        Entry::Input(input) => work(&mut *held(input)?),
         _ => Err(Status::Kind),
     })
 }
 
 /// The output of a handle, for this thread alone.
-pub fn output<R>(
-    handle: u64,
-    work: impl FnOnce(&mut dyn AnyOutput) -> Result<R, Status>,
-) -> Result<R, Status> {
+pub fn output<R>(handle: u64, work: impl FnOnce(&mut AnyOutput) -> Result<R, Status>) -> Result<R, Status> {
     with(handle, |entry| match entry {
-        Entry::Output(output) => work(&mut **held(output)?),
+        Entry::Output(output) => work(&mut *held(output)?),
         _ => Err(Status::Kind),
     })
 }

@@ -1,18 +1,16 @@
 //! What the caller holds: typed ends of an endpoint's channels.
 
+use super::any::{About, AnyInput, AnyOutput};
 use super::endpoint::{HostChannel, HostEndpoint};
-use super::queue::{Due, Queue};
+use super::queue::Queue;
 use crate::device::Channel;
 use crate::frame::Kind;
 use crate::graph::{Graph, GraphDevice};
-use crate::node::Stream;
 use crate::settings::closest;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
-use rtrb::Consumer;
 use std::marker::PhantomData;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 /// A frame as the caller has it: numbers in SI units.
 pub trait HostFrame: Copy + Default + Send + 'static {
@@ -132,71 +130,23 @@ pub enum Full {
     /// A lane, or the time that it was set for, was infinite or no number.
     #[error("a lane or its time is infinite or no number")]
     NotFinite,
+    /// There were more or fewer lanes than the channel's shape has.
+    #[error("a frame of this channel has another number of lanes")]
+    Shape,
 }
 
 /// The caller's end of a channel that nodes read.
 #[derive(Debug)]
 pub struct Input<V> {
-    end: End<V>,
+    any: AnyInput,
+    frame: PhantomData<fn(V)>,
 }
 
 /// The caller's end of a channel that nodes drive, or of a probe.
 #[derive(Debug)]
 pub struct Output<V> {
-    name: String,
-    quantity: Quantity,
-    rate: Rate,
-    from: From,
+    any: AnyOutput,
     frame: PhantomData<fn() -> V>,
-}
-
-#[derive(Debug)]
-enum From {
-    Queue(Held),
-    Ring(Consumer<f64>),
-}
-
-#[derive(Debug)]
-struct End<V> {
-    name: String,
-    quantity: Quantity,
-    rate: Rate,
-    queue: Held,
-    frame: PhantomData<fn() -> V>,
-}
-
-/// A queue while its handle is out.
-#[derive(Debug)]
-struct Held(Arc<Queue>);
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        self.0.held.store(false, Ordering::Release);
-    }
-}
-
-impl<V: HostFrame> End<V> {
-    fn of(
-        name: String,
-        (kind, quantity): (Kind, Quantity),
-        rate: Rate,
-        queue: &Arc<Queue>,
-    ) -> Result<Self, HostError> {
-        if kind != V::KIND {
-            let asked = V::KIND;
-            return Err(HostError::Kind { name, kind, asked });
-        }
-        if queue.held.swap(true, Ordering::AcqRel) {
-            return Err(HostError::Taken { name });
-        }
-        Ok(Self {
-            name,
-            quantity,
-            rate,
-            queue: Held(Arc::clone(queue)),
-            frame: PhantomData,
-        })
-    }
 }
 
 impl<V: HostFrame> Input<V> {
@@ -205,7 +155,7 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn set(&mut self, value: V) -> Result<(), Full> {
-        self.put(Due::Now, value)
+        self.any.set(value.lanes())
     }
 
     /// From `seconds` of the run on the channel has this value. Values come in the order of their times. Real-time safe.
@@ -213,12 +163,7 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, value: V) -> Result<(), Full> {
-        if !seconds.is_finite() {
-            return Err(Full::NotFinite);
-        }
-        // A time that falls on a tick is that tick's, in spite of the last bit.
-        let tick = (seconds.max(0.0) * self.end.rate.hz() - 1e-6).ceil().max(0.0);
-        self.put(Due::Tick(tick as u64), value)
+        self.any.set_at(seconds, value.lanes())
     }
 
     /// The frame of the next tick that has none yet: a signal, frame by frame. Real-time safe.
@@ -226,37 +171,32 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn push(&mut self, value: V) -> Result<(), Full> {
-        self.put(Due::Next, value)
+        self.any.push(value.lanes())
     }
 
-    fn put(&mut self, due: Due, value: V) -> Result<(), Full> {
-        if !value.lanes().iter().all(|lane| lane.is_finite()) {
-            return Err(Full::NotFinite);
-        }
-        match self.end.queue.0.put(due, value.lanes()) {
-            true => Ok(()),
-            false => Err(Full::Full),
-        }
+    /// The same without its shape.
+    pub fn into_any(self) -> AnyInput {
+        self.any
     }
 
     /// Frames that wait for their tick.
     pub fn waiting(&self) -> usize {
-        self.end.queue.0.len()
+        self.any.waiting()
     }
 
     /// Rate of the channel's ticks.
     pub fn rate(&self) -> Rate {
-        self.end.rate
+        self.any.rate()
     }
 
     /// What its numbers are.
     pub fn quantity(&self) -> Quantity {
-        self.end.quantity
+        self.any.quantity()
     }
 
     /// Endpoint and channel.
     pub fn name(&self) -> &str {
-        &self.end.name
+        self.any.name()
     }
 }
 
@@ -276,56 +216,39 @@ impl<V: HostFrame> Output<V> {
     /// The next frame that has not been read. Real-time safe.
     pub fn take(&mut self) -> Option<V> {
         let mut frame = V::default();
-        match &mut self.from {
-            From::Queue(queue) => queue.0.take_if(|_| true, frame.lanes_mut()).map(|_| frame),
-            // Whole frames were put in.
-            From::Ring(ring) => ring.pop_entire_slice(frame.lanes_mut()).ok().map(|()| frame),
-        }
+        self.any.take(frame.lanes_mut()).then_some(frame)
+    }
+
+    /// The same without its shape.
+    pub fn into_any(self) -> AnyOutput {
+        self.any
     }
 
     /// Frames that wait to be read; what comes while a second's worth waits is lost.
     pub fn waiting(&self) -> usize {
-        match &self.from {
-            From::Queue(queue) => queue.0.len(),
-            From::Ring(ring) => ring.slots() / V::KIND.width(),
-        }
+        self.any.waiting()
     }
 
     /// Rate of its frames.
     pub fn rate(&self) -> Rate {
-        self.rate
+        self.any.rate()
     }
 
     /// What its numbers are.
     pub fn quantity(&self) -> Quantity {
-        self.quantity
+        self.any.quantity()
     }
 
     /// Endpoint and channel, or the probed output.
     pub fn name(&self) -> &str {
-        &self.name
+        self.any.name()
     }
 
-    pub(super) fn of_ring(
-        name: &str,
-        stream: &Stream,
-        ring: &mut Option<Consumer<f64>>,
-    ) -> Result<Self, HostError> {
-        let name = name.to_owned();
-        if stream.kind != V::KIND {
-            let (kind, asked) = (stream.kind, V::KIND);
-            return Err(HostError::Kind { name, kind, asked });
-        }
-        let Some(ring) = ring.take() else {
-            return Err(HostError::Taken { name });
-        };
-        Ok(Self {
-            name,
-            quantity: stream.quantity,
-            rate: stream.rate,
-            from: From::Ring(ring),
+    pub(super) fn of(any: AnyOutput) -> Self {
+        Self {
+            any,
             frame: PhantomData,
-        })
+        }
     }
 }
 
@@ -336,10 +259,21 @@ impl Graph {
     /// # Errors
     /// [`HostError`]: there is no such channel, its frames are of another shape, or its handle has been taken.
     pub fn input<V: HostFrame>(&self, name: &str) -> Result<Input<V>, HostError> {
-        let senses =
-            |endpoint: &HostEndpoint| endpoint.senses.iter().map(|(known, _)| known.clone()).collect();
-        let end = self.host_end("host input", name, &senses)?;
-        Ok(Input { end })
+        let (about, queue) = self.host_input(name)?;
+        about.expect(V::KIND)?;
+        Ok(Input {
+            any: AnyInput::new(about, &queue)?,
+            frame: PhantomData,
+        })
+    }
+
+    /// The same for a channel of any shape.
+    ///
+    /// # Errors
+    /// [`HostError`]: there is no such channel, or its handle has been taken.
+    pub fn any_input(&self, name: &str) -> Result<AnyInput, HostError> {
+        let (about, queue) = self.host_input(name)?;
+        AnyInput::new(about, &queue)
     }
 
     /// The caller's end of a channel that nodes drive: what it gets has passed the sink's limits.
@@ -347,16 +281,28 @@ impl Graph {
     /// # Errors
     /// As [`Self::input`].
     pub fn output<V: HostFrame>(&self, name: &str) -> Result<Output<V>, HostError> {
-        let end: End<V> = self.host_end("host output", name, &|endpoint| endpoint.drives.clone())?;
-        // What nobody read is of the handle before.
-        while end.queue.0.take_if(|_| true, &mut []).is_some() {}
-        Ok(Output {
-            name: end.name,
-            quantity: end.quantity,
-            rate: end.rate,
-            from: From::Queue(end.queue),
-            frame: PhantomData,
-        })
+        let (about, queue) = self.host_output(name)?;
+        about.expect(V::KIND)?;
+        AnyOutput::of_queue(about, &queue).map(Output::of)
+    }
+
+    /// The same for a channel of any shape.
+    ///
+    /// # Errors
+    /// As [`Self::any_input`].
+    pub fn any_output(&self, name: &str) -> Result<AnyOutput, HostError> {
+        let (about, queue) = self.host_output(name)?;
+        AnyOutput::of_queue(about, &queue)
+    }
+
+    fn host_input(&self, name: &str) -> Result<(About, Arc<Queue>), HostError> {
+        let senses =
+            |endpoint: &HostEndpoint| endpoint.senses.iter().map(|(known, _)| known.clone()).collect();
+        self.host_end("host input", name, &senses)
+    }
+
+    fn host_output(&self, name: &str) -> Result<(About, Arc<Queue>), HostError> {
+        self.host_end("host output", name, &|endpoint| endpoint.drives.clone())
     }
 
     /// The channels that [`Self::input`] finds, by their full names.
@@ -383,12 +329,12 @@ impl Graph {
         })
     }
 
-    fn host_end<V: HostFrame>(
+    fn host_end(
         &self,
         what: &'static str,
         name: &str,
         channels: &dyn Fn(&HostEndpoint) -> Vec<HostChannel>,
-    ) -> Result<End<V>, HostError> {
+    ) -> Result<(About, Arc<Queue>), HostError> {
         let (endpoint, channel) = name.split_once('.').map_or((name, None), |(e, c)| (e, Some(c)));
         let mut hosts = self
             .devices()
@@ -415,8 +361,13 @@ impl Graph {
             };
             return Err(unknown(what, name, &all));
         };
-        let full = format!("{endpoint}.{}", channel.name);
-        End::of(full, (channel.kind, channel.quantity), rate, queue)
+        let about = About {
+            name: format!("{endpoint}.{}", channel.name),
+            kind: channel.kind,
+            quantity: channel.quantity,
+            rate,
+        };
+        Ok((about, Arc::clone(queue)))
     }
 }
 

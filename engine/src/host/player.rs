@@ -1,6 +1,8 @@
 //! A graph in the caller's own callback.
 
+use super::any::AnyOutput;
 use super::handles::{HostError, HostFrame, Output, host, unknown};
+use crate::frame::Kind;
 use crate::graph::Graph;
 use crate::node::Stream;
 use crate::run::{Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
@@ -64,7 +66,7 @@ impl Player {
         let mut outlets = Outlets::new(graph);
         let mut names = Vec::new();
         for name in &options.probes {
-            let (node, output) = port(graph, name)?;
+            let (node, output) = graph.find_output(name)?;
             names.push((name.clone(), outlets.hand_over(node, output)));
         }
         let system = |reason: &dyn std::fmt::Display| HostError::System {
@@ -97,12 +99,32 @@ impl Player {
     /// # Errors
     /// [`HostError`]: the probe was not asked for, its frames are of another shape, or it was handed out.
     pub fn probe<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
+        self.handed(name, Some(V::KIND)).map(Output::of)
+    }
+
+    /// The same for frames of any shape.
+    ///
+    /// # Errors
+    /// [`HostError`]: the probe was not asked for, or was handed out.
+    pub fn any_probe(&mut self, name: &str) -> Result<AnyOutput, HostError> {
+        self.handed(name, None)
+    }
+
+    fn handed(&mut self, name: &str, asked: Option<Kind>) -> Result<AnyOutput, HostError> {
         let known: Vec<String> = self.probes.iter().map(|(name, ..)| name.clone()).collect();
         let found = self.probes.iter_mut().find(|(known, ..)| known == name);
         let Some((_, stream, ring)) = found else {
             return Err(unknown("probe", name, &known));
         };
-        Output::of_ring(name, stream, ring)
+        let name = name.to_owned();
+        let kind = stream.kind;
+        if let Some(asked) = asked.filter(|asked| *asked != kind) {
+            return Err(HostError::Kind { name, kind, asked });
+        }
+        let ring = ring
+            .take()
+            .ok_or_else(|| HostError::Taken { name: name.clone() })?;
+        Ok(AnyOutput::of_ring(&name, stream, ring))
     }
 
     /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, call the system or panic. What has
@@ -158,30 +180,35 @@ fn claim(graph: &Graph) -> Result<Playing, HostError> {
     Ok(claimed)
 }
 
-/// The output of a node by its name, `"texture.output"`, or `"texture"` where it has one.
-fn port(graph: &Graph, name: &str) -> Result<(NodeIndex, usize), HostError> {
-    let nodes = || {
-        graph
-            .nodes()
-            .node_indices()
-            .map(|index| (index, &graph.nodes()[index]))
-    };
-    let mut found = nodes().flat_map(|(index, node)| {
-        let outputs = node.outputs.iter().enumerate();
-        outputs.map(move |(output, port)| (index, output, node, port))
-    });
-    let matches = |path: &str, port: &str, outputs: usize| {
-        name.strip_prefix(path).is_some_and(|rest| {
-            (rest.is_empty() && outputs == 1) || rest.strip_prefix('.').is_some_and(|rest| rest == port)
-        })
-    };
-    let found = found.find(|(_, _, node, port)| matches(&node.path, port.name, node.outputs.len()));
-    found.map(|(index, output, ..)| (index, output)).ok_or_else(|| {
-        let ports = nodes().flat_map(|(_, node)| {
-            node.outputs
-                .iter()
-                .map(move |port| format!("{}.{}", node.path, port.name))
+impl Graph {
+    /// The output of a node by its name, `"texture.output"`, or `"texture"` where it has one: the node, and the output's
+    /// place among its outputs.
+    ///
+    /// # Errors
+    /// [`HostError::Unknown`] says what there is.
+    pub fn find_output(&self, name: &str) -> Result<(NodeIndex, usize), HostError> {
+        let nodes = || {
+            self.nodes()
+                .node_indices()
+                .map(|index| (index, &self.nodes()[index]))
+        };
+        let mut found = nodes().flat_map(|(index, node)| {
+            let outputs = node.outputs.iter().enumerate();
+            outputs.map(move |(output, port)| (index, output, node, port))
         });
-        unknown("output", name, &ports.collect::<Vec<_>>())
-    })
+        let matches = |path: &str, port: &str, outputs: usize| {
+            name.strip_prefix(path).is_some_and(|rest| {
+                (rest.is_empty() && outputs == 1) || rest.strip_prefix('.').is_some_and(|rest| rest == port)
+            })
+        };
+        let found = found.find(|(_, _, node, port)| matches(&node.path, port.name, node.outputs.len()));
+        found.map(|(index, output, ..)| (index, output)).ok_or_else(|| {
+            let ports = nodes().flat_map(|(_, node)| {
+                node.outputs
+                    .iter()
+                    .map(move |port| format!("{}.{}", node.path, port.name))
+            });
+            unknown("output", name, &ports.collect::<Vec<_>>())
+        })
+    }
 }

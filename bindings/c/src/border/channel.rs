@@ -5,6 +5,7 @@ use super::{Graph, Input, Output, Status};
 use crate::channels::{self, When};
 use crate::failure::{Failure, guard, guard_realtime};
 use crate::table::{self, Entry, What};
+use haptograph_engine::host::AnyOutput;
 use std::ffi::c_char;
 use std::sync::Mutex;
 
@@ -27,7 +28,7 @@ pub unsafe extern "C" fn haptograph_graph_input(
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::graph(graph.id, |graph| channels::input(graph, name, components))?;
-        let id = table::insert(Entry::Input(Mutex::new(made)))?;
+        let id = table::insert(Entry::Input(Box::new(Mutex::new(made))))?;
         answer.write(Input { id });
         Ok(())
     })
@@ -51,7 +52,7 @@ pub unsafe extern "C" fn haptograph_graph_output(
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::graph(graph.id, |graph| channels::output(graph, name, components))?;
-        let id = table::insert(Entry::Output(Mutex::new(made)))?;
+        let id = table::insert(Entry::Output(Box::new(Mutex::new(made))))?;
         answer.write(Output { id });
         Ok(())
     })
@@ -79,7 +80,7 @@ pub unsafe extern "C" fn haptograph_input_set(input: Input, values: *const f64, 
     guard_realtime(|| {
         // SAFETY: what the header asks of it.
         let values = unsafe { memory::values(values, length)? };
-        table::input(input.id, |input| input.give(When::Now, values).1)
+        table::input(input.id, |input| channels::give(input, When::Now, values).1)
     })
 }
 
@@ -98,7 +99,9 @@ pub unsafe extern "C" fn haptograph_input_set_at(
     guard_realtime(|| {
         // SAFETY: what the header asks of it.
         let values = unsafe { memory::values(values, length)? };
-        table::input(input.id, |input| input.give(When::At(seconds), values).1)
+        table::input(input.id, |input| {
+            channels::give(input, When::At(seconds), values).1
+        })
     })
 }
 
@@ -122,7 +125,7 @@ pub unsafe extern "C" fn haptograph_input_push(
         // SAFETY: as above.
         let values = unsafe { memory::values(values, length)? };
         table::input(input.id, |input| {
-            let (count, ended) = input.give(When::Next, values);
+            let (count, ended) = channels::give(input, When::Next, values);
             answer.write(count);
             ended
         })
@@ -148,7 +151,7 @@ pub unsafe extern "C" fn haptograph_output_read(
         answer.write(0);
         // SAFETY: as above.
         let values = unsafe { memory::room(values, length)? };
-        table::output(output.id, |output| output.read(values)).map(|count| answer.write(count))
+        table::output(output.id, |output| channels::read(output, values)).map(|count| answer.write(count))
     })
 }
 
@@ -168,7 +171,7 @@ pub unsafe extern "C" fn haptograph_input_about(
         // SAFETY: what the header asks of each pointer.
         let about = unsafe { About::to(components, rate_hz, waiting)? };
         let found = table::input(input.id, |input| {
-            Ok((input.components(), input.rate().hz(), input.waiting()))
+            Ok((input.kind().width(), input.rate().hz(), input.waiting()))
         })?;
         about.write(found);
         Ok(())
@@ -190,7 +193,7 @@ pub unsafe extern "C" fn haptograph_output_about(
         // SAFETY: what the header asks of each pointer.
         let about = unsafe { About::to(components, rate_hz, waiting)? };
         let found = table::output(output.id, |output| {
-            Ok((output.components(), output.rate().hz(), output.waiting()))
+            Ok((output.kind().width(), output.rate().hz(), output.waiting()))
         })?;
         about.write(found);
         Ok(())
@@ -222,7 +225,7 @@ impl About {
 }
 
 /// For probes, which come from a player.
-pub(super) fn insert(made: Result<Box<dyn channels::AnyOutput>, Failure>) -> Result<Output, Failure> {
-    let id = table::insert(Entry::Output(Mutex::new(made?)))?;
+pub(super) fn insert(made: Result<AnyOutput, Failure>) -> Result<Output, Failure> {
+    let id = table::insert(Entry::Output(Box::new(Mutex::new(made?))))?;
     Ok(Output { id })
 }

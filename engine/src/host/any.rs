@@ -1,0 +1,206 @@
+//! Ends of channels whose shape is known when the program runs: what typed handles are made of, and what bindings to other
+//! languages hold.
+
+use super::handles::{Full, HostError};
+use super::queue::{Due, Queue};
+use crate::frame::Kind;
+use crate::node::Stream;
+use haptograph_signal::quantity::Quantity;
+use haptograph_signal::time::Rate;
+use rtrb::Consumer;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// The caller's end of a channel that nodes read, of any shape.
+#[derive(Debug)]
+pub struct AnyInput {
+    about: About,
+    queue: Held,
+}
+
+/// The caller's end of a channel that nodes drive, or of a probe, of any shape.
+#[derive(Debug)]
+pub struct AnyOutput {
+    about: About,
+    from: From,
+}
+
+/// What is known of a channel.
+#[derive(Debug)]
+pub(super) struct About {
+    pub name: String,
+    pub kind: Kind,
+    pub quantity: Quantity,
+    pub rate: Rate,
+}
+
+#[derive(Debug)]
+enum From {
+    Queue(Held),
+    Ring(Consumer<f64>),
+}
+
+/// A queue while its handle is out.
+#[derive(Debug)]
+struct Held(Arc<Queue>);
+
+impl Held {
+    fn of(about: &About, queue: &Arc<Queue>) -> Result<Self, HostError> {
+        if queue.held.swap(true, Ordering::AcqRel) {
+            let name = about.name.clone();
+            return Err(HostError::Taken { name });
+        }
+        Ok(Self(Arc::clone(queue)))
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.0.held.store(false, Ordering::Release);
+    }
+}
+
+impl About {
+    pub(super) fn expect(&self, asked: Kind) -> Result<(), HostError> {
+        let (name, kind) = (self.name.clone(), self.kind);
+        match kind == asked {
+            true => Ok(()),
+            false => Err(HostError::Kind { name, kind, asked }),
+        }
+    }
+}
+
+impl AnyInput {
+    pub(super) fn new(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
+        let queue = Held::of(&about, queue)?;
+        Ok(Self { about, queue })
+    }
+
+    /// From the next tick on the channel has these lanes, as many as its shape has. Real-time safe.
+    ///
+    /// # Errors
+    /// [`Full`] where they cannot be queued.
+    pub fn set(&mut self, lanes: &[f64]) -> Result<(), Full> {
+        self.put(Due::Now, lanes)
+    }
+
+    /// The same from `seconds` of the run on. Values come in the order of their times. Real-time safe.
+    ///
+    /// # Errors
+    /// [`Full`] where they cannot be queued.
+    pub fn set_at(&mut self, seconds: f64, lanes: &[f64]) -> Result<(), Full> {
+        if !seconds.is_finite() {
+            return Err(Full::NotFinite);
+        }
+        // A time that falls on a tick is that tick's, in spite of the last bit.
+        let tick = (seconds.max(0.0) * self.about.rate.hz() - 1e-6).ceil().max(0.0);
+        self.put(Due::Tick(tick as u64), lanes)
+    }
+
+    /// The frame of the next tick that has none yet. Real-time safe.
+    ///
+    /// # Errors
+    /// [`Full`] where it cannot be queued.
+    pub fn push(&mut self, lanes: &[f64]) -> Result<(), Full> {
+        self.put(Due::Next, lanes)
+    }
+
+    fn put(&mut self, due: Due, lanes: &[f64]) -> Result<(), Full> {
+        if lanes.len() != self.about.kind.width() {
+            return Err(Full::Shape);
+        }
+        if !lanes.iter().all(|lane| lane.is_finite()) {
+            return Err(Full::NotFinite);
+        }
+        match self.queue.0.put(due, lanes) {
+            true => Ok(()),
+            false => Err(Full::Full),
+        }
+    }
+
+    /// Frames that wait for their tick.
+    pub fn waiting(&self) -> usize {
+        self.queue.0.len()
+    }
+
+    /// Shape of a frame.
+    pub fn kind(&self) -> Kind {
+        self.about.kind
+    }
+
+    /// Rate of the channel's ticks.
+    pub fn rate(&self) -> Rate {
+        self.about.rate
+    }
+
+    /// What its numbers are.
+    pub fn quantity(&self) -> Quantity {
+        self.about.quantity
+    }
+
+    /// Endpoint and channel.
+    pub fn name(&self) -> &str {
+        &self.about.name
+    }
+}
+
+impl AnyOutput {
+    /// Of a queue, from now on: what nobody read is of the handle before.
+    pub(super) fn of_queue(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
+        let from = From::Queue(Held::of(&about, queue)?);
+        while queue.take_if(|_| true, &mut []).is_some() {}
+        Ok(Self { about, from })
+    }
+
+    pub(super) fn of_ring(name: &str, stream: &Stream, ring: Consumer<f64>) -> Self {
+        let about = About {
+            name: name.to_owned(),
+            kind: stream.kind,
+            quantity: stream.quantity,
+            rate: stream.rate,
+        };
+        let from = From::Ring(ring);
+        Self { about, from }
+    }
+
+    /// Fills `lanes`, as many as the shape has, with the next frame that has not been read, if there is one. Real-time
+    /// safe.
+    pub fn take(&mut self, lanes: &mut [f64]) -> bool {
+        if lanes.len() != self.about.kind.width() {
+            return false;
+        }
+        match &mut self.from {
+            From::Queue(queue) => queue.0.take_if(|_| true, lanes).is_some(),
+            // Whole frames were put in.
+            From::Ring(ring) => ring.pop_entire_slice(lanes).is_ok(),
+        }
+    }
+
+    /// Frames that wait to be read; what comes while a second's worth waits is lost.
+    pub fn waiting(&self) -> usize {
+        match &self.from {
+            From::Queue(queue) => queue.0.len(),
+            From::Ring(ring) => ring.slots() / self.about.kind.width(),
+        }
+    }
+
+    /// Shape of a frame.
+    pub fn kind(&self) -> Kind {
+        self.about.kind
+    }
+
+    /// Rate of its frames.
+    pub fn rate(&self) -> Rate {
+        self.about.rate
+    }
+
+    /// What its numbers are.
+    pub fn quantity(&self) -> Quantity {
+        self.about.quantity
+    }
+
+    /// Endpoint and channel, or the probed output.
+    pub fn name(&self) -> &str {
+        &self.about.name
+    }
+}
