@@ -16,7 +16,7 @@ export function mountEditor(studio) {
     studio.on("graph", (graph) => {
         const untouched = state.engine === null || textOf(state) === state.engine;
         [state.engine, state.saved] = [graph.text, graph.saved];
-        if (untouched && textOf(state) !== graph.text) replace(state, graph.text);
+        if (untouched && textOf(state) !== graph.text) replace(state, graph.text, false);
         show(studio, state);
     });
     studio.editor = state.view;
@@ -25,8 +25,10 @@ export function mountEditor(studio) {
 
 const textOf = (state) => state.view.state.doc.toString();
 
-function replace(state, text) {
-    state.view.dispatch({ changes: { from: 0, to: state.view.state.doc.length, insert: text } });
+// Another text; what the engine sends is not the person's own work, and is not undone.
+function replace(state, text, undoable = true) {
+    const annotations = cm.Transaction.addToHistory.of(undoable);
+    state.view.dispatch({ changes: { from: 0, to: state.view.state.doc.length, insert: text }, annotations });
 }
 
 function extensionsOf(studio, state, act) {
@@ -40,7 +42,7 @@ function extensionsOf(studio, state, act) {
             { key: "Mod-s", run: () => (act.save(), true) },
             ...cm.closeBracketsKeymap, ...cm.completionKeymap, ...cm.lintKeymap, ...cm.searchKeymap, ...cm.historyKeymap, ...cm.foldKeymap, ...cm.defaultKeymap,
         ]),
-        cm.EditorView.contentAttributes.of({ "aria-label": "The graph's text" }),
+        cm.EditorView.contentAttributes.of({ "aria-label": "The graph's text", tabindex: "0" }),
         cm.EditorView.updateListener.of((update) => {
             if (!update.docChanged) return;
             state.note = null;
@@ -132,7 +134,7 @@ const { tags } = cm;
 const highlight = cm.HighlightStyle.define([
     { tag: [tags.lineComment, tags.blockComment], color: "var(--soft)", fontStyle: "italic" },
     { tag: tags.string, color: "var(--ink2)" }, { tag: tags.labelName, color: "var(--ink3)", fontWeight: "600" },
-    { tag: tags.number, color: "var(--ink1)" }, { tag: tags.atom, color: "var(--ink5)" },
+    { tag: tags.number, color: "var(--warn)" }, { tag: tags.atom, color: "var(--ink5)" },
     { tag: tags.typeName, color: "var(--ink0)", fontWeight: "600" }, { tag: tags.propertyName, color: "var(--ink)" },
     { tag: [tags.bracket, tags.punctuation], color: "var(--soft)" },
 ]);

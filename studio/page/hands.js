@@ -2,6 +2,7 @@
 import { pointers } from "./frames.js";
 
 const REPEAT_MS = 50; // a hand that rests is sent again this often, so that it is not taken for a silent input
+const REPEAT_BACK_MS = 16; // and that much in the past, so that events that are under way do not seem older
 const LOOK_MS = 10;
 const KEY_SPEED_MM_S = 80;
 const KEY_SPEED_FAST_MM_S = 240;
@@ -91,9 +92,9 @@ export class Hands {
     #repeat() {
         const now_ms = performance.now();
         for (const hand of this.down) {
-            if (now_ms - hand.sent_ms < REPEAT_MS) continue;
+            if (now_ms - hand.sent_ms < REPEAT_MS || hand.who === "demo") continue;
             const last = hand.samples.at(-1);
-            this.#send(hand, [{ ...last, time_ms: now_ms }]);
+            this.#send(hand, [{ ...last, time_ms: now_ms - REPEAT_BACK_MS }]);
             if (now_ms - last.time_ms > SPEED_WINDOW_MS) hand.speed_mm_s = 0;
         }
     }

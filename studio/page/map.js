@@ -50,10 +50,10 @@ function draw(studio, ground, surface, view, now_ms) {
     view.plot ??= drawGround(ground, view.map);
     if (!view.plot) return;
     const [speed, force] = (view.traces ?? []).map((trace) => trace?.latest() ?? NaN);
-    if (Number.isFinite(speed) && Number.isFinite(force) && force > BARELY) view.trail.push({ speed, force, now_ms });
+    const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
+    if (touching) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
     drawTrail(context, view, now_ms);
-    const touching = force > BARELY && Number.isFinite(speed);
     const found = touching ? locate(view.map, speed, force) : null;
     if (found) drawPoint(context, view, found);
     setText(find("map-text"), touching ? said(found, speed, force) : "Touch the pad: the point appears");
@@ -204,7 +204,7 @@ function labelCorner(context, { box }, at, i, weight) {
     const length = Math.hypot(dx, dy) || 1;
     const x = Math.max(box.left + 2, Math.min(box.left + box.width - 32, at[i][0] + (20 * dx) / length - 12));
     const y = Math.max(box.top + 12, Math.min(box.top + box.height - 4, at[i][1] + (18 * dy) / length + 4));
-    haloText(context, weight.toFixed(2), x, y, colours.ink1, colours.panel);
+    haloText(context, weight.toFixed(2), x, y, colours.ink, colours.panel);
 }
 
 function dot(context, x, y, radius) {

@@ -109,7 +109,9 @@ function showBadge(studio) {
     const state = !studio.connection.open ? (studio.lost ? "lost" : "connecting") : studio.status?.state ?? "connecting";
     find("state").dataset.state = state;
     setText(find("state"), state === "lost" ? "no engine" : state);
-    find("owner").hidden = !studio.status || studio.status.owner;
+    const owner = find("owner");
+    owner.disabled = studio.status?.owner !== false;
+    setText(owner, !studio.status ? "" : studio.status.owner ? "the pad is yours" : "Take over");
 }
 
 // From the pointer to the ear, where something is heard; else to the engine.
