@@ -124,11 +124,13 @@ class Studio extends Emitter {
 function cover(studio) {
     const says = !studio.connection.open ? null
         : studio.status?.state === "stopped" ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
-            : studio.status && !studio.status.owner ? ["Another page owns the pad.", "Take over", () => studio.own()] : null;
+            : studio.status && !studio.status.owner ? ["Another page owns the pad.", "Take over", () => studio.own()]
+                : studio.graph?.pads.length === 0 ? ["No input of this graph can be a pointer: a pad needs position, force and touching."] : null;
     find("pad-cover").hidden = !says;
     if (!says) return;
     setText(find("pad-cover-text"), says[0]);
-    setText(find("pad-cover-button"), says[1]);
+    find("pad-cover-button").hidden = !says[1];
+    setText(find("pad-cover-button"), says[1] ?? "");
     find("pad-cover-button").onclick = says[2];
 }
 

@@ -1,6 +1,7 @@
 // All live settings by node, and the graph's parameters; presets of both in a file.
 import { controlRow } from "./control.js";
 import { find, make, setText } from "./dom.js";
+import { bare } from "./surfaces.js";
 
 const PRESET_VERSION = 1;
 
@@ -33,7 +34,7 @@ function rebuild(studio, graph) {
         rows.push(...made);
         return make("section", { class: "control-group", "aria-label": node }, make("h3", { text: node }), ...made.map((row) => row.element));
     });
-    const list = make("datalist", { id: "surface-paths" }, ...graph.surfaces.map(({ path, name }) => make("option", { value: JSON.stringify(path), text: name })));
+    const list = make("datalist", { id: "surface-paths" }, ...graph.surfaces.map(({ path, name }) => make("option", { value: JSON.stringify(bare(path)), text: name })));
     const parameters = graph.parameters.length > 0 && make("section", { class: "control-group", "aria-label": "Parameters" },
         make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
         ...graph.parameters.map((parameter) => parameterRow(studio, parameter)), list);

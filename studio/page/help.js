@@ -3,6 +3,7 @@ import { make } from "./dom.js";
 import { factsOf } from "./node.js";
 import { prose } from "./prose.js";
 import { placeOf } from "./ron.js";
+import { bare } from "./surfaces.js";
 
 const BRIDGES = [["Hold", "The latest value"], ["Linear", "A line from value to value"], ["Average", "The mean since the last tick"], ["Resample", "Band-limited"]];
 
@@ -36,7 +37,7 @@ function inString(studio, text, place) {
         return [...text.matchAll(/"(\w+)"\s*:\s*(?:Driver|Derived)\(/g)].map(([, label]) => ({ label, type: "constant", detail: "clock" }));
     }
     if (place.key === "surface" || studio.graph.parameters.some(({ name, is_surface }) => is_surface && name === place.key)) {
-        return studio.graph.surfaces.map(({ path, name }) => ({ label: path, detail: name, type: "text" }));
+        return studio.graph.surfaces.map(({ path, name }) => ({ label: bare(path), detail: name, type: "text" }));
     }
     return studio.graph.ports.map(({ name, unit, rate_hz }) => ({ label: name, detail: [unit, `${rate_hz} Hz`].filter(Boolean).join(", "), type: "variable" }));
 }

@@ -22,7 +22,7 @@ export function mountMap(studio) {
         const same = view.map && map && view.map.speed_port === map.speed_port && view.map.force_port === map.force_port;
         if (!same) {
             for (const trace of view.traces ?? []) studio.taps.release(trace);
-            view.traces = map && [studio.taps.watch(map.speed_port), studio.taps.watch(map.force_port)];
+            view.traces = map && [map.speed_port, map.force_port].map((port) => port && studio.taps.watch(port));
             view.trail = [];
         }
         view.map = map;

@@ -21,8 +21,11 @@ export function mountSurfaces(studio) {
 // The parameter that a click on a swatch sets.
 const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_surface) ?? null;
 
-// A RON string of a path. JSON writes a string in the same way.
-const quoted = (path) => JSON.stringify(path);
+// A path as the parameter wants it: a RON string, which JSON writes in the same way, unless it is one already.
+const quoted = (path) => (path.startsWith('"') ? path : JSON.stringify(path));
+
+// A path as it stands between the quotes.
+export const bare = (path) => (path.startsWith('"') ? JSON.parse(path) : path);
 
 export function currentSurface(graph) {
     const parameter = parameterOf(graph);
@@ -33,7 +36,7 @@ export function currentSurface(graph) {
 function rebuild(studio, graph) {
     const parameter = parameterOf(graph);
     const cards = graph.surfaces.map(({ path, name, swatch }) => {
-        const card = make("button", { class: "surface", "aria-pressed": "false", "data-path": path, title: path },
+        const card = make("button", { class: "surface", "aria-pressed": "false", "data-path": path, title: bare(path) },
             make("img", { src: imageOf(swatch), alt: "", loading: "lazy" }), make("span", { text: name }));
         card.disabled = !parameter;
         card.addEventListener("click", () => choose(studio, parameter.name, path));
@@ -101,7 +104,7 @@ async function learn(studio, file) {
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);
-    if (reply.ok) end("good", `${reply.change ?? `${file.name} was learned`}. Its swatch is below: click it and stroke it.`);
+    if (reply.ok) end("good", `${file.name} was learned. Its swatch is below: click it and stroke it.`);
     else end("bad", `${file.name} was not learned: ${reply.error}`);
 }
 
