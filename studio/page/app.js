@@ -77,6 +77,7 @@ class Studio extends Emitter {
     }
 
     #take(graph) {
+        for (const port of graph.ports) port.unit = printed(port.unit);
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
         setText(find("name"), graph.name);
@@ -142,6 +143,9 @@ function mountStop(studio) {
         if (event.key === "Escape" || (event.key === "." && !takesText(event.target))) studio.stop();
     });
 }
+
+// A unit as it is printed: "m/s2" as m/s², and none where it is a plain number.
+const printed = (unit) => (unit === "1" ? "" : (unit ?? "").replace(/(?<=[a-z])-?\d/g, (power) => [...power].map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join("")));
 
 const studio = new Studio();
 studio.showTab = studio.say = () => {};

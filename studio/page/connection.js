@@ -1,4 +1,4 @@
-// The WebSocket to the engine: messages out, messages in, requests and their replies, and coming back when it is lost.
+// The way to the engine: messages out, messages in, requests and their replies, and coming back when it is lost.
 import { Emitter } from "./events.js";
 import { read } from "./frames.js";
 
@@ -6,41 +6,42 @@ const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
 
-// Emits `open`, `lost` ({ wait_s, ever }), `samples`, `sound`, and every JSON message by its type.
+// Emits `open`, `lost` ({ wait_s, ever }), `samples`, and every JSON message by its type. Sound goes to the player's port.
 export class Connection extends Emitter {
-    #socket = null;
+    #worker = new Worker(new URL("socket.js", import.meta.url));
     #wait_s = FIRST_WAIT_S;
     #ever = false;
     #next = 1;
     #waiting = new Map();
 
+    constructor() {
+        super();
+        this.open = false;
+        this.unsent = 0; // bytes that still have to leave this machine
+        const hear = { open: () => this.#opened(), close: () => this.#closed(), message: ({ data }) => this.#received(data), unsent: ({ unsent }) => (this.unsent = unsent) };
+        this.#worker.onmessage = ({ data }) => hear[data.what]?.(data);
+    }
+
     connect() {
         const address = new URL("live", location.href);
         address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
-        const socket = new WebSocket(address, PROTOCOL);
-        socket.binaryType = "arraybuffer";
-        socket.addEventListener("open", () => this.#opened());
-        socket.addEventListener("message", (event) => this.#received(event.data));
-        socket.addEventListener("close", () => this.#closed());
-        this.#socket = socket;
+        this.#worker.postMessage({ what: "connect", address: address.href, protocol: PROTOCOL });
     }
 
-    get open() {
-        return this.#socket?.readyState === WebSocket.OPEN;
-    }
-
-    // Bytes that still have to leave this machine.
-    get unsent() {
-        return this.#socket?.bufferedAmount ?? 0;
+    // The port of whoever plays the sound.
+    playBy(port) {
+        this.#worker.postMessage({ what: "player", port }, [port]);
     }
 
     send(message) {
-        if (this.open) this.#socket.send(JSON.stringify(message));
+        const text = JSON.stringify(message);
+        this.unsent += text.length;
+        if (this.open) this.#worker.postMessage({ what: "send", message: text });
     }
 
     sendBinary(buffer) {
-        if (this.open) this.#socket.send(buffer);
+        if (this.open) this.#worker.postMessage({ what: "send", message: buffer }, [buffer]);
     }
 
     // Sends `message` with a number of its own; the promise holds the engine's reply, or `ok: false` and why not.
@@ -54,7 +55,8 @@ export class Connection extends Emitter {
     }
 
     #opened() {
-        this.#ever = true;
+        this.open = this.#ever = true;
+        this.unsent = 0;
         this.#wait_s = FIRST_WAIT_S;
         this.emit("open");
     }
@@ -79,6 +81,7 @@ export class Connection extends Emitter {
     }
 
     #closed() {
+        this.open = false;
         for (const resolve of this.#waiting.values()) resolve(failure("The connection was lost before the answer came."));
         this.#waiting.clear();
         const wait_s = this.#wait_s;

@@ -1,10 +1,9 @@
 // A simulated hand: circles whose speed and force swell and fade, so that the whole map is heard.
-import { everyFrame } from "./frame.js";
-
 const TURN_S = 1.3;
 const SPEED_SWELL_S = 7.1;
 const FORCE_SWELL_S = 4.3;
-const SAMPLES_PER_FRAME = 4;
+const EVERY_MS = 5; // as a pen tablet reports; one sample a message, so that each is at its place in time
+const LONGEST_STEP_MS = 100;
 const WHO = "demo";
 
 export class DemoHand {
@@ -12,10 +11,10 @@ export class DemoHand {
     #angle = 0;
     #time_s = 0;
     #last_ms = 0;
+    #timer = 0;
 
     constructor(hands) {
         this.#hands = hands;
-        everyFrame(() => this.#step());
     }
 
     get running() {
@@ -23,8 +22,9 @@ export class DemoHand {
     }
 
     start() {
+        clearInterval(this.#timer);
         this.#last_ms = performance.now();
-        return this.#hands.press(WHO, this.#sample(this.#last_ms));
+        if (this.#hands.press(WHO, this.#sample(this.#last_ms))) this.#timer = setInterval(() => this.#step(), EVERY_MS);
     }
 
     stop() {
@@ -45,17 +45,13 @@ export class DemoHand {
     }
 
     #step() {
-        if (!this.running) return;
+        if (!this.running) return clearInterval(this.#timer);
         const now_ms = performance.now();
-        const step_ms = Math.min(now_ms - this.#last_ms, 100) / SAMPLES_PER_FRAME;
-        const samples = [];
-        for (let i = 1; i <= SAMPLES_PER_FRAME; i++) {
-            this.#time_s += step_ms / 1000;
-            const speed = 1 + 0.7 * Math.sin((2 * Math.PI * this.#time_s) / SPEED_SWELL_S);
-            this.#angle += (2 * Math.PI * speed * step_ms) / 1000 / TURN_S;
-            samples.push(this.#sample(now_ms - (SAMPLES_PER_FRAME - i) * step_ms));
-        }
+        const step_ms = Math.min(now_ms - this.#last_ms, LONGEST_STEP_MS);
         this.#last_ms = now_ms;
-        this.#hands.move(WHO, samples);
+        this.#time_s += step_ms / 1000;
+        const speed = 1 + 0.7 * Math.sin((2 * Math.PI * this.#time_s) / SPEED_SWELL_S);
+        this.#angle += (2 * Math.PI * speed * step_ms) / 1000 / TURN_S;
+        this.#hands.move(WHO, [this.#sample(now_ms)]);
     }
 }

@@ -8,7 +8,7 @@ const LEAST_SCALE = 0.05;
 const MOST_SCALE = 4;
 const READABLE_SCALE = 0.78;
 const CLICK_PX = 5;
-const LEVEL_EVERY_MS = 100;
+const LEVEL_EVERY_MS = 200;
 // The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
 const STYLE = `
 :host{display:block;position:absolute;inset:0}
@@ -171,7 +171,7 @@ function showLevels(studio, view) {
     }
     for (const wire of view.svg.querySelectorAll("path[data-port]")) {
         const level = levels.get(wire.getAttribute("data-port"));
-        const width = level === undefined ? "" : String(Math.round(2 * (1.4 + 5 * Math.sqrt(level))) / 2);
+        const width = level === undefined ? "" : String(Math.round(1.5 + 5 * Math.sqrt(level)));
         if (wire.style.strokeWidth === width) continue; // a change paints the whole drawing anew
         wire.classList.toggle("live", level !== undefined);
         wire.style.strokeWidth = width;

@@ -63,6 +63,7 @@ function layOut(canvas, grid, hands, place) {
 function showSwatch(studio) {
     const surface = studio.currentSurface();
     const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
+    find("pad-swatch").classList.toggle("photograph", Boolean(studio.photo));
     find("pad-swatch").style.backgroundImage = picture ? `url("${picture}")` : "none";
     setText(find("pad-surface-name"), surface?.name ?? studio.graph?.pads[0]?.endpoint ?? "");
 }

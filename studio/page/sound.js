@@ -20,7 +20,6 @@ export class Sound {
         this.error = null;
         find("sound").addEventListener("click", () => this.toggle());
         find("level").addEventListener("input", (event) => this.#setLevel(Number(event.target.value)));
-        studio.connection.on("sound", (frame) => this.#play(frame.values));
         studio.on("graph", (graph) => this.#follow(graph));
         this.#show();
     }
@@ -67,7 +66,7 @@ export class Sound {
         if (this.#context?.sampleRate !== sound.rate_hz) await this.#open(sound.rate_hz);
         await this.#context.resume();
         this.on = true;
-        this.#player.port.postMessage({});
+        this.#player.port.postMessage({ restart: true });
         this.#studio.connection.send({ type: "sound", on: true });
         if (this.#studio.status?.state !== "stopped") this.#ramp();
     }
@@ -78,6 +77,9 @@ export class Sound {
         await this.#context.audioWorklet.addModule(new URL("worklet.js", import.meta.url));
         this.#player = new AudioWorkletNode(this.#context, "player", { numberOfInputs: 0, outputChannelCount: [2], processorOptions: { rate_hz } });
         this.#player.port.onmessage = ({ data }) => (this.report = data);
+        const { port1, port2 } = new MessageChannel();
+        this.#studio.connection.playBy(port1);
+        this.#player.port.postMessage({ source: port2 }, [port2]);
         this.#gain = this.#context.createGain();
         this.#gain.gain.value = 0;
         this.#player.connect(this.#gain).connect(this.#context.destination);
@@ -96,12 +98,6 @@ export class Sound {
         if (!this.on) return this.#show();
         if (!sound) return this.#end();
         await this.#begin();
-    }
-
-    #play(values) {
-        if (!this.on) return;
-        const copy = values.slice();
-        this.#player.port.postMessage({ values: copy }, [copy.buffer]);
     }
 
     #setLevel(level_db) {

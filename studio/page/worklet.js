@@ -1,4 +1,5 @@
 // Plays binary 3: a ring that fills by messages and empties at the card's rate, with a fill that it holds steady.
+const HEAD_BYTES = 16; // of binary 3, before the samples
 const RING_S = 2;
 const FIRST_TARGET_S = 0.025;
 const LEAST_TARGET_S = 0.012;
@@ -20,7 +21,10 @@ class Player extends AudioWorkletProcessor {
         this.target_s = FIRST_TARGET_S;
         this.fade = 1 / (FADE_S * sampleRate);
         this.restart();
-        this.port.onmessage = ({ data }) => (data.values ? this.take(data.values) : this.restart());
+        this.port.onmessage = ({ data }) => {
+            if (data.restart) this.restart();
+            if (data.source) data.source.onmessage = (message) => this.take(new Float32Array(message.data, HEAD_BYTES));
+        };
     }
 
     restart() {
