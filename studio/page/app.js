@@ -48,8 +48,11 @@ class Studio extends Emitter {
         this.#changed(name, value);
     }
 
-    parameter(name, value) {
-        return this.connection.request({ type: "parameter", name, value });
+    // The reply's `error` says what the first problem is.
+    async parameter(name, value) {
+        const reply = await this.connection.request({ type: "parameter", name, value });
+        const first = reply.diagnostics?.[0]?.message;
+        return reply.ok || !first ? reply : { ...reply, error: first };
     }
 
     stop() {

@@ -3,6 +3,7 @@ const TURN_S = 1.3;
 const SPEED_SWELL_S = 7.1;
 const FORCE_SWELL_S = 4.3;
 const EVERY_MS = 5; // as a pen tablet reports; one sample a message, so that each is at its place in time
+const LARGEST_MS = 8; // between samples where the page was late
 const LONGEST_STEP_MS = 100;
 const WHO = "demo";
 
@@ -49,9 +50,15 @@ export class DemoHand {
         const now_ms = performance.now();
         const step_ms = Math.min(now_ms - this.#last_ms, LONGEST_STEP_MS);
         this.#last_ms = now_ms;
-        this.#time_s += step_ms / 1000;
-        const speed = 1 + 0.7 * Math.sin((2 * Math.PI * this.#time_s) / SPEED_SWELL_S);
-        this.#angle += (2 * Math.PI * speed * step_ms) / 1000 / TURN_S;
-        this.#hands.move(WHO, [this.#sample(now_ms)]);
+        const count = Math.ceil(step_ms / LARGEST_MS);
+        const samples = [];
+        for (let i = 1; i <= count; i++) {
+            const part_s = step_ms / count / 1000;
+            this.#time_s += part_s;
+            const speed = 1 + 0.7 * Math.sin((2 * Math.PI * this.#time_s) / SPEED_SWELL_S);
+            this.#angle += (2 * Math.PI * speed * part_s) / TURN_S;
+            samples.push(this.#sample(now_ms - (count - i) * part_s * 1000));
+        }
+        this.#hands.move(WHO, samples);
     }
 }

@@ -1,6 +1,7 @@
 // The graph's own text: written with colours, completion and help, checked by the engine as one types, applied and saved.
 import { find, make, setText } from "./dom.js";
 import { completions, helpAt } from "./help.js";
+import { prose } from "./prose.js";
 import { ron } from "./ron.js";
 import * as cm from "./vendor/codemirror.js";
 
@@ -22,6 +23,9 @@ export function mountEditor(studio) {
     studio.editor = state.view;
     return act;
 }
+
+// A diagnostic with its fields as the page uses them.
+const plain = (diagnostic) => ({ ...diagnostic, file: diagnostic.file ?? diagnostic.path ?? null, help: [diagnostic.help ?? []].flat().join("\n") });
 
 const textOf = (state) => state.view.state.doc.toString();
 
@@ -96,7 +100,8 @@ function show(studio, state) {
     find("editor-state").title = find("editor-state").textContent;
 }
 
-function showProblems(studio, state, diagnostics) {
+function showProblems(studio, state, given) {
+    const diagnostics = given.map(plain);
     const doc = state.view.state.doc;
     const own = ({ file }) => !file || baseName(file) === baseName(studio.graph?.path ?? file);
     const inline = diagnostics.filter((diagnostic) => own(diagnostic) && diagnostic.line).map((diagnostic) => {
@@ -126,8 +131,8 @@ function problem(state, diagnostic, own) {
         state.view.focus();
     };
     return make("li", {}, make("button", { onclick: go }, make("span", { class: "where", text: where }),
-        make("span", { class: severityOf(diagnostic), text: `${severityOf(diagnostic)} ${diagnostic.code ?? ""} ` }), diagnostic.message ?? "",
-        diagnostic.help ? make("span", { class: "help", text: diagnostic.help }) : null));
+        make("span", { class: severityOf(diagnostic), text: `${severityOf(diagnostic)} ${diagnostic.code ?? ""} ` }), ...prose(diagnostic.message),
+        diagnostic.help ? make("span", { class: "help" }, ...prose(diagnostic.help)) : null));
 }
 
 const { tags } = cm;

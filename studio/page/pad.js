@@ -13,6 +13,7 @@ const TRAIL_STEPS = 10; // of fading
 // On a picture of a surface the colours are the same by day and night.
 const HAND_INKS = ["#c2500c", "#1c5ba0", "#0f6d57", "#8f3f8a"];
 const HALO = "#ffffff";
+const VEIL = "linear-gradient(rgb(244 241 234 / .5), rgb(244 241 234 / .5))"; // over a drawn swatch, so that the hand is seen
 const MARK = "#1c242c";
 
 export function mountPad(studio) {
@@ -63,8 +64,7 @@ function layOut(canvas, grid, hands, place) {
 function showSwatch(studio) {
     const surface = studio.currentSurface();
     const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
-    find("pad-swatch").classList.toggle("photograph", Boolean(studio.photo));
-    find("pad-swatch").style.backgroundImage = picture ? `url("${picture}")` : "none";
+    find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";
     setText(find("pad-surface-name"), surface?.name ?? studio.graph?.pads[0]?.endpoint ?? "");
 }
 

@@ -25,12 +25,13 @@ const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_sur
 const quoted = (path) => (path.startsWith('"') ? path : JSON.stringify(path));
 
 // A path as it stands between the quotes.
-export const bare = (path) => (path.startsWith('"') ? JSON.parse(path) : path);
+export const bare = (path) => (/^"[^"\\]*"$/.test(path) ? path.slice(1, -1) : path);
 
 export function currentSurface(graph) {
-    const parameter = parameterOf(graph);
-    if (!parameter) return graph?.surfaces.find(({ path }) => path === graph.maps[0]?.surface) ?? null;
-    return graph.surfaces.find(({ path }) => quoted(path) === parameter.value) ?? null;
+    if (!graph) return null;
+    const runs = [parameterOf(graph)?.value, graph.maps[0]?.surface].filter(Boolean).map(bare);
+    const named = (matches) => graph.surfaces.find(({ path }) => runs.some((value) => matches(value, bare(path))));
+    return named((value, path) => value === path) ?? named((value, path) => value.endsWith(`/${path}`) || path.endsWith(`/${value}`)) ?? null;
 }
 
 function rebuild(studio, graph) {

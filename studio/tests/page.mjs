@@ -146,6 +146,21 @@ test("a good edit takes over", async (page) => {
     await page.waitForFunction((text) => studio.graph.text === text, before, { timeout: 8000 });
 });
 
+test("a swatch puts its surface on the pad", async (page) => {
+    await page.evaluate(() => studio.showTab("surfaces"));
+    const cards = page.locator("#surfaces .surface");
+    if (await cards.count() < 2 || await cards.first().isDisabled()) return;
+    const before = page.locator("#surfaces .surface[aria-pressed=true]");
+    const path = await before.getAttribute("data-path");
+    const points = await page.evaluate(() => JSON.stringify(studio.graph.maps[0].points));
+    await page.click("#surfaces .surface[aria-pressed=false] >> nth=0");
+    await page.waitForFunction((old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path !== old, path, { timeout: 8000 });
+    await page.waitForFunction((old) => JSON.stringify(studio.graph.maps[0].points) !== old, points, { timeout: 2000 });
+    await picture(page, "surfaces");
+    await page.click(`#surfaces .surface[data-path=${JSON.stringify(path)}]`);
+    await page.waitForFunction((old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path === old, path, { timeout: 8000 });
+});
+
 test("STOP is a key and a button, and only Resume ends it", async (page) => {
     await page.evaluate(() => studio.showTab("graph"));
     if (await page.getAttribute("#demo", "aria-pressed") === "false") await page.click("#demo");
