@@ -1,8 +1,12 @@
-// One loop for all that is drawn: sixty times a second while the page is seen.
+// One loop for all that is drawn: at every frame while the page is seen. On a machine that does not keep up, what can
+// wait is drawn at every second one, half of it at each.
+const FULL_RATE_HZ = 48;
 const drawers = new Set();
+let turns = 0;
+let turn = 0;
 let frames = 0;
 let since_ms = performance.now();
-let rate_hz = 0;
+let rate_hz = 60;
 
 // Calls `draw(now_ms)` at every frame; returns what ends that.
 export function everyFrame(draw) {
@@ -10,11 +14,18 @@ export function everyFrame(draw) {
     return () => drawers.delete(draw);
 }
 
+// The same for what can wait.
+export function mostFrames(draw) {
+    const mine = turns++ % 2;
+    return everyFrame((now_ms) => (rate_hz >= FULL_RATE_HZ || turn === mine) && draw(now_ms));
+}
+
 // Frames in the last second.
 export const frameRate = () => rate_hz;
 
 function loop(now_ms) {
     frames++;
+    turn = 1 - turn;
     if (now_ms - since_ms >= 1000) {
         rate_hz = Math.round((1000 * frames) / (now_ms - since_ms));
         [frames, since_ms] = [0, now_ms];

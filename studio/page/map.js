@@ -1,6 +1,6 @@
 // The force-speed plane of a texture: its triangles, the hand's point in it with the weights of the three models, its trail.
 import { find, make, setText } from "./dom.js";
-import { everyFrame } from "./frame.js";
+import { mostFrames } from "./frame.js";
 import { colours, FONT, FONT_STRONG, haloText, onTheme, Surface } from "./theme.js";
 
 const INSET = { left: 44, right: 16, top: 12, bottom: 34 };
@@ -36,32 +36,36 @@ export function mountMap(studio) {
         choice.selectedIndex = index;
         choose(index);
     });
-    everyFrame((now_ms) => draw(studio, ground, surface, view, now_ms));
+    mostFrames((now_ms) => draw(studio, ground, surface, view, now_ms));
     studio.mapPoint = () => view.trail.at(-1) ?? null;
 }
 
 function draw(studio, ground, surface, view, now_ms) {
-    const context = surface.begin();
-    if (!context) return;
     if (!view.map) {
+        surface.begin();
+        ground.begin();
         setText(find("map-text"), studio.graph ? "This graph has no texture" : "");
         return;
     }
     view.plot ??= drawGround(ground, view.map);
-    if (!view.plot) return;
     const [speed, force] = (view.traces ?? []).map((trace) => trace?.latest() ?? NaN);
     const touching = studio.connection.open && force > BARELY && Number.isFinite(speed);
     if (touching) view.trail.push({ speed, force, now_ms });
     while (view.trail.length && now_ms - view.trail[0].now_ms > TRAIL_MS) view.trail.shift();
-    drawTrail(context, view, now_ms);
     const found = touching ? locate(view.map, speed, force) : null;
-    if (found) drawPoint(context, view, found);
     setText(find("map-text"), touching ? said(found, speed, force) : "Touch the pad: the point appears");
+    const empty = view.trail.length === 0;
+    const context = empty && view.empty ? null : surface.begin(); // nothing is painted while nothing moves
+    view.empty = empty;
+    if (!context || !view.plot) return;
+    drawTrail(context, view, now_ms);
+    if (found) drawPoint(context, view, found);
 }
 
 const said = (found, speed, force) => {
     const weights = found ? found.corners.map(({ weight }) => `${(100 * weight).toFixed(0)} %`).join(" · ") : "outside";
-    return `${(1000 * speed).toFixed(0)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
+    const where = found?.clamped ? "beyond the map: " : "";
+    return `${where}${(1000 * speed).toFixed(0)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
 };
 
 // The triangle around the point (brought into the map first, as the engine does) and the weight of each corner.
@@ -172,7 +176,7 @@ function drawTrail(context, { trail, plot }, now_ms) {
     context.globalAlpha = 1;
 }
 
-function drawPoint(context, { plot }, { x, y, corners, clamped }) {
+function drawPoint(context, { plot }, { x, y, corners }) {
     const at = corners.map(({ point }) => [plot.x(point[0]), plot.y(point[1])]);
     context.beginPath();
     outline(context, plot, corners.map(({ point }) => point));
@@ -194,7 +198,6 @@ function drawPoint(context, { plot }, { x, y, corners, clamped }) {
     dot(context, px, py, 6.5);
     context.fillStyle = colours.ink;
     dot(context, px, py, 4.5);
-    if (clamped) haloText(context, "beyond the map", Math.min(px + 10, plot.box.left + plot.box.width - 96), Math.max(py - 12, plot.box.top + 14), colours.warn, colours.panel);
 }
 
 // The weight beside its corner, on the side away from the middle of the triangle.

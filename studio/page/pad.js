@@ -10,6 +10,9 @@ const MARGIN = 14;
 const GRID_MM = 10;
 const TRAIL_MS = 1600;
 const TRAIL_STEPS = 10; // of fading
+const WIDEST = 9; // pixels that the strongest vibration adds to the trail
+const FELT_S = 0.06;
+const FELT_FROM_HZ = 1000;
 // On a picture of a surface the colours are the same by day and night.
 const HAND_INKS = ["#c2500c", "#1c5ba0", "#0f6d57", "#8f3f8a"];
 const HALO = "#ffffff";
@@ -43,8 +46,31 @@ export function mountPad(studio) {
         showSwatch(studio);
     });
     mountPhoto(studio);
-    everyFrame((now_ms) => draw(canvas, hands, place, now_ms, demo.running));
+    const strength = followVibration(studio);
+    everyFrame((now_ms) => {
+        const now = strength();
+        for (const { samples } of hands.down) for (let i = samples.length - 1; i >= 0 && samples[i].strength === undefined; i--) samples[i].strength = now;
+        draw(canvas, hands, place, now_ms, demo.running);
+    });
     return { hands, demo };
+}
+
+// How strong what is rendered is now, 0 to 1 of the strongest lately: of the last acceleration in the graph, or of
+// what an actuator gets.
+function followVibration(studio) {
+    let trace = null, most = 0;
+    studio.on("graph", ({ ports, actuators }) => {
+        const port = ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz >= FELT_FROM_HZ)
+            ?? ports.find(({ node }) => actuators.some(({ name }) => name === node));
+        if (trace?.name === port?.name) return;
+        studio.taps.release(trace);
+        [trace, most] = [port ? studio.taps.watch(port.name) : null, 0];
+    });
+    return () => {
+        const { rms } = trace?.level(FELT_S) ?? { rms: 0 };
+        most = Math.max(rms, most * 0.9995);
+        return most > 0 ? rms / most : 0;
+    };
 }
 
 // The largest rectangle of the pad's proportions.
@@ -118,8 +144,12 @@ function mountDemo(studio, hands) {
     return demo;
 }
 
+let blank = false;
+
 function draw(canvas, hands, place, now_ms, simulated) {
-    const context = canvas.begin();
+    const nothing = hands.down.length === 0;
+    const context = nothing && blank ? null : canvas.begin(); // nothing is painted while no hand is down
+    blank = nothing;
     if (!context) return;
     if (simulated) haloText(context, "simulated hand", place.left + 12, place.top + 20, MARK, HALO);
     for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
@@ -186,21 +216,24 @@ function drawHand(context, hand, place, pad, now_ms) {
     drawLabel(context, `${last.force_n.toFixed(2)} N   ${hand.speed_mm_s.toFixed(0)} mm/s`, x, y - radius - 14, place);
 }
 
+// The way of the last seconds, as wide as the vibration was strong there.
 function drawTrail(context, samples, px, ink, now_ms) {
     const newest_ms = now_ms - samples.at(-1).time_ms > TRAIL_MS ? now_ms : samples.at(-1).time_ms;
     const ageOf = ({ time_ms }) => Math.floor((TRAIL_STEPS * (newest_ms - time_ms)) / TRAIL_MS);
-    context.lineJoin = "round";
-    for (const [width, colour, strength] of [[5, HALO, 0.45], [2.4, ink, 0.95]]) {
+    const widthOf = ({ strength }) => Math.round(2 + WIDEST * (strength ?? 0));
+    context.lineJoin = context.lineCap = "round";
+    for (const [more, colour, opacity] of [[2.6, HALO, 0.45], [0, ink, 0.95]]) {
         context.strokeStyle = colour;
-        context.lineWidth = width;
         for (let i = samples.length - 1; i > 0;) {
-            const age = ageOf(samples[i]);
+            const [age, width] = [ageOf(samples[i]), widthOf(samples[i])];
             if (age >= TRAIL_STEPS) break;
-            context.globalAlpha = (1 - age / TRAIL_STEPS) ** 1.5 * strength;
+            context.globalAlpha = (1 - age / TRAIL_STEPS) ** 1.5 * opacity;
+            context.lineWidth = width + more;
+            context.lineCap = age < 2 ? "round" : "butt"; // round ends would show where what fades overlaps
             context.beginPath();
             context.moveTo(...px(samples[i]));
             do context.lineTo(...px(samples[--i]));
-            while (i > 0 && ageOf(samples[i]) === age);
+            while (i > 0 && ageOf(samples[i]) === age && widthOf(samples[i]) === width);
             context.stroke();
         }
     }

@@ -3,28 +3,21 @@ import { find, kept, make, setText } from "./dom.js";
 import { drawMeter, drawNumber } from "./draw-meter.js";
 import { drawSpectrogram, drawSpectrum } from "./draw-spectrum.js";
 import { drawTime } from "./draw-time.js";
-import { everyFrame, frameRate } from "./frame.js";
+import { mostFrames } from "./frame.js";
 import { Surface } from "./theme.js";
 
 const SPANS_S = [0.05, 0.2, 0.5, 1, 2, 5, 10, 20];
 const LAG_S = 0.04; // the right edge stands this much behind, so that it does not flicker
-const FULL_RATE_HZ = 48;
 const SPECTRAL = new Set(["spectrum", "spectrogram"]);
 const VIEWS = { time: drawTime, spectrum: drawSpectrum, spectrogram: drawSpectrogram, meter: drawMeter, number: drawNumber };
 const SPECTRAL_FROM_HZ = 200;
 
 export function mountScopes(studio) {
-    const state = { cards: [], span_s: kept.get("span", 2), paused_s: null, graph: null, turn: 0 };
+    const state = { cards: [], span_s: kept.get("span", 2), paused_s: null, graph: null };
     mountBar(studio, state);
     studio.on("graph", (graph) => follow(studio, state, graph));
     studio.addScope = (name, view = "time") => add(studio, state, name, view);
     studio.scopeCount = () => state.cards.length;
-    everyFrame((now_ms) => {
-        const end_s = state.paused_s ?? studio.taps.now_s() - LAG_S;
-        const every = frameRate() < FULL_RATE_HZ ? 2 : 1; // a slow machine draws half of them at each frame
-        state.turn = (state.turn + 1) % 2;
-        state.cards.forEach((card, i) => every === 1 || i % 2 === state.turn ? drawCard(studio, state, card, end_s, now_ms) : null);
-    });
 }
 
 function mountBar(studio, state) {
@@ -100,6 +93,7 @@ function add(studio, state, name, view, keep = true) {
     find("scopes").append(card.element);
     card.surface = new Surface(canvas);
     state.cards.push(card);
+    card.end = mostFrames((now_ms) => drawCard(studio, state, card, now_ms));
     showEmpty(state);
     if (keep) remember(state);
 }
@@ -129,6 +123,7 @@ function setView(studio, state, card, view) {
 function remove(studio, state, card, keep = true) {
     studio.taps.release(card.trace);
     card.surface.end();
+    card.end();
     card.element.remove();
     state.cards = state.cards.filter((each) => each !== card);
     showEmpty(state);
@@ -143,7 +138,8 @@ function showEmpty(state) {
     else if (!empty) find("scopes").append(make("p", { class: "empty", text: "Add a port from the list, or click a wire in the drawn graph." }));
 }
 
-function drawCard(studio, state, card, end_s, now_ms) {
+function drawCard(studio, state, card, now_ms) {
+    const end_s = state.paused_s ?? studio.taps.now_s() - LAG_S;
     if (state.paused_s !== null && card.view !== "time") return;
     const context = card.surface.begin();
     if (!context || card.trace.lanes === 0) return;
