@@ -59,7 +59,24 @@ pub fn open(text: &Text<'_>, wanted: &Wanted<'_>) -> Result<u64, Failure> {
         Text::Here(text, name) => Document::parse(name, text)?,
     };
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
+    has_endpoints(&graph, wanted.hosted.as_deref().unwrap_or_default())?;
     Ok(table::insert(Entry::Graph(Box::new(graph)))?)
+}
+
+fn has_endpoints(graph: &Graph, names: &[&str]) -> Result<(), Failure> {
+    let known: Vec<&str> = graph
+        .devices()
+        .iter()
+        .map(|device| device.name.as_str())
+        .collect();
+    match names.iter().find(|name| !known.contains(name)) {
+        None => Ok(()),
+        Some(name) => {
+            let known = known.join(", ");
+            let message = format_args!("the graph has no endpoint `{name}`: it has {known}");
+            Err(Failure::new(Status::Name, message))
+        }
+    }
 }
 
 /// The warnings of a graph as on a terminal; empty where there are none.

@@ -63,6 +63,10 @@ static void graphs(void) {
     options.set = unknown;
     EXPECT(haptograph_graph_open(path, &options, &graph), GRAPH);
     HOLDS(strstr(haptograph_last_error_message(), "gian") != NULL);
+    options.set_count = 0;
+    options.hosted = unknown, options.hosted_count = 1;
+    EXPECT(haptograph_graph_open(path, &options, &graph), NAME);
+    HOLDS(strstr(haptograph_last_error_message(), "haptuator") != NULL);
     HOLDS(graph.id == 7);
 
     const char *text = "Graph(format: 1, about: \"\xff\")";

@@ -1,0 +1,35 @@
+"""The feel of real surfaces as NumPy arrays: learn it, render it, run it.
+
+>>> import haptograph as hg
+>>> recording = hg.read("take.csv")                          # doctest: +SKIP
+>>> surface = hg.learn(recording)                            # doctest: +SKIP
+>>> vibration = surface.render(force=1.0, speed=0.1, seconds=2)   # doctest: +SKIP
+
+Everything is in SI units: m, m/s, N, m/s2, s. What fails raises :class:`Error`, whose text is what the command
+would print. Long calls let other threads run, and ctrl-C ends them.
+"""
+
+from ._errors import Diagnostic, Error, GraphError
+from ._graph import Graph, Outcome, Player, Run, Signal
+from ._native import __version__
+from ._recording import Recording, read
+from ._surface import Comparison, Model, Surface, compare, learn
+
+__all__ = [
+    "Comparison",
+    "Diagnostic",
+    "Error",
+    "Graph",
+    "GraphError",
+    "Model",
+    "Outcome",
+    "Player",
+    "Recording",
+    "Run",
+    "Signal",
+    "Surface",
+    "__version__",
+    "compare",
+    "learn",
+    "read",
+]

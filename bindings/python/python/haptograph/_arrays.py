@@ -1,0 +1,61 @@
+"""From what people have to arrays of float64, or an error that says why not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ._errors import Error
+
+
+def array(name: str, values: Any) -> np.ndarray:
+    """Real numbers as a contiguous array of float64."""
+    given = np.asarray(values)
+    if given.dtype == object:
+        # A list of unlike things, or numbers that NumPy has no type for.
+        try:
+            given = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise Error(f"`{name}` is no array of numbers: {error}") from None
+    if given.dtype.kind not in "biuf":
+        raise Error(f"`{name}` is of type {given.dtype}: give real numbers")
+    return np.asarray(given, dtype=np.float64, order="C")
+
+
+def finite(name: str, values: np.ndarray) -> np.ndarray:
+    """The same where every number is finite."""
+    if not np.isfinite(values).all():
+        where = tuple(int(index) for index in np.argwhere(~np.isfinite(values))[0])
+        raise Error(f"`{name}` is {values[where] if where else values} at index {list(where)}: give finite numbers")
+    return values
+
+
+def line(name: str, values: Any) -> np.ndarray:
+    """One number after the other."""
+    made = array(name, values)
+    if made.ndim != 1:
+        raise Error(f"`{name}` has shape {made.shape}: give one dimension")
+    return finite(name, made)
+
+
+def number(name: str, value: Any, least: float = -math.inf, above: bool = False) -> float:
+    """A single finite number."""
+    made = array(name, value)
+    if made.ndim != 0:
+        raise Error(f"`{name}` has shape {made.shape}: give one number")
+    single = float(made)
+    if not math.isfinite(single) or single < least or (above and single == least):
+        bound = "" if least == -math.inf else f" {'above' if above else 'of at least'} {least:g}"
+        raise Error(f"`{name}` is {single}: give a finite number{bound}")
+    return single
+
+
+def whole(name: str, value: Any, least: int = 0, most: int = 2**64 - 1) -> int:
+    """A whole number in a range."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise Error(f"`{name}` is {value!r}: give a whole number")
+    if not least <= int(value) <= most:
+        raise Error(f"`{name}` is {value}: give a whole number from {least} to {most}")
+    return int(value)

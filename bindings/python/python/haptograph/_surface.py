@@ -1,0 +1,342 @@
+"""Surfaces: what makes a virtual surface feel like a real one."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import _native, _show
+from ._arrays import array, finite, line, number, whole
+from ._errors import Error
+from ._recording import Recording
+
+_MOST_SAMPLES = 10**9
+
+
+def learn(
+    recordings: Recording | Sequence[Recording],
+    name: str = "surface",
+    method: str = "law",
+    order: int | None = None,
+    rate: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Surface:
+    """Learn a surface from recordings of one material.
+
+    Each recording teaches what its gesture can: drags the texture (and friction where there is no circle), circles
+    friction, taps the taps, a press stiffness.
+
+    Parameters
+    ----------
+    recordings : Recording or list of Recording
+        Of one material.
+    name : str
+        The material's name, for people.
+    method : {"law", "thesis"}
+        One law of the spectrum over speed and force, or a model for each stretch of one character, triangulated.
+    order : int, optional
+        Of all models.
+    rate : float, optional
+        Bring vibrations down to this rate first, Hz.
+    progress : callable, optional
+        Called with the part done, 0 to 1, now and then.
+
+    Returns
+    -------
+    Surface
+        ``surface.missing`` says what could not be learned, and why.
+    """
+    given = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    for one in given:
+        if not isinstance(one, Recording):
+            raise Error(f"{one!r} is no Recording: `read` a file, or make one of arrays")
+    settings = {
+        "method": str(method),
+        "order": None if order is None else whole("order", order, 1, 1000),
+        "rate": None if rate is None else number("rate", rate, 0, above=True),
+    }
+    native = _native.learn(str(name), [one._inner for one in given], settings, progress)
+    return Surface._of(native)
+
+
+@dataclass(frozen=True)
+class Model:
+    """The filter that noise goes through to feel like a surface at one force and speed.
+
+    Attributes
+    ----------
+    ar, ma : ndarray
+        a_1 to a_p of A(z) = 1 + sum of a_k z^-k, and b_1 to b_q alike.
+    gain : float
+        Multiplies the MA polynomial.
+    variance : float
+        Of the excitation, (m/s2)^2.
+    warping : float
+        The warping factor of the AR polynomial's frequency axis; 0 where it is plain.
+    force, speed : float
+        N and m/s, after saturation at the largest that have models.
+    rate : float
+        Samples a second.
+    """
+
+    ar: np.ndarray
+    ma: np.ndarray
+    gain: float
+    variance: float
+    warping: float
+    force: float
+    speed: float
+    rate: float
+    _surface: Surface
+
+    def spectrum(self, frequencies: Any = None) -> tuple[np.ndarray, np.ndarray]:
+        """The power spectral density of the vibration.
+
+        Parameters
+        ----------
+        frequencies : array_like, optional
+            Hz; 512 of them up to half the rate where they are not given.
+
+        Returns
+        -------
+        frequencies : ndarray
+            Hz.
+        density : ndarray
+            One-sided, (m/s2)^2/Hz. Lines that are fixed in space are not in it.
+        """
+        if frequencies is None:
+            frequencies = np.linspace(0, self.rate / 2, 512)
+        frequencies = line("frequencies", frequencies)
+        return frequencies, self._surface._inner.density(self.force, self.speed, frequencies)
+
+
+class Surface:
+    """Friction, taps, texture and stiffness of one material: see :func:`learn` and :meth:`load`."""
+
+    _inner: _native.Surface
+
+    def __init__(self) -> None:
+        raise Error("a Surface comes of `learn`, or of `Surface.load`")
+
+    @classmethod
+    def _of(cls, native: _native.Surface) -> Surface:
+        made = cls.__new__(cls)
+        made._inner = native
+        return made
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Surface:
+        """Read a surface: haptograph's .ron, or the toolkit's (HaTT) .xml."""
+        return cls._of(_native.Surface.load(os.fspath(path)))
+
+    def save(self, path: str | os.PathLike[str]) -> list[str]:
+        """Write it as .ron, or as .xml for the toolkit.
+
+        Returns
+        -------
+        list of str
+            Parts that the format has no place for.
+        """
+        return self._inner.save(os.fspath(path))
+
+    @property
+    def name(self) -> str:
+        """The material's name."""
+        return self._inner.name
+
+    @property
+    def origin(self) -> str:
+        """simulated, measured, imported or procedural."""
+        return self._inner.origin
+
+    @property
+    def friction(self) -> float | None:
+        """Friction coefficient, if known."""
+        return self._inner.friction
+
+    @property
+    def stiffness(self) -> float | None:
+        """N/m, if known."""
+        return self._inner.stiffness
+
+    @property
+    def taps(self) -> int:
+        """How many taps it has."""
+        return self._inner.taps
+
+    @property
+    def missing(self) -> list[str]:
+        """What could not be learned, and why."""
+        return self._inner.missing
+
+    @property
+    def rate(self) -> float:
+        """Samples a second of its texture."""
+        return self._inner.rate
+
+    @property
+    def max_speed(self) -> float:
+        """The largest speed that has models, m/s; faster counts as this."""
+        return self._inner.range[0]
+
+    @property
+    def max_force(self) -> float:
+        """The largest force that has models, N; harder counts as this."""
+        return self._inner.range[1]
+
+    @property
+    def places(self) -> np.ndarray:
+        """Speed (m/s) and force (N) of every model, shape (models, 2)."""
+        return np.array(self._inner.places())
+
+    def at(self, force: float, speed: float) -> Model:
+        """The model at a normal force in N and a speed in m/s."""
+        force, speed = number("force", force, 0), number("speed", speed, 0)
+        return Model(**self._inner.at(force, speed), _surface=self)
+
+    def render(
+        self,
+        force: Any,
+        speed: Any,
+        seconds: float | None = None,
+        rate: float | None = None,
+        seed: int = 1,
+        update: float = 240.0,
+    ) -> np.ndarray:
+        """The vibration of sliding over the surface.
+
+        Parameters
+        ----------
+        force : float or array_like
+            Normal force, N; one for each sample, or one for all.
+        speed : float or array_like
+            m/s; likewise.
+        seconds : float, optional
+            How long, where neither is an array.
+        rate : float, optional
+            Samples a second of arrays and result: the texture's own, :attr:`rate`. Another is an error.
+        seed : int
+            The same seed gives the same samples.
+        update : float
+            How often the filter follows force and speed, Hz.
+
+        Returns
+        -------
+        ndarray
+            Acceleration, m/s2, shape (samples,).
+        """
+        own = self.rate
+        if rate is not None and number("rate", rate, 0, above=True) != own:
+            raise Error(f"the texture has {own:g} Hz, not {rate:g}: resample the arrays, or learn with rate={rate:g}")
+        force, speed = finite("force", array("force", force)), finite("speed", array("speed", speed))
+        if force.ndim == speed.ndim == 0:
+            if seconds is None:
+                raise Error("say how long: give `seconds`, or an array of forces or speeds")
+            samples = number("seconds", seconds, 0) * own
+            if samples > _MOST_SAMPLES:
+                raise Error(f"{seconds} s are {samples:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
+            speed = np.full(math.floor(samples + 0.5), float(speed))
+        elif seconds is not None:
+            raise Error("the array says how long: leave `seconds` out")
+        try:
+            force, speed = np.broadcast_arrays(force, speed)
+        except ValueError:
+            raise Error(f"force has shape {force.shape}, speed {speed.shape}: give as many of both") from None
+        force, speed = line("force", force), line("speed", speed)
+        seed, update = whole("seed", seed), number("update", update, 0, above=True)
+        return self._inner.render(force, speed, seed, update)
+
+    def page(self) -> str:
+        """The page of ``haptograph learn --report``, as HTML; an error for a surface that was read from a file."""
+        page = self._inner.page()
+        if page is None:
+            raise Error("a surface from a file does not know what it was learned from")
+        return page
+
+    def __repr__(self) -> str:
+        friction = "" if self.friction is None else f", friction {self.friction:.3g}"
+        stiffness = "" if self.stiffness is None else f", {self.stiffness:.3g} N/m"
+        return f"<Surface {self.name!r}, {self.origin}{friction}{stiffness}, {self.taps} taps>"
+
+    def _repr_html_(self) -> str:
+        rows = [("origin", self.origin)]
+        if self.friction is not None:
+            rows.append(("friction coefficient", f"{self.friction:.3g}"))
+        if self.stiffness is not None:
+            rows.append(("stiffness", f"{self.stiffness:.4g} N/m"))
+        rows.append(("taps", str(self.taps)))
+        return _show.table(rows, self.name) + (self._inner.figure() or "")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How far one vibration is from another; above zero where the first is louder. dB, None where no band counts.
+
+    Attributes
+    ----------
+    lsd, lsd_100_500, lsd_40_250 : float
+        Log-spectral distance over third octaves from 20 to 1000 Hz, and over parts of them.
+    absolute, low, total : float
+        Mean absolute error of the bands, mean error from 20 to 40 Hz, error of the power.
+    misplaced : float
+        Part of the energy in the wrong one of nine bands, 0 to 1.
+    nse, pe : float
+        Normalized spectral error and power error of windows (2.5.1 of the thesis), no dB.
+    windows : int
+        How many windows.
+    bands : list of tuple
+        The third octaves, from and to, Hz.
+    signed : ndarray
+        The error of each.
+    """
+
+    lsd: float | None
+    lsd_100_500: float | None
+    lsd_40_250: float | None
+    absolute: float | None
+    low: float | None
+    total: float | None
+    misplaced: float
+    nse: float
+    pe: float
+    windows: int
+    bands: list[tuple[float, float]]
+    signed: np.ndarray
+
+
+def _vibration(name: str, given: Any) -> tuple[np.ndarray, float | None]:
+    if isinstance(given, Recording):
+        given = given if given.is_processed else given.processed()
+        return given.acceleration, given.rate
+    values = getattr(given, "values", given)
+    rate = getattr(given, "rate", None)
+    # A Signal knows its rate; a pandas Series has values too.
+    return line(name, values), rate if isinstance(rate, float) else None
+
+
+def compare(a: Any, b: Any, rate: float | None = None, window: int | None = None) -> Comparison:
+    """How far one vibration is from another, over the time that both cover.
+
+    Parameters
+    ----------
+    a, b : array_like, Recording or Signal
+        m/s2. Of recordings the acceleration.
+    rate : float, optional
+        Samples a second, where neither says it.
+    window : int, optional
+        Samples in a window of `nse` and `pe`; 25.6 ms where it is not given.
+    """
+    (a, of_a), (b, of_b) = _vibration("a", a), _vibration("b", b)
+    rates = {float(one) for one in (of_a, of_b, rate) if one is not None}
+    if not rates:
+        raise Error("arrays do not say their rate: give `rate`")
+    if len(rates) > 1:
+        raise Error(f"the rates differ: {', '.join(f'{one:g} Hz' for one in sorted(rates))}; resample one")
+    rate = number("rate", rates.pop(), 0, above=True)
+    window = None if window is None else whole("window", window, 2, 2**32)
+    return Comparison(**_native.compare(a, b, rate, window))

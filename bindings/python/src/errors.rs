@@ -1,0 +1,71 @@
+//! Errors as exceptions of the package.
+
+use haptograph::engine::diagnostic::{Diagnostics, Severity};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::fmt::Display;
+
+/// Why a call failed.
+#[derive(Debug)]
+pub enum Failure {
+    /// What is wrong with a graph, each at its place.
+    Graph(Box<Diagnostics>),
+    /// One sentence.
+    Message(String),
+}
+
+impl Failure {
+    /// Of anything that says in one sentence what is wrong.
+    pub fn of(error: impl Display) -> Self {
+        Self::Message(error.to_string())
+    }
+}
+
+impl From<Diagnostics> for Failure {
+    fn from(found: Diagnostics) -> Self {
+        Self::Graph(Box::new(found))
+    }
+}
+
+impl Failure {
+    /// The exception for it.
+    pub fn raise(&self, py: Python<'_>) -> PyErr {
+        self.exception(py).unwrap_or_else(|failed| failed)
+    }
+
+    fn exception(&self, py: Python<'_>) -> PyResult<PyErr> {
+        let errors = py.import("haptograph._errors")?;
+        let raised = match self {
+            Self::Message(message) => errors.getattr("Error")?.call1((message,))?,
+            Self::Graph(found) => {
+                let list = diagnostics(py, found)?;
+                errors.getattr("GraphError")?.call1((found.to_string(), list))?
+            }
+        };
+        Ok(PyErr::from_value(raised))
+    }
+}
+
+/// All findings as dictionaries.
+pub fn diagnostics<'py>(py: Python<'py>, found: &Diagnostics) -> PyResult<Bound<'py, PyList>> {
+    let list = PyList::empty(py);
+    for one in &found.list {
+        let shown = PyDict::new(py);
+        let severity = match one.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        shown.set_item("code", one.code)?;
+        shown.set_item("severity", severity)?;
+        shown.set_item("message", &one.message)?;
+        shown.set_item("help", &one.help)?;
+        let span = one.primary.as_ref().map(|label| label.span);
+        let file = span.and_then(|span| found.sources.get(span.source));
+        shown.set_item("file", file.map(|source| source.path.display().to_string()))?;
+        shown.set_item("span", span.map(|span| (span.start, span.end)))?;
+        shown.set_item("line", span.map(|span| found.sources.line_column(span).0))?;
+        shown.set_item("column", span.map(|span| found.sources.line_column(span).1))?;
+        list.append(shown)?;
+    }
+    Ok(list)
+}

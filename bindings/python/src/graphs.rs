@@ -1,0 +1,284 @@
+//! Graphs: read and checked once, and again with what a run sets.
+
+use crate::errors::{Failure, diagnostics};
+use crate::players::Player;
+use crate::runs::{self, Signal, Told};
+use crate::work::apart;
+use haptograph::engine::diagnostic::Diagnostics;
+use haptograph::engine::document::{Document, LoadOptions};
+use haptograph::engine::graph::{self as engine, CheckOptions, Hosted, check};
+use haptograph::report::drawing::standalone_svg;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A checked graph.
+#[pyclass(frozen, module = "haptograph._native")]
+pub struct Graph {
+    document: Arc<Document>,
+    options: CheckOptions,
+    graph: Arc<engine::Graph>,
+    name: String,
+}
+
+/// How a graph is checked.
+#[derive(FromPyObject, Clone)]
+pub struct Checking {
+    #[pyo3(item)]
+    set: Vec<(String, String)>,
+    #[pyo3(item)]
+    seed: Option<u64>,
+    #[pyo3(item)]
+    endpoints: Option<String>,
+}
+
+/// A run that is asked for.
+#[derive(FromPyObject)]
+pub struct RunRequest<'py> {
+    #[pyo3(item)]
+    seconds: Option<f64>,
+    #[pyo3(item)]
+    inputs: Vec<(String, PyReadonlyArray2<'py, f64>, bool)>,
+    #[pyo3(item)]
+    probes: Option<Vec<String>>,
+    #[pyo3(item)]
+    folder: Option<PathBuf>,
+    #[pyo3(item)]
+    threads: usize,
+}
+
+impl Checking {
+    /// The options of a graph with these on top.
+    fn over(&self, usual: &CheckOptions) -> Result<CheckOptions, Failure> {
+        let mut options = usual.clone();
+        for (number, (name, _)) in self.set.iter().enumerate() {
+            if self.set[..number].iter().any(|(known, _)| known == name) {
+                return Err(Failure::Message(format!("`{name}` is set twice")));
+            }
+            options.set.retain(|(known, _)| known != name);
+        }
+        options.set.extend(self.set.iter().cloned());
+        options.seed = self.seed.or(options.seed);
+        if let Some(endpoints) = &self.endpoints {
+            options.endpoints.clone_from(endpoints);
+        }
+        Ok(options)
+    }
+}
+
+impl Graph {
+    fn new(document: Document, checking: &Checking, name: String) -> Result<Self, Failure> {
+        let options = checking.over(&CheckOptions::default())?;
+        let graph = check(&document, &haptograph::nodes::registry(), &options)?;
+        Ok(Self {
+            document: Arc::new(document),
+            options,
+            graph: Arc::new(graph),
+            name,
+        })
+    }
+
+    fn again(&self, checking: &Checking, hosted: Hosted) -> Result<engine::Graph, Failure> {
+        let mut options = checking.over(&self.options)?;
+        options.hosted = hosted;
+        let graph = check(&self.document, &haptograph::nodes::registry(), &options)?;
+        has_endpoints(&graph, &options.hosted)?;
+        Ok(graph)
+    }
+}
+
+fn has_endpoints(graph: &engine::Graph, hosted: &Hosted) -> Result<(), Failure> {
+    let Hosted::Also(names) = hosted else {
+        return Ok(());
+    };
+    let known: Vec<&str> = graph
+        .devices()
+        .iter()
+        .map(|device| device.name.as_str())
+        .collect();
+    match names.iter().find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(name) => Err(Failure::Message(format!(
+            "the graph has no endpoint `{name}`: it has {}",
+            known.join(", ")
+        ))),
+    }
+}
+
+/// Endpoints of channels: `stylus` of `stylus.force`.
+fn endpoints<'a>(channels: impl Iterator<Item = &'a str>) -> Hosted {
+    let endpoint = |name: &str| name.split('.').next().unwrap_or_default().to_owned();
+    let mut names: Vec<String> = channels.map(endpoint).collect();
+    names.dedup();
+    Hosted::Also(names)
+}
+
+#[pymethods]
+impl Graph {
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, checking: Checking) -> PyResult<Self> {
+        apart(py, (None, false), move |_| {
+            let name = path
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            Self::new(Document::load(&path, &LoadOptions::default())?, &checking, name)
+        })
+    }
+
+    #[staticmethod]
+    fn parse(py: Python<'_>, text: String, path: PathBuf, checking: Checking) -> PyResult<Self> {
+        apart(py, (None, false), move |_| {
+            let name = path
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            Self::new(Document::parse(&path, &text)?, &checking, name)
+        })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    #[getter]
+    fn about(&self) -> &str {
+        self.graph.about()
+    }
+
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.graph.seed()
+    }
+
+    /// Parameters and their defaults as written.
+    fn parameters(&self) -> Vec<(String, String)> {
+        let own = |(name, value): (&str, &str)| (name.to_owned(), value.to_owned());
+        self.document.parameters().map(own).collect()
+    }
+
+    /// Clocks and their rates.
+    fn clocks(&self) -> Vec<(String, f64)> {
+        let clocks = self.graph.clocks().iter();
+        clocks
+            .map(|clock| (clock.name.clone(), clock.rate.hz()))
+            .collect()
+    }
+
+    /// Outputs: name, kind of node, shape, unit, rate.
+    fn outputs(&self) -> Vec<(String, &'static str, String, String, f64)> {
+        let nodes = self.graph.nodes();
+        let mut all = Vec::new();
+        for index in nodes.node_indices() {
+            let node = &nodes[index];
+            let rate = node
+                .clock
+                .map_or(0.0, |clock| self.graph.clocks()[clock].rate.hz());
+            for port in &node.outputs {
+                let name = format!("{}.{}", node.path, port.name);
+                let (kind, unit) = (port.kind.to_string(), port.quantity.unit());
+                all.push((name, node.entry.spec.name, kind, unit, rate));
+            }
+        }
+        all
+    }
+
+    /// Live settings: name, value, smallest, largest.
+    fn settings(&self) -> Vec<(String, f64, Option<f64>, Option<f64>)> {
+        let settings = self.graph.live_settings();
+        let shown = |one: &engine::LiveSetting| {
+            let (low, high) = one.range.unzip();
+            (one.name(), one.value, low, high)
+        };
+        settings.iter().map(shown).collect()
+    }
+
+    /// Channels that a caller can feed, and that one can hear: name, components, unit.
+    fn channels(&self, py: Python<'_>) -> PyResult<(Vec<runs::Channel>, Vec<runs::Channel>)> {
+        let nothing = Checking {
+            set: Vec::new(),
+            seed: None,
+            endpoints: None,
+        };
+        let graph = self.again(&nothing, Hosted::All);
+        let graph = graph.map_err(|failure| failure.raise(py))?;
+        Ok((
+            graph.host_inputs().map(runs::channel).collect(),
+            graph.host_outputs().map(runs::channel).collect(),
+        ))
+    }
+
+    /// Warnings as the terminal shows them, and one by one.
+    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyList>)> {
+        let found = Diagnostics {
+            sources: self.graph.sources().clone(),
+            list: self.graph.warnings().to_vec(),
+        };
+        let text = match found.list.is_empty() {
+            true => String::new(),
+            false => found.to_string(),
+        };
+        Ok((text, diagnostics(py, &found)?))
+    }
+
+    /// The graph as SVG.
+    fn svg(&self) -> String {
+        standalone_svg(&self.graph, &self.name)
+    }
+
+    /// Runs it; its signals, and what the run did.
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        checking: Checking,
+        request: RunRequest<'py>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyDict>)> {
+        let feeds: Vec<runs::Feed> = request.inputs.iter().map(runs::Feed::of).collect();
+        let hosted = endpoints(feeds.iter().map(|feed| feed.name.as_str()));
+        let hosted = if feeds.is_empty() {
+            Hosted::AsWritten
+        } else {
+            hosted
+        };
+        let graph = self
+            .again(&checking, hosted)
+            .map_err(|failure| failure.raise(py))?;
+        let wanted = runs::Wanted {
+            seconds: request.seconds,
+            probes: request.probes,
+            folder: request.folder,
+            threads: request.threads,
+        };
+        let done = apart(py, (progress, true), move |progress| {
+            runs::run(&graph, &feeds, &wanted, progress)
+        })?;
+        let signals = PyList::empty(py);
+        for signal in done.signals {
+            signals.append(Signal::into_python(signal, py)?)?;
+        }
+        Ok((signals, done.outcome.into_python(py)?))
+    }
+
+    /// A block-wise run of it.
+    fn player(
+        &self,
+        py: Python<'_>,
+        checking: Checking,
+        hosted: Option<Vec<String>>,
+        probes: Vec<String>,
+        folder: Option<PathBuf>,
+        rested: bool,
+    ) -> PyResult<Player> {
+        let hosted = hosted.map_or(Hosted::All, Hosted::Also);
+        let made = self
+            .again(&checking, hosted)
+            .and_then(|graph| Player::open(&graph, &probes, folder, rested));
+        made.map_err(|failure| failure.raise(py))
+    }
+}

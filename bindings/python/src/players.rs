@@ -1,0 +1,254 @@
+//! A run in blocks, for loops that are live or want to look in between.
+
+use crate::errors::Failure;
+use crate::runs::{Told, drain};
+use haptograph::engine::graph::Graph;
+use haptograph::engine::host::{AnyInput, AnyOutput, Full, PlayOptions, Player as Engine};
+use haptograph::engine::run::{LiveState, Session};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// A run that is driven by its caller.
+#[pyclass(frozen, module = "haptograph._native")]
+pub struct Player {
+    inside: Mutex<Option<Inside>>,
+    rate_hz: f64,
+}
+
+struct Inside {
+    player: Engine,
+    session: Session,
+    inputs: Vec<AnyInput>,
+    outputs: Vec<AnyOutput>,
+}
+
+/// How much is processed between two looks at the outputs, s.
+const PART_S: f64 = 0.25;
+/// Frames that one call processes at most.
+const MOST_FRAMES: usize = 1 << 25;
+
+impl Player {
+    pub fn open(
+        graph: &Graph,
+        probes: &[String],
+        folder: Option<PathBuf>,
+        rested: bool,
+    ) -> Result<Self, Failure> {
+        let mut options = PlayOptions::default();
+        options.probes = probes.to_vec();
+        options.folder = folder;
+        options.live.rested = rested;
+        let (mut player, session) = Engine::open(graph, &options).map_err(Failure::of)?;
+        let inputs = graph.host_inputs().map(|(name, _)| graph.any_input(&name));
+        let inputs = inputs.collect::<Result<Vec<_>, _>>().map_err(Failure::of)?;
+        let outputs = graph.host_outputs().map(|(name, _)| graph.any_output(&name));
+        let mut outputs = outputs.collect::<Result<Vec<_>, _>>().map_err(Failure::of)?;
+        for probe in probes {
+            outputs.push(player.any_probe(probe).map_err(Failure::of)?);
+        }
+        let driver = graph.drivers().first().copied().unwrap_or_default();
+        let rate_hz = graph.clocks()[driver].rate.hz();
+        let inside = Inside {
+            player,
+            session,
+            inputs,
+            outputs,
+        };
+        Ok(Self {
+            inside: Mutex::new(Some(inside)),
+            rate_hz,
+        })
+    }
+
+    /// Does something with the run, other Python threads going on meanwhile.
+    fn with<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Inside) -> Result<R, Failure> + Send,
+    ) -> PyResult<R> {
+        let done = py.detach(|| {
+            let mut inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);
+            let over = || Failure::Message("the player has finished".to_owned());
+            work(inside.as_mut().ok_or_else(over)?)
+        });
+        done.map_err(|failure| failure.raise(py))
+    }
+}
+
+impl Inside {
+    fn input(&mut self, name: &str) -> Result<&mut AnyInput, Failure> {
+        let known: Vec<String> = self.inputs.iter().map(|input| input.name().to_owned()).collect();
+        let found = self.inputs.iter_mut().find(|input| input.name() == name);
+        found.ok_or_else(|| {
+            Failure::Message(format!(
+                "there is no input `{name}`: there are {}",
+                known.join(", ")
+            ))
+        })
+    }
+}
+
+fn refused(input: &AnyInput, error: Full) -> Failure {
+    let name = input.name();
+    Failure::Message(match error {
+        Full::Shape => format!("a frame of `{name}` has {} components", input.kind().width()),
+        error => format!("`{name}`: {error}"),
+    })
+}
+
+#[pymethods]
+impl Player {
+    /// Frames a second.
+    #[getter]
+    fn rate(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Inputs: name, components, unit, rate.
+    fn inputs(&self, py: Python<'_>) -> PyResult<Vec<(String, usize, String, f64)>> {
+        self.with(py, |inside| {
+            let shown = |input: &AnyInput| {
+                let (width, unit) = (input.kind().width(), input.quantity().unit());
+                (input.name().to_owned(), width, unit, input.rate().hz())
+            };
+            Ok(inside.inputs.iter().map(shown).collect())
+        })
+    }
+
+    /// Outputs and probes: name, components, unit, rate.
+    fn outputs(&self, py: Python<'_>) -> PyResult<Vec<(String, usize, String, f64)>> {
+        self.with(py, |inside| {
+            let shown = |output: &AnyOutput| {
+                let (width, unit) = (output.kind().width(), output.quantity().unit());
+                (output.name().to_owned(), width, unit, output.rate().hz())
+            };
+            Ok(inside.outputs.iter().map(shown).collect())
+        })
+    }
+
+    /// From the next tick on, or from a time on, an input has this frame.
+    fn set(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        frame: PyReadonlyArray1<'_, f64>,
+        at: Option<f64>,
+    ) -> PyResult<()> {
+        let frame = frame.as_array().to_vec();
+        self.with(py, move |inside| {
+            let input = inside.input(name)?;
+            let put = match at {
+                Some(seconds) => input.set_at(seconds, &frame),
+                None => input.set(&frame),
+            };
+            put.map_err(|error| refused(input, error))
+        })
+    }
+
+    /// Frames for the ticks to come; how many found room.
+    fn push(&self, py: Python<'_>, name: &str, frames: PyReadonlyArray2<'_, f64>) -> PyResult<usize> {
+        let frames = frames.as_array().to_owned();
+        self.with(py, move |inside| {
+            let input = inside.input(name)?;
+            for (number, frame) in frames.rows().into_iter().enumerate() {
+                let frame: Vec<f64> = frame.iter().copied().collect();
+                match input.push(&frame) {
+                    Ok(()) => {}
+                    Err(Full::Full) => return Ok(number),
+                    Err(error) => return Err(refused(input, error)),
+                }
+            }
+            Ok(frames.nrows())
+        })
+    }
+
+    /// Runs it on; the new frames of every output and probe.
+    fn process<'py>(&self, py: Python<'py>, frames: usize) -> PyResult<Bound<'py, PyDict>> {
+        let part = ((PART_S * self.rate_hz) as usize).max(1);
+        let read = self.with(py, |inside| {
+            if frames > MOST_FRAMES {
+                let message = format!("{frames} frames at once: process at most {MOST_FRAMES}");
+                return Err(Failure::Message(message));
+            }
+            let mut read: Vec<Vec<f64>> = vec![Vec::new(); inside.outputs.len()];
+            let mut left = frames;
+            // What nobody takes for a second is lost.
+            while left > 0 {
+                let part = left.min(part);
+                inside.player.process(part);
+                let outputs = inside.outputs.iter_mut().zip(&mut read);
+                outputs.for_each(|(output, lanes)| drain(output, lanes));
+                left -= part;
+            }
+            let named = inside.outputs.iter().zip(read);
+            let named = named.map(|(output, lanes)| (output.name().to_owned(), output.kind().width(), lanes));
+            Ok(named.collect::<Vec<_>>())
+        })?;
+        let found = PyDict::new(py);
+        for (name, width, lanes) in read {
+            let frames = lanes.len() / width;
+            let values = PyArray1::from_vec(py, lanes);
+            match width {
+                1 => found.set_item(name, values)?,
+                _ => found.set_item(name, values.reshape([frames, width])?)?,
+            }
+        }
+        Ok(found)
+    }
+
+    /// Sets a live setting.
+    fn turn(&self, py: Python<'_>, name: &str, value: f64) -> PyResult<()> {
+        self.with(py, |inside| {
+            let known: Vec<String> = inside.session.settings().map(|live| live.name()).collect();
+            if !known.iter().any(|live| live == name) {
+                let known = known.join(", ");
+                return Err(Failure::Message(format!(
+                    "there is no live setting `{name}`: there are {known}"
+                )));
+            }
+            let turned = inside.session.set_by_name(name, value);
+            turned.map_err(|error| Failure::Message(format!("`{name}`: {error}")))
+        })
+    }
+
+    /// What it is doing, and after how many frames.
+    fn state(&self, py: Python<'_>) -> PyResult<(&'static str, u64)> {
+        self.with(py, |inside| {
+            let state = match inside.player.state() {
+                LiveState::Running => "running",
+                LiveState::Stopped => "stopped",
+                LiveState::Finished => "finished",
+                LiveState::Panicked => "panicked",
+            };
+            Ok((state, inside.player.frames()))
+        })
+    }
+
+    /// Fades out; the run has ended then.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |inside| {
+            inside.session.stop();
+            Ok(())
+        })
+    }
+
+    /// Ends the run and completes its files; what it did.
+    fn finish<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let done = py.detach(|| {
+            let mut inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);
+            let inside = inside.take();
+            inside.map(|inside| inside.player.finish(inside.session))
+        });
+        let Some(done) = done else { return Ok(None) };
+        if let Some(failed) = done.failed.first() {
+            return Err(Failure::of(failed).raise(py));
+        }
+        let panicked = done.panicked;
+        let told = done.outcome.into_python(py)?;
+        told.set_item("panicked", panicked)?;
+        Ok(Some(told))
+    }
+}

@@ -1,0 +1,288 @@
+//! Recordings: from files and from arrays, and what they hold.
+
+use crate::errors::Failure;
+use crate::work::apart;
+use haptograph::engine::frame::Kind;
+use haptograph::engine::node::{FrameWriter, Stream};
+use haptograph::report::figures::over_time;
+use haptograph::report::record::recorder;
+use haptograph::report::theme::Ink;
+use haptograph::signal::quantity::Quantity;
+use haptograph::signal::time::Rate;
+use haptograph::surfaces::learning::processing::{ProcessingSettings, processed};
+use haptograph::surfaces::recording::{
+    self as library, AnyRecording, Gesture, ImportSettings, ProcessedRecording, Signals,
+};
+use haptograph::surfaces::{Origin, Provenance};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What a tool felt.
+#[pyclass(frozen, module = "haptograph._native")]
+pub struct Recording {
+    pub recording: Arc<AnyRecording>,
+    findings: Vec<String>,
+}
+
+/// What a file does not say of itself.
+#[derive(FromPyObject)]
+pub struct Import {
+    #[pyo3(item)]
+    columns: Vec<(String, String)>,
+    #[pyo3(item)]
+    units: Vec<(String, String)>,
+    #[pyo3(item)]
+    constants: Vec<(String, String)>,
+    #[pyo3(item)]
+    rate: Option<f64>,
+    #[pyo3(item)]
+    full_scale: Option<f64>,
+    #[pyo3(item)]
+    strict: bool,
+    #[pyo3(item)]
+    gesture: Option<String>,
+}
+
+impl Import {
+    fn settings(&self) -> Result<ImportSettings, Failure> {
+        let mut settings = ImportSettings {
+            rate_hz: self.rate,
+            full_scale_m_s2: self.full_scale,
+            strict: self.strict,
+            ..ImportSettings::default()
+        };
+        for (quantity, column) in &self.columns {
+            settings = settings.with_column(quantity, column).map_err(Failure::Message)?;
+        }
+        for (quantity, unit) in &self.units {
+            settings = settings.with_unit(quantity, unit).map_err(Failure::Message)?;
+        }
+        for (name, value) in &self.constants {
+            settings = settings.with_constant(name, value).map_err(Failure::Message)?;
+        }
+        Ok(settings)
+    }
+}
+
+fn gesture(word: &str) -> Result<Gesture, Failure> {
+    let known: Vec<&str> = Gesture::ALL.iter().map(|gesture| gesture.word()).collect();
+    Gesture::from_word(word).ok_or_else(|| {
+        Failure::Message(format!(
+            "there is no gesture {word:?}: choose of {}",
+            known.join(", ")
+        ))
+    })
+}
+
+/// Reads a recording of one file, or of several that share a clock.
+#[pyfunction]
+pub fn read(py: Python<'_>, paths: Vec<PathBuf>, import: Import) -> PyResult<Recording> {
+    let settings = import.settings().map_err(|failure| failure.raise(py))?;
+    let gesture = import.gesture.as_deref().map(gesture).transpose();
+    let gesture = gesture.map_err(|failure| failure.raise(py))?;
+    let (recording, findings) = apart(py, (None, false), move |_| {
+        library::load_with(&paths, &settings).map_err(Failure::of)
+    })?;
+    let recording = match gesture {
+        Some(gesture) => recording.with_gesture(gesture),
+        None => recording,
+    };
+    Ok(Recording {
+        recording: Arc::new(recording),
+        findings: findings.iter().map(ToString::to_string).collect(),
+    })
+}
+
+/// Arrays of a recording, all at one rate.
+#[derive(FromPyObject)]
+pub struct Arrays<'py> {
+    #[pyo3(item)]
+    acceleration: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    force: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    speed: PyReadonlyArray1<'py, f64>,
+    #[pyo3(item)]
+    tangential: Option<PyReadonlyArray1<'py, f64>>,
+    #[pyo3(item)]
+    rate: f64,
+}
+
+/// A recording of arrays.
+#[pyfunction]
+pub fn recording(py: Python<'_>, arrays: Arrays<'_>, gesture: &str, source: &str) -> PyResult<Recording> {
+    let signals = Signals {
+        rate_hz: arrays.rate,
+        acceleration_m_s2: arrays.acceleration.as_array().to_vec(),
+        force_normal_n: arrays.force.as_array().to_vec(),
+        force_tangential_n: arrays.tangential.map(|values| values.as_array().to_vec()),
+        speed_m_s: arrays.speed.as_array().to_vec(),
+        axes_m_s2: None,
+    };
+    let made = self::gesture(gesture).and_then(|gesture| {
+        let provenance = Provenance::new(Origin::Imported, source);
+        ProcessedRecording::new(signals, gesture, provenance).map_err(Failure::of)
+    });
+    let made = made.map_err(|failure| failure.raise(py))?;
+    Ok(Recording {
+        recording: Arc::new(AnyRecording::Processed(made)),
+        findings: Vec::new(),
+    })
+}
+
+impl Recording {
+    fn signals(&self, py: Python<'_>) -> PyResult<&Signals> {
+        match &*self.recording {
+            AnyRecording::Processed(recording) => Ok(recording.signals()),
+            AnyRecording::Raw(_) => Err(Failure::of(
+                "this recording is as its sensors gave it: `processed()` makes accelerations, forces and speeds of it",
+            )
+            .raise(py)),
+        }
+    }
+}
+
+#[pymethods]
+impl Recording {
+    #[getter]
+    fn is_processed(&self) -> bool {
+        matches!(&*self.recording, AnyRecording::Processed(_))
+    }
+
+    #[getter]
+    fn gesture(&self) -> &'static str {
+        self.recording.gesture().word()
+    }
+
+    #[getter]
+    fn origin(&self) -> &'static str {
+        self.recording.provenance().origin.word()
+    }
+
+    #[getter]
+    fn source(&self) -> &str {
+        &self.recording.provenance().source
+    }
+
+    #[getter]
+    fn findings(&self) -> Vec<String> {
+        self.findings.clone()
+    }
+
+    #[getter]
+    fn rate(&self, py: Python<'_>) -> PyResult<f64> {
+        Ok(self.signals(py)?.rate_hz)
+    }
+
+    #[getter]
+    fn samples(&self, py: Python<'_>) -> PyResult<usize> {
+        Ok(self.signals(py)?.acceleration_m_s2.len())
+    }
+
+    fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, &self.signals(py)?.acceleration_m_s2))
+    }
+
+    fn force<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, &self.signals(py)?.force_normal_n))
+    }
+
+    fn speed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, &self.signals(py)?.speed_m_s))
+    }
+
+    fn tangential<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let values = self.signals(py)?.force_tangential_n.as_ref();
+        Ok(values.map(|values| PyArray1::from_slice(py, values)))
+    }
+
+    /// The recording that models are learned from.
+    fn processed(&self, py: Python<'_>, rate: Option<f64>) -> PyResult<Self> {
+        let recording = Arc::clone(&self.recording);
+        let made = apart(py, (None, false), move |_| {
+            let settings = ProcessingSettings {
+                rate_hz: rate,
+                ..ProcessingSettings::default()
+            };
+            processed(&recording, &settings).map_err(Failure::of)
+        })?;
+        Ok(Self {
+            recording: Arc::new(AnyRecording::Processed(made)),
+            findings: self.findings.clone(),
+        })
+    }
+
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let recording = Arc::clone(&self.recording);
+        apart(py, (None, true), move |_| Ok(library::save(&recording, &path)))?.map_err(PyErr::from)
+    }
+
+    /// Its signals over time, each as SVG.
+    fn figures(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let signals = self.signals(py)?;
+        let simulated = self.recording.provenance().origin == Origin::Simulated;
+        let shown = [
+            ("acceleration", Quantity::ACCELERATION, &signals.acceleration_m_s2),
+            ("normal force", Quantity::FORCE, &signals.force_normal_n),
+            ("speed", Quantity::SPEED, &signals.speed_m_s),
+        ];
+        let figures = shown.map(|(name, quantity, samples)| {
+            figure(
+                name,
+                (Kind::Scalar, quantity),
+                signals.rate_hz,
+                samples,
+                simulated,
+            )
+        });
+        Ok(figures.into_iter().flatten().collect())
+    }
+}
+
+/// A signal over time as SVG.
+pub fn figure(
+    name: &str,
+    (kind, quantity): (Kind, Quantity),
+    rate_hz: f64,
+    frames: &[f64],
+    simulated: bool,
+) -> Vec<String> {
+    let Ok(rate) = Rate::parse(&rate_hz.to_string()) else {
+        return Vec::new();
+    };
+    let stream = Stream {
+        name: name.to_owned(),
+        kind,
+        quantity,
+        rate,
+        simulated,
+    };
+    let (mut writer, record) = recorder(stream);
+    // It keeps what it is given in memory, which does not fail.
+    if writer.write(0, frames).is_err() {
+        return Vec::new();
+    }
+    let plots = over_time(&record.content(), Ink::number(0));
+    plots.iter().map(|plot| plot.to_standalone_svg()).collect()
+}
+
+/// A signal of a run over time, each of its plots as SVG; none for shapes that are no numbers over time.
+#[pyfunction]
+pub fn figures(
+    name: &str,
+    quantity: Option<&str>,
+    rate: f64,
+    values: PyReadonlyArray2<'_, f64>,
+    simulated: bool,
+) -> Vec<String> {
+    let values = values.as_array();
+    let linear = [Kind::Scalar, Kind::Vector, Kind::Wrench];
+    let Some(kind) = linear.into_iter().find(|kind| kind.width() == values.ncols()) else {
+        return Vec::new();
+    };
+    let quantity = quantity.and_then(Quantity::by_name).unwrap_or(Quantity::NUMBER);
+    let frames: Vec<f64> = values.iter().copied().collect();
+    figure(name, (kind, quantity), rate, &frames, simulated)
+}

@@ -1,0 +1,322 @@
+//! Surfaces: learned, read, asked and rendered; and how far two vibrations are from one another.
+
+use crate::errors::Failure;
+use crate::recordings::Recording;
+use crate::work::apart;
+use haptograph::report::figures::triangulation;
+use haptograph::report::learning::page;
+use haptograph::report::plot::{Axis, Plot};
+use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, synthesise};
+use haptograph::surfaces::files;
+use haptograph::surfaces::learning::law::LawSettings;
+use haptograph::surfaces::learning::processing::ProcessingSettings;
+use haptograph::surfaces::learning::texture::TextureSettings;
+use haptograph::surfaces::learning::{self as library, LearnSettings, LearningReport, TextureMethod};
+use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
+use haptograph::surfaces::recording::AnyRecording;
+use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Everything that a renderer needs to feel like one material.
+#[pyclass(frozen, module = "haptograph._native")]
+pub struct Surface {
+    surface: Arc<haptograph::surfaces::Surface>,
+    report: Option<Arc<LearningReport>>,
+}
+
+/// How a surface is learned.
+#[derive(FromPyObject)]
+pub struct Learning {
+    #[pyo3(item)]
+    method: String,
+    #[pyo3(item)]
+    order: Option<usize>,
+    #[pyo3(item)]
+    rate: Option<f64>,
+}
+
+impl Learning {
+    fn settings(&self) -> Result<LearnSettings, Failure> {
+        let texture = match self.method.as_str() {
+            "law" => {
+                let usual = LawSettings::default();
+                let order = self.order.unwrap_or(usual.order);
+                TextureMethod::Law(LawSettings { order, ..usual })
+            }
+            "thesis" => TextureMethod::Thesis(TextureSettings {
+                order: self.order,
+                ..TextureSettings::default()
+            }),
+            other => {
+                let message = format!("there is no method {other:?}: choose of law, thesis");
+                return Err(Failure::Message(message));
+            }
+        };
+        let processing = ProcessingSettings {
+            rate_hz: self.rate,
+            ..ProcessingSettings::default()
+        };
+        Ok(LearnSettings {
+            processing,
+            texture,
+            ..LearnSettings::default()
+        })
+    }
+}
+
+/// Learns a surface from recordings.
+#[pyfunction]
+pub fn learn(
+    py: Python<'_>,
+    name: String,
+    recordings: Vec<PyRef<'_, Recording>>,
+    settings: Learning,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Surface> {
+    let settings = settings.settings().map_err(|failure| failure.raise(py))?;
+    let recordings: Vec<Arc<AnyRecording>> =
+        recordings.iter().map(|one| Arc::clone(&one.recording)).collect();
+    let (surface, report) = apart(py, (progress, false), move |progress| {
+        let recordings: Vec<AnyRecording> = recordings.iter().map(|one| (**one).clone()).collect();
+        let learned = library::learn(&name, &recordings, &settings, &|part| progress.at_or_end(part));
+        learned.map_err(Failure::of)
+    })?;
+    Ok(Surface {
+        surface: Arc::new(surface),
+        report: Some(Arc::new(report)),
+    })
+}
+
+impl Surface {
+    fn texture(&self, py: Python<'_>) -> PyResult<&TextureModel> {
+        let none =
+            || Failure::Message(format!("the surface {:?} has no texture", self.surface.name)).raise(py);
+        self.surface.texture.as_ref().ok_or_else(none)
+    }
+}
+
+#[pymethods]
+impl Surface {
+    /// Reads a surface file.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let surface = apart(py, (None, false), move |_| {
+            files::load(&path).map_err(Failure::of)
+        })?;
+        Ok(Self {
+            surface: Arc::new(surface),
+            report: None,
+        })
+    }
+
+    /// Writes a surface file; what its format has no place for.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<&'static str>> {
+        let surface = Arc::clone(&self.surface);
+        apart(py, (None, true), move |_| {
+            files::save(&surface, &path).map_err(Failure::of)
+        })
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.surface.name
+    }
+
+    #[getter]
+    fn origin(&self) -> &'static str {
+        self.surface.provenance.origin.word()
+    }
+
+    /// Friction coefficient.
+    #[getter]
+    fn friction(&self) -> Option<f64> {
+        self.surface.friction.map(|friction| friction.mu())
+    }
+
+    /// N/m.
+    #[getter]
+    fn stiffness(&self) -> Option<f64> {
+        self.surface.stiffness.map(|stiffness| stiffness.n_per_m())
+    }
+
+    /// How many taps it has.
+    #[getter]
+    fn taps(&self) -> usize {
+        self.surface.taps.as_ref().map_or(0, |taps| taps.taps().len())
+    }
+
+    /// What could not be learned, and why.
+    #[getter]
+    fn missing(&self) -> Vec<String> {
+        let report = self.report.iter();
+        report
+            .flat_map(|report| report.missing.iter().map(ToString::to_string))
+            .collect()
+    }
+
+    /// Of its texture: samples a second.
+    #[getter]
+    fn rate(&self, py: Python<'_>) -> PyResult<f64> {
+        Ok(self.texture(py)?.rate_hz())
+    }
+
+    /// The largest speed and force that it has models for.
+    #[getter]
+    fn range(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
+        let texture = self.texture(py)?;
+        Ok((texture.max_speed_m_s(), texture.max_force_n()))
+    }
+
+    /// The models' speeds and forces.
+    fn places(&self, py: Python<'_>) -> PyResult<Vec<(f64, f64)>> {
+        let models = self.texture(py)?.models().iter();
+        Ok(models.map(|model| (model.speed_m_s, model.force_n)).collect())
+    }
+
+    /// The model at a force and a speed.
+    fn at<'py>(&self, py: Python<'py>, force: f64, speed: f64) -> PyResult<Bound<'py, PyDict>> {
+        let texture = self.texture(py)?;
+        let mut coefficients = Coefficients::SILENCE;
+        let spot = Interpolator::new(texture).interpolate(speed, force, &mut coefficients);
+        let found = PyDict::new(py);
+        found.set_item("ar", PyArray1::from_slice(py, coefficients.ar()))?;
+        found.set_item("ma", PyArray1::from_slice(py, coefficients.ma()))?;
+        found.set_item("gain", coefficients.gain)?;
+        found.set_item("variance", coefficients.variance)?;
+        found.set_item("warping", coefficients.warping)?;
+        found.set_item("speed", spot.speed_m_s)?;
+        found.set_item("force", spot.force_n)?;
+        found.set_item("rate", texture.rate_hz())?;
+        Ok(found)
+    }
+
+    /// The density of the model at a force and a speed at these frequencies, (m/s²)²/Hz.
+    fn density<'py>(
+        &self,
+        py: Python<'py>,
+        force: f64,
+        speed: f64,
+        frequencies: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let texture = self.texture(py)?;
+        let mut at = Coefficients::SILENCE;
+        Interpolator::new(texture).interpolate(speed, force, &mut at);
+        let model = match at.warping > 0.0 {
+            true => ArmaModel::warped_from_ar(at.ar(), at.warping, at.variance),
+            false => ArmaModel::from_arma(at.ar(), at.ma(), at.gain, at.variance),
+        };
+        let model = model.map_err(|error| Failure::of(error).raise(py))?;
+        let rate_hz = texture.rate_hz();
+        let highpass = texture.output_highpass();
+        let density = |hz: &f64| {
+            let turn = std::f64::consts::TAU * hz / rate_hz;
+            let passed = highpass
+                .as_ref()
+                .map_or(1.0, |sections| sections.response(*hz, rate_hz).norm_sqr());
+            2.0 / rate_hz * model.variance() * model.power_gain_at(turn) * passed
+        };
+        let values: Vec<f64> = frequencies.as_array().iter().map(density).collect();
+        Ok(PyArray1::from_vec(py, values))
+    }
+
+    /// The vibration along a trajectory at the texture's rate.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        force: PyReadonlyArray1<'_, f64>,
+        speed: PyReadonlyArray1<'_, f64>,
+        seed: u64,
+        update: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let rate_hz = self.texture(py)?.rate_hz();
+        let trajectory = Trajectory {
+            rate_hz,
+            speed_m_s: speed.as_array().to_vec(),
+            force_n: force.as_array().to_vec(),
+        };
+        let settings = SynthesisSettings {
+            update_hz: update,
+            seed,
+            lines_seed: seed,
+        };
+        let surface = Arc::clone(&self.surface);
+        let vibration = apart(py, (None, false), move |_| match &surface.texture {
+            Some(texture) => synthesise(texture, &trajectory, &settings).map_err(Failure::of),
+            None => Ok(Vec::new()),
+        })?;
+        Ok(PyArray1::from_vec(py, vibration))
+    }
+
+    /// The map of its texture as SVG.
+    fn figure(&self) -> Option<String> {
+        let texture = self.surface.texture.as_ref()?;
+        let simulated = matches!(
+            self.surface.provenance.origin,
+            Origin::Simulated | Origin::Procedural
+        );
+        let plot = Plot {
+            title: format!("Texture of {}", self.surface.name),
+            note: if simulated { "simulated" } else { "" }.to_owned(),
+            x: Axis::of("Speed (mm/s)"),
+            y: Axis::of("Normal force (N)"),
+            marks: triangulation(texture),
+            size: (0.0, 320.0),
+        };
+        Some(plot.to_standalone_svg())
+    }
+
+    /// The page of `learn --report`; none for a surface that was read.
+    fn page(&self) -> Option<String> {
+        self.report.as_ref().map(|report| page(&self.surface, report))
+    }
+}
+
+/// How far one vibration is from another, over the time that both cover.
+#[pyfunction]
+pub fn compare<'py>(
+    py: Python<'py>,
+    a: PyReadonlyArray1<'_, f64>,
+    b: PyReadonlyArray1<'_, f64>,
+    rate: f64,
+    window: Option<usize>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (a, b) = (a.as_array().to_vec(), b.as_array().to_vec());
+    let (windows, bands) = apart(py, (None, false), move |_| {
+        let usual = WindowSettings::comparison_at(rate);
+        let samples = window.unwrap_or(usual.samples);
+        let settings = WindowSettings {
+            samples,
+            overlap: samples / 2,
+            ..usual
+        };
+        let windows = metrics::compare(&a, &b, rate, &settings).map_err(Failure::of)?;
+        let both = a.len().min(b.len());
+        let counted = Bands::counted(both as f64 / rate, rate);
+        let powers = |x: &[f64]| counted.of_signal([&x[..both]], rate);
+        Ok((windows, BandErrors::new(&powers(&a), &powers(&b))))
+    })?;
+    let any = |value: f64| (!bands.bands.is_empty()).then_some(value);
+    let found = PyDict::new(py);
+    found.set_item("lsd", any(bands.lsd_db))?;
+    found.set_item("lsd_100_500", bands.middle_lsd_db)?;
+    found.set_item("lsd_40_250", any(bands.pacinian_lsd_db))?;
+    found.set_item("absolute", any(bands.absolute_db))?;
+    found.set_item("low", bands.low_db)?;
+    found.set_item("total", any(bands.total_db))?;
+    found.set_item("misplaced", bands.misplaced)?;
+    found.set_item("nse", windows.nse)?;
+    found.set_item("pe", windows.pe)?;
+    found.set_item("windows", windows.windows)?;
+    let edges = bands
+        .bands
+        .as_slice()
+        .iter()
+        .map(|band| (band.low_hz, band.high_hz));
+    found.set_item("bands", edges.collect::<Vec<_>>())?;
+    found.set_item("signed", PyArray1::from_slice(py, &bands.signed_db))?;
+    Ok(found)
+}

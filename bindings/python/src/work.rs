@@ -1,0 +1,87 @@
+//! Work on a thread of its own, while Python's other threads go on and ctrl-C is heard.
+
+use crate::errors::Failure;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use std::panic::resume_unwind;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::time::Duration;
+
+/// How often it is asked whether ctrl-C was pressed and how far the work is.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What the worker tells, and is told.
+#[derive(Clone, Default)]
+pub struct Progress {
+    /// Once it is set, nobody wants the result any more.
+    pub stop: Arc<AtomicBool>,
+    done: Arc<AtomicU64>,
+}
+
+/// What unwinds through work that cannot be stopped otherwise.
+struct Stopped;
+
+impl Progress {
+    /// Part that is done, 0 to 1.
+    pub fn at(&self, part: f64) {
+        self.done.store(part.to_bits(), Ordering::Relaxed);
+    }
+
+    /// The same, for work that does not look at `stop`: it ends here once that is set.
+    pub fn at_or_end(&self, part: f64) {
+        self.at(part);
+        if self.stop.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+}
+
+/// Does `work` on another thread. `show` is called with the part done, now and then. At ctrl-C, or where `show` raises,
+/// the work is told to stop and left to itself; with `waits` it is waited for, so that what it writes is complete.
+pub fn apart<R: Send + 'static>(
+    py: Python<'_>,
+    (show, waits): (Option<&Bound<'_, PyAny>>, bool),
+    work: impl FnOnce(&Progress) -> Result<R, Failure> + Send + 'static,
+) -> PyResult<R> {
+    let progress = Progress::default();
+    let (sender, mut receiver) = sync_channel(1);
+    let theirs = progress.clone();
+    let worker = std::thread::Builder::new().name("haptograph".to_owned());
+    let worker = worker.spawn(move || {
+        // Where nobody waits any more, the result is dropped here.
+        let _ = sender.send(work(&theirs));
+    })?;
+    let mut shown = f64::NAN;
+    loop {
+        let (back, received) = py.detach(move || {
+            let received = receiver.recv_timeout(LOOK);
+            (receiver, received)
+        });
+        receiver = back;
+        match received {
+            Ok(done) => return done.map_err(|failure| failure.raise(py)),
+            Err(RecvTimeoutError::Disconnected) => {
+                let _ = worker.join();
+                return Err(PyRuntimeError::new_err(
+                    "haptograph panicked, which is a fault of haptograph: what it said is on standard error",
+                ));
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        let part = f64::from_bits(progress.done.load(Ordering::Relaxed));
+        let mut asked = py.check_signals();
+        if let (Some(show), true) = (show, part != shown) {
+            shown = part;
+            asked = asked.and_then(|()| show.call1((part,)).map(drop));
+        }
+        if let Err(interrupt) = asked {
+            progress.stop.store(true, Ordering::Relaxed);
+            if waits {
+                py.detach(|| drop(worker.join()));
+            }
+            return Err(interrupt);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+"""Where things are, and a recording that the library itself synthesised."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import haptograph as hg
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="session")
+def graphs() -> Path:
+    return ROOT / "graphs"
+
+
+@pytest.fixture(scope="session")
+def canvas(graphs) -> hg.Surface:
+    return hg.Surface.load(graphs / "surfaces/t2-canvas.ron")
+
+
+def stroke(samples: int, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (N) and speeds (m/s) of a hand that tries both."""
+    times = np.arange(samples) / rate
+    force = 1.2 + 0.9 * np.sin(2 * np.pi * 0.43 * times)
+    speed = 0.09 + 0.07 * np.sin(2 * np.pi * 0.71 * times + 1)
+    return force, speed
+
+
+@pytest.fixture(scope="session")
+def drag(canvas) -> hg.Recording:
+    rate = canvas.rate
+    force, speed = stroke(int(12 * rate), rate)
+    return hg.Recording(canvas.render(force, speed, seed=3), force, speed, rate, tangential=0.4 * force)
+
+
+@pytest.fixture(scope="session")
+def pad(graphs) -> hg.Graph:
+    return hg.Graph.load(graphs / "texturepad.ron")

@@ -1,0 +1,133 @@
+"""Surfaces: learned, asked and rendered."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import haptograph as hg
+from conftest import stroke
+
+
+def test_the_spectrum_is_that_of_what_is_rendered(canvas):
+    rate, size = canvas.rate, 2048
+    vibration = canvas.render(force=1.0, speed=0.1, seconds=60, seed=5)
+    pieces = vibration[: len(vibration) // size * size].reshape(-1, size) * np.hanning(size)
+    measured = 2 * (np.abs(np.fft.rfft(pieces)) ** 2).mean(axis=0) / (rate * (np.hanning(size) ** 2).sum())
+    frequencies, density = canvas.at(force=1.0, speed=0.1).spectrum(np.fft.rfftfreq(size, 1 / rate))
+    inside = (frequencies > 60) & (frequencies < 800)
+    assert np.abs(10 * np.log10(measured[inside] / density[inside])).mean() < 1
+
+
+def test_the_same_seed_gives_the_same_samples(canvas):
+    force, speed = stroke(20_000, canvas.rate)
+    one = canvas.render(force, speed, seed=1)
+    assert one.shape == (20_000,) and np.array_equal(one, canvas.render(force, speed, seed=1))
+    assert not np.array_equal(one, canvas.render(force, speed, seed=2))
+    assert np.array_equal(canvas.render(1.0, speed), canvas.render(np.ones_like(speed), speed))
+
+
+def test_nothing_vibrates_at_rest_or_without_force(canvas):
+    assert canvas.at(force=1, speed=0).variance == canvas.at(force=0, speed=0.1).variance == 0
+    assert not canvas.render(1.0, 0.0, seconds=0.5).any()
+
+
+def test_a_surface_is_learned_and_sounds_like_its_recording(drag, tmp_path):
+    parts = []
+    learned = hg.learn(drag, name="cloth", progress=parts.append)
+    assert learned.name == "cloth" and learned.friction == pytest.approx(0.4, abs=0.02)
+    assert parts == sorted(parts)
+    again = learned.render(drag.force, drag.speed, seed=9)
+    assert hg.compare(again, drag, rate=drag.rate).lsd < 2.5
+    quiet = hg.compare(0.1 * drag.acceleration, drag)
+    assert quiet.total == pytest.approx(-20, abs=0.1) and len(quiet.signed) == len(quiet.bands)
+    assert learned.save(tmp_path / "cloth.ron") == []
+    kept = hg.Surface.load(tmp_path / "cloth.ron")
+    assert np.array_equal(kept.render(drag.force, drag.speed, seed=9), again)
+    assert "<svg" in learned._repr_html_() and "<svg" in learned.page()
+    with pytest.raises(hg.Error, match="file"):
+        kept.page()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"force": 1.0, "speed": 0.1}, "how long"),
+        ({"force": [1.0], "speed": 0.1, "seconds": 1}, "leave"),
+        ({"force": [1.0, 1.0], "speed": [0.1] * 3}, "as many"),
+        ({"force": [[1.0]], "speed": 0.1}, "dimension"),
+        ({"force": [np.nan], "speed": 0.1}, "finite"),
+        ({"force": [1j], "speed": 0.1}, "real"),
+        ({"force": ["a"], "speed": 0.1}, "real"),
+        ({"force": [None], "speed": 0.1}, "finite|numbers"),
+        ({"force": 1.0, "speed": 0.1, "seconds": 1e300}, "at most"),
+        ({"force": 1.0, "speed": 0.1, "seconds": np.nan}, "finite"),
+        ({"force": [1.0], "speed": 0.1, "rate": 44_100}, "resample"),
+        ({"force": [1.0], "speed": 0.1, "seed": -1}, "seed"),
+        ({"force": [1.0], "speed": 0.1, "seed": 2**64}, "seed"),
+        ({"force": [1.0], "speed": 0.1, "seed": 1.5}, "whole"),
+        ({"force": [1.0], "speed": 0.1, "update": 0}, "above"),
+    ],
+)
+def test_hostile_trajectories_are_errors(canvas, arguments, said):
+    with pytest.raises(hg.Error, match=said):
+        canvas.render(**arguments)
+
+
+def test_other_hostile_calls_are_errors(canvas, drag, tmp_path):
+    for call in (
+        lambda: canvas.at(force=-1, speed=0.1),
+        lambda: canvas.at(force=np.nan, speed=0.1),
+        lambda: canvas.at(force=[1, 2], speed=0.1),
+        lambda: canvas.at(1, 0.1).spectrum([np.inf]),
+        lambda: hg.learn([]),
+        lambda: hg.learn([1]),
+        lambda: hg.learn(drag, method="magic"),
+        lambda: hg.learn(drag, order=0),
+        lambda: hg.learn(drag, rate=2 * drag.rate),
+        lambda: hg.compare([1.0, 2.0], [1.0]),
+        lambda: hg.compare(np.ones(4000), drag, rate=1),
+        lambda: hg.compare([1.0, 2.0], [1.0, 2.0], rate=1000),
+        lambda: hg.compare(np.ones((2, 2)), drag),
+        lambda: hg.compare(drag, drag, window=2**40),
+        lambda: hg.Surface.load(tmp_path / "none.ron"),
+        lambda: canvas.save(tmp_path / "surface.txt"),
+        lambda: hg.Surface(),
+    ):
+        with pytest.raises(hg.Error) as raised:
+            call()
+        assert len(str(raised.value)) > 10
+
+
+def test_other_threads_run_meanwhile(canvas):
+    ticks, over = [], threading.Event()
+
+    def tick():
+        while not over.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    try:
+        began = time.monotonic()
+        canvas.render(1.0, 0.1, seconds=300)
+        ended = time.monotonic()
+    finally:
+        over.set()
+        thread.join()
+    assert sum(began < at < ended for at in ticks) > 5
+
+
+def test_many_threads_render_the_same(canvas):
+    force, speed = stroke(20_000, canvas.rate)
+    wanted, got = canvas.render(force, speed), [None] * 8
+
+    def render(number):
+        got[number] = canvas.render(force, speed)
+
+    threads = [threading.Thread(target=render, args=(number,)) for number in range(8)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert all(np.array_equal(one, wanted) for one in got)
