@@ -4,6 +4,7 @@ import { find, imageOf, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
 import { followKeys, followPointers, Hands } from "./hands.js";
 import { digits } from "./numbers.js";
+import { toneOf } from "./surfaces.js";
 import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
 
 const MARGIN = 14;
@@ -16,7 +17,7 @@ const FELT_FROM_HZ = 1000;
 // On a picture of a surface the colours are the same by day and night.
 const HAND_INKS = ["#c2500c", "#1c5ba0", "#0f6d57", "#8f3f8a"];
 const HALO = "#ffffff";
-const VEIL = "linear-gradient(rgb(244 241 234 / .5), rgb(244 241 234 / .5))"; // over a drawn swatch, so that the hand is seen
+const VEIL = "linear-gradient(rgb(250 248 244 / .25), rgb(250 248 244 / .25))"; // over a drawn swatch, so that the hand is seen
 const MARK = "#1c242c";
 
 export function mountPad(studio) {
@@ -91,6 +92,7 @@ function showSwatch(studio) {
     const surface = studio.currentSurface();
     const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
     find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";
+    find("pad-swatch").style.backgroundColor = studio.photo ? "" : toneOf(studio.graph, surface);
     setText(find("pad-surface-name"), surface?.name ?? studio.graph?.pads[0]?.endpoint ?? "");
 }
 

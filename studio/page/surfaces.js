@@ -34,11 +34,18 @@ export function currentSurface(graph) {
     return named((value, path) => value === path) ?? named((value, path) => value.endsWith(`/${path}`) || path.endsWith(`/${value}`)) ?? null;
 }
 
+// A tone for each, so that two are told apart at a glance; the relief in a swatch is the model's own.
+const TONES = ["#f0e2c4", "#d3e3e6", "#dfe8cd", "#ead6e2", "#e9d0bd", "#d9d9ee", "#f2dcd2", "#cfe6d9"];
+
+export const toneOf = (graph, surface) => TONES[Math.max(0, graph?.surfaces.indexOf(surface) ?? 0) % TONES.length];
+
 function rebuild(studio, graph) {
     const parameter = parameterOf(graph);
-    const cards = graph.surfaces.map(({ path, name, swatch }) => {
+    const cards = graph.surfaces.map((surface) => {
+        const { path, name, swatch } = surface;
         const card = make("button", { class: "surface", "aria-pressed": "false", "data-path": path, title: bare(path) },
-            make("img", { src: imageOf(swatch), alt: "", loading: "lazy" }), make("span", { text: name }));
+            make("span", { class: "picture" }, make("img", { src: imageOf(swatch), alt: "" })), make("span", { class: "name", text: name }));
+        card.style.setProperty("--tone", toneOf(graph, surface));
         card.disabled = !parameter;
         card.addEventListener("click", () => choose(studio, parameter.name, path));
         return card;
