@@ -8,7 +8,7 @@ const LONGEST_WAIT_S = 8;
 
 // Emits `open`, `lost` ({ wait_s, ever }), `samples`, and every JSON message by its type. Sound goes to the player's port.
 export class Connection extends Emitter {
-    #worker = new Worker(new URL("socket.js", import.meta.url));
+    #worker = new Worker(new URL("socket.js", import.meta.url), { type: "module" });
     #wait_s = FIRST_WAIT_S;
     #ever = false;
     #next = 1;
@@ -18,7 +18,13 @@ export class Connection extends Emitter {
         super();
         this.open = false;
         this.unsent = 0; // bytes that still have to leave this machine
-        const hear = { open: () => this.#opened(), close: () => this.#closed(), message: ({ data }) => this.#received(data), unsent: ({ unsent }) => (this.unsent = unsent) };
+        const hear = {
+            open: () => this.#opened(),
+            close: () => this.#closed(),
+            message: ({ data }) => this.#received(data),
+            stroked: ({ samples }) => this.emit("stroked", samples),
+            unsent: ({ unsent }) => (this.unsent = unsent),
+        };
         this.#worker.onmessage = ({ data }) => hear[data.what]?.(data);
     }
 
@@ -26,12 +32,17 @@ export class Connection extends Emitter {
         const address = new URL("live", location.href);
         address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
-        this.#worker.postMessage({ what: "connect", address: address.href, protocol: PROTOCOL });
+        this.#worker.postMessage({ what: "connect", address: address.href, protocol: PROTOCOL, origin_ms: performance.timeOrigin });
     }
 
     // The port of whoever plays the sound.
     playBy(port) {
         this.#worker.postMessage({ what: "player", port }, [port]);
+    }
+
+    // Begins the simulated hand's stroke, or changes its force ({ pad, force_n }); null lifts it. Emits `stroked`.
+    stroke(how) {
+        this.#worker.postMessage({ what: "stroke", ...how });
     }
 
     send(message) {

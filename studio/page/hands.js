@@ -43,6 +43,13 @@ export class Hands {
         return true;
     }
 
+    // A hand on the first pad that is moved and sent elsewhere; `end` lifts it there.
+    guide(who, end) {
+        if (!this.allowed() || this.pads.length === 0 || this.down.length > 0) return false;
+        this.#hands.set(who, { who, pad: 0, samples: [], speed_mm_s: 0, sent_ms: Infinity, end });
+        return true;
+    }
+
     // Takes new samples of a hand, oldest first, and sends them.
     move(who, samples) {
         const hand = this.#hands.get(who);
@@ -51,7 +58,7 @@ export class Hands {
         const fresh = samples.filter((sample) => sample.time_ms > last_ms).map((sample) => this.#inside(hand.pad, sample));
         if (fresh.length === 0) return;
         hand.samples.push(...fresh);
-        this.#send(hand, fresh);
+        if (!hand.end) this.#send(hand, fresh);
         this.#measure(hand);
     }
 
@@ -65,6 +72,7 @@ export class Hands {
         const hand = this.#hands.get(who);
         if (!hand) return;
         this.#hands.delete(who);
+        if (hand.end) return hand.end();
         const last = hand.samples.at(-1);
         if (last) this.#send(hand, [{ ...last, force_n: 0, time_ms: performance.now() }]);
     }
@@ -92,7 +100,7 @@ export class Hands {
     #repeat() {
         const now_ms = performance.now();
         for (const hand of this.down) {
-            if (now_ms - hand.sent_ms < REPEAT_MS || hand.who === "demo") continue;
+            if (now_ms - hand.sent_ms < REPEAT_MS || hand.end) continue;
             const last = hand.samples.at(-1);
             this.#send(hand, [{ ...last, time_ms: now_ms - REPEAT_BACK_MS }]);
             if (now_ms - last.time_ms > SPEED_WINDOW_MS) hand.speed_mm_s = 0;

@@ -114,8 +114,9 @@ function mountForce(studio, hands, element) {
         slider.value = 1000 * Math.sqrt(hands.force_n / most());
         slider.setAttribute("aria-valuetext", `${digits(hands.force_n)} newtons`);
         setText(find("force-text"), `${hands.force_n.toFixed(2)} N`);
-        for (const { who } of hands.down) {
-            if (who !== "demo" && who !== studio.penDown) hands.repress(who, hands.force_n);
+        for (const { who, end } of hands.down) {
+            if (end) studio.pad.demo.press();
+            else if (who !== studio.penDown) hands.repress(who, hands.force_n);
         }
     };
     const set = (force_n) => {
@@ -134,7 +135,7 @@ function mountForce(studio, hands, element) {
 }
 
 function mountDemo(studio, hands) {
-    const demo = new DemoHand(hands);
+    const demo = new DemoHand(hands, studio.connection);
     const button = find("demo");
     button.addEventListener("click", () => (demo.running ? demo.stop() : demo.start()));
     everyFrame(() => {
@@ -154,7 +155,7 @@ function draw(canvas, hands, place, now_ms, simulated) {
     blank = nothing;
     if (!context) return;
     if (simulated) haloText(context, "simulated hand", place.left + 12, place.top + 20, MARK, HALO);
-    for (const hand of hands.down) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
+    for (const hand of hands.down) if (hand.samples.length) drawHand(context, hand, place, hands.pads[hand.pad], now_ms);
 }
 
 function drawGrid(surface, place) {

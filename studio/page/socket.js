@@ -1,30 +1,66 @@
 // A Worker with the WebSocket in it: sound goes from here to the player by a port of its own, past whatever the page
-// is busy with. All else goes to the page.
+// is busy with, and the simulated hand strokes from here. All else goes to the page.
+import { pointers } from "./frames.js";
+import { Stroke } from "./stroke.js";
+
 const SOUND = 3;
 const WATCH_MS = 100;
+const STROKE_MS = 5; // as a pen tablet reports
 let socket = null;
 let player = null;
 let said = null;
+let stroke = null;
+let page_ms = 0; // the page's clock less this one
 
-onmessage = ({ data: { what, address, protocol, message, port } }) => {
-    if (what === "connect") connect(address, protocol);
-    else if (what === "send" && socket?.readyState === WebSocket.OPEN) {
-        socket.send(message);
-        said = null;
-    } else if (what === "player") player = port;
+const hear = {
+    connect: ({ address, protocol, origin_ms }) => {
+        page_ms = performance.timeOrigin - origin_ms;
+        connect(address, protocol);
+    },
+    send: ({ message }) => send(message),
+    player: ({ port }) => (player = port),
+    stroke: ({ pad, force_n }) => guide(pad, force_n),
 };
+onmessage = ({ data }) => hear[data.what]?.(data);
 
 function connect(address, protocol) {
     socket = new WebSocket(address, protocol);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => postMessage({ what: "open" });
-    socket.onclose = () => postMessage({ what: "close" });
+    socket.onclose = () => {
+        stroke = null;
+        postMessage({ what: "close" });
+    };
     socket.onmessage = ({ data }) => {
         const binary = data instanceof ArrayBuffer;
         if (binary && player && new Uint8Array(data, 0, 1)[0] === SOUND) player.postMessage(data, [data]);
         else postMessage({ what: "message", data }, binary ? [data] : []);
     };
 }
+
+function send(message) {
+    if (socket?.readyState !== WebSocket.OPEN) return;
+    socket.send(message);
+    said = null;
+}
+
+// Begins to stroke, changes the force, or lifts the hand where there is no pad.
+function guide(pad, force_n) {
+    const now_ms = performance.now() + page_ms;
+    if (pad && stroke) stroke.force_n = force_n;
+    else if (pad) stroke = new Stroke(pad, force_n, now_ms);
+    else if (stroke) {
+        send(pointers(0, [{ ...stroke.sample(now_ms), force_n: 0 }]));
+        stroke = null;
+    }
+}
+
+setInterval(() => {
+    const samples = stroke?.until(performance.now() + page_ms) ?? [];
+    if (samples.length === 0) return;
+    send(pointers(0, samples));
+    postMessage({ what: "stroked", samples });
+}, STROKE_MS);
 
 // How much still waits here, for the progress of what is long.
 setInterval(() => {
