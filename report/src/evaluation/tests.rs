@@ -1,5 +1,5 @@
 use super::*;
-use crate::report::learning::tests::{drag, learned};
+use crate::learning::tests::{drag, learned};
 use haptograph_surfaces::evaluate::{MapSettings, RandomWalk, RecordingName, StudySettings, Take, evaluate};
 
 #[test]

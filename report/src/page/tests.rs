@@ -1,5 +1,5 @@
 use super::*;
-use crate::report::record::recorder;
+use crate::record::recorder;
 use haptograph_engine::frame::{Kind, Weights};
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_signal::quantity::Quantity;
@@ -101,7 +101,7 @@ fn written(html: &str) -> String {
 
 #[test]
 fn a_page_shows_everything_and_fetches_nothing() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/surfaces/t3-tile.ron");
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
     let surface = haptograph_surfaces::files::load(&path).unwrap();
     let texture = surface.texture.as_ref().unwrap();
     let page = Page {

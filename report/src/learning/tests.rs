@@ -5,7 +5,7 @@ use haptograph_surfaces::learning::{LearnSettings, learn};
 use haptograph_surfaces::recording::{AnyRecording, Gesture, Signals};
 
 /// Nine stretches of other speeds and forces.
-pub(in crate::report) fn drag(person: u64, ring: f64) -> AnyRecording {
+pub(crate) fn drag(person: u64, ring: f64) -> AnyRecording {
     let mut noise = Gaussian::new(person);
     let mut y = [0.0; 2];
     let mut signals = Signals {
@@ -34,7 +34,7 @@ pub(in crate::report) fn drag(person: u64, ring: f64) -> AnyRecording {
     AnyRecording::Processed(ProcessedRecording::new(signals, Gesture::Drag, provenance).unwrap())
 }
 
-pub(in crate::report) fn learned(name: &str, ring: f64) -> (Surface, LearningReport) {
+pub(crate) fn learned(name: &str, ring: f64) -> (Surface, LearningReport) {
     learn(name, &[drag(1, ring)], &LearnSettings::default(), &|_| ()).unwrap()
 }
 
@@ -76,7 +76,7 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
         resonance([0.5, 2.5]),
     ];
     let models = [&models[0], &models[1], &models[2]];
-    let [coefficients, frequencies] = crate::report::loci::both_ways(&models)
+    let [coefficients, frequencies] = crate::loci::both_ways(&models)
         .map(|path| path.iter().fold(0.0_f64, |most, (x, y)| most.max(x.hypot(*y))));
     assert!(
         coefficients > 1.0 && frequencies < 1.0,
@@ -89,7 +89,7 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
 fn poles_of_a_warped_model_are_those_of_its_filter() {
     use haptograph_signal::Complex64;
     let (ar, warping) = ([-0.9, 0.7, 0.2, -0.1], 0.8);
-    let places = crate::report::loci::places(&ar, warping);
+    let places = crate::loci::places(&ar, warping);
     assert_eq!(places.len(), 4);
     for (re, im) in places {
         let z = Complex64::new(re, im);
