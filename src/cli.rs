@@ -24,6 +24,7 @@ mod run;
 mod segment;
 mod simulate_recording;
 mod snippet;
+mod studio;
 mod surface;
 mod sweep;
 mod table;
@@ -81,6 +82,7 @@ fn commands() -> Vec<Command> {
     vec![
         Command::new("run", run::run),
         Command::new("check", check::run),
+        Command::new("studio", studio::run),
         Command::new("recover", recover::run),
         Command::new("sweep", sweep::run),
         Command::new("bench", bench::run),

@@ -29,4 +29,4 @@ mod queue;
 pub use any::{AnyInput, AnyOutput};
 pub use endpoint::{Host, HostSettings};
 pub use handles::{Full, HostError, HostFrame, Input, Output, Scalar, Vector, Wrench};
-pub use player::{PlayOptions, Player};
+pub use player::{PlayOptions, Player, Probes};

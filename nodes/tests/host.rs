@@ -192,6 +192,80 @@ fn a_hand_that_falls_silent_takes_the_current_to_zero_and_back_when_it_is_heard_
 }
 
 #[test]
+fn an_edit_keeps_the_callers_handles_and_gives_probes_of_what_is_new() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
+    let text = std::fs::read_to_string(&path).expect("it ships");
+    let graph = |text: &str| {
+        let document = Document::parse(&path, text);
+        let document = document.unwrap_or_else(|wrong| panic!("{wrong}"));
+        check(&document, &haptograph_nodes::registry(), &CheckOptions::hosted())
+            .unwrap_or_else(|wrong| panic!("{wrong}"))
+    };
+    let first = graph(&text);
+    let mut force = first.input::<Scalar>("stylus.force").expect("a force");
+    let mut position = first.input::<Vector>("stylus.position").expect("a position");
+    let mut touching = first.input::<Scalar>("stylus.touching").expect("a touch");
+    let mut current = first.output::<Scalar>("haptuator").expect("a current");
+    let options = PlayOptions::default()
+        .rested()
+        .probe("texture/filter.acceleration");
+    let (mut player, mut session) = Player::open(&first, &options).expect("plays");
+    let mut vibration = player
+        .probe::<Scalar>("texture/filter.acceleration")
+        .expect("a probe");
+    let mut play = |player: &mut Player, calls: std::ops::Range<u32>| {
+        for call in calls {
+            let angle = 0.05 * f64::from(call);
+            position
+                .set([0.03 * angle.cos(), 0.03 * angle.sin(), 0.0])
+                .expect("room");
+            force.set(1.0).and(touching.set(1.0)).expect("room");
+            player.process(480);
+        }
+    };
+    play(&mut player, 0..50);
+    while vibration.take().is_some() {}
+    let second = graph(&text.replace(
+        "nodes: {",
+        r#"nodes: { "twice": Gain(input: "texture", gain: 2),"#,
+    ));
+    let probes = ["texture/filter.acceleration", "twice.output"].map(str::to_owned);
+    let (changed, mut new) = session
+        .change_and_probe(&second, None, &probes)
+        .expect("it takes over");
+    assert_eq!((changed.begun.len(), changed.ended.len()), (0, 0));
+    assert!(
+        new.take::<Scalar>("texture/filter.acceleration").is_err(),
+        "it is read already"
+    );
+    let mut twice = new.take::<Scalar>("twice.output").expect("it is new");
+    while current.take().is_some() {}
+    play(&mut player, 50..100);
+    let mut both = Vec::new();
+    while let Some(value) = vibration.take() {
+        both.push(value);
+    }
+    let mut doubled = Vec::new();
+    while let Some(value) = twice.take() {
+        doubled.push(value);
+    }
+    let late = &both[both.len() - doubled.len()..];
+    assert!(doubled.len() > 4000 && late.iter().zip(&doubled).all(|(one, two)| 2.0 * one == *two));
+    assert!(late.iter().any(|a| a.abs() > 0.1), "the hand is still felt");
+    let mut driven = [0.0; 20_000];
+    assert!(current.read(&mut driven) == 20_000 && driven.iter().any(|a| a.abs() > 1e-3));
+    // What is not named any more ends.
+    let (_, mut none) = session
+        .change_and_probe(&second, None, &probes[1..])
+        .expect("it takes over");
+    play(&mut player, 100..110);
+    assert!(none.take::<Scalar>("twice.output").is_err());
+    while vibration.take().is_some() {}
+    play(&mut player, 110..120);
+    assert!(vibration.take().is_none() && twice.take().is_some());
+}
+
+#[test]
 fn nothing_drives_before_the_first_word() {
     let graph = shipped("texturepad.ron", &CheckOptions::hosted());
     let mut current = graph.output::<Scalar>("haptuator.current").expect("a current");

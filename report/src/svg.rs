@@ -61,7 +61,12 @@ impl Svg {
 
     /// Everything that `draw` writes, in a group with these classes.
     pub fn group(&mut self, class: &str, draw: impl FnOnce(&mut Self)) {
-        self.raw(format_args!("<g class=\"{class}\">"));
+        self.group_of(class, &[], draw);
+    }
+
+    /// The same; names and values say to a program what it is.
+    pub fn group_of(&mut self, class: &str, what: &[(&str, &str)], draw: impl FnOnce(&mut Self)) {
+        self.raw(format_args!("<g class=\"{class}\"{}>", attributes(what)));
         draw(self);
         self.raw(format_args!("</g>"));
     }
@@ -100,8 +105,14 @@ impl Svg {
     }
 
     pub fn path(&mut self, class: &str, path: &Path) {
+        self.path_of(class, &[], path);
+    }
+
+    /// The same; names and values say to a program what it is.
+    pub fn path_of(&mut self, class: &str, what: &[(&str, &str)], path: &Path) {
         self.raw(format_args!(
-            "<path class=\"{class}\" d=\"{}\"/>",
+            "<path class=\"{class}\"{} d=\"{}\"/>",
+            attributes(what),
             path.d.trim_end()
         ));
     }
@@ -236,6 +247,11 @@ pub(crate) fn num(x: f64) -> String {
     } else {
         text.to_owned()
     }
+}
+
+fn attributes(what: &[(&str, &str)]) -> String {
+    let one = |(name, value): &(&str, &str)| format!(" {name}=\"{}\"", escape(value));
+    what.iter().map(one).collect()
 }
 
 /// Text for XML and HTML: characters with a meaning are escaped, control characters dropped.

@@ -5,10 +5,10 @@ use super::handles::{HostError, HostFrame, Output, host, unknown};
 use crate::frame::Kind;
 use crate::graph::Graph;
 use crate::node::Stream;
-use crate::run::{Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
+use crate::run::{ChangeError, Changed, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
 use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -46,7 +46,7 @@ pub struct Player {
     live: Live,
     /// Frames between two looks at whether the endpoints are heard: whatever the calls, at the same frames.
     quantum: u64,
-    probes: Vec<(String, Stream, Option<Consumer<f64>>)>,
+    probes: Probes,
     _playing: Playing,
 }
 
@@ -80,11 +80,7 @@ impl Player {
             Session::open(outlets, &options.live).map_err(|error| system(&error))?;
         let quantum = live.block() as u64;
         live.follow_inputs_every(quantum);
-        let mut rings = session.handed().into_iter();
-        let probes = names
-            .into_iter()
-            .map(|(name, stream)| (name, stream, rings.next()));
-        let probes = probes.collect();
+        let probes = Probes::new(names, session.handed());
         let player = Self {
             live,
             quantum,
@@ -99,7 +95,7 @@ impl Player {
     /// # Errors
     /// [`HostError`]: the probe was not asked for, its frames are of another shape, or it was handed out.
     pub fn probe<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
-        self.handed(name, Some(V::KIND)).map(Output::of)
+        self.probes.take(name)
     }
 
     /// The same for frames of any shape.
@@ -107,24 +103,7 @@ impl Player {
     /// # Errors
     /// [`HostError`]: the probe was not asked for, or was handed out.
     pub fn any_probe(&mut self, name: &str) -> Result<AnyOutput, HostError> {
-        self.handed(name, None)
-    }
-
-    fn handed(&mut self, name: &str, asked: Option<Kind>) -> Result<AnyOutput, HostError> {
-        let known: Vec<String> = self.probes.iter().map(|(name, ..)| name.clone()).collect();
-        let found = self.probes.iter_mut().find(|(known, ..)| known == name);
-        let Some((_, stream, ring)) = found else {
-            return Err(unknown("probe", name, &known));
-        };
-        let name = name.to_owned();
-        let kind = stream.kind;
-        if let Some(asked) = asked.filter(|asked| *asked != kind) {
-            return Err(HostError::Kind { name, kind, asked });
-        }
-        let ring = ring
-            .take()
-            .ok_or_else(|| HostError::Taken { name: name.clone() })?;
-        Ok(AnyOutput::of_ring(&name, stream, ring))
+        self.probes.take_any(name)
     }
 
     /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, call the system or panic. What has
@@ -153,6 +132,81 @@ impl Player {
     /// Ends the run: completes the files and tells what it did. Lets go of the real-time side.
     pub fn finish(self, session: Session) -> LiveOutcome {
         session.finish(self.live)
+    }
+}
+
+/// Probes whose frames nobody reads yet, by their names.
+#[derive(Debug, Default)]
+pub struct Probes(Vec<(String, Stream, Option<Consumer<f64>>)>);
+
+impl Probes {
+    fn new(names: Vec<(String, Stream)>, rings: Vec<Consumer<f64>>) -> Self {
+        let mut rings = rings.into_iter();
+        let probes = names
+            .into_iter()
+            .map(|(name, stream)| (name, stream, rings.next()));
+        Self(probes.collect())
+    }
+
+    /// The frames of a probe, from the first on; handed out once.
+    ///
+    /// # Errors
+    /// [`HostError`]: there is no such probe, its frames are of another shape, or it was handed out.
+    pub fn take<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
+        self.find(name, Some(V::KIND)).map(Output::of)
+    }
+
+    /// The same for frames of any shape.
+    ///
+    /// # Errors
+    /// [`HostError`]: there is no such probe, or it was handed out.
+    pub fn take_any(&mut self, name: &str) -> Result<AnyOutput, HostError> {
+        self.find(name, None)
+    }
+
+    fn find(&mut self, name: &str, asked: Option<Kind>) -> Result<AnyOutput, HostError> {
+        let known: Vec<String> = self.0.iter().map(|(name, ..)| name.clone()).collect();
+        let found = self.0.iter_mut().find(|(known, ..)| known == name);
+        let Some((_, stream, ring)) = found else {
+            return Err(unknown("probe", name, &known));
+        };
+        let name = name.to_owned();
+        let kind = stream.kind;
+        if let Some(asked) = asked.filter(|asked| *asked != kind) {
+            return Err(HostError::Kind { name, kind, asked });
+        }
+        let ring = ring
+            .take()
+            .ok_or_else(|| HostError::Taken { name: name.clone() })?;
+        Ok(AnyOutput::of_ring(&name, stream, ring))
+    }
+}
+
+impl Session {
+    /// As [`change`](Self::change), and hands over the frames of outputs of the new graph. Probes that were there and are
+    /// still named go on in the hands of their readers, the others end; those that are new are returned. Without a folder
+    /// the graph's file sinks write nothing.
+    ///
+    /// # Errors
+    /// [`ChangeError`]; the graph that runs goes on. What the graph has no output for is left out.
+    pub fn change_and_probe(
+        &mut self,
+        graph: &Graph,
+        folder: Option<&Path>,
+        probes: &[String],
+    ) -> Result<(Changed, Probes), ChangeError> {
+        let ports = probes
+            .iter()
+            .filter_map(|name| Some((name, port(graph, name).ok()?)));
+        let ports: Vec<(&String, (NodeIndex, usize))> = ports.collect();
+        let wanted: Vec<(NodeIndex, usize)> = ports.iter().map(|(_, port)| *port).collect();
+        let (changed, begun) = self.change_with(graph, folder, Some(&wanted))?;
+        let name = |(port, stream): ((NodeIndex, usize), Stream)| {
+            let (name, _) = ports.iter().find(|(_, known)| *known == port)?;
+            Some(((*name).clone(), stream))
+        };
+        let named = begun.into_iter().filter_map(name).collect();
+        Ok((changed, Probes::new(named, self.handed())))
     }
 }
 

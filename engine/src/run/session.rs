@@ -58,6 +58,8 @@ struct Entry {
     what: PathBuf,
     sink: Option<PathBuf>,
     streams: Vec<Stream>,
+    /// Does the caller read it?
+    is_handed: bool,
     running: bool,
 }
 
@@ -260,6 +262,7 @@ impl Session {
                 what: written.what.clone(),
                 sink: written.sink.clone(),
                 streams,
+                is_handed: written.writer.is_none(),
                 running: true,
             });
             match written.writer {

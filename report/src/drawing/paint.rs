@@ -37,7 +37,8 @@ pub(super) fn paint(sketch: &Sketch, scene: &Scene, title: &str, style: &str) ->
     }
     for (number, at) in &scene.boxes {
         let node = &sketch.boxes[*number];
-        svg.group("node", |svg| paint_box(svg, node, *at));
+        let what = [("data-node", &*node.path), ("data-kind", &*node.kind)];
+        svg.group_of("node", &what, |svg| paint_box(svg, node, *at));
     }
     for (number, routes) in &wires {
         paint_words(&mut svg, &sketch.wires[*number], routes);
@@ -123,7 +124,7 @@ fn paint_wire(svg: &mut Svg, wire: &WireLine, routes: &[&Route]) {
         Stroke::Thick => "wire thick",
         Stroke::Touch => "wire touch",
     };
-    svg.path(class, &course(routes));
+    svg.path_of(class, &[("data-port", &wire.port)], &course(routes));
 }
 
 fn course(routes: &[&Route]) -> Path {

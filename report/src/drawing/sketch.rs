@@ -55,6 +55,8 @@ pub(super) struct WireLine {
     pub bridge: String,
     /// What is written at its start.
     pub unit: String,
+    /// Node and output that it comes from: `texture/filter.acceleration`.
+    pub port: String,
     pub stroke: Stroke,
     pub closes_loop: bool,
 }
@@ -110,6 +112,7 @@ impl Sketch {
                 } else {
                     unit_text(output.kind, output.quantity)
                 },
+                port: format!("{}.{}", source.path, output.name),
                 stroke: if output.kind == Kind::Scalar {
                     Stroke::Thin
                 } else {
@@ -174,6 +177,7 @@ impl Sketch {
             to: (target, self.boxes[target].inputs.len() - 1),
             bridge: String::new(),
             unit: String::new(),
+            port: String::new(),
             stroke: Stroke::Touch,
             closes_loop: drives && self.boxes[body].outputs.iter().any(|_| true),
         });

@@ -14,6 +14,9 @@ use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// A node and the index of one of its outputs.
+type Port = (NodeIndex, usize);
+
 /// What putting another graph in place did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Changed {
@@ -76,6 +79,8 @@ struct GoesOn {
     kept: Vec<(usize, usize)>,
     places: Vec<(usize, usize)>,
     ended: Vec<usize>,
+    /// The ports that the caller goes on reading.
+    probed: Vec<Port>,
 }
 
 /// A new graph, ready to take over.
@@ -94,12 +99,33 @@ impl Session {
     /// # Errors
     /// [`ChangeError`]; the graph that runs goes on.
     pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
+        self.change_with(graph, Some(folder), None)
+            .map(|(changed, _)| changed)
+    }
+
+    /// As [`change`](Self::change); where `probes` are given, those are the outputs that the caller reads from now on.
+    /// The streams of those that are new are returned in the order of their rings.
+    pub(crate) fn change_with(
+        &mut self,
+        graph: &Graph,
+        folder: Option<&Path>,
+        probes: Option<&[Port]>,
+    ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
         let mut outlets = Outlets::new(graph);
-        let goes_on = self.carry_on(&mut outlets);
-        let ready = self
-            .open_new(&mut outlets, &goes_on.ended, folder)
-            .map_err(ChangeError::from)
-            .and_then(|left_out| Ok((left_out, self.prepare(&outlets, &goes_on.kept)?)));
+        let goes_on = self.carry_on(&mut outlets, probes);
+        let left_out = match folder {
+            Some(folder) => self
+                .open_new(&mut outlets, &goes_on.ended, folder)
+                .map_err(ChangeError::from),
+            None => Ok(Vec::new()),
+        };
+        let more = probes.unwrap_or_default().iter().copied();
+        let more: Vec<Port> = more.filter(|port| !goes_on.probed.contains(port)).collect();
+        let begun_probes: Vec<(Port, Stream)> = more
+            .into_iter()
+            .map(|port| (port, outlets.hand_over(port.0, port.1)))
+            .collect();
+        let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&outlets, &goes_on.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
             Err(error) => {
@@ -114,24 +140,26 @@ impl Session {
         self.rings = ready.rings;
         self.taps = goes_on.places;
         self.taps.resize(outlets.taps.len(), (0, 0));
-        let begun = outlets.written.iter().map(|written| written.what.clone());
-        let begun = begun.collect();
+        let files = outlets.written.iter().filter(|written| written.writer.is_some());
+        let begun = files.map(|written| written.what.clone()).collect();
         self.write(outlets, ready.outs);
-        let ended = goes_on.ended.iter().map(|number| {
-            let entry = &mut self.entries[*number];
+        let mut ended = Vec::new();
+        for number in goes_on.ended {
+            let entry = &mut self.entries[number];
             entry.running = false;
-            entry.what.clone()
-        });
-        Ok(Changed {
+            ended.extend((!entry.is_handed).then(|| entry.what.clone()));
+        }
+        let changed = Changed {
             change,
             begun,
-            ended: ended.collect(),
+            ended,
             left_out,
-        })
+        };
+        Ok((changed, begun_probes))
     }
 
-    /// Taps what goes on in a new graph.
-    fn carry_on(&self, outlets: &mut Outlets<'_>) -> GoesOn {
+    /// Taps what goes on in a new graph; of what the caller reads, where `probes` are given, those alone.
+    fn carry_on(&self, outlets: &mut Outlets<'_>, probes: Option<&[Port]>) -> GoesOn {
         let mut goes_on = GoesOn::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
@@ -142,10 +170,15 @@ impl Session {
                 };
                 ports.iter().enumerate().all(stays)
             });
+            let is_read = |port: &Port| probes.is_none_or(|probes| probes.contains(port));
+            let ports = ports.filter(|ports| !entry.is_handed || ports.iter().all(is_read));
             let Some(ports) = ports else {
                 goes_on.ended.push(number);
                 continue;
             };
+            if entry.is_handed {
+                goes_on.probed.extend(&ports);
+            }
             for (stream, port) in ports.into_iter().enumerate() {
                 goes_on
                     .kept

@@ -1,0 +1,257 @@
+//! What the page is told of the kinds there are and of the graph that runs.
+
+use super::pads::{FULL_N, SIZE_MM};
+use super::scope::{self, Port};
+use super::stage::Stage;
+use super::wire::VERSION;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::registry::Registry;
+use haptograph_engine::settings::SettingSpec;
+use haptograph_report::drawing;
+use haptograph_surfaces::files;
+use petgraph::Direction::Incoming;
+use petgraph::visit::EdgeRef;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Surfaces that are shown at most.
+const MOST_SURFACES: usize = 100;
+/// The kind of node that looks up a texture's models.
+const LOCATOR: &str = "TriangleLocator";
+
+/// The first message.
+pub fn hello(registry: &Registry, can_save: bool) -> Value {
+    let nodes = registry.nodes().iter().map(|entry| {
+        let input = |port: &haptograph_engine::node::InputSpec| json!({ "name": port.name, "doc": port.doc });
+        let output =
+            |port: &haptograph_engine::node::OutputSpec| json!({ "name": port.name, "doc": port.doc, "unit": "" });
+        let spec = entry.spec;
+        json!({
+            "name": spec.name, "group": spec.group, "doc": spec.doc,
+            "inputs": spec.inputs.iter().map(input).collect::<Vec<_>>(),
+            "outputs": spec.outputs.iter().map(output).collect::<Vec<_>>(),
+            "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
+        })
+    });
+    let devices = registry.devices().iter().map(|entry| {
+        let settings: Vec<Value> = entry.settings().iter().map(setting).collect();
+        let spec = entry.spec;
+        json!({ "name": spec.name, "group": "devices", "doc": spec.doc, "inputs": [], "outputs": [], "settings": settings })
+    });
+    json!({
+        "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": "native",
+        "can": { "save": can_save, "record": false, "surfaces": true, "parameters": true },
+        "kinds": nodes.chain(devices).collect::<Vec<_>>(),
+    })
+}
+
+fn setting(spec: &SettingSpec) -> Value {
+    let choices: Vec<&str> = spec.parts.iter().filter_map(|part| part.choice).collect();
+    json!({
+        "name": spec.name, "doc": spec.doc, "unit": unit_of(spec.name), "default": spec.default,
+        "required": spec.default.is_none(), "live": spec.live,
+        "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "choices": choices,
+    })
+}
+
+/// The unit that a setting's name ends in, for people to read.
+fn unit_of(name: &str) -> &'static str {
+    const UNITS: [(&str, &str); 16] = [
+        ("_n_per_mm", "N/mm"),
+        ("_n_s_per_m", "N s/m"),
+        ("_n_per_a", "N/A"),
+        ("_mm_s", "mm/s"),
+        ("_m_s2", "m/s²"),
+        ("_m_s", "m/s"),
+        ("_hz", "Hz"),
+        ("_ms", "ms"),
+        ("_mm", "mm"),
+        ("_db", "dB"),
+        ("_deg", "°"),
+        ("_rad", "rad"),
+        ("_n", "N"),
+        ("_a", "A"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    let found = UNITS.iter().find(|(ending, _)| name.ends_with(ending));
+    found.map_or("", |(_, unit)| unit)
+}
+
+/// The graph that runs.
+pub fn graph(stage: &Stage) -> Value {
+    let graph = &stage.loaded.graph;
+    let name = stage
+        .source
+        .path
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy();
+    let pads = stage.loaded.pads.iter();
+    let pads = pads.map(
+        |pad| json!({ "endpoint": pad, "width_mm": SIZE_MM.0, "height_mm": SIZE_MM.1, "force_n": FULL_N }),
+    );
+    let actuators = stage.actuators.iter().map(|actuator| {
+        json!({
+            "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
+            "continuous": actuator.continuous, "rate_hz": actuator.rate_hz,
+        })
+    });
+    let sound = stage.sound.as_ref();
+    json!({
+        "type": "graph",
+        "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
+        "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
+        "drawing": drawing::standalone_svg(graph, &name),
+        "pads": pads.collect::<Vec<_>>(),
+        "ports": scope::ports(graph).iter().map(port).collect::<Vec<_>>(),
+        "settings": settings(stage),
+        "parameters": parameters(stage),
+        "maps": maps(graph),
+        "actuators": actuators.collect::<Vec<_>>(),
+        "sound": sound.map(|sound| json!({ "rate_hz": sound.rate_hz, "what": sound.port })),
+        "surfaces": surfaces(stage),
+    })
+}
+
+fn port(port: &Port) -> Value {
+    let lanes: &[&str] = match port.kind {
+        Kind::Vector => &["x", "y", "z"],
+        Kind::Wrench => &[
+            "force x", "force y", "force z", "torque x", "torque y", "torque z",
+        ],
+        _ => &[""],
+    };
+    json!({
+        "name": port.name, "node": port.node, "kind": port.kind.to_string(),
+        "quantity": port.quantity.name(), "unit": port.quantity.unit(), "rate_hz": port.rate_hz, "lanes": lanes,
+    })
+}
+
+fn settings(stage: &Stage) -> Vec<Value> {
+    let Some(session) = &stage.session else {
+        return Vec::new();
+    };
+    let graph = &stage.loaded.graph;
+    let live = session.settings().map(|live| {
+        let node = graph.nodes().node_weights().find(|node| node.path == live.path);
+        let specs = node.map(|node| node.entry.settings()).unwrap_or_default();
+        let doc = specs.iter().find(|spec| spec.name == live.field).map(|spec| spec.doc.clone());
+        json!({
+            "name": live.name(), "node": live.path, "field": live.field, "value": live.value,
+            "unit": unit_of(live.field), "doc": doc.unwrap_or_default(),
+            "min": live.range.map(|range| range.0), "max": live.range.map(|range| range.1), "whole": live.whole,
+        })
+    });
+    live.collect()
+}
+
+fn parameters(stage: &Stage) -> Vec<Value> {
+    let is_surface = |name: &str, value: &str| {
+        let path = value.trim_matches('"');
+        name.contains("surface") || stage.source.folder().join(path).is_file() && path.ends_with(".ron")
+    };
+    let each = stage.loaded.parameters.iter();
+    let each = each.map(|(name, value, default)| {
+        json!({ "name": name, "value": value, "default": default, "is_surface": is_surface(name, value) })
+    });
+    each.collect()
+}
+
+/// The map of each texture, and the ports that say where on it the hand is.
+fn maps(graph: &Graph) -> Vec<Value> {
+    let nodes = graph.nodes();
+    let locators = nodes
+        .node_indices()
+        .filter(|index| nodes[*index].entry.spec.name == LOCATOR);
+    let map = |index: petgraph::graph::NodeIndex| {
+        let node = &nodes[index];
+        let from = |input: &str| {
+            let place = node.inputs.iter().position(|known| known.name == input)?;
+            let edge = nodes
+                .edges_directed(index, Incoming)
+                .find(|edge| edge.weight().input == place)?;
+            let source = &nodes[edge.source()];
+            Some(format!(
+                "{}.{}",
+                source.path,
+                source.outputs.get(edge.weight().output)?.name
+            ))
+        };
+        let path = node.files.first()?;
+        let texture = files::load(path).ok()?.texture?;
+        let points: Vec<[f64; 2]> = texture
+            .models()
+            .iter()
+            .map(|at| [at.speed_m_s, at.force_n])
+            .collect();
+        Some(json!({
+            "node": node.path, "surface": path.display().to_string(),
+            "speed_port": from("speed"), "force_port": from("force"),
+            "points": points, "triangles": texture.triangles(),
+        }))
+    };
+    locators.filter_map(map).collect()
+}
+
+/// The surfaces in the folder of the graph's own, by their paths from the graph.
+fn surfaces(stage: &Stage) -> Vec<Value> {
+    let folder = surface_folder(stage.source.folder());
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron") && path.is_file());
+    paths.sort();
+    paths.truncate(MOST_SURFACES);
+    let shown = paths.iter().filter_map(|path| {
+        let surface = files::load(path).ok()?;
+        let from_graph = path.strip_prefix(stage.source.folder()).unwrap_or(path);
+        Some(json!({
+            "path": format!("{:?}", from_graph.to_string_lossy()), "name": surface.name,
+            "swatch": swatch(surface.texture.as_ref()?),
+        }))
+    });
+    shown.collect()
+}
+
+/// Where surfaces lie, beside a graph.
+pub fn surface_folder(graph: &Path) -> PathBuf {
+    let inner = graph.join("surfaces");
+    if inner.is_dir() { inner } else { graph.to_owned() }
+}
+
+/// A texture as a picture: for each force (up) and speed (right) how strong it is, as tone.
+fn swatch(texture: &haptograph_surfaces::TextureModel) -> String {
+    let most_speed = texture.models().iter().map(|at| at.speed_m_s).fold(0.0, f64::max);
+    let most_force = texture.models().iter().map(|at| at.force_n).fold(0.0, f64::max);
+    let loudest = texture
+        .models()
+        .iter()
+        .map(|at| at.model.power())
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let cell = |triangle: &[u32; 3]| {
+        let corners = triangle.iter().map(|corner| &texture.models()[*corner as usize]);
+        let power: f64 = corners.clone().map(|at| at.model.power()).sum::<f64>() / 3.0;
+        let tone = (1.0 + 0.1 * (power / loudest).max(1e-10).log10()).clamp(0.0, 1.0);
+        let points: Vec<String> = corners
+            .map(|at| {
+                format!(
+                    "{:.1},{:.1}",
+                    100.0 * at.speed_m_s / most_speed,
+                    60.0 - 60.0 * at.force_n / most_force
+                )
+            })
+            .collect();
+        format!(
+            r#"<polygon points="{}" fill="currentColor" fill-opacity="{:.2}"/>"#,
+            points.join(" "),
+            tone * tone
+        )
+    };
+    let cells: String = texture.triangles().iter().map(cell).collect();
+    format!(
+        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 60" preserveAspectRatio="none">{cells}</svg>"#
+    )
+}

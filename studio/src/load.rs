@@ -1,0 +1,72 @@
+//! From a text to a graph whose tablets are the page's.
+
+use super::pads;
+use haptograph_engine::diagnostic::Diagnostics;
+use haptograph_engine::document::{Document, LoadOptions};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
+use haptograph_engine::registry::Registry;
+use std::path::{Path, PathBuf};
+
+/// What graphs are made of besides their text.
+#[derive(Debug, Clone)]
+pub struct Source {
+    pub path: PathBuf,
+    pub registry: Registry,
+    /// Parameters in place of the defaults.
+    pub set: Vec<(String, String)>,
+}
+
+/// A graph that is sound.
+pub struct Loaded {
+    pub graph: Graph,
+    /// Its own text.
+    pub text: String,
+    /// The endpoints that pointers move.
+    pub pads: Vec<String>,
+    /// Names, values and defaults, as RON.
+    pub parameters: Vec<(String, String, String)>,
+}
+
+impl Source {
+    /// The text of the graph's file.
+    pub fn read(&self) -> std::io::Result<String> {
+        haptograph_signal::files::read_text(&self.path, LoadOptions::default().max_bytes)
+    }
+
+    /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
+    pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
+        let document = Document::parse(&self.path, text)?;
+        let mut options = CheckOptions {
+            set: self.set.clone(),
+            hosted: Hosted::All,
+            ..CheckOptions::default()
+        };
+        options
+            .set
+            .retain(|(name, _)| document.parameters().any(|(known, _)| known == name));
+        let hosted = check(&document, &self.registry, &options)?;
+        let pads = pads::endpoints(&hosted);
+        options.hosted = Hosted::Also(pads.clone());
+        let value = |name: &str, default: &str| {
+            let set = options.set.iter().rev().find(|(known, _)| known == name);
+            set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())
+        };
+        let parameters = document.parameters();
+        let parameters =
+            parameters.map(|(name, default)| (name.to_owned(), value(name, default), default.to_owned()));
+        let parameters = parameters.collect();
+        let graph = check(&document, &self.registry, &options)?;
+        Ok(Loaded {
+            graph,
+            text: text.to_owned(),
+            pads,
+            parameters,
+        })
+    }
+
+    /// The folder that paths in the graph are relative to.
+    pub fn folder(&self) -> &Path {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.unwrap_or(Path::new("."))
+    }
+}

@@ -1,0 +1,172 @@
+//! What pages are sent while a graph runs: samples, sound and how it goes.
+
+use super::scope::Scope;
+use super::stage::{Page, Stage, State};
+use super::wire;
+use axum::extract::ws::Message;
+use haptograph_engine::silence::InputState;
+use serde_json::{Value, json};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+/// Between two looks.
+const STEP: Duration = Duration::from_millis(10);
+/// Looks between two words about how it goes.
+const STATUS: u32 = 10;
+
+/// What was delivered to an actuator since the last status.
+#[derive(Debug, Clone, Default)]
+pub struct Delivered {
+    square: f64,
+    count: u64,
+    peak: f64,
+    peak_ever: f64,
+    /// Weighted mean of the square, as the thermal limit has it.
+    heat: f64,
+}
+
+impl Delivered {
+    /// Takes in frames of an actuator whose thermal window is `window_s`.
+    pub fn take(&mut self, scope: &Scope, window_s: f64) {
+        let part = 1.0 / (window_s * scope.port.rate_hz);
+        for frame in scope.fresh().chunks_exact(scope.lanes()) {
+            let square: f64 = frame.iter().map(|x| x * x).sum();
+            self.square += square;
+            self.count += 1;
+            self.peak = self.peak.max(square.sqrt());
+            self.heat += (square - self.heat) * part;
+        }
+        self.peak_ever = self.peak_ever.max(self.peak);
+    }
+
+    fn status(&mut self, name: &str, continuous: f64) -> Value {
+        let rms = (self.square / self.count.max(1) as f64).sqrt();
+        let status = json!({
+            "name": name, "rms": rms, "peak": self.peak, "delivered_peak": self.peak_ever,
+            "heat": self.heat / (continuous * continuous),
+        });
+        (self.square, self.count, self.peak) = (0.0, 0, 0.0);
+        status
+    }
+}
+
+/// Serves the pages of a stage until it is gone.
+pub fn run(stage: &Weak<Mutex<Stage>>) {
+    let mut last = Instant::now();
+    for look in 1_u32.. {
+        std::thread::sleep(STEP);
+        let Some(stage) = stage.upgrade() else { break };
+        let mut stage = lock(&stage);
+        stage.look();
+        send_samples(&mut stage);
+        if look.is_multiple_of(STATUS) {
+            let passed = last.elapsed();
+            last = Instant::now();
+            let status = status(&mut stage, passed);
+            for page in 0..stage.pages.len() {
+                let mut own = status.clone();
+                own["owner"] = json!(stage.owner == Some(stage.pages[page].id));
+                own["lost"] = json!(stage.pages[page].lost);
+                stage.pages[page].send(text(&own));
+            }
+        }
+        stage.pages.retain(|page| !page.is_gone);
+    }
+}
+
+/// A stage, also where somebody panicked with it: each of its parts is whole by itself.
+pub fn lock(stage: &Mutex<Stage>) -> std::sync::MutexGuard<'_, Stage> {
+    stage.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+pub fn text(value: &Value) -> Message {
+    Message::Text(value.to_string().into())
+}
+
+fn send_samples(stage: &mut Stage) {
+    let Stage {
+        pages, scopes, sound, ..
+    } = stage;
+    let sound = sound.as_ref().and_then(|sound| {
+        let scope = scopes.iter().find(|scope| scope.port.name == sound.port)?;
+        let values: Vec<f32> = scope.fresh().iter().map(|x| (x / sound.peak) as f32).collect();
+        (!values.is_empty()).then(|| wire::sound(scope.fresh_s(), &values))
+    });
+    for page in pages {
+        let wanted = std::mem::take(&mut page.wanted);
+        for (place, port) in wanted.iter().enumerate() {
+            let scope = scopes.iter().find(|scope| scope.port.name == port.name);
+            if let Some(message) = scope.and_then(|scope| scope.message(place, port.raw)) {
+                page.send(Message::Binary(message.into()));
+            }
+        }
+        page.wanted = wanted;
+        if let Some(sound) = sound.as_ref().filter(|_| page.hears) {
+            page.send(Message::Binary(sound.clone().into()));
+        }
+    }
+}
+
+fn status(stage: &mut Stage, passed: Duration) -> Value {
+    let pointer = stage.pointer_latency();
+    let time_s = stage.now_s();
+    let Stage {
+        actuators,
+        drive,
+        session,
+        pages,
+        state,
+        silent,
+        ..
+    } = stage;
+    let each = actuators.iter_mut().map(|actuator| {
+        let continuous = actuator.continuous;
+        actuator.delivered.status(&actuator.name, continuous)
+    });
+    let actuators: Vec<Value> = each.collect();
+    let inputs = session
+        .as_ref()
+        .map(|session| session.live_inputs())
+        .unwrap_or_default();
+    silent.retain(|(name, _)| {
+        inputs
+            .iter()
+            .any(|input| input.device == *name && input.state != InputState::Heard)
+    });
+    for input in inputs.iter().filter(|input| input.state != InputState::Heard) {
+        if !silent.iter().any(|(name, _)| *name == input.device) {
+            silent.push((input.device.clone(), Instant::now()));
+        }
+    }
+    let quiet = silent
+        .iter()
+        .map(|(name, since)| json!({ "input": name, "for_s": since.elapsed().as_secs_f64() }));
+    let quiet: Vec<Value> = quiet.collect();
+    let pace = drive.as_ref().map(|drive| Arc::clone(&drive.pace));
+    let busy = pace.as_ref().map_or(0.0, |pace| pace.take_busy().as_secs_f64());
+    json!({
+        "type": "status",
+        "time_s": time_s,
+        "state": match state { State::Running => "running", State::Stopped => "stopped", State::Failed => "failed" },
+        "pages": pages.len(),
+        "behind_ms": pace.as_ref().map_or(0.0, |pace| pace.behind_ms()),
+        "late": pace.as_ref().map_or(0, |pace| pace.late()),
+        "silent": quiet,
+        "actuators": actuators,
+        "faults": 0,
+        "cost": busy / passed.as_secs_f64().max(1e-9),
+        "pointer": pointer,
+    })
+}
+
+impl Page {
+    /// Sends a message, or counts it where the page does not read.
+    pub fn send(&mut self, message: Message) {
+        use tokio::sync::mpsc::error::TrySendError;
+        match self.to_page.try_send(message) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => self.lost += 1,
+            Err(TrySendError::Closed(_)) => self.is_gone = true,
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The frames of a port, as pages want them.
+
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::{Graph, Output};
+use haptograph_engine::host::AnyOutput;
+
+/// Intervals a second that a thinned port is sent in.
+const THINNED_HZ: f64 = 2000.0;
+/// Ports of a higher rate are thinned.
+pub const MOST_HZ: f64 = 4000.0;
+/// Numbers of a wrench, the widest frame that is shown.
+const MOST_LANES: usize = 6;
+/// When what was counted is this far from the time of the run, frames were lost, s.
+const APART_S: f64 = 0.25;
+
+/// A port that can be shown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Port {
+    pub name: String,
+    pub node: String,
+    pub kind: Kind,
+    pub quantity: haptograph_signal::quantity::Quantity,
+    pub rate_hz: f64,
+}
+
+/// The ports of a graph that can be shown: numbers, vectors and wrenches.
+pub fn ports(graph: &Graph) -> Vec<Port> {
+    let nodes = graph.nodes().node_weights();
+    let all = nodes.flat_map(|node| node.outputs.iter().filter_map(|output| port(graph, node, output)));
+    all.collect()
+}
+
+fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -> Option<Port> {
+    let clock = graph.clocks().get(node.clock?)?;
+    matches!(output.kind, Kind::Scalar | Kind::Vector | Kind::Wrench).then(|| Port {
+        name: format!("{}.{}", node.path, output.name),
+        node: node.path.clone(),
+        kind: output.kind,
+        quantity: output.quantity,
+        rate_hz: clock.rate.hz(),
+    })
+}
+
+/// A port whose frames come in.
+#[derive(Debug)]
+pub struct Scope {
+    pub port: Port,
+    frames: AnyOutput,
+    /// Time of the run at the first frame, s; none before it came.
+    begin_s: Option<f64>,
+    /// Frames before the fresh ones.
+    count: u64,
+    /// Frames that came since the last look.
+    fresh: Vec<f64>,
+    /// Frames in an interval, and those that are not sent yet: least and most of each lane.
+    group: usize,
+    grouped: usize,
+    open: Vec<(f64, f64)>,
+    thinned: Vec<f32>,
+    thinned_from: u64,
+}
+
+impl Scope {
+    /// The frames of a port from now on.
+    pub fn of(port: Port, frames: AnyOutput) -> Self {
+        let (lanes, rate_hz) = (port.kind.width(), port.rate_hz);
+        Self {
+            port,
+            frames,
+            begin_s: None,
+            count: 0,
+            fresh: Vec::new(),
+            group: (rate_hz / THINNED_HZ).ceil().max(1.0) as usize,
+            grouped: 0,
+            open: vec![(f64::INFINITY, f64::NEG_INFINITY); lanes],
+            thinned: Vec::new(),
+            thinned_from: 0,
+        }
+    }
+
+    /// Takes in what came until `now_s`.
+    pub fn look(&mut self, now_s: f64) {
+        let lanes = self.lanes();
+        self.count += (self.fresh.len() / lanes) as u64;
+        self.fresh.clear();
+        self.thinned.clear();
+        let mut frame = [0.0; MOST_LANES];
+        while self.frames.take(&mut frame[..lanes]) {
+            self.fresh.extend_from_slice(&frame[..lanes]);
+        }
+        let end_s = (self.count + (self.fresh.len() / lanes) as u64) as f64 / self.port.rate_hz;
+        let begin_s = self
+            .begin_s
+            .filter(|begin_s| (begin_s + end_s - now_s).abs() < APART_S);
+        if begin_s.is_none() && !self.fresh.is_empty() {
+            self.begin_s = Some(now_s - end_s);
+        }
+        self.thin();
+    }
+
+    fn thin(&mut self) {
+        self.thinned_from = self.count - self.grouped as u64;
+        for frame in self.fresh.chunks_exact(self.port.kind.width()) {
+            for ((least, most), value) in self.open.iter_mut().zip(frame) {
+                (*least, *most) = (least.min(*value), most.max(*value));
+            }
+            self.grouped += 1;
+            if self.grouped == self.group {
+                self.grouped = 0;
+                for extremes in &mut self.open {
+                    self.thinned.extend([extremes.0 as f32, extremes.1 as f32]);
+                    *extremes = (f64::INFINITY, f64::NEG_INFINITY);
+                }
+            }
+        }
+    }
+
+    pub fn lanes(&self) -> usize {
+        self.port.kind.width()
+    }
+
+    /// The frames that came, lane by lane within each.
+    pub fn fresh(&self) -> &[f64] {
+        &self.fresh
+    }
+
+    /// Time of the run at the first of them, s.
+    pub fn fresh_s(&self) -> f64 {
+        self.begin_s.unwrap_or(0.0) + self.count as f64 / self.port.rate_hz
+    }
+
+    /// The message for a page that has this port at `place` of its list; none where nothing came.
+    pub fn message(&self, place: usize, raw: bool) -> Option<Vec<u8>> {
+        let is_thinned = !raw && self.port.rate_hz > MOST_HZ;
+        let interval_s = 1.0 / self.port.rate_hz;
+        if is_thinned {
+            let at_s = self.begin_s.unwrap_or(0.0) + self.thinned_from as f64 * interval_s;
+            let times = (at_s, interval_s * self.group as f64);
+            return (!self.thinned.is_empty())
+                .then(|| super::wire::samples(place, self.lanes(), true, times, &self.thinned));
+        }
+        let values: Vec<f32> = self.fresh.iter().map(|value| *value as f32).collect();
+        let times = (self.fresh_s(), interval_s);
+        (!values.is_empty()).then(|| super::wire::samples(place, self.lanes(), false, times, &values))
+    }
+}

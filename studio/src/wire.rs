@@ -1,0 +1,258 @@
+//! What the page says, read and bounded.
+
+use serde::Deserialize;
+
+/// The version of the protocol.
+pub const VERSION: u32 = 1;
+/// The subprotocol of the WebSocket.
+pub const SUBPROTOCOL: &str = "haptograph.studio.1";
+/// The longest message that is taken, bytes; a recording to learn from may be longer.
+const MOST_BYTES: usize = 1 << 20;
+pub const MOST_LEARNED_BYTES: usize = 80 << 20;
+/// How such a message begins.
+const LEARN: &str = r#"{"type":"learn""#;
+/// Ports that a page sees at once.
+pub const MOST_SCOPES: usize = 16;
+
+/// A JSON message of the page.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum Said {
+    /// A live setting.
+    Set {
+        name: String,
+        value: f64,
+    },
+    /// A graph parameter, as RON text.
+    Parameter {
+        request: u64,
+        name: String,
+        value: String,
+    },
+    /// What is wrong with this text?
+    Check {
+        request: u64,
+        text: String,
+    },
+    /// It takes over.
+    Apply {
+        request: u64,
+        text: String,
+    },
+    /// It is written to the graph's file.
+    Save {
+        request: u64,
+        text: String,
+    },
+    /// The ports to be sent.
+    Scope {
+        ports: Vec<Wanted>,
+    },
+    /// Whether to send what is played.
+    Sound {
+        on: bool,
+    },
+    /// A recording becomes a surface.
+    Learn {
+        request: u64,
+        name: String,
+        csv: String,
+    },
+    Stop,
+    Resume,
+    /// This page wants to be the owner.
+    Own,
+}
+
+/// A port to be sent.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub struct Wanted {
+    pub name: String,
+    /// Every frame, also at high rates.
+    #[serde(default)]
+    pub raw: bool,
+}
+
+/// Where a pointer was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pointer {
+    /// By the clock of the page, s.
+    pub at_s: f64,
+    pub position_m: [f64; 2],
+    pub force_n: f64,
+}
+
+/// Why a message is not taken.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WireError {
+    /// It is no message of the protocol.
+    #[error("it is no message that is known: {0}")]
+    Json(String),
+    /// It is longer than any that is known.
+    #[error("a message of {0} bytes is too long")]
+    Long(usize),
+    /// A binary message of another kind or length.
+    #[error("a binary message of {0} bytes is no list of pointers")]
+    Binary(usize),
+    /// A pointer beyond all reason.
+    #[error(
+        "a pointer is at no number, further than {MOST_MM} mm from the middle, or presses with more than {MOST_N} N"
+    )]
+    Pointer,
+}
+
+/// Bounds of what a pointer can be.
+const MOST_MM: f32 = 1000.0;
+const MOST_N: f32 = 20.0;
+const HEAD: usize = 8;
+const POINTER: usize = 28;
+
+/// A text message; none of a kind that is not known.
+pub fn said(text: &str) -> Result<Option<Said>, WireError> {
+    #[derive(Deserialize)]
+    struct Kind {
+        r#type: String,
+    }
+    const KINDS: [&str; 11] = [
+        "learn",
+        "set",
+        "parameter",
+        "check",
+        "apply",
+        "save",
+        "scope",
+        "sound",
+        "stop",
+        "resume",
+        "own",
+    ];
+    if text.len() > MOST_BYTES && !text.starts_with(LEARN) {
+        return Err(WireError::Long(text.len()));
+    }
+    let wrong = |error: serde_json::Error| WireError::Json(error.to_string());
+    let kind: Kind = serde_json::from_str(text).map_err(wrong)?;
+    if !KINDS.contains(&&*kind.r#type) {
+        return Ok(None);
+    }
+    serde_json::from_str(text).map(Some).map_err(wrong)
+}
+
+/// A list of pointers, and the pad that they are on.
+pub fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
+    let wrong = || WireError::Binary(bytes.len());
+    let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
+    let count = usize::from(u16::from_le_bytes([head[2], head[3]]));
+    if bytes.len() > MOST_BYTES || head[0] != 1 || body.len() != count * POINTER {
+        return Err(wrong());
+    }
+    let points = body.chunks_exact(POINTER).map(pointer);
+    let points = points.collect::<Option<Vec<_>>>().ok_or(WireError::Pointer)?;
+    Ok((usize::from(head[1]), points))
+}
+
+fn pointer(bytes: &[u8]) -> Option<Pointer> {
+    let (time, rest) = bytes.split_first_chunk()?;
+    let (x, rest) = rest.split_first_chunk()?;
+    let (y, rest) = rest.split_first_chunk()?;
+    let (force, _) = rest.split_first_chunk()?;
+    let time_ms = f64::from_le_bytes(*time);
+    let [x_mm, y_mm, force_n] = [x, y, force].map(|four| f32::from_le_bytes(*four));
+    let is_near = |mm: f32| mm.abs() <= MOST_MM;
+    // Comparisons with what is no number are false.
+    let is_right =
+        is_near(x_mm) && is_near(y_mm) && (0.0..=MOST_N).contains(&force_n) && time_ms.abs() < 1e15;
+    is_right.then(|| Pointer {
+        at_s: time_ms * 1e-3,
+        position_m: [f64::from(x_mm) * 1e-3, f64::from(y_mm) * 1e-3],
+        force_n: f64::from(force_n),
+    })
+}
+
+/// A message with samples of the port at a place of the page's list.
+pub fn samples(
+    place: usize,
+    lanes: usize,
+    thinned: bool,
+    (at_s, interval_s): (f64, f64),
+    values: &[f32],
+) -> Vec<u8> {
+    let width = lanes * if thinned { 2 } else { 1 };
+    let count = values.len() / width.max(1);
+    let mut bytes = vec![2, place as u8, lanes as u8, u8::from(thinned)];
+    bytes.extend((count as u32).to_le_bytes());
+    bytes.extend(at_s.to_le_bytes());
+    bytes.extend(interval_s.to_le_bytes());
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+/// A message with what is played.
+pub fn sound(at_s: f64, values: &[f32]) -> Vec<u8> {
+    let mut bytes = vec![3, 0, 0, 0];
+    bytes.extend((values.len() as u32).to_le_bytes());
+    bytes.extend(at_s.to_le_bytes());
+    bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(pad: u8, points: &[(f64, [f32; 5])]) -> Vec<u8> {
+        let mut bytes = vec![1, pad];
+        bytes.extend((points.len() as u16).to_le_bytes());
+        bytes.extend([0; 4]);
+        for (time_ms, values) in points {
+            bytes.extend(time_ms.to_le_bytes());
+            bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        }
+        bytes
+    }
+
+    #[test]
+    fn pointers_are_read_in_si_units() {
+        let (pad, points) = pointers(&message(1, &[(1500.0, [10.0, -20.0, 1.5, 0.0, 0.0])])).expect("right");
+        let [point] = points[..] else { panic!("one") };
+        assert_eq!((pad, point.at_s, point.force_n), (1, 1.5, 1.5));
+        assert!((point.position_m[0] - 0.01).abs() < 1e-9 && (point.position_m[1] + 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_no_pointer_is_refused() {
+        let right = message(0, &[(0.0, [0.0, 0.0, 1.0, 0.0, 0.0])]);
+        for length in 0..right.len() {
+            assert_eq!(pointers(&right[..length]), Err(WireError::Binary(length)));
+        }
+        for values in [
+            [f32::NAN, 0.0, 1.0],
+            [0.0, 2000.0, 1.0],
+            [0.0, 0.0, -0.1],
+            [0.0, 0.0, 21.0],
+        ] {
+            let [x, y, force] = values;
+            let wrong = message(0, &[(0.0, [x, y, force, 0.0, 0.0])]);
+            assert_eq!(pointers(&wrong), Err(WireError::Pointer), "{values:?}");
+        }
+        assert_eq!(
+            pointers(&message(0, &[(f64::NAN, [0.0; 5])])),
+            Err(WireError::Pointer)
+        );
+    }
+
+    #[test]
+    fn unknown_messages_are_passed_over_and_wrong_ones_refused() {
+        assert_eq!(said(r#"{"type":"dance"}"#), Ok(None));
+        assert_eq!(said(r#"{"type":"stop"}"#), Ok(Some(Said::Stop)));
+        for wrong in [
+            "",
+            "[]",
+            "7",
+            r#"{"type":7}"#,
+            r#"{"type":"set","name":"a"}"#,
+            r#"{"type":"set","name":"a","value":"b"}"#,
+        ] {
+            assert!(said(wrong).is_err(), "{wrong}");
+        }
+    }
+}
