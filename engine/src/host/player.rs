@@ -197,7 +197,7 @@ impl Session {
     ) -> Result<(Changed, Probes), ChangeError> {
         let ports = probes
             .iter()
-            .filter_map(|name| Some((name, port(graph, name).ok()?)));
+            .filter_map(|name| Some((name, graph.find_output(name).ok()?)));
         let ports: Vec<(&String, (NodeIndex, usize))> = ports.collect();
         let wanted: Vec<(NodeIndex, usize)> = ports.iter().map(|(_, port)| *port).collect();
         let (changed, begun) = self.change_with(graph, folder, Some(&wanted))?;
