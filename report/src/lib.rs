@@ -18,6 +18,9 @@ pub mod reference;
 mod responses;
 mod scale;
 mod svg;
+mod swatch;
 pub mod sweep;
 pub mod theme;
 pub mod thinning;
+
+pub use swatch::swatch;

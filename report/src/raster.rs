@@ -16,6 +16,16 @@ pub struct Grid {
 impl Grid {
     /// Its PNG as a `data:` address, `low` in the darkest colour and `high` in the brightest.
     pub(crate) fn to_address(&self, low: f64, high: f64) -> String {
+        let palette = (0..=255u8).flat_map(|level| heat(f64::from(level) / 255.0));
+        self.address((low, high), palette.collect())
+    }
+
+    /// The same in greys.
+    pub(crate) fn to_grey_address(&self, low: f64, high: f64) -> String {
+        self.address((low, high), (0..=255u8).flat_map(|level| [level; 3]).collect())
+    }
+
+    fn address(&self, (low, high): (f64, f64), palette: Vec<u8>) -> String {
         let span = if high > low { high - low } else { 1.0 };
         let mut levels = Vec::with_capacity(self.width * self.height);
         for row in (0..self.height).rev() {
@@ -23,22 +33,23 @@ impl Grid {
             levels.extend(cells.map(|value| (((value - low) / span).clamp(0.0, 1.0) * 255.0).round() as u8));
             levels.resize((self.height - row) * self.width, 0);
         }
-        encode(self.width, self.height, &levels)
+        encode((self.width, self.height), &levels, palette)
             .map(|png| format!("data:image/png;base64,{}", base64(&png)))
             .unwrap_or_default()
     }
 }
 
-fn encode(width: usize, height: usize, levels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+fn encode(
+    (width, height): (usize, usize),
+    levels: &[u8],
+    palette: Vec<u8>,
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let size = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     let mut encoder = png::Encoder::new(&mut bytes, size(width), size(height));
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::High);
-    let palette: Vec<u8> = (0..=255u8)
-        .flat_map(|level| heat(f64::from(level) / 255.0))
-        .collect();
     encoder.set_palette(palette);
     encoder.write_header()?.write_image_data(levels)?;
     Ok(bytes)

@@ -8,15 +8,20 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
-use haptograph_report::drawing;
+use haptograph_report::{drawing, swatch};
 use haptograph_surfaces::files;
 use petgraph::Direction::Incoming;
 use petgraph::visit::EdgeRef;
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex, PoisonError};
+use std::time::SystemTime;
 
 /// Surfaces that are shown at most.
 const MOST_SURFACES: usize = 100;
+/// Surfaces that were drawn, and when their files were written.
+static SWATCHES: LazyLock<Mutex<HashMap<PathBuf, (SystemTime, Value)>>> = LazyLock::new(Mutex::default);
 /// The kind of node that looks up a texture's models.
 const LOCATOR: &str = "TriangleLocator";
 
@@ -206,12 +211,22 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     paths.sort();
     paths.truncate(MOST_SURFACES);
     let shown = paths.iter().filter_map(|path| {
+        let written = path.metadata().and_then(|found| found.modified()).ok()?;
+        let mut known = SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, shown)) = known.get(path).filter(|(then, _)| *then == written) {
+            return Some(shown.clone());
+        }
         let surface = files::load(path).ok()?;
         let from_graph = path.strip_prefix(stage.source.folder()).unwrap_or(path);
-        Some(json!({
+        let shown = json!({
             "path": format!("{:?}", from_graph.to_string_lossy()), "name": surface.name,
-            "swatch": swatch(surface.texture.as_ref()?),
-        }))
+            "swatch": swatch(surface.texture.as_ref()?).ok()?,
+        });
+        if known.len() >= MOST_SURFACES {
+            known.clear();
+        }
+        known.insert(path.clone(), (written, shown.clone()));
+        Some(shown)
     });
     shown.collect()
 }
@@ -220,38 +235,4 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
 pub fn surface_folder(graph: &Path) -> PathBuf {
     let inner = graph.join("surfaces");
     if inner.is_dir() { inner } else { graph.to_owned() }
-}
-
-/// A texture as a picture: for each force (up) and speed (right) how strong it is, as tone.
-fn swatch(texture: &haptograph_surfaces::TextureModel) -> String {
-    let most_speed = texture.models().iter().map(|at| at.speed_m_s).fold(0.0, f64::max);
-    let most_force = texture.models().iter().map(|at| at.force_n).fold(0.0, f64::max);
-    let loudest = texture
-        .models()
-        .iter()
-        .map(|at| at.model.power())
-        .fold(f64::MIN_POSITIVE, f64::max);
-    let cell = |triangle: &[u32; 3]| {
-        let corners = triangle.iter().map(|corner| &texture.models()[*corner as usize]);
-        let power: f64 = corners.clone().map(|at| at.model.power()).sum::<f64>() / 3.0;
-        let tone = (1.0 + 0.1 * (power / loudest).max(1e-10).log10()).clamp(0.0, 1.0);
-        let points: Vec<String> = corners
-            .map(|at| {
-                format!(
-                    "{:.1},{:.1}",
-                    100.0 * at.speed_m_s / most_speed,
-                    60.0 - 60.0 * at.force_n / most_force
-                )
-            })
-            .collect();
-        format!(
-            r#"<polygon points="{}" fill="currentColor" fill-opacity="{:.2}"/>"#,
-            points.join(" "),
-            tone * tone
-        )
-    };
-    let cells: String = texture.triangles().iter().map(cell).collect();
-    format!(
-        r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 60" preserveAspectRatio="none">{cells}</svg>"#
-    )
 }

@@ -36,8 +36,11 @@ impl Source {
     /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
     pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
         let document = Document::parse(&self.path, text)?;
+        let set = self.set.iter();
         let mut options = CheckOptions {
-            set: self.set.clone(),
+            set: set
+                .map(|(name, value)| (name.clone(), self.resolved(value)))
+                .collect(),
             hosted: Hosted::All,
             ..CheckOptions::default()
         };
@@ -48,7 +51,7 @@ impl Source {
         let pads = pads::endpoints(&hosted);
         options.hosted = Hosted::Also(pads.clone());
         let value = |name: &str, default: &str| {
-            let set = options.set.iter().rev().find(|(known, _)| known == name);
+            let set = self.set.iter().rev().find(|(known, _)| known == name);
             set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())
         };
         let parameters = document.parameters();
@@ -62,6 +65,19 @@ impl Source {
             pads,
             parameters,
         })
+    }
+
+    /// Values that come from elsewhere name files from the working directory; the page names them as the graph does.
+    fn resolved(&self, value: &str) -> String {
+        let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+        let path = name
+            .map(|name| self.folder().join(name))
+            .filter(|path| path.is_file());
+        let path = path.and_then(|path| path.canonicalize().ok());
+        path.map_or_else(
+            || value.to_owned(),
+            |path| format!("{:?}", path.to_string_lossy()),
+        )
     }
 
     /// The folder that paths in the graph are relative to.

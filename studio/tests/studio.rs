@@ -1,0 +1,369 @@
+//! The studio as its page meets it: by HTTP and WebSocket. What takes time is waited for, however long a machine needs.
+
+use haptograph_studio::{Options, Studio};
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
+}
+
+fn open(graph: &Path) -> Studio {
+    let options = Options {
+        graph: graph.to_owned(),
+        set: Vec::new(),
+        port: 0,
+    };
+    Studio::open(&options, &haptograph_nodes::registry()).expect("a studio")
+}
+
+/// A copy of the TexturePad that tests may write to.
+fn copied() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in [
+        "texturepad.ron",
+        "parts/texture.ron",
+        "surfaces/t2-canvas.ron",
+        "surfaces/t3-tile.ron",
+    ] {
+        let to = folder.path().join(name);
+        std::fs::create_dir_all(to.parent().expect("a folder")).expect("made");
+        std::fs::copy(shipped(name), to).expect("copied");
+    }
+    let graph = folder.path().join("texturepad.ron");
+    (folder, graph)
+}
+
+/// A page's end of the conversation.
+struct Page {
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    begun: Instant,
+    graph: Value,
+}
+
+impl Page {
+    fn of(studio: &Studio) -> Self {
+        let (address, token) = (studio.address(), studio.token());
+        let url = format!("ws://{address}/live?token={token}");
+        let mut request = url.into_client_request().expect("a request");
+        let headers = request.headers_mut();
+        headers.insert("origin", format!("http://{address}").parse().expect("a header"));
+        headers.insert(
+            "sec-websocket-protocol",
+            "haptograph.studio.1".parse().expect("a header"),
+        );
+        let (socket, _) = tungstenite::connect(request).expect("it is let in");
+        if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
+            stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+        }
+        let mut page = Self {
+            socket,
+            begun: Instant::now(),
+            graph: Value::Null,
+        };
+        assert_eq!(page.wait(|said| said["type"] == "hello")["version"], 1);
+        page.graph = page.wait(|said| said["type"] == "graph");
+        page
+    }
+
+    fn say(&mut self, value: &Value) {
+        self.socket
+            .send(Message::text(value.to_string()))
+            .expect("it is heard");
+    }
+
+    /// The first text that is wanted.
+    fn wait(&mut self, is_wanted: impl Fn(&Value) -> bool) -> Value {
+        let asked = Instant::now();
+        while asked.elapsed() < PATIENCE {
+            if let Message::Text(text) = self.socket.read().expect("it goes on") {
+                let said: Value = serde_json::from_str(&text).expect("JSON");
+                if is_wanted(&said) {
+                    return said;
+                }
+            }
+        }
+        panic!("it was never said");
+    }
+
+    fn request(&mut self, mut value: Value) -> Value {
+        let request = self.begun.elapsed().as_nanos() as u64;
+        value["request"] = json!(request);
+        self.say(&value);
+        self.wait(|said| said["type"] == "reply" && said["request"] == request)
+    }
+
+    fn point(&mut self, x_mm: f32, y_mm: f32, force_n: f32) {
+        let mut bytes = vec![1, 0, 1, 0, 0, 0, 0, 0];
+        bytes.extend((self.begun.elapsed().as_secs_f64() * 1e3).to_le_bytes());
+        for value in [x_mm, y_mm, force_n, 0.0, 0.0] {
+            bytes.extend(value.to_le_bytes());
+        }
+        self.socket.send(Message::binary(bytes)).expect("it is heard");
+    }
+
+    /// Strokes circles of 30 mm at so many mm/s until as many seconds of the first scope came; its samples.
+    fn stroke(&mut self, speed_mm_s: f64, force_n: f32, seconds: f64) -> Vec<f32> {
+        let (mut samples, mut covered_s) = (Vec::new(), 0.0);
+        let asked = Instant::now();
+        while covered_s < seconds && asked.elapsed() < PATIENCE {
+            let angle = self.begun.elapsed().as_secs_f64() * speed_mm_s / 30.0;
+            self.point(30.0 * angle.cos() as f32, 30.0 * angle.sin() as f32, force_n);
+            if let Message::Binary(bytes) = self.socket.read().expect("it goes on")
+                && bytes[0] == 2
+            {
+                let interval_s = f64::from_le_bytes(bytes[16..24].try_into().expect("eight"));
+                let values = bytes[24..].chunks_exact(4);
+                let values: Vec<f32> = values
+                    .map(|four| f32::from_le_bytes(four.try_into().expect("four")))
+                    .collect();
+                covered_s += values.len() as f64 * interval_s;
+                samples.extend(values);
+            }
+        }
+        samples
+    }
+}
+
+fn rms(samples: &[f32]) -> f64 {
+    (samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64).sqrt()
+}
+
+const VIBRATION: &str = "texture/filter.acceleration";
+
+#[test]
+fn a_stroke_on_the_page_vibrates_as_the_model_says_and_a_lifted_hand_does_not() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    assert_eq!(page.graph["pads"][0]["endpoint"], "stylus");
+    assert!(
+        page.graph["drawing"]
+            .as_str()
+            .expect("a drawing")
+            .contains("data-node=\"texture/filter\"")
+    );
+    assert_eq!(page.graph["maps"][0]["speed_port"], "speed.speed");
+    page.say(&json!({ "type": "scope", "ports": [{ "name": VIBRATION, "raw": true }] }));
+    page.stroke(100.0, 1.0, 0.7);
+    let felt = rms(&page.stroke(100.0, 1.0, 2.0));
+    let texture = haptograph_surfaces::files::load(&shipped("surfaces/t2-canvas.ron"))
+        .expect("it ships")
+        .texture;
+    let texture = texture.expect("a texture");
+    let near = |at: &&haptograph_surfaces::ModelAt| (at.speed_m_s / 0.1).ln().abs() + at.force_n.ln().abs();
+    let models = texture
+        .models()
+        .iter()
+        .filter(|at| at.speed_m_s > 0.0 && at.force_n > 0.0);
+    let model = models
+        .min_by(|a, b| near(a).total_cmp(&near(b)))
+        .expect("a model");
+    let expected = model.model.power().sqrt();
+    // A hand that wakes 100 times a second on a loaded machine is not quite even.
+    assert!(
+        (0.4..2.5).contains(&(felt / expected)),
+        "{felt} and {expected} m/s²"
+    );
+    let lifted = page.stroke(0.0, 0.0, 1.0);
+    assert!(rms(&lifted[lifted.len() / 2..]) < 0.01 * expected);
+}
+
+#[test]
+fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
+    let (_folder, path) = copied();
+    let studio = open(&path);
+    let mut page = Page::of(&studio);
+    let text = page.graph["text"].as_str().expect("a text").to_owned();
+    let wrong =
+        page.request(json!({ "type": "apply", "text": text.replace("SpeedEstimator", "SpedEstimator") }));
+    assert_eq!(
+        (&wrong["ok"], &wrong["diagnostics"][0]["code"]),
+        (&json!(false), &json!("E0201"))
+    );
+    assert!(
+        wrong["diagnostics"][0]["line"]
+            .as_u64()
+            .is_some_and(|line| line > 10),
+        "{wrong}"
+    );
+    let edited = text.replace(
+        "nodes: {",
+        "nodes: { \"twice\": Gain(input: \"texture\", gain: 2),",
+    );
+    assert_eq!(
+        page.request(json!({ "type": "check", "text": edited }))["ok"],
+        true
+    );
+    assert_eq!(
+        page.request(json!({ "type": "apply", "text": edited }))["ok"],
+        true
+    );
+    page.say(&json!({ "type": "scope", "ports": [{ "name": "twice.output", "raw": true }] }));
+    assert!(rms(&page.stroke(100.0, 1.0, 2.0)) > 0.5, "the new node is heard");
+    page.say(&json!({ "type": "set", "name": "twice.gain", "value": 0.0 }));
+    page.stroke(100.0, 1.0, 0.5);
+    assert!(rms(&page.stroke(100.0, 1.0, 0.5)) < 1e-6, "a turn arrives");
+    let tile =
+        page.request(json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/t3-tile.ron\"" }));
+    assert_eq!(tile["ok"], true, "{tile}");
+    assert_eq!(
+        page.request(json!({ "type": "save", "text": edited }))["ok"],
+        true
+    );
+    assert_eq!(std::fs::read_to_string(&path).expect("it is there"), edited);
+    std::fs::write(&path, "somebody else's").expect("written");
+    assert_eq!(page.request(json!({ "type": "save", "text": text }))["ok"], false);
+    assert_eq!(
+        std::fs::read_to_string(&path).expect("it is there"),
+        "somebody else's"
+    );
+}
+
+#[test]
+fn a_stop_is_heard_from_any_page_and_only_the_owner_moves_anything() {
+    let studio = open(&shipped("texturepad.ron"));
+    let (mut owner, mut guest) = (Page::of(&studio), Page::of(&studio));
+    guest.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
+    assert!(
+        rms(&guest.stroke(100.0, 1.0, 1.0)) < 1e-9,
+        "a guest moves nothing"
+    );
+    assert_eq!(guest.request(json!({ "type": "apply", "text": "" }))["ok"], false);
+    guest.say(&json!({ "type": "set", "name": "out.gain", "value": 0.5 }));
+    guest.wait(|said| said["type"] == "refused");
+    guest.say(&json!({ "type": "stop" }));
+    owner.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+    owner.say(&json!({ "type": "resume" }));
+    owner.wait(|said| said["type"] == "status" && said["state"] == "running");
+    guest.say(&json!({ "type": "own" }));
+    guest.wait(|said| said["type"] == "status" && said["owner"] == true);
+    assert!(rms(&guest.stroke(100.0, 1.0, 2.0)) > 1e-3);
+}
+
+#[test]
+fn a_page_that_goes_is_a_silence() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut first = Page::of(&studio);
+    first.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
+    assert!(rms(&first.stroke(100.0, 1.0, 1.5)) > 1e-3);
+    drop(first);
+    let mut next = Page::of(&studio);
+    let silent = next.wait(|said| said["type"] == "status" && said["silent"][0]["input"] == "stylus");
+    next.wait(|said| said["type"] == "status" && said["actuators"][0]["peak"] == 0.0);
+    assert_eq!(silent["state"], "running");
+}
+
+/// The status line of a plain request.
+fn asked(studio: &Studio, head: &str) -> String {
+    let mut stream = TcpStream::connect(studio.address()).expect("it listens");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    write!(stream, "{head}\r\nConnection: close\r\n\r\n").expect("sent");
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer)
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+#[test]
+fn only_its_own_page_with_the_token_is_let_in() {
+    let studio = open(&shipped("texturepad.ron"));
+    let (host, token) = (studio.address(), studio.token());
+    let page = format!("GET /?token={token} HTTP/1.1\r\nHost: ");
+    let live = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==";
+    for (head, status) in [
+        (format!("{page}{host}"), "200"),
+        (format!("{page}evil.example"), "403"),
+        (format!("{page}evil.example:{}", host.port()), "403"),
+        (format!("{page}{host}\r\nOrigin: http://evil.example"), "403"),
+        (format!("{page}{host}\r\nOrigin: null"), "403"),
+        (format!("GET / HTTP/1.1\r\nHost: {host}"), "403"),
+        (format!("GET /?token={token}0 HTTP/1.1\r\nHost: {host}"), "403"),
+        (format!("GET /?token= HTTP/1.1\r\nHost: {host}"), "403"),
+        (
+            format!("GET /../../../etc/passwd HTTP/1.1\r\nHost: {host}"),
+            "404",
+        ),
+        (
+            format!(
+                "GET /live?token={token} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://evil.example\r\n{live}"
+            ),
+            "403",
+        ),
+        (
+            format!("GET /live?token={token} HTTP/1.1\r\nHost: {host}\r\n{live}"),
+            "403",
+        ),
+        (
+            format!("GET /live?token=x HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n{live}"),
+            "403",
+        ),
+    ] {
+        let answer = asked(&studio, &head);
+        assert!(answer.contains(status), "{head}: {answer}");
+    }
+}
+
+#[test]
+fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut watching = Page::of(&studio);
+    let words = [
+        "{",
+        "\"type\"",
+        ":",
+        "\"set\"",
+        "\"scope\"",
+        "[",
+        "]",
+        "}",
+        ",",
+        "null",
+        "1e999",
+        "\u{202e}",
+        "\"ports\"",
+    ];
+    let (mut seed, mut sent) = (7_u64, 0);
+    let mut next = |bound: usize| {
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % bound
+    };
+    while sent < 10_000 {
+        let mut hostile = Page::of(&studio);
+        for _ in 0..200 {
+            let message = match next(3) {
+                0 => Message::text(
+                    (0..next(12))
+                        .map(|_| words[next(words.len())])
+                        .collect::<String>(),
+                ),
+                1 => Message::binary((0..next(80)).map(|_| next(256) as u8).collect::<Vec<u8>>()),
+                _ => Message::text(
+                    json!({ "type": "set", "name": "out.gain", "value": "x".repeat(next(50)) }).to_string(),
+                ),
+            };
+            sent += 1;
+            if hostile.socket.send(message).is_err() {
+                break;
+            }
+        }
+    }
+    let status = watching
+        .wait(|said| said["type"] == "status" && said["pages"].as_u64().is_some_and(|pages| pages <= 2));
+    assert_eq!(
+        (&status["state"], &status["actuators"][0]["delivered_peak"]),
+        (&json!("running"), &json!(0.0))
+    );
+}
