@@ -1,5 +1,6 @@
 //! The synthesis of a texture is right: what the four nodes of the `Texture` template put out has the power and the
-//! spectrum of the surface's models, is silent at rest, and shows no trace of its coefficients' changing.
+//! spectrum of the surface's models, is silent at rest, and shows no trace of its coefficients' changing. Surfaces on a warped
+//! frequency axis are rendered at their rate and, interpolated, at that of a soundcard.
 #![expect(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -12,9 +13,12 @@ use haptograph_nodes::texture::excitation::{Excitation, ExcitationSettings};
 use haptograph_nodes::texture::filter::{ArmaFilter, ArmaFilterSettings, Form};
 use haptograph_nodes::texture::interpolator::LsfInterpolator;
 use haptograph_nodes::texture::locator::{SurfaceSettings, TriangleLocator};
+use haptograph_signal::Complex64;
 use haptograph_signal::spectrum::{expected_welch, welch};
+use haptograph_signal::warped::squared_response;
 use haptograph_signal::window::Window;
-use haptograph_surfaces::{ModelAt, SpatialLine};
+use haptograph_surfaces::{Interpolator, ModelAt, SpatialLine, TextureModel};
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 type Frame = [f64; Coefficients::WIDTH];
@@ -38,6 +42,11 @@ fn surfaces() -> Vec<PathBuf> {
     all
 }
 
+fn texture(surface: &Path) -> TextureModel {
+    let surface = haptograph_surfaces::files::load(surface).unwrap();
+    surface.texture.unwrap()
+}
+
 /// Locator and interpolator of a surface, at the rate of a hand.
 struct Map {
     locator: Bench,
@@ -52,10 +61,7 @@ impl Map {
         let settings = || SurfaceSettings {
             surface: surface.to_owned(),
         };
-        let texture = haptograph_surfaces::files::load(surface)
-            .unwrap()
-            .texture
-            .unwrap();
+        let texture = texture(surface);
         Self {
             locator: Bench::new::<TriangleLocator>(settings(), 240.0, &[Kind::Scalar; 2]).unwrap(),
             interpolator: Bench::new::<LsfInterpolator>(settings(), 240.0, &[Kind::Weights]).unwrap(),
@@ -86,7 +92,13 @@ struct Voice {
 
 impl Voice {
     fn new(rate_hz: f64, form: Form) -> Self {
-        let settings = ArmaFilterSettings { form, surface: None };
+        Self::of(None, rate_hz, form)
+    }
+
+    /// With the high-pass and the interpolation of a surface.
+    fn of(surface: Option<&Path>, rate_hz: f64, form: Form) -> Self {
+        let surface = surface.map(Path::to_owned);
+        let settings = ArmaFilterSettings { form, surface };
         let kinds = [Kind::Coefficients, Kind::Scalar];
         Self {
             excitation: Bench::new::<Excitation>(ExcitationSettings { surface: None }, rate_hz, &kinds[..1])
@@ -97,12 +109,40 @@ impl Voice {
 
     /// The vibration while the coefficients stay.
     fn play(&mut self, coefficients: &Frame, frames: usize) -> Vec<f64> {
+        self.filtered(coefficients, frames, |excitation, held| {
+            excitation.run(&[held]).remove(0)
+        })
+    }
+
+    /// What the filter makes of a single 1.
+    fn response(&mut self, coefficients: &Frame, frames: usize) -> Vec<f64> {
+        self.response_to(0, coefficients, frames)
+    }
+
+    /// What the filter makes of a single 1 in this frame of the first block.
+    fn response_to(&mut self, frame: usize, coefficients: &Frame, frames: usize) -> Vec<f64> {
+        let mut next = 1.0;
+        self.filtered(coefficients, frames, |_, held| {
+            let mut excitation = vec![0.0; held.len() / Coefficients::WIDTH];
+            if let Some(e) = excitation.get_mut(frame) {
+                *e = std::mem::take(&mut next);
+            }
+            excitation
+        })
+    }
+
+    fn filtered(
+        &mut self,
+        coefficients: &Frame,
+        frames: usize,
+        mut excite: impl FnMut(&mut Bench, &[f64]) -> Vec<f64>,
+    ) -> Vec<f64> {
         let held = coefficients.repeat(frames.min(MAX_FRAMES));
         let mut vibration = Vec::with_capacity(frames);
         while vibration.len() < frames {
             let block = (frames - vibration.len()).min(MAX_FRAMES);
             let held = &held[..block * Coefficients::WIDTH];
-            let excitation = self.excitation.run(&[held]).remove(0);
+            let excitation = excite(&mut self.excitation, held);
             vibration.append(&mut self.filter.run(&[held, &excitation])[0]);
         }
         vibration
@@ -185,9 +225,135 @@ fn the_spectrum_is_the_models_convolved_with_the_window() {
     }
 }
 
+/// Shipped surfaces: laws on a warped frequency axis, learned without the high-pass that their rendering has.
+fn warped_surfaces() -> [PathBuf; 2] {
+    ["t2-canvas", "t3-tile"].map(|name| {
+        let path = format!("../graphs/surfaces/{name}.ron");
+        Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+    })
+}
+
+const SOUNDCARD_HZ: f64 = 48_000.0;
+
+fn energy(response: &[f64]) -> f64 {
+    response.iter().map(|h| h * h).sum()
+}
+
+fn db(ratio: f64) -> f64 {
+    10.0 * ratio.log10()
+}
+
+/// Frames of a soundcard, in one round of its phases against 10 kHz, in which the models have a sample due.
+const DUE: [usize; 5] = [0, 5, 10, 15, 20];
+
+/// White noise of this variance gives in expectation the energy of the response to a 1, times the variance.
+#[test]
+fn the_power_of_a_warped_surface_is_the_stored_one() {
+    for surface in warped_surfaces() {
+        let (texture, mut map) = (texture(&surface), Map::of(&surface));
+        assert!(texture.warping() > 0.0 && texture.highpass_hz().is_some());
+        let mut locator = Interpolator::new(&texture);
+        for (speed, force) in POINTS {
+            let spot = locator.locate(speed * map.most_m_s, force * map.most_n);
+            let power_of = |vertex: u32| texture.models()[vertex as usize].model.power();
+            let stored: f64 = (0..3).map(|i| spot.weights[i] * power_of(spot.vertices[i])).sum();
+            let coefficients = map.at(speed, force);
+            let variance = Coefficients::from_lanes(&coefficients).variance;
+            let mut plain = Voice::new(map.rate_hz, Form::Lattice);
+            let off = db(variance * energy(&plain.response(&coefficients, 20_000)) / stored);
+            assert!(off.abs() < 0.1, "{off} dB");
+            // The high-pass takes some of it, and what is interpolated has the power of what it is interpolated from.
+            let mut rendered = Voice::of(Some(&surface), map.rate_hz, Form::Lattice);
+            let passed = energy(&rendered.response(&coefficients, 20_000));
+            assert!((-1.0..0.0).contains(&db(variance * passed / stored)));
+            let mut faster = Voice::of(Some(&surface), SOUNDCARD_HZ, Form::Lattice);
+            let interpolated = energy(&faster.response(&coefficients, 48_000)) * map.rate_hz / SOUNDCARD_HZ;
+            let off = db(interpolated / passed);
+            assert!(off.abs() < 0.05, "{off} dB");
+        }
+    }
+}
+
+#[test]
+fn the_noise_of_a_warped_surface_has_that_power() {
+    for surface in warped_surfaces() {
+        let mut map = Map::of(&surface);
+        let coefficients = map.at(0.5, 0.5);
+        let variance = Coefficients::from_lanes(&coefficients).variance;
+        for (clock_hz, frames) in [(map.rate_hz, FRAMES), (SOUNDCARD_HZ, 3 * FRAMES)] {
+            let voice = || Voice::of(Some(&surface), clock_hz, Form::Lattice);
+            let h = voice().response(&coefficients, frames / 20);
+            let scale = variance * map.rate_hz / clock_hz;
+            let r: Vec<f64> = (0..frames / 100)
+                .map(|lag| scale * h.iter().zip(&h[lag..]).map(|(a, b)| a * b).sum::<f64>())
+                .collect();
+            let mut voice = voice();
+            voice.play(&coefficients, frames / 10);
+            let power = energy(&voice.play(&coefficients, frames)) / frames as f64;
+            // The variance of the mean of squares of a Gaussian process.
+            let spread = r[1..].iter().fold(r[0] * r[0], |sum, r| sum + 2.0 * r * r);
+            let deviations = (power - r[0]) / (2.0 * spread / frames as f64).sqrt();
+            assert!(deviations.abs() < 4.0, "{clock_hz}: {deviations}");
+        }
+    }
+}
+
+#[test]
+fn the_spectrum_of_a_warped_surface_is_the_models_through_its_high_pass() {
+    for surface in warped_surfaces() {
+        let (texture, mut map) = (texture(&surface), Map::of(&surface));
+        let highpass = texture.output_highpass().unwrap();
+        for (speed, force) in &POINTS[..2] {
+            let coefficients = map.at(*speed, *force);
+            let model = Coefficients::from_lanes(&coefficients);
+            let wanted = |f_hz: f64| {
+                let angle = TAU * f_hz / map.rate_hz;
+                let passed = highpass.response(f_hz, map.rate_hz).norm_sqr();
+                model.gain * model.gain * squared_response(model.ar, model.warping, angle) * passed
+            };
+            for (clock_hz, frames, due) in
+                [(map.rate_hz, 20_000, &DUE[..1]), (SOUNDCARD_HZ, 48_000, &DUE[..])]
+            {
+                let respond = |frame: &usize| {
+                    let mut voice = Voice::of(Some(&surface), clock_hz, Form::Lattice);
+                    voice.response_to(*frame, &coefficients, frames)
+                };
+                let responses: Vec<Vec<f64>> = due.iter().map(respond).collect();
+                assert!(responses.iter().all(|h| energy(h) > 0.0));
+                // The mean over the phases: what noise has, whose samples do not know of one another.
+                let seen = |f_hz: f64| {
+                    let turn = |n: usize| Complex64::cis(-TAU * f_hz * n as f64 / clock_hz);
+                    let power_of = |h: &Vec<f64>| {
+                        let sum: Complex64 = h.iter().enumerate().map(|(n, h)| turn(n) * h).sum();
+                        (sum * map.rate_hz / clock_hz).norm_sqr()
+                    };
+                    responses.iter().map(power_of).sum::<f64>() / due.len() as f64
+                };
+                for f_hz in [
+                    6.0, 20.0, 33.0, 80.0, 150.0, 250.0, 400.0, 900.0, 2100.0, 4000.0, 4850.0,
+                ] {
+                    let off = db(seen(f_hz) / wanted(f_hz));
+                    assert!(off.abs() < 0.1, "{off} dB at {f_hz} Hz of {clock_hz}");
+                }
+                if clock_hz > map.rate_hz {
+                    // From one of the phases to the next as many components of the models fold onto the same frequency.
+                    let folded = |f_hz: f64| {
+                        let of_models = |alias: usize| (f_hz + alias as f64 * clock_hz) % map.rate_hz;
+                        (0..due.len()).map(|alias| wanted(of_models(alias))).sum::<f64>()
+                    };
+                    for f_hz in [5400.0, 9000.0, 9900.0, 10_100.0, 19_750.0] {
+                        let image = db(seen(f_hz) / folded(f_hz));
+                        assert!(image < -60.0, "{image} dB at {f_hz} Hz");
+                    }
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn rest_is_silence() {
-    for surface in surfaces() {
+    for surface in surfaces().into_iter().chain(warped_surfaces()) {
         let mut map = Map::of(&surface);
         for form in [Form::Lattice, Form::Direct] {
             for (speed, force) in [(0.0, 0.5), (0.5, 0.0), (0.0, 0.0)] {
