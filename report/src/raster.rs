@@ -20,9 +20,13 @@ impl Grid {
         self.address((low, high), palette.collect())
     }
 
-    /// The same in greys.
+    /// The same in light greys, on which other things can be seen.
     pub(crate) fn to_grey_address(&self, low: f64, high: f64) -> String {
-        self.address((low, high), (0..=255u8).flat_map(|level| [level; 3]).collect())
+        let grey = |level: u8| 120 + (u16::from(level) * 120 / 255) as u8;
+        self.address(
+            (low, high),
+            (0..=255u8).flat_map(|level| [grey(level); 3]).collect(),
+        )
     }
 
     fn address(&self, (low, high): (f64, f64), palette: Vec<u8>) -> String {

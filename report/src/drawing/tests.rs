@@ -71,6 +71,7 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
                 bridge.into()
             },
             unit: words.get(3).copied().unwrap_or("").into(),
+            port: String::new(),
             stroke: if matches!(bridge, "touch" | "loop") {
                 Stroke::Touch
             } else {
