@@ -167,7 +167,7 @@ fn a_stroke_on_the_page_vibrates_as_the_model_says_and_a_lifted_hand_does_not() 
         .min_by(|a, b| near(a).total_cmp(&near(b)))
         .expect("a model");
     let expected = model.model.power().sqrt();
-    // A hand that wakes 100 times a second on a loaded machine is not quite even.
+    // On a loaded machine the hand of this test is not even.
     assert!(
         (0.4..2.5).contains(&(felt / expected)),
         "{felt} and {expected} m/s²"
