@@ -3,7 +3,7 @@
 //! pointer.
 //!
 //! Nobody waits: a call on an object that another thread is inside ends with [`Status::Busy`] where the two exclude each
-//! other. A look-up takes two compare-and-swaps and neither allocates nor calls the system; that is why places are never
+//! other. A look-up takes two atomic operations and neither allocates nor calls the system; that is why places are never
 //! given back to the system and a place's lock is only ever tried.
 
 use crate::border::Status;

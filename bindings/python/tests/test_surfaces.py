@@ -1,5 +1,6 @@
 """Surfaces: learned, asked and rendered."""
 
+import _thread
 import threading
 import time
 
@@ -48,6 +49,18 @@ def test_a_surface_is_learned_and_sounds_like_its_recording(drag, tmp_path):
     assert "<svg" in learned._repr_html_() and "<svg" in learned.page()
     with pytest.raises(hg.Error, match="file"):
         kept.page()
+
+
+def test_learning_ends_at_ctrl_c_and_where_progress_raises(drag):
+    threading.Timer(0.2, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        hg.learn([drag] * 20)
+
+    def refuse(part):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        hg.learn([drag] * 20, progress=refuse)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,11 @@ would print. Long calls let other threads run, and ctrl-C ends them.
 """
 
 from ._errors import Diagnostic, Error, GraphError
-from ._graph import Graph, Outcome, Player, Run, Signal
+from ._graph import Graph
 from ._native import __version__
+from ._player import Player
 from ._recording import Recording, read
+from ._run import Outcome, Run, Signal
 from ._surface import Comparison, Model, Surface, compare, learn
 
 __all__ = [

@@ -59,3 +59,17 @@ def whole(name: str, value: Any, least: int = 0, most: int = 2**64 - 1) -> int:
     if not least <= int(value) <= most:
         raise Error(f"`{name}` is {value}: give a whole number from {least} to {most}")
     return int(value)
+
+
+def frames(name: str, values: Any) -> tuple[np.ndarray, bool]:
+    """Frames by components, and whether it is one frame for all time."""
+    made = finite(name, array(name, values))
+    if made.ndim == 0:
+        return made.reshape(1, 1), True
+    if made.ndim == 1:
+        return made.reshape(-1, 1), False
+    if made.ndim == 2 and made.shape[1] > 0:
+        return made, False
+    raise Error(
+        f"`{name}` has shape {made.shape}: give (frames,) of numbers, (frames, components) of vectors, or one number"
+    )

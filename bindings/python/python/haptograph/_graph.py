@@ -1,20 +1,18 @@
-"""Graphs, whole runs of them, and runs in blocks."""
+"""Graphs, and whole runs of them."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from . import _native, _show
-from ._arrays import array, finite, number, whole
+from . import _native
+from ._arrays import frames, number, whole
 from ._errors import Diagnostic, Error
-
-if TYPE_CHECKING:
-    import pandas
+from ._player import Player
+from ._run import Outcome, Run, Signal
 
 
 def _ron(value: Any) -> str:
@@ -54,142 +52,6 @@ def _names(name: str, given: Sequence[str] | None) -> list[str] | None:
     if isinstance(given, str):
         raise Error(f"`{name}` is one string: give a list, [{given!r}]")
     return [str(one) for one in given]
-
-
-def _frames(name: str, values: Any) -> tuple[np.ndarray, bool]:
-    """Frames by components, and whether it is one frame for all time."""
-    made = finite(name, array(name, values))
-    if made.ndim == 0:
-        return made.reshape(1, 1), True
-    if made.ndim == 1:
-        return made.reshape(-1, 1), False
-    if made.ndim == 2 and made.shape[1] > 0:
-        return made, False
-    raise Error(
-        f"`{name}` has shape {made.shape}: give (frames,) of numbers, (frames, components) of vectors, or one number"
-    )
-
-
-@dataclass(frozen=True)
-class Signal:
-    """What an output of a graph put out.
-
-    Attributes
-    ----------
-    name : str
-        ``node.output``.
-    values : ndarray
-        Shape (frames,) of scalars, (frames, components) of others.
-    rate : float
-        Frames a second.
-    unit : str
-        SI, ``"m/s2"``; ``"1"`` of plain numbers.
-    quantity : str or None
-        ``"acceleration"``, where the quantity has a name.
-    kind : str
-        Shape of a frame: scalar, 3-vector, wrench, contact, and others.
-    components : list of str
-        Names of the columns.
-    simulated : bool
-        Whether a simulated device had a part in it.
-    """
-
-    name: str
-    values: np.ndarray
-    rate: float
-    unit: str
-    quantity: str | None
-    kind: str
-    components: list[str]
-    simulated: bool
-
-    @property
-    def times(self) -> np.ndarray:
-        """Of its frames, s."""
-        return np.arange(len(self.values)) / self.rate
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        values = self.values if dtype is None else self.values.astype(dtype)
-        return values.copy() if copy else values
-
-    def to_pandas(self) -> pandas.Series | pandas.DataFrame:
-        """A series, or a table by component, by time in s; ``attrs`` has unit and quantity."""
-        import pandas
-
-        index = pandas.Index(self.times, name="time (s)")
-        made: pandas.Series | pandas.DataFrame
-        if self.values.ndim == 1:
-            made = pandas.Series(self.values, index=index, name=self.name)
-        else:
-            made = pandas.DataFrame(self.values, index=index, columns=self.components)
-        made.attrs.update(name=self.name, unit=self.unit, quantity=self.quantity, simulated=self.simulated)
-        return made
-
-    def __repr__(self) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"<Signal {self.name!r}: {len(self)} frames of {self.kind}{unit} at {self.rate:g} Hz>"
-
-    def _repr_html_(self) -> str:
-        frames = self.values.reshape(len(self), -1)
-        figures = "".join(_native.figures(self.name, self.quantity, self.rate, frames, self.simulated))
-        audible = self.quantity == "acceleration" and self.values.ndim == 1 and self.rate >= 1000
-        return figures + (_show.audio(self.values, self.rate, f"{self.name}, as loud as it can be") if audible else "")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a run did.
-
-    Attributes
-    ----------
-    frames : int
-        Of the graph's driver.
-    seconds : float
-        The same in s.
-    not_finite_ticks : int
-        Ticks at which an actuator was given NaN or infinity, and got zero.
-    not_finite_node : str or None
-        Where they came from first.
-    limited : dict
-        Of each actuator how many ticks there were, and how many were held back by each limit: peak, continuous, slew.
-    panicked : bool
-        Whether a node panicked, which is a fault of haptograph.
-    """
-
-    frames: int
-    seconds: float
-    not_finite_ticks: int
-    not_finite_node: str | None
-    limited: dict[str, dict[str, int]]
-    panicked: bool = False
-
-
-class Run(Mapping[str, Signal]):
-    """The signals of a run by name, and its :attr:`outcome`."""
-
-    def __init__(self, signals: list[Signal], outcome: Outcome):
-        self._signals = {signal.name: signal for signal in signals}
-        self.outcome = outcome
-
-    def __getitem__(self, name: str) -> Signal:
-        if name not in self._signals:
-            raise KeyError(f"{name}: the run kept {', '.join(self._signals) or 'nothing'}; ask for others by `probes`")
-        return self._signals[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._signals)
-
-    def __len__(self) -> int:
-        return len(self._signals)
-
-    def __repr__(self) -> str:
-        return f"<Run of {self.outcome.seconds:g} s: {', '.join(self._signals)}>"
-
-    def _repr_html_(self) -> str:
-        return "".join(signal._repr_html_() for signal in self.values())
 
 
 class Graph:
@@ -325,7 +187,7 @@ class Graph:
         """
         if inputs is not None and not isinstance(inputs, Mapping):
             raise Error(f"`inputs` is a {type(inputs).__name__}: give a dictionary")
-        fed = [(str(name), *_frames(str(name), values)) for name, values in (inputs or {}).items()]
+        fed = [(str(name), *frames(str(name), values)) for name, values in (inputs or {}).items()]
         request = {
             "seconds": None if seconds is None else number("seconds", seconds, 0, above=True),
             "inputs": fed,
@@ -372,107 +234,3 @@ class Graph:
 
     def _repr_svg_(self) -> str:
         return self._inner.svg()
-
-
-class Player:
-    """A graph in your own loop: see :meth:`Graph.player`. Ends with the ``with`` block.
-
-    >>> with graph.player() as player:                       # doctest: +SKIP
-    ...     for position, force in hand:
-    ...         current = player.process(480, {"stylus.position": position, "stylus.force": force,
-    ...                                        "stylus.touching": 1})["haptuator.current"]
-    """
-
-    _inner: _native.Player
-
-    def __init__(self) -> None:
-        raise Error("a Player comes of `Graph.player`")
-
-    @classmethod
-    def _of(cls, native: _native.Player) -> Player:
-        made = cls.__new__(cls)
-        made._inner = native
-        return made
-
-    @property
-    def rate(self) -> float:
-        """Frames a second of :meth:`process`."""
-        return self._inner.rate
-
-    @property
-    def inputs(self) -> dict[str, tuple[int, str, float]]:
-        """Components, unit and rate (Hz) of every input."""
-        return {name: (width, unit, rate) for name, width, unit, rate in self._inner.inputs()}
-
-    @property
-    def outputs(self) -> dict[str, tuple[int, str, float]]:
-        """Components, unit and rate (Hz) of every output and probe."""
-        return {name: (width, unit, rate) for name, width, unit, rate in self._inner.outputs()}
-
-    @property
-    def state(self) -> str:
-        """running, stopped, finished or panicked."""
-        return self._inner.state()[0]
-
-    @property
-    def frames(self) -> int:
-        """Frames run so far."""
-        return self._inner.state()[1]
-
-    def set(self, name: str, frame: Any, at: float | None = None) -> None:
-        """From the next tick on, or from `at` (s of the run) on, an input has this frame: a number or a vector."""
-        made = np.atleast_1d(finite(name, array(name, frame)))
-        if made.ndim != 1:
-            raise Error(f"`{name}` has shape {made.shape}: give one frame, or `push` several")
-        self._inner.set(str(name), made, None if at is None else number("at", at, 0))
-
-    def push(self, name: str, frames: Any) -> int:
-        """Frames for the next ticks of an input, shape (frames,) or (frames, components).
-
-        Returns
-        -------
-        int
-            How many found room: a second's worth waits at most.
-        """
-        made, one = _frames(name, frames)
-        if one:
-            raise Error(f"`{name}` is one number: `set` it, or push an array")
-        return self._inner.push(str(name), made)
-
-    def process(self, frames: int, inputs: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
-        """Run so many frames of the driver.
-
-        Parameters
-        ----------
-        frames : int
-            At :attr:`rate`.
-        inputs : dict, optional
-            Frames that are :meth:`set` before.
-
-        Returns
-        -------
-        dict of ndarray
-            The frames that every output and probe has put out since, shape (frames,) or (frames, components).
-        """
-        for name, frame in (inputs or {}).items():
-            self.set(name, frame)
-        return self._inner.process(whole("frames", frames))
-
-    def turn(self, setting: str, value: float) -> None:
-        """Set a live setting, ``"out.gain"``; it glides there in 20 ms."""
-        self._inner.turn(str(setting), number("value", value))
-
-    def stop(self) -> None:
-        """Fade out in 10 ms, from the next :meth:`process` on."""
-        self._inner.stop()
-
-    def finish(self) -> Outcome | None:
-        """End the run and complete its files; None where it was ended before."""
-        told = self._inner.finish()
-        return None if told is None else Outcome(**told)
-
-    def __enter__(self) -> Player:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.finish()
