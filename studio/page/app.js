@@ -75,7 +75,11 @@ class Studio extends Emitter {
         this.hello = hello;
         this.lost = false;
         find("banner").hidden = hello.version === VERSION;
-        if (hello.version !== VERSION) setText(find("banner"), `The engine speaks version ${hello.version} of the protocol, this page version ${VERSION}: reload the page.`);
+        if (hello.version !== VERSION)
+            setText(
+                find("banner"),
+                `The engine speaks version ${hello.version} of the protocol, this page version ${VERSION}: reload the page.`,
+            );
         this.emit("hello", hello);
     }
 
@@ -118,18 +122,27 @@ class Studio extends Emitter {
         this.pad.hands.liftAll();
         find("banner").hidden = false;
         const again = `Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
-        setText(find("banner"), ever ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
-            : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`);
+        setText(
+            find("banner"),
+            ever
+                ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
+                : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`,
+        );
         cover(this);
     }
 }
 
 // What lies over the pad while it cannot be touched, and what to do about it.
 function cover(studio) {
-    const says = !studio.connection.open ? null
-        : studio.status?.state === "stopped" ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
-            : studio.status && !studio.status.owner ? ["Another page owns the pad.", "Take over", () => studio.own()]
-                : studio.graph?.pads.length === 0 ? ["No input of this graph can be a pointer: a pad needs position, force and touching."] : null;
+    const says = !studio.connection.open
+        ? null
+        : studio.status?.state === "stopped"
+          ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
+          : studio.status && !studio.status.owner
+            ? ["Another page owns the pad.", "Take over", () => studio.own()]
+            : studio.graph?.pads.length === 0
+              ? ["No input of this graph can be a pointer: a pad needs position, force and touching."]
+              : null;
     find("pad-cover").hidden = !says;
     if (!says) return;
     setText(find("pad-cover-text"), says[0]);
@@ -148,7 +161,12 @@ function mountStop(studio) {
 }
 
 // A unit as it is printed: "m/s2" as m/s², and none where it is a plain number.
-const printed = (unit) => (unit === "1" ? "" : (unit ?? "").replace(/(?<=[a-z])-?\d/g, (power) => [...power].map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join("")));
+const printed = (unit) =>
+    unit === "1"
+        ? ""
+        : (unit ?? "").replace(/(?<=[a-z])-?\d/g, (power) =>
+              [...power].map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(digit)]).join(""),
+          );
 
 const studio = new Studio();
 studio.showTab = studio.say = () => {};

@@ -32,7 +32,12 @@ export class Connection extends Emitter {
         const address = new URL("live", location.href);
         address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
-        this.#worker.postMessage({ what: "connect", address: address.href, protocol: PROTOCOL, origin_ms: performance.timeOrigin });
+        this.#worker.postMessage({
+            what: "connect",
+            address: address.href,
+            protocol: PROTOCOL,
+            origin_ms: performance.timeOrigin,
+        });
     }
 
     // The port of whoever plays the sound.

@@ -10,7 +10,10 @@ const USELESS_RATIO = 1e6; // a range this many times the value is a bound on wh
 export function scaleFor({ min, max, value, whole }) {
     if (min === null || max === null || min === undefined || max === undefined || !(max > min)) return null;
     if (min > 0 && max / min > LOG_FROM_RATIO) {
-        return { to: (x) => rounded(min * (max / min) ** x, whole), from: (v) => Math.log(Math.max(v, min) / min) / Math.log(max / min) };
+        return {
+            to: (x) => rounded(min * (max / min) ** x, whole),
+            from: (v) => Math.log(Math.max(v, min) / min) / Math.log(max / min),
+        };
     }
     if (max - min > USELESS_RATIO * Math.max(Math.abs(value), 1e-3)) return null;
     return { to: (x) => rounded(min + (max - min) * x, whole), from: (v) => (v - min) / (max - min) };
@@ -24,8 +27,16 @@ export function controlRow(studio, setting, { compact = false } = {}) {
     const scale = scaleFor(setting);
     const label = `${setting.node} ${setting.field}`;
     const name = make("span", { class: "name", text: setting.field, title: setting.name });
-    const slider = scale ? make("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": label }) : make("span", { class: "no-range" });
-    const number = make("input", { type: "number", step: setting.whole ? "1" : "any", "aria-label": `${label}, number`, min: setting.min, max: setting.max });
+    const slider = scale
+        ? make("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": label })
+        : make("span", { class: "no-range" });
+    const number = make("input", {
+        type: "number",
+        step: setting.whole ? "1" : "any",
+        "aria-label": `${label}, number`,
+        min: setting.min,
+        max: setting.max,
+    });
     const show = (value) => {
         if (scale) {
             slider.value = String(STEPS * scale.from(value));
@@ -35,7 +46,10 @@ export function controlRow(studio, setting, { compact = false } = {}) {
     };
     const change = (value) => {
         if (!Number.isFinite(value)) return;
-        const within = Math.max(setting.min ?? -Infinity, Math.min(setting.max ?? Infinity, setting.whole ? Math.round(value) : value));
+        const within = Math.max(
+            setting.min ?? -Infinity,
+            Math.min(setting.max ?? Infinity, setting.whole ? Math.round(value) : value),
+        );
         studio.set(setting.name, within);
     };
     if (scale) {
@@ -51,6 +65,14 @@ export function controlRow(studio, setting, { compact = false } = {}) {
     const dispose = studio.on("value", (changed) => changed.name === setting.name && show(changed.value));
     show(studio.values.get(setting.name) ?? setting.value);
     const doc = compact ? null : make("span", { class: "doc" }, ...prose(setting.doc));
-    const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, make("span", { class: "unit", text: setting.unit ?? "" }), doc);
+    const row = make(
+        "div",
+        { class: "control", title: compact ? setting.doc : null },
+        name,
+        slider,
+        number,
+        make("span", { class: "unit", text: setting.unit ?? "" }),
+        doc,
+    );
     return { element: row, dispose };
 }

@@ -6,9 +6,14 @@ import { bare } from "./surfaces.js";
 const PRESET_VERSION = 1;
 
 export function mountControls(studio) {
-    let rows = [], shape = null;
+    let rows = [],
+        shape = null;
     studio.on("graph", (graph) => {
-        const now = JSON.stringify([graph.settings.map(({ value, ...rest }) => rest), graph.parameters.map(({ name }) => name), graph.surfaces.map(({ path }) => path)]);
+        const now = JSON.stringify([
+            graph.settings.map(({ value, ...rest }) => rest),
+            graph.parameters.map(({ name }) => name),
+            graph.surfaces.map(({ path }) => path),
+        ]);
         if (now !== shape) {
             for (const row of rows) row.dispose();
             rows = rebuild(studio, graph);
@@ -32,19 +37,41 @@ function rebuild(studio, graph) {
     const groups = [...nodes].map(([node, settings]) => {
         const made = settings.map((setting) => controlRow(studio, setting));
         rows.push(...made);
-        return make("section", { class: "control-group", "aria-label": node }, make("h3", { text: node }), ...made.map((row) => row.element));
+        return make(
+            "section",
+            { class: "control-group", "aria-label": node },
+            make("h3", { text: node }),
+            ...made.map((row) => row.element),
+        );
     });
-    const list = make("datalist", { id: "surface-paths" }, ...graph.surfaces.map(({ path, name }) => make("option", { value: JSON.stringify(bare(path)), text: name })));
-    const parameters = graph.parameters.length > 0 && make("section", { class: "control-group", "aria-label": "Parameters" },
-        make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
-        ...graph.parameters.map((parameter) => parameterRow(studio, parameter)), list);
+    const list = make(
+        "datalist",
+        { id: "surface-paths" },
+        ...graph.surfaces.map(({ path, name }) => make("option", { value: JSON.stringify(bare(path)), text: name })),
+    );
+    const parameters =
+        graph.parameters.length > 0 &&
+        make(
+            "section",
+            { class: "control-group", "aria-label": "Parameters" },
+            make("h3", {}, "Parameters", make("span", { class: "soft", text: "of the graph; it is loaded anew with each" })),
+            ...graph.parameters.map((parameter) => parameterRow(studio, parameter)),
+            list,
+        );
     if (groups.length === 0) groups.push(make("p", { class: "soft", text: "No node of this graph has a live setting." }));
     find("controls").replaceChildren(...[parameters, ...groups].filter(Boolean));
     return rows;
 }
 
 function parameterRow(studio, parameter) {
-    const field = make("input", { type: "text", value: parameter.value, spellcheck: "false", autocomplete: "off", "data-parameter": parameter.name, "aria-label": `parameter ${parameter.name}` });
+    const field = make("input", {
+        type: "text",
+        value: parameter.value,
+        spellcheck: "false",
+        autocomplete: "off",
+        "data-parameter": parameter.name,
+        "aria-label": `parameter ${parameter.name}`,
+    });
     if (parameter.is_surface) field.setAttribute("list", "surface-paths");
     const error = make("span", { class: "error", role: "alert", hidden: true });
     const apply = async () => {
@@ -53,8 +80,14 @@ function parameterRow(studio, parameter) {
         setText(error, reply.ok ? "" : reply.error);
     };
     field.addEventListener("keydown", (event) => event.key === "Enter" && apply());
-    return make("div", { class: "parameter" }, make("span", { class: "name", text: parameter.name, title: `default ${parameter.default}` }), field,
-        make("button", { text: "Apply", "aria-label": `Apply ${parameter.name}`, onclick: apply }), error);
+    return make(
+        "div",
+        { class: "parameter" },
+        make("span", { class: "name", text: parameter.name, title: `default ${parameter.default}` }),
+        field,
+        make("button", { text: "Apply", "aria-label": `Apply ${parameter.name}`, onclick: apply }),
+        error,
+    );
 }
 
 function showParameters(graph) {
@@ -67,7 +100,8 @@ function showParameters(graph) {
 function savePreset(studio) {
     const { name, parameters } = studio.graph;
     const preset = {
-        haptograph_preset: PRESET_VERSION, graph: name,
+        haptograph_preset: PRESET_VERSION,
+        graph: name,
         settings: Object.fromEntries(studio.values),
         parameters: Object.fromEntries(parameters.map(({ name: parameter, value }) => [parameter, value])),
     };

@@ -22,8 +22,13 @@ export function setText(element, text) {
 
 // Is the person writing there?
 export function takesText(element) {
-    return element instanceof HTMLElement && (element.isContentEditable || element.tagName === "TEXTAREA" || element.tagName === "SELECT"
-        || (element.tagName === "INPUT" && !["range", "checkbox", "file", "button"].includes(element.type)));
+    return (
+        element instanceof HTMLElement &&
+        (element.isContentEditable ||
+            element.tagName === "TEXTAREA" ||
+            element.tagName === "SELECT" ||
+            (element.tagName === "INPUT" && !["range", "checkbox", "file", "button"].includes(element.type)))
+    );
 }
 
 // What a browser keeps for this page; nothing where it is not allowed to.

@@ -29,7 +29,9 @@ export function drawMeter(context, surface, { trace, memory, limits, port, now_m
     context.fillRect(held - 1.5, 6 + height, 3, height - 5);
     context.fillStyle = colours.soft;
     context.font = FONT;
-    const below = limits ? `limit ${quantity(limits.peak, port.unit)} peak, ${quantity(limits.continuous, port.unit)} continuous` : `full bar ${quantity(full, port.unit)}`;
+    const below = limits
+        ? `limit ${quantity(limits.peak, port.unit)} peak, ${quantity(limits.continuous, port.unit)} continuous`
+        : `full bar ${quantity(full, port.unit)}`;
     context.fillText(below, 10, surface.height - 6);
 }
 

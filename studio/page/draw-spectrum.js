@@ -9,17 +9,33 @@ const EVERY_MS = 40;
 const AVERAGE = 0.3;
 const PEAK_FALL_DB = 0.25;
 const SPAN_DB = 80;
-const HEAT = [[0, 0, 4], [24, 15, 61], [68, 15, 118], [114, 31, 129], [158, 47, 127], [205, 64, 113], [241, 96, 93], [253, 150, 104], [254, 202, 141], [252, 253, 191]];
+const HEAT = [
+    [0, 0, 4],
+    [24, 15, 61],
+    [68, 15, 118],
+    [114, 31, 129],
+    [158, 47, 127],
+    [205, 64, 113],
+    [241, 96, 93],
+    [253, 150, 104],
+    [254, 202, 141],
+    [252, 253, 191],
+];
 
 // Takes the newest samples into `memory` when it is time; true where there is a spectrum.
 function measure(trace, memory, now_ms) {
     if (memory.density && now_ms - memory.at_ms < EVERY_MS) return true;
-    const size = Math.min(LARGEST, 2 ** Math.floor(Math.log2(Math.max(1, trace.count))), 2 ** Math.ceil(Math.log2(0.2 / (trace.interval_s || 1))));
+    const size = Math.min(
+        LARGEST,
+        2 ** Math.floor(Math.log2(Math.max(1, trace.count))),
+        2 ** Math.ceil(Math.log2(0.2 / (trace.interval_s || 1))),
+    );
     if (size < 32) return false;
     const samples = new Float64Array(size);
     for (let i = 0; i < size; i++) samples[i] = trace.most[trace.place(size - 1 - i)] || 0;
     const fresh = density(samples, 1 / trace.interval_s);
-    if (memory.density?.length !== fresh.length) [memory.density, memory.peaks, memory.history] = [fresh, fresh.map(decibels), []];
+    if (memory.density?.length !== fresh.length)
+        [memory.density, memory.peaks, memory.history] = [fresh, fresh.map(decibels), []];
     memory.at_ms = now_ms;
     memory.bin_hz = 1 / (trace.interval_s * size);
     fresh.forEach((value, i) => {
@@ -35,9 +51,15 @@ const decibels = (power) => 10 * Math.log10(Math.max(power, 1e-30));
 
 // Frequency axis: logarithmic from 10 Hz (or the lowest bin) to half the rate.
 function axisOf(box, memory) {
-    const most_hz = memory.bin_hz * (memory.density.length - 1), least_hz = Math.max(LEAST_HZ, memory.bin_hz);
+    const most_hz = memory.bin_hz * (memory.density.length - 1),
+        least_hz = Math.max(LEAST_HZ, memory.bin_hz);
     const range = Math.log(most_hz / least_hz);
-    return { least_hz, most_hz, x: (hz) => box.left + (box.width * Math.log(hz / least_hz)) / range, hz: (x) => least_hz * Math.exp(((x - box.left) / box.width) * range) };
+    return {
+        least_hz,
+        most_hz,
+        x: (hz) => box.left + (box.width * Math.log(hz / least_hz)) / range,
+        hz: (x) => least_hz * Math.exp(((x - box.left) / box.width) * range),
+    };
 }
 
 // Largest of `values` between two frequencies; between bins, the line from one to the next.
@@ -51,9 +73,11 @@ function largest(values, low_hz, high_hz, bin_hz) {
 
 export function drawSpectrum(context, surface, { trace, memory, now_ms, port, zoom }) {
     if (!measure(trace, memory, now_ms)) return waiting(context, surface);
-    const box = boxOf(surface), axis = axisOf(box, memory);
+    const box = boxOf(surface),
+        axis = axisOf(box, memory);
     const level = memory.density.map(decibels);
-    const top = topOf(memory, level), span = SPAN_DB / zoom;
+    const top = topOf(memory, level),
+        span = SPAN_DB / zoom;
     const y = (db) => box.top + box.height * Math.min(1, Math.max(0, (top - db) / span));
     drawFrame(context, box, axis, top, span, y, port.unit);
     const curve = (values) => {
@@ -120,7 +144,12 @@ function drawFrequencies(context, box, axis) {
             context.lineTo(Math.round(x) + 0.5, box.top + box.height);
             context.stroke();
             context.globalAlpha = 1;
-            if (k === 1) context.fillText(decade >= 1000 ? `${decade / 1000} kHz` : `${decade} Hz`, Math.max(x, box.left + 12), box.top + box.height + 14);
+            if (k === 1)
+                context.fillText(
+                    decade >= 1000 ? `${decade / 1000} kHz` : `${decade} Hz`,
+                    Math.max(x, box.left + 12),
+                    box.top + box.height + 14,
+                );
         }
     }
 }
@@ -141,7 +170,8 @@ function waiting(context, surface) {
 export function drawSpectrogram(context, surface, { trace, memory, now_ms }) {
     const before = memory.fresh_count;
     if (!measure(trace, memory, now_ms)) return waiting(context, surface);
-    const box = boxOf(surface), axis = axisOf(box, memory);
+    const box = boxOf(surface),
+        axis = axisOf(box, memory);
     const picture = pictureOf(memory, Math.max(1, Math.floor(box.width / 2)), Math.max(1, Math.floor(box.height)));
     if (memory.fresh_count !== before) addColumn(picture, memory, axis, box);
     context.imageSmoothingEnabled = false;
@@ -150,7 +180,8 @@ export function drawSpectrogram(context, surface, { trace, memory, now_ms }) {
     context.textAlign = "right";
     for (let hz = 10; hz < axis.most_hz; hz *= 10) {
         const y = box.top + box.height * (1 - (axis.x(hz) - box.left) / box.width);
-        if (y < box.top + box.height + 1) context.fillText(hz >= 1000 ? `${hz / 1000} k` : String(hz), box.left - 6, Math.min(y + 4, box.top + box.height));
+        if (y < box.top + box.height + 1)
+            context.fillText(hz >= 1000 ? `${hz / 1000} k` : String(hz), box.left - 6, Math.min(y + 4, box.top + box.height));
     }
     context.textAlign = "left";
     context.fillText("Hz", 6, box.top + box.height + 14);
@@ -176,7 +207,10 @@ function addColumn({ canvas, context }, memory, axis, box) {
     context.drawImage(canvas, -1, 0);
     const column = context.createImageData(1, canvas.height);
     const level = memory.fresh.map(decibels);
-    memory.brightest = Math.max(level.reduce((a, b) => Math.max(a, b), -160), (memory.brightest ?? -160) - 0.05);
+    memory.brightest = Math.max(
+        level.reduce((a, b) => Math.max(a, b), -160),
+        (memory.brightest ?? -160) - 0.05,
+    );
     for (let row = 0; row < canvas.height; row++) {
         const at = (i) => axis.hz(box.left + (box.width * (canvas.height - row - i)) / canvas.height);
         const x = 1 - (memory.brightest - largest(level, at(1), at(0), memory.bin_hz)) / 70;

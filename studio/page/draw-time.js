@@ -10,7 +10,10 @@ const LEAST_SHOWN = { m: 0.005, "m/s": 0.01, N: 0.05, "m/s²": 0.05, A: 1e-3, V:
 
 // The box of a plot in a scope's canvas.
 export const boxOf = (surface) => ({
-    left: INSET.left, top: INSET.top, width: surface.width - INSET.left - INSET.right, height: surface.height - INSET.top - INSET.bottom,
+    left: INSET.left,
+    top: INSET.top,
+    width: surface.width - INSET.left - INSET.right,
+    height: surface.height - INSET.top - INSET.bottom,
 });
 
 // Draws `trace` from `end_s - span_s` to `end_s`. `memory` keeps the range between frames; `limits` are the actuator's.
@@ -36,7 +39,8 @@ export function drawTime(context, surface, { trace, end_s, span_s, memory, limit
 function columnsOf(trace, end_s, span_s, width) {
     const low = Array.from({ length: trace.lanes }, () => new Float32Array(width).fill(NaN));
     const high = low.map((lane) => new Float32Array(lane));
-    let first = 0, last = 0;
+    let first = 0,
+        last = 0;
     const scale = width / span_s;
     for (let back = 0; back < trace.count; back++) {
         const x = Math.floor((trace.end_s - (back + 1) * trace.interval_s - end_s + span_s) * scale);
@@ -81,13 +85,21 @@ function drawAxes(context, box, range, scale, span_s, y) {
         context.lineTo(box.left + box.width, at);
         context.stroke();
         context.fillStyle = colours.soft;
-        context.fillText(tickText(mark, step).replace("-", "−"), box.left - 6, Math.max(box.top + 8, Math.min(at + 4, box.top + box.height + 2)));
+        context.fillText(
+            tickText(mark, step).replace("-", "−"),
+            box.left - 6,
+            Math.max(box.top + 8, Math.min(at + 4, box.top + box.height + 2)),
+        );
     }
     context.textAlign = "left";
     context.fillText(scale.unit, 6, box.top + box.height + 14);
     context.textAlign = "right";
     context.fillText("now", box.left + box.width, box.top + box.height + 14);
-    context.fillText(`−${span_s < 1 ? `${Math.round(span_s * 1000)} ms` : `${span_s} s`}`, box.left + 34, box.top + box.height + 14);
+    context.fillText(
+        `−${span_s < 1 ? `${Math.round(span_s * 1000)} ms` : `${span_s} s`}`,
+        box.left + 34,
+        box.top + box.height + 14,
+    );
     context.textAlign = "left";
 }
 
@@ -95,7 +107,12 @@ function drawAxes(context, box, range, scale, span_s, y) {
 function drawLimits(context, box, range, limits, y) {
     context.strokeStyle = colours.bad;
     context.lineWidth = 1.2;
-    for (const [value, dash] of [[limits.peak, []], [-limits.peak, []], [limits.continuous, [5, 4]], [-limits.continuous, [5, 4]]]) {
+    for (const [value, dash] of [
+        [limits.peak, []],
+        [-limits.peak, []],
+        [limits.continuous, [5, 4]],
+        [-limits.continuous, [5, 4]],
+    ]) {
         if (!value || value > range[1] || value < range[0]) continue;
         context.setLineDash(dash);
         context.beginPath();

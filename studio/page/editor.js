@@ -10,7 +10,10 @@ const CHECK_AFTER_MS = 300;
 export function mountEditor(studio) {
     const state = { view: null, engine: null, saved: true, timer: 0, asked: 0, note: null };
     const act = { apply: () => apply(studio, state), save: () => save(studio, state) };
-    state.view = new cm.EditorView({ parent: find("editor"), state: cm.EditorState.create({ doc: "", extensions: extensionsOf(studio, state, act) }) });
+    state.view = new cm.EditorView({
+        parent: find("editor"),
+        state: cm.EditorState.create({ doc: "", extensions: extensionsOf(studio, state, act) }),
+    });
     find("editor-apply").addEventListener("click", act.apply);
     find("editor-save").addEventListener("click", act.save);
     find("editor-revert").addEventListener("click", () => replace(state, state.engine ?? ""));
@@ -25,7 +28,11 @@ export function mountEditor(studio) {
 }
 
 // A diagnostic with its fields as the page uses them.
-const plain = (diagnostic) => ({ ...diagnostic, file: diagnostic.file ?? diagnostic.path ?? null, help: [diagnostic.help ?? []].flat().join("\n") });
+const plain = (diagnostic) => ({
+    ...diagnostic,
+    file: diagnostic.file ?? diagnostic.path ?? null,
+    help: [diagnostic.help ?? []].flat().join("\n"),
+});
 
 const textOf = (state) => state.view.state.doc.toString();
 
@@ -37,14 +44,33 @@ function replace(state, text, undoable = true) {
 
 function extensionsOf(studio, state, act) {
     return [
-        cm.lineNumbers(), cm.foldGutter(), cm.lintGutter(), cm.history(), cm.drawSelection(), cm.indentUnit.of("    "), cm.bracketMatching(),
-        cm.closeBrackets(), cm.highlightActiveLine(), cm.highlightActiveLineGutter(), cm.highlightSelectionMatches(), cm.search({ top: true }), ron,
-        cm.syntaxHighlighting(highlight), theme, cm.autocompletion({ override: [completions(studio)] }),
+        cm.lineNumbers(),
+        cm.foldGutter(),
+        cm.lintGutter(),
+        cm.history(),
+        cm.drawSelection(),
+        cm.indentUnit.of("    "),
+        cm.bracketMatching(),
+        cm.closeBrackets(),
+        cm.highlightActiveLine(),
+        cm.highlightActiveLineGutter(),
+        cm.highlightSelectionMatches(),
+        cm.search({ top: true }),
+        ron,
+        cm.syntaxHighlighting(highlight),
+        theme,
+        cm.autocompletion({ override: [completions(studio)] }),
         cm.hoverTooltip((view, at) => tooltip(studio, view, at)),
         cm.keymap.of([
             { key: "Mod-Enter", run: () => (act.apply(), true) },
             { key: "Mod-s", run: () => (act.save(), true) },
-            ...cm.closeBracketsKeymap, ...cm.completionKeymap, ...cm.lintKeymap, ...cm.searchKeymap, ...cm.historyKeymap, ...cm.foldKeymap, ...cm.defaultKeymap,
+            ...cm.closeBracketsKeymap,
+            ...cm.completionKeymap,
+            ...cm.lintKeymap,
+            ...cm.searchKeymap,
+            ...cm.historyKeymap,
+            ...cm.foldKeymap,
+            ...cm.defaultKeymap,
         ]),
         cm.EditorView.contentAttributes.of({ "aria-label": "The graph's text", tabindex: "0" }),
         cm.EditorView.updateListener.of((update) => {
@@ -78,7 +104,9 @@ async function apply(studio, state) {
     showProblems(studio, state, reply.diagnostics ?? []);
     if (reply.ok) state.engine = text;
     const ms = typeof reply.ms === "number" ? ` (${Math.round(reply.ms)} ms)` : "";
-    state.note = reply.ok ? `Applied: ${reply.change ?? "no change"}${ms}` : `Not applied, the sound goes on as before: ${reply.error}`;
+    state.note = reply.ok
+        ? `Applied: ${reply.change ?? "no change"}${ms}`
+        : `Not applied, the sound goes on as before: ${reply.error}`;
     show(studio, state);
 }
 
@@ -95,7 +123,11 @@ function show(studio, state) {
     find("editor-apply").disabled = applied || !can;
     find("editor-save").disabled = !studio.hello?.can.save || (applied && state.saved) || !can;
     find("editor-revert").disabled = applied;
-    const says = !applied ? "Not applied yet: what runs is the text before" : state.saved ? "What runs is what the file says" : "What runs is not saved";
+    const says = !applied
+        ? "Not applied yet: what runs is the text before"
+        : state.saved
+          ? "What runs is what the file says"
+          : "What runs is not saved";
     setText(find("editor-state"), state.note ? `${state.note}${applied && !state.saved ? ". Not saved" : ""}` : says);
     find("editor-state").title = find("editor-state").textContent;
 }
@@ -104,11 +136,22 @@ function showProblems(studio, state, given) {
     const diagnostics = given.map(plain);
     const doc = state.view.state.doc;
     const own = ({ file }) => !file || baseName(file) === baseName(studio.graph?.path ?? file);
-    const inline = diagnostics.filter((diagnostic) => own(diagnostic) && diagnostic.line).map((diagnostic) => {
-        const from = offset(doc, diagnostic.line, diagnostic.column);
-        const to = Math.max(offset(doc, diagnostic.end_line ?? diagnostic.line, diagnostic.end_column ?? diagnostic.column), Math.min(from + 1, doc.length));
-        return { from, to, severity: severityOf(diagnostic), message: [diagnostic.message, diagnostic.help].filter(Boolean).join("\n"), source: diagnostic.code };
-    });
+    const inline = diagnostics
+        .filter((diagnostic) => own(diagnostic) && diagnostic.line)
+        .map((diagnostic) => {
+            const from = offset(doc, diagnostic.line, diagnostic.column);
+            const to = Math.max(
+                offset(doc, diagnostic.end_line ?? diagnostic.line, diagnostic.end_column ?? diagnostic.column),
+                Math.min(from + 1, doc.length),
+            );
+            return {
+                from,
+                to,
+                severity: severityOf(diagnostic),
+                message: [diagnostic.message, diagnostic.help].filter(Boolean).join("\n"),
+                source: diagnostic.code,
+            };
+        });
     state.view.dispatch(cm.setDiagnostics(state.view.state, inline));
     find("problems").replaceChildren(...diagnostics.map((diagnostic) => problem(state, diagnostic, own(diagnostic))));
 }
@@ -130,31 +173,59 @@ function problem(state, diagnostic, own) {
         state.view.dispatch({ selection: { anchor: at }, scrollIntoView: true });
         state.view.focus();
     };
-    return make("li", {}, make("button", { onclick: go }, make("span", { class: "where", text: where }),
-        make("span", { class: severityOf(diagnostic), text: `${severityOf(diagnostic)} ${diagnostic.code ?? ""} ` }), ...prose(diagnostic.message),
-        diagnostic.help ? make("span", { class: "help" }, ...prose(diagnostic.help)) : null));
+    return make(
+        "li",
+        {},
+        make(
+            "button",
+            { onclick: go },
+            make("span", { class: "where", text: where }),
+            make("span", { class: severityOf(diagnostic), text: `${severityOf(diagnostic)} ${diagnostic.code ?? ""} ` }),
+            ...prose(diagnostic.message),
+            diagnostic.help ? make("span", { class: "help" }, ...prose(diagnostic.help)) : null,
+        ),
+    );
 }
 
 const { tags } = cm;
 const highlight = cm.HighlightStyle.define([
     { tag: [tags.lineComment, tags.blockComment], color: "var(--soft)", fontStyle: "italic" },
-    { tag: tags.string, color: "var(--ink2)" }, { tag: tags.labelName, color: "var(--ink3)", fontWeight: "600" },
-    { tag: tags.number, color: "var(--warn)" }, { tag: tags.atom, color: "var(--ink5)" },
-    { tag: tags.typeName, color: "var(--ink0)", fontWeight: "600" }, { tag: tags.propertyName, color: "var(--ink)" },
+    { tag: tags.string, color: "var(--ink2)" },
+    { tag: tags.labelName, color: "var(--ink3)", fontWeight: "600" },
+    { tag: tags.number, color: "var(--warn)" },
+    { tag: tags.atom, color: "var(--ink5)" },
+    { tag: tags.typeName, color: "var(--ink0)", fontWeight: "600" },
+    { tag: tags.propertyName, color: "var(--ink)" },
     { tag: [tags.bracket, tags.punctuation], color: "var(--soft)" },
 ]);
 const theme = cm.EditorView.theme({
     "&": { color: "var(--ink)", backgroundColor: "var(--box)", fontSize: "13px" },
     ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.55" },
-    ".cm-content": { caretColor: "var(--ink)" }, ".cm-cursor": { borderLeftColor: "var(--ink)" },
+    ".cm-content": { caretColor: "var(--ink)" },
+    ".cm-cursor": { borderLeftColor: "var(--ink)" },
     ".cm-gutters": { backgroundColor: "var(--panel)", color: "var(--soft)", border: "none" },
-    ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--tint0) 45%, transparent)" }, ".cm-activeLineGutter": { backgroundColor: "var(--tint0)" },
-    "&.cm-focused .cm-selectionBackground, .cm-selectionBackground": { backgroundColor: "color-mix(in srgb, var(--accent) 28%, transparent) !important" },
-    ".cm-matchingBracket, &.cm-focused .cm-matchingBracket": { backgroundColor: "var(--tint2)", outline: "1px solid var(--ink2)" },
-    ".cm-tooltip": { backgroundColor: "var(--box)", color: "var(--ink)", border: "1px solid var(--frame)", borderRadius: "8px", overflow: "hidden", boxShadow: "0 4px 18px rgb(0 0 0 / .25)" },
+    ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--tint0) 45%, transparent)" },
+    ".cm-activeLineGutter": { backgroundColor: "var(--tint0)" },
+    "&.cm-focused .cm-selectionBackground, .cm-selectionBackground": {
+        backgroundColor: "color-mix(in srgb, var(--accent) 28%, transparent) !important",
+    },
+    ".cm-matchingBracket, &.cm-focused .cm-matchingBracket": {
+        backgroundColor: "var(--tint2)",
+        outline: "1px solid var(--ink2)",
+    },
+    ".cm-tooltip": {
+        backgroundColor: "var(--box)",
+        color: "var(--ink)",
+        border: "1px solid var(--frame)",
+        borderRadius: "8px",
+        overflow: "hidden",
+        boxShadow: "0 4px 18px rgb(0 0 0 / .25)",
+    },
     ".cm-tooltip-autocomplete ul li[aria-selected]": { backgroundColor: "var(--accent)", color: "var(--on-accent)" },
-    ".cm-tooltip-autocomplete ul": { fontFamily: "var(--mono)", fontSize: "12.5px" }, ".cm-completionDetail": { color: "inherit", opacity: ".75", fontStyle: "normal" },
-    ".cm-panels": { backgroundColor: "var(--panel)", color: "var(--ink)" }, ".cm-panel input, .cm-panel button": { fontSize: "13px", backgroundImage: "none" },
+    ".cm-tooltip-autocomplete ul": { fontFamily: "var(--mono)", fontSize: "12.5px" },
+    ".cm-completionDetail": { color: "inherit", opacity: ".75", fontStyle: "normal" },
+    ".cm-panels": { backgroundColor: "var(--panel)", color: "var(--ink)" },
+    ".cm-panel input, .cm-panel button": { fontSize: "13px", backgroundImage: "none" },
     ".cm-foldPlaceholder": { backgroundColor: "var(--tint6)", border: "none", color: "var(--soft)" },
     ".cm-diagnostic": { whiteSpace: "pre-wrap" },
 });

@@ -21,7 +21,8 @@ class Fourier {
             const stride = n / (2 * half);
             for (let start = 0; start < n; start += 2 * half) {
                 for (let k = 0, i = start; k < half; k++, i++) {
-                    const c = this.cosine[k * stride], s = -this.sine[k * stride];
+                    const c = this.cosine[k * stride],
+                        s = -this.sine[k * stride];
                     const [a, b] = [re[i + half] * c - im[i + half] * s, re[i + half] * s + im[i + half] * c];
                     re[i + half] = re[i] - a;
                     im[i + half] = im[i] - b;
@@ -43,7 +44,8 @@ function transformOf(size) {
 // One-sided density, unit squared per hertz, at i * rate_hz / size for i up to size / 2, of one piece of `size` samples.
 export function density(samples, rate_hz) {
     const size = samples.length;
-    const re = new Float64Array(size), im = new Float64Array(size);
+    const re = new Float64Array(size),
+        im = new Float64Array(size);
     let power = 0;
     for (let i = 0; i < size; i++) {
         const window = 0.5 - 0.5 * Math.cos((2 * Math.PI * i) / size);

@@ -55,8 +55,16 @@ function build(studio, shadow, view, drawing, showNode) {
     svg.removeAttribute("role");
     for (const node of svg.querySelectorAll("[data-node]")) {
         const path = node.getAttribute("data-node");
-        for (const [name, value] of [["tabindex", "0"], ["role", "button"], ["aria-label", `node ${path}`]]) node.setAttribute(name, value);
-        node.addEventListener("keydown", (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), showNode(path)));
+        for (const [name, value] of [
+            ["tabindex", "0"],
+            ["role", "button"],
+            ["aria-label", `node ${path}`],
+        ])
+            node.setAttribute(name, value);
+        node.addEventListener(
+            "keydown",
+            (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), showNode(path)),
+        );
     }
     // A wire is thin: what is clicked is a wide one that is not seen.
     for (const wire of svg.querySelectorAll("path[data-port]")) {
@@ -82,7 +90,8 @@ function build(studio, shadow, view, drawing, showNode) {
 }
 
 function choose(view, path) {
-    for (const node of view.svg?.querySelectorAll("[data-node]") ?? []) node.classList.toggle("chosen", node.getAttribute("data-node") === path);
+    for (const node of view.svg?.querySelectorAll("[data-node]") ?? [])
+        node.classList.toggle("chosen", node.getAttribute("data-node") === path);
 }
 
 function place(view) {
@@ -111,17 +120,30 @@ function zoom(view, factor, x, y) {
 
 function buttonsOf(host, view) {
     const middle = (factor) => () => zoom(view, factor, host.clientWidth / 2, host.clientHeight / 2);
-    return make("div", { class: "graph-buttons" },
+    return make(
+        "div",
+        { class: "graph-buttons" },
         make("button", { text: "−", "aria-label": "Zoom out", onclick: middle(0.8) }),
         make("button", { text: "+", "aria-label": "Zoom in", onclick: middle(1.25) }),
-        make("button", { text: "Fit", onclick: () => { view.fitted = true; fit(host, view, true); } }));
+        make("button", {
+            text: "Fit",
+            onclick: () => {
+                view.fitted = true;
+                fit(host, view, true);
+            },
+        }),
+    );
 }
 
 // Drag moves, wheel and two fingers zoom, a press that does not move clicks.
 function followHand(host, view) {
     const down = new Map();
-    let moved = 0, target = null;
-    const local = (event) => [event.clientX - host.getBoundingClientRect().left, event.clientY - host.getBoundingClientRect().top];
+    let moved = 0,
+        target = null;
+    const local = (event) => [
+        event.clientX - host.getBoundingClientRect().left,
+        event.clientY - host.getBoundingClientRect().top,
+    ];
     host.addEventListener("pointerdown", (event) => {
         if (event.target.closest?.("button")) return;
         [moved, target] = [0, event.composedPath()[0]];
@@ -144,14 +166,20 @@ function followHand(host, view) {
         place(view);
     });
     host.addEventListener("pointerup", () => down.size === 1 && moved < CLICK_PX && view.clicked?.(target));
-    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) host.addEventListener(type, (event) => down.delete(event.pointerId));
-    host.addEventListener("wheel", (event) => {
-        event.preventDefault();
-        zoom(view, 1.0016 ** -event.deltaY, ...local(event));
-    }, { passive: false });
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
+        host.addEventListener(type, (event) => down.delete(event.pointerId));
+    host.addEventListener(
+        "wheel",
+        (event) => {
+            event.preventDefault();
+            zoom(view, 1.0016 ** -event.deltaY, ...local(event));
+        },
+        { passive: false },
+    );
     host.addEventListener("keydown", (event) => {
         const steps = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] }[event.key];
-        if (event.key === "+" || event.key === "-") zoom(view, event.key === "+" ? 1.25 : 0.8, host.clientWidth / 2, host.clientHeight / 2);
+        if (event.key === "+" || event.key === "-")
+            zoom(view, event.key === "+" ? 1.25 : 0.8, host.clientWidth / 2, host.clientHeight / 2);
         if (!steps) return;
         event.preventDefault();
         [view.x, view.y, view.fitted] = [view.x + steps[0], view.y + steps[1], true];

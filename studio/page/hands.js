@@ -111,7 +111,8 @@ export class Hands {
     #measure(hand) {
         const end = hand.samples.at(-1);
         while (hand.samples.length > 2 && end.time_ms - hand.samples[0].time_ms > TRAIL_MS) hand.samples.shift();
-        let way_mm = 0, i = hand.samples.length - 1;
+        let way_mm = 0,
+            i = hand.samples.length - 1;
         for (; i > 0 && end.time_ms - hand.samples[i - 1].time_ms < SPEED_WINDOW_MS; i--) {
             const [a, b] = [hand.samples[i - 1], hand.samples[i]];
             way_mm += Math.hypot(b.x_mm - a.x_mm, b.y_mm - a.y_mm);
@@ -148,7 +149,8 @@ export function followPointers(element, hands, toMm) {
     element.addEventListener("pointerrawupdate", move);
     element.addEventListener("pointermove", move);
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) element.addEventListener(type, lift);
-    for (const type of ["contextmenu", "dragstart", "selectstart"]) element.addEventListener(type, (event) => event.preventDefault());
+    for (const type of ["contextmenu", "dragstart", "selectstart"])
+        element.addEventListener(type, (event) => event.preventDefault());
     window.addEventListener("blur", () => hands.liftAll());
     window.addEventListener("pagehide", () => hands.liftAll());
     document.addEventListener("visibilitychange", () => document.hidden && hands.liftAll());
@@ -159,11 +161,13 @@ export function followKeys(element, hands, changeForce) {
     const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const held = new Set();
     const at = { x_mm: 0, y_mm: 0, tilt_x_deg: 0, tilt_y_deg: 0 };
-    let fast = false, last_ms = 0;
+    let fast = false,
+        last_ms = 0;
     const step = (now_ms) => {
         if (held.size === 0) return hands.lift("keys");
         const [dx, dy] = [...held].reduce(([x, y], key) => [x + ways[key][0], y + ways[key][1]], [0, 0]);
-        const way_mm = ((fast ? KEY_SPEED_FAST_MM_S : KEY_SPEED_MM_S) * Math.min(now_ms - last_ms, 50)) / 1000 / (Math.hypot(dx, dy) || 1);
+        const way_mm =
+            ((fast ? KEY_SPEED_FAST_MM_S : KEY_SPEED_MM_S) * Math.min(now_ms - last_ms, 50)) / 1000 / (Math.hypot(dx, dy) || 1);
         const { width_mm, height_mm } = hands.pads[0] ?? { width_mm: 0, height_mm: 0 };
         at.x_mm = Math.max(-width_mm / 2, Math.min(width_mm / 2, at.x_mm + dx * way_mm));
         at.y_mm = Math.max(-height_mm / 2, Math.min(height_mm / 2, at.y_mm + dy * way_mm));

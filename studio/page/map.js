@@ -30,7 +30,10 @@ export function mountMap(studio) {
     };
     choice.addEventListener("change", () => choose(choice.selectedIndex));
     studio.on("graph", ({ maps }) => {
-        const index = Math.max(0, maps.findIndex((map) => map.node === view.map?.node));
+        const index = Math.max(
+            0,
+            maps.findIndex((map) => map.node === view.map?.node),
+        );
         choice.replaceChildren(...maps.map((map) => make("option", { text: map.node })));
         choice.hidden = maps.length < 2;
         choice.selectedIndex = index;
@@ -62,10 +65,13 @@ function draw(studio, ground, surface, view, now_ms) {
     if (found) drawPoint(context, view, found);
 }
 
+// A number as wide as the largest, so that what stands beside it stays.
+const wide = (text, places) => text.padStart(places, "\u2007");
+
 const said = (found, speed, force) => {
-    const weights = found ? found.corners.map(({ weight }) => `${(100 * weight).toFixed(0)} %`).join(" · ") : "outside";
+    const weights = found ? found.corners.map(({ weight }) => `${wide((100 * weight).toFixed(0), 3)} %`).join(" · ") : "outside";
     const where = found?.clamped ? "beyond the map: " : "";
-    return `${where}${(1000 * speed).toFixed(0)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
+    return `${where}${wide((1000 * speed).toFixed(0), 4)} mm/s   ${force.toFixed(2)} N   weights ${weights}`;
 };
 
 // The triangle around the point (brought into the map first, as the engine does) and the weight of each corner.
@@ -84,7 +90,12 @@ function locate({ points, triangles }, speed, force) {
         if (least >= 0) break;
     }
     if (!best || best.least < -0.02) return null;
-    return { x, y, clamped: x !== speed || y !== force, corners: best.triangle.map((i, k) => ({ point: points[i], weight: Math.max(0, best.weights[k]) })) };
+    return {
+        x,
+        y,
+        clamped: x !== speed || y !== force,
+        corners: best.triangle.map((i, k) => ({ point: points[i], weight: Math.max(0, best.weights[k]) })),
+    };
 }
 
 // Triangles, axes and their labels, drawn once for a map, a size and a theme.
@@ -92,16 +103,27 @@ function drawGround(surface, map) {
     const context = surface.begin();
     if (!context) return null;
     const most = map.points.reduce(([s, f], [a, b]) => [Math.max(s, a), Math.max(f, b)], [1e-3, 1e-3]);
-    const box = { left: INSET.left, top: INSET.top, width: surface.width - INSET.left - INSET.right, height: surface.height - INSET.top - INSET.bottom };
+    const box = {
+        left: INSET.left,
+        top: INSET.top,
+        width: surface.width - INSET.left - INSET.right,
+        height: surface.height - INSET.top - INSET.bottom,
+    };
     const plot = {
-        box, most,
+        box,
+        most,
         x: (speed) => box.left + box.width * root(speed / most[0]),
         y: (force) => box.top + box.height * (1 - root(force / most[1])),
     };
     drawAxes(context, plot);
     context.lineJoin = "round";
     context.beginPath();
-    for (const triangle of map.triangles) outline(context, plot, triangle.map((i) => map.points[i]));
+    for (const triangle of map.triangles)
+        outline(
+            context,
+            plot,
+            triangle.map((i) => map.points[i]),
+        );
     context.fillStyle = colours.tint0;
     context.globalAlpha = 0.55;
     context.fill();
@@ -135,7 +157,8 @@ function outline(context, plot, corners) {
 function apart(most, toPlace, gap) {
     const out = [0];
     for (let power = 1e-3; power < most; power *= 10) {
-        for (const value of [power, 2 * power, 5 * power]) if (value <= most && Math.abs(toPlace(value) - toPlace(out.at(-1))) >= gap) out.push(value);
+        for (const value of [power, 2 * power, 5 * power])
+            if (value <= most && Math.abs(toPlace(value) - toPlace(out.at(-1))) >= gap) out.push(value);
     }
     return out;
 }
@@ -144,7 +167,8 @@ function drawAxes(context, { box, most, x, y }) {
     context.font = FONT;
     context.fillStyle = colours.soft;
     context.textAlign = "center";
-    for (const speed of apart(most[0] * 1000, (value) => x(value / 1000), 46)) context.fillText(String(Number(speed.toPrecision(2))), x(speed / 1000), box.top + box.height + 16);
+    for (const speed of apart(most[0] * 1000, (value) => x(value / 1000), 46))
+        context.fillText(String(Number(speed.toPrecision(2))), x(speed / 1000), box.top + box.height + 16);
     context.textAlign = "right";
     for (const force of apart(most[1], y, 26)) context.fillText(String(Number(force.toPrecision(2))), box.left - 8, y(force) + 4);
     context.fillText("speed, mm/s", box.left + box.width, box.top + box.height + 30);
@@ -179,7 +203,11 @@ function drawTrail(context, { trail, plot }, now_ms) {
 function drawPoint(context, { plot }, { x, y, corners }) {
     const at = corners.map(({ point }) => [plot.x(point[0]), plot.y(point[1])]);
     context.beginPath();
-    outline(context, plot, corners.map(({ point }) => point));
+    outline(
+        context,
+        plot,
+        corners.map(({ point }) => point),
+    );
     context.fillStyle = colours.ink1;
     context.globalAlpha = 0.22;
     context.fill();

@@ -6,7 +6,8 @@ import { prose } from "./prose.js";
 // Returns what shows the card of a node by its path, or hides it.
 export function mountNode(studio, chosen) {
     const card = find("node");
-    let rows = [], shown = null;
+    let rows = [],
+        shown = null;
     const show = (path) => {
         for (const row of rows) row.dispose();
         rows = [];
@@ -30,7 +31,10 @@ const drawn = (path) => element(path) !== null;
 function kindOf(studio, path) {
     const kinds = studio.hello.kinds;
     const node = element(path);
-    const words = [node?.getAttribute("data-kind"), ...[...(node?.querySelectorAll("text") ?? [])].map((text) => text.textContent)];
+    const words = [
+        node?.getAttribute("data-kind"),
+        ...[...(node?.querySelectorAll("text") ?? [])].map((text) => text.textContent),
+    ];
     const name = words.find((word) => kinds.some((kind) => kind.name === word));
     return kinds.find((kind) => kind.name === name) ?? null;
 }
@@ -38,13 +42,21 @@ function kindOf(studio, path) {
 function contentOf(studio, path, rows, close) {
     const kind = kindOf(studio, path);
     const ports = studio.graph.ports.filter(({ node }) => node === path);
-    const header = make("header", {}, make("h3", { class: "clip", text: path }), make("span", { class: "soft clip", text: kind?.name ?? "" }),
-        make("span", { class: "grow" }), make("button", { class: "quiet", text: "Close", onclick: close }));
+    const header = make(
+        "header",
+        {},
+        make("h3", { class: "clip", text: path }),
+        make("span", { class: "soft clip", text: kind?.name ?? "" }),
+        make("span", { class: "grow" }),
+        make("button", { class: "quiet", text: "Close", onclick: close }),
+    );
     return [
         header,
         kind && make("p", {}, ...prose(kind.doc)),
-        rows.length > 0 && make("h4", { text: "Live" }), ...rows.map((row) => row.element),
-        ports.length > 0 && make("h4", { text: "Outputs" }), ...ports.map((port) => portRow(studio, port)),
+        rows.length > 0 && make("h4", { text: "Live" }),
+        ...rows.map((row) => row.element),
+        ports.length > 0 && make("h4", { text: "Outputs" }),
+        ...ports.map((port) => portRow(studio, port)),
         ...described("Inputs", kind?.inputs),
         ...described("Settings", kind?.settings),
     ].filter(Boolean);
@@ -52,21 +64,36 @@ function contentOf(studio, path, rows, close) {
 
 function portRow(studio, port) {
     const name = port.name.slice(port.node.length + 1);
-    return make("div", { class: "port" }, make("span", { class: "mono clip", text: name, title: port.name }),
-        make("span", { class: "soft clip", text: [port.unit, port.rate_hz && `${port.rate_hz} Hz`].filter(Boolean).join(", ") }), make("span", { class: "grow" }),
-        make("button", { text: "Scope", "aria-label": `Put ${port.name} on a scope`, onclick: () => studio.addScope(port.name) }));
+    return make(
+        "div",
+        { class: "port" },
+        make("span", { class: "mono clip", text: name, title: port.name }),
+        make("span", { class: "soft clip", text: [port.unit, port.rate_hz && `${port.rate_hz} Hz`].filter(Boolean).join(", ") }),
+        make("span", { class: "grow" }),
+        make("button", { text: "Scope", "aria-label": `Put ${port.name} on a scope`, onclick: () => studio.addScope(port.name) }),
+    );
 }
 
 function described(title, items) {
     if (!items?.length) return [];
-    return [make("h4", { text: title }), make("dl", {}, ...items.flatMap((item) => [
-        make("dt", { text: item.name + factsOf(item) }), make("dd", {}, ...prose(item.doc)),
-    ]))];
+    return [
+        make("h4", { text: title }),
+        make(
+            "dl",
+            {},
+            ...items.flatMap((item) => [make("dt", { text: item.name + factsOf(item) }), make("dd", {}, ...prose(item.doc))]),
+        ),
+    ];
 }
 
 // Unit, range and default of a setting, as far as it has them.
 export function factsOf({ unit, min, max, default: otherwise, required, live }) {
     const range = min !== null && min !== undefined && max !== null && max !== undefined ? `${min} to ${max}` : null;
-    const facts = [[range, unit].filter(Boolean).join(" "), required ? "required" : null, otherwise ? `default ${otherwise}` : null, live ? "live" : null].filter(Boolean);
+    const facts = [
+        [range, unit].filter(Boolean).join(" "),
+        required ? "required" : null,
+        otherwise ? `default ${otherwise}` : null,
+        live ? "live" : null,
+    ].filter(Boolean);
     return facts.length ? ` (${facts.join(", ")})` : "";
 }

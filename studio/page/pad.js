@@ -50,7 +50,8 @@ export function mountPad(studio) {
     const strength = followVibration(studio);
     everyFrame((now_ms) => {
         const now = strength();
-        for (const { samples } of hands.down) for (let i = samples.length - 1; i >= 0 && samples[i].strength === undefined; i--) samples[i].strength = now;
+        for (const { samples } of hands.down)
+            for (let i = samples.length - 1; i >= 0 && samples[i].strength === undefined; i--) samples[i].strength = now;
         draw(canvas, hands, place, now_ms, demo.running);
     });
     return { hands, demo };
@@ -59,10 +60,12 @@ export function mountPad(studio) {
 // How strong what is rendered is now, 0 to 1 of the strongest lately: of the last acceleration in the graph, or of
 // what an actuator gets.
 function followVibration(studio) {
-    let trace = null, most = 0;
+    let trace = null,
+        most = 0;
     studio.on("graph", ({ ports, actuators }) => {
-        const port = ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz >= FELT_FROM_HZ)
-            ?? ports.find(({ node }) => actuators.some(({ name }) => name === node));
+        const port =
+            ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz >= FELT_FROM_HZ) ??
+            ports.find(({ node }) => actuators.some(({ name }) => name === node));
         if (trace?.name === port?.name) return;
         studio.taps.release(trace);
         [trace, most] = [port ? studio.taps.watch(port.name) : null, 0];
@@ -82,7 +85,10 @@ function layOut(canvas, grid, hands, place) {
     find("main").style.setProperty("--aspect", String(height_mm / width_mm));
     Object.assign(place, { scale, width_mm, height_mm, left: (canvas.width - width) / 2, top: (canvas.height - height) / 2 });
     Object.assign(find("pad-swatch").style, {
-        left: `${place.left}px`, top: `${place.top}px`, width: `${width}px`, height: `${height}px`,
+        left: `${place.left}px`,
+        top: `${place.top}px`,
+        width: `${width}px`,
+        height: `${height}px`,
     });
     drawGrid(grid, place);
 }
@@ -126,10 +132,14 @@ function mountForce(studio, hands, element) {
     slider.addEventListener("input", () => set(most() * (slider.value / 1000) ** 2));
     const change = (steps) => set(hands.force_n * 1.12 ** steps);
     element.addEventListener("pointerdown", (event) => (studio.penDown = event.pointerType === "pen" ? event.pointerId : null));
-    element.addEventListener("wheel", (event) => {
-        event.preventDefault();
-        change(-Math.sign(event.deltaY));
-    }, { passive: false });
+    element.addEventListener(
+        "wheel",
+        (event) => {
+            event.preventDefault();
+            change(-Math.sign(event.deltaY));
+        },
+        { passive: false },
+    );
     show();
     return { show, change };
 }
@@ -197,7 +207,10 @@ function bar(context, x, y, width) {
 
 function drawHand(context, hand, place, pad, now_ms) {
     const ink = HAND_INKS[hand.pad % HAND_INKS.length];
-    const px = ({ x_mm, y_mm }) => [place.left + (x_mm + place.width_mm / 2) * place.scale, place.top + (place.height_mm / 2 - y_mm) * place.scale];
+    const px = ({ x_mm, y_mm }) => [
+        place.left + (x_mm + place.width_mm / 2) * place.scale,
+        place.top + (place.height_mm / 2 - y_mm) * place.scale,
+    ];
     drawTrail(context, hand.samples, px, ink, now_ms);
     const last = hand.samples.at(-1);
     const [x, y] = px(last);
@@ -225,7 +238,10 @@ function drawTrail(context, samples, px, ink, now_ms) {
     const ageOf = ({ time_ms }) => Math.floor((TRAIL_STEPS * (newest_ms - time_ms)) / TRAIL_MS);
     const widthOf = ({ strength }) => Math.round(2 + WIDEST * (strength ?? 0));
     context.lineJoin = context.lineCap = "round";
-    for (const [more, colour, opacity] of [[2.6, HALO, 0.45], [0, ink, 0.95]]) {
+    for (const [more, colour, opacity] of [
+        [2.6, HALO, 0.45],
+        [0, ink, 0.95],
+    ]) {
         context.strokeStyle = colour;
         for (let i = samples.length - 1; i > 0;) {
             const [age, width] = [ageOf(samples[i]), widthOf(samples[i])];

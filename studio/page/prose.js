@@ -2,5 +2,8 @@
 import { make } from "./dom.js";
 
 export function prose(text) {
-    return (text ?? "").split("`").map((part, i) => (i % 2 ? make("code", { class: "mono", text: part }) : part)).filter((part) => part !== "");
+    return (text ?? "")
+        .split("`")
+        .map((part, i) => (i % 2 ? make("code", { class: "mono", text: part }) : part))
+        .filter((part) => part !== "");
 }

@@ -7,8 +7,8 @@ export const ron = StreamLanguage.define({
     token(stream, state) {
         if (state.comment > 0) return inComment(stream, state);
         if (stream.eatSpace()) return null;
-        if (stream.match("//")) return stream.skipToEnd(), "lineComment";
-        if (stream.match("/*")) return (state.comment = 1), inComment(stream, state);
+        if (stream.match("//")) return (stream.skipToEnd(), "lineComment");
+        if (stream.match("/*")) return ((state.comment = 1), inComment(stream, state));
         if (stream.match(/^"(?:[^"\\]|\\.)*"?/)) return stream.match(/^\s*:/, false) ? "labelName" : "string";
         if (stream.match(/^[+-]?(?:0x[\da-f]+|\d[\d_]*(?:\.\d*)?(?:e[+-]?\d+)?|\.\d+|inf|NaN)\b/i)) return "number";
         if (stream.match(/^(?:true|false|None|Some|Required)\b/)) return "atom";
@@ -18,7 +18,10 @@ export const ron = StreamLanguage.define({
         stream.next();
         return "punctuation";
     },
-    languageData: { commentTokens: { line: "//", block: { open: "/*", close: "*/" } }, closeBrackets: { brackets: ["(", "[", "{", '"'] } },
+    languageData: {
+        commentTokens: { line: "//", block: { open: "/*", close: "*/" } },
+        closeBrackets: { brackets: ["(", "[", "{", '"'] },
+    },
 });
 
 function inComment(stream, state) {
@@ -34,7 +37,9 @@ function inComment(stream, state) {
 // the string it is in.
 export function placeOf(text, at) {
     const open = [];
-    let word = "", key = null, i = 0;
+    let word = "",
+        key = null,
+        i = 0;
     const token = /\/\/[^\n]*|\/\*[\s\S]*?(?:\*\/|$)|"(?:[^"\\]|\\.)*(?:"|$)|[A-Za-z_]\w*|[()[\]{}:,]/g;
     for (let match; (match = token.exec(text)) && match.index < at; i = token.lastIndex) {
         const [found] = match;

@@ -42,11 +42,17 @@ function mountBar(studio, state) {
 function follow(studio, state, graph) {
     const list = find("scope-add");
     const nodes = Map.groupBy ? Map.groupBy(graph.ports, (port) => port.node) : group(graph.ports);
-    list.replaceChildren(make("option", { value: "", text: "Add a port…" }), ...[...nodes].map(([node, ports]) =>
-        make("optgroup", { label: node }, ...ports.map((port) => make("option", { value: port.name, text: port.name })))));
+    list.replaceChildren(
+        make("option", { value: "", text: "Add a port…" }),
+        ...[...nodes].map(([node, ports]) =>
+            make("optgroup", { label: node }, ...ports.map((port) => make("option", { value: port.name, text: port.name }))),
+        ),
+    );
     const same = state.graph?.name === graph.name;
     state.graph = graph;
-    const wanted = same ? state.cards.map(({ name, view }) => ({ name, view })) : kept.get(`scopes.${graph.name}`, null) ?? firstScopes(graph);
+    const wanted = same
+        ? state.cards.map(({ name, view }) => ({ name, view }))
+        : (kept.get(`scopes.${graph.name}`, null) ?? firstScopes(graph));
     const there = (name) => graph.ports.some((port) => port.name === name);
     if (same && state.cards.every((card) => there(card.name))) {
         for (const card of state.cards) card.port = graph.ports.find((port) => port.name === card.name);
@@ -66,7 +72,8 @@ function group(ports) {
 // What a person wants to see first: what the hand does, what is rendered, what the actuator gets.
 function firstScopes({ maps, ports, actuators }) {
     const out = [];
-    const take = (port, view) => port && !out.some(({ name, view: shown }) => name === port.name && shown === view) && out.push({ name: port.name, view });
+    const take = (port, view) =>
+        port && !out.some(({ name, view: shown }) => name === port.name && shown === view) && out.push({ name: port.name, view });
     const named = (name) => ports.find((port) => port.name === name);
     const driven = ports.find((port) => actuators.some((actuator) => port.node === actuator.name));
     const felt = ports.findLast((port) => port.quantity === "acceleration" && port.rate_hz > SPECTRAL_FROM_HZ) ?? driven;
@@ -89,7 +96,12 @@ function add(studio, state, name, view, keep = true) {
     card.trace = studio.taps.watch(name, SPECTRAL.has(view));
     if (!card.trace) return studio.say("warn", "Sixteen ports are shown at most: remove a scope first.");
     const canvas = make("canvas", { role: "img", "aria-label": `${name} as ${view}` });
-    card.element = make("article", { class: "scope", "aria-label": name }, barOf(studio, state, card), make("div", { class: "fill" }, canvas));
+    card.element = make(
+        "article",
+        { class: "scope", "aria-label": name },
+        barOf(studio, state, card),
+        make("div", { class: "fill" }, canvas),
+    );
     find("scopes").append(card.element);
     card.surface = new Surface(canvas);
     state.cards.push(card);
@@ -100,16 +112,39 @@ function add(studio, state, name, view, keep = true) {
 
 function barOf(studio, state, card) {
     const views = card.port.rate_hz >= SPECTRAL_FROM_HZ ? Object.keys(VIEWS) : ["time", "meter", "number"];
-    const choice = make("select", { "aria-label": `How ${card.name} is shown` }, ...views.map((view) => make("option", { text: view })));
+    const choice = make(
+        "select",
+        { "aria-label": `How ${card.name} is shown` },
+        ...views.map((view) => make("option", { text: view })),
+    );
     choice.value = card.view;
     choice.addEventListener("change", () => setView(studio, state, card, choice.value));
     const zoom = (factor) => () => (card.zoom = Math.max(1 / 64, Math.min(64, card.zoom * factor)));
-    const name = make("span", { class: "scope-name clip", text: card.name, title: `${card.name}: ${card.port.quantity}, ${card.port.rate_hz} Hz` });
+    const name = make("span", {
+        class: "scope-name clip",
+        text: card.name,
+        title: `${card.name}: ${card.port.quantity}, ${card.port.rate_hz} Hz`,
+    });
     name.style.setProperty("--curve", "var(--ink0)");
-    return make("div", { class: "scope-bar" }, name, make("div", { class: "scope-tools" }, choice,
-        make("button", { class: "quiet", text: "−", "aria-label": "Smaller", title: "Smaller", onclick: zoom(0.5) }),
-        make("button", { class: "quiet", text: "+", "aria-label": "Larger", title: "Larger", onclick: zoom(2) }),
-        make("button", { class: "quiet", text: "×", "aria-label": `Remove ${card.name}`, title: "Remove", onclick: () => remove(studio, state, card) })));
+    return make(
+        "div",
+        { class: "scope-bar" },
+        name,
+        make(
+            "div",
+            { class: "scope-tools" },
+            choice,
+            make("button", { class: "quiet", text: "−", "aria-label": "Smaller", title: "Smaller", onclick: zoom(0.5) }),
+            make("button", { class: "quiet", text: "+", "aria-label": "Larger", title: "Larger", onclick: zoom(2) }),
+            make("button", {
+                class: "quiet",
+                text: "×",
+                "aria-label": `Remove ${card.name}`,
+                title: "Remove",
+                onclick: () => remove(studio, state, card),
+            }),
+        ),
+    );
 }
 
 function setView(studio, state, card, view) {
@@ -130,12 +165,19 @@ function remove(studio, state, card, keep = true) {
     if (keep) remember(state);
 }
 
-const remember = (state) => kept.set(`scopes.${state.graph.name}`, state.cards.map(({ name, view }) => ({ name, view })));
+const remember = (state) =>
+    kept.set(
+        `scopes.${state.graph.name}`,
+        state.cards.map(({ name, view }) => ({ name, view })),
+    );
 
 function showEmpty(state) {
     const empty = find("scopes").querySelector(".empty");
     if (state.cards.length) empty?.remove();
-    else if (!empty) find("scopes").append(make("p", { class: "empty", text: "Add a port from the list, or click a wire in the drawn graph." }));
+    else if (!empty)
+        find("scopes").append(
+            make("p", { class: "empty", text: "Add a port from the list, or click a wire in the drawn graph." }),
+        );
 }
 
 function drawCard(studio, state, card, now_ms) {

@@ -28,7 +28,8 @@ export class Sound {
     get obstacle() {
         if (!this.#studio.graph) return null;
         if (!this.#studio.graph.sound) return "This graph drives nothing that could be heard";
-        if (!("audioWorklet" in AudioContext.prototype)) return "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
+        if (!("audioWorklet" in AudioContext.prototype))
+            return "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
         return this.error;
     }
 
@@ -75,7 +76,11 @@ export class Sound {
         await this.#context?.close();
         this.#context = contextAt(rate_hz);
         await this.#context.audioWorklet.addModule(new URL("worklet.js", import.meta.url));
-        this.#player = new AudioWorkletNode(this.#context, "player", { numberOfInputs: 0, outputChannelCount: [2], processorOptions: { rate_hz } });
+        this.#player = new AudioWorkletNode(this.#context, "player", {
+            numberOfInputs: 0,
+            outputChannelCount: [2],
+            processorOptions: { rate_hz },
+        });
         this.#player.port.onmessage = ({ data }) => (this.report = data);
         const { port1, port2 } = new MessageChannel();
         this.#studio.connection.playBy(port1);

@@ -53,18 +53,34 @@ function pick(studio, state) {
         if (said) return said;
     }
     if (state.said && performance.now() < state.said.until_ms) return state.said;
-    return ownerSays(studio) ?? engineSays(studio, state.counts, recent) ?? soundSays(studio, state.counts, recent) ?? handSays(studio);
+    return (
+        ownerSays(studio) ??
+        engineSays(studio, state.counts, recent) ??
+        soundSays(studio, state.counts, recent) ??
+        handSays(studio)
+    );
 }
 
 function connectionSays(studio) {
-    if (!studio.connection.open || !studio.status) return { level: "warn", text: studio.lost ? "Not connected: the engine has taken its actuators to zero by itself" : "Connecting to the engine" };
+    if (!studio.connection.open || !studio.status)
+        return {
+            level: "warn",
+            text: studio.lost
+                ? "Not connected: the engine has taken its actuators to zero by itself"
+                : "Connecting to the engine",
+        };
     return null;
 }
 
 function stateSays(studio) {
     const { state } = studio.status;
-    if (state === "stopped") return { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
-    if (state === "failed") return { level: "bad", text: "The engine failed: its actuators are at zero. The terminal says why; start it again there" };
+    if (state === "stopped")
+        return { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
+    if (state === "failed")
+        return {
+            level: "bad",
+            text: "The engine failed: its actuators are at zero. The terminal says why; start it again there",
+        };
     return null;
 }
 
@@ -75,16 +91,32 @@ function ownerSays(studio) {
 
 function engineSays(studio, counts, recent) {
     const { behind_ms, cost, silent, actuators } = studio.status;
-    if (recent("faults")) return { level: "bad", text: `An actuator was asked for NaN or infinity in ${counts.faults} ticks: it got zero. Undo the last edit` };
+    if (recent("faults"))
+        return {
+            level: "bad",
+            text: `An actuator was asked for NaN or infinity in ${counts.faults} ticks: it got zero. Undo the last edit`,
+        };
     if (behind_ms > LATE_MS) {
-        const why = cost > 0.8 ? `the graph needs ${(100 * cost).toFixed(0)} % of the processor: make it cheaper` : "another program takes the processor: close some";
+        const why =
+            cost > 0.8
+                ? `the graph needs ${(100 * cost).toFixed(0)} % of the processor: make it cheaper`
+                : "another program takes the processor: close some";
         return { level: "warn", text: `The engine is ${behind_ms.toFixed(0)} ms late: ${why}` };
     }
     const mute = silent.find(({ for_s }) => for_s > SILENT_S);
-    if (mute && studio.pad.hands.down.length) return { level: "warn", text: `\`${mute.input}\` has been silent for ${mute.for_s.toFixed(0)} s: its actuators are at zero. Lift and press again` };
+    if (mute && studio.pad.hands.down.length)
+        return {
+            level: "warn",
+            text: `\`${mute.input}\` has been silent for ${mute.for_s.toFixed(0)} s: its actuators are at zero. Lift and press again`,
+        };
     const hot = actuators.find(({ heat }) => heat > HOT);
-    if (hot) return { level: "warn", text: `\`${hot.name}\` uses ${(100 * hot.heat).toFixed(0)} % of its continuous limit: turn its gain down or pause` };
-    if (recent("lost")) return { level: "warn", text: `The page reads too slowly: ${counts.lost} messages were dropped. Remove a scope` };
+    if (hot)
+        return {
+            level: "warn",
+            text: `\`${hot.name}\` uses ${(100 * hot.heat).toFixed(0)} % of its continuous limit: turn its gain down or pause`,
+        };
+    if (recent("lost"))
+        return { level: "warn", text: `The page reads too slowly: ${counts.lost} messages were dropped. Remove a scope` };
     return null;
 }
 
@@ -92,21 +124,27 @@ function soundSays(studio, counts, recent) {
     const { sound } = studio;
     if (sound.obstacle) return { level: "note", text: sound.obstacle };
     if (!sound.on) return { level: "note", text: "No sound yet: press Sound", label: "Sound on", action: () => sound.toggle() };
-    if (recent("underruns")) return { level: "warn", text: `The sound had ${counted(counts.underruns, "gap")}: the page buffers ${(1000 * (sound.report?.target_s ?? 0)).toFixed(0)} ms now` };
+    if (recent("underruns"))
+        return {
+            level: "warn",
+            text: `The sound had ${counted(counts.underruns, "gap")}: the page buffers ${(1000 * (sound.report?.target_s ?? 0)).toFixed(0)} ms now`,
+        };
     return null;
 }
 
 function handSays(studio) {
     const down = studio.pad.hands.down;
-    if (down.some(({ who }) => who === "demo")) return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
-    if (down.length) return { level: "good", text: studio.sound.on ? `You hear ${studio.graph?.sound?.what ?? "the actuator"}` : "Stroking" };
+    if (down.some(({ who }) => who === "demo"))
+        return { level: "good", text: "A simulated hand strokes; touch the pad to take over" };
+    if (down.length)
+        return { level: "good", text: studio.sound.on ? `You hear ${studio.graph?.sound?.what ?? "the actuator"}` : "Stroking" };
     return { level: "good", text: "Ready: stroke the pad" };
 }
 
 const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
 
 function showBadge(studio) {
-    const state = !studio.connection.open ? (studio.lost ? "lost" : "connecting") : studio.status?.state ?? "connecting";
+    const state = !studio.connection.open ? (studio.lost ? "lost" : "connecting") : (studio.status?.state ?? "connecting");
     find("state").dataset.state = state;
     setText(find("state"), state === "lost" ? "no engine" : state);
     const owner = find("owner");
@@ -120,15 +158,28 @@ function showLatency(studio) {
     const element = find("latency");
     if (!pointer?.count) return setText(element, "");
     const sound_s = studio.sound.latency_s;
-    setText(element, sound_s === null ? `${pointer.p50_ms.toFixed(1)} ms to engine` : `${(pointer.p50_ms + 1000 * sound_s).toFixed(0)} ms to ear`);
-    element.title = `Pointer to engine: median ${pointer.p50_ms.toFixed(1)} ms, largest ${pointer.max_ms.toFixed(1)} ms.`
-        + (sound_s === null ? "" : ` Sound: buffer ${(1000 * studio.sound.report.fill_s).toFixed(0)} ms and ${(1000 * (sound_s - studio.sound.report.fill_s)).toFixed(0)} ms in the browser and the card. The network between is not counted.`);
+    setText(
+        element,
+        sound_s === null
+            ? `${pointer.p50_ms.toFixed(1)} ms to engine`
+            : `${(pointer.p50_ms + 1000 * sound_s).toFixed(0)} ms to ear`,
+    );
+    element.title =
+        `Pointer to engine: median ${pointer.p50_ms.toFixed(1)} ms, largest ${pointer.max_ms.toFixed(1)} ms.` +
+        (sound_s === null
+            ? ""
+            : ` Sound: buffer ${(1000 * studio.sound.report.fill_s).toFixed(0)} ms and ${(1000 * (sound_s - studio.sound.report.fill_s)).toFixed(0)} ms in the browser and the card. The network between is not counted.`);
 }
 
 function figures(studio, { counts }) {
     const { status } = studio;
     if (!status) return "";
-    const parts = [`${status.time_s.toFixed(1)} s`, `processor ${(100 * status.cost).toFixed(0)} %`, `${status.late} late`, `${status.lost} lost`];
+    const parts = [
+        `${status.time_s.toFixed(1)} s`,
+        `processor ${(100 * status.cost).toFixed(0)} %`,
+        `${status.late} late`,
+        `${status.lost} lost`,
+    ];
     if (status.faults) parts.push(`${status.faults} NaN`);
     if (studio.sound.on) parts.push(counted(counts.underruns, "gap"));
     if (status.pages > 1) parts.push(`${status.pages} pages`);

@@ -38,7 +38,10 @@ export class Stroke {
             time_ms,
             x_mm: 1.25 * radius_mm * Math.cos(this.#angle),
             y_mm: radius_mm * Math.sin(this.#angle),
-            force_n: Math.min(this.pad.force_n, this.force_n * (1 + 0.45 * Math.sin((2 * Math.PI * this.#time_s) / FORCE_SWELL_S))),
+            force_n: Math.min(
+                this.pad.force_n,
+                this.force_n * (1 + 0.45 * Math.sin((2 * Math.PI * this.#time_s) / FORCE_SWELL_S)),
+            ),
             tilt_x_deg: 0,
             tilt_y_deg: 0,
         };

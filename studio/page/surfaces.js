@@ -31,7 +31,11 @@ export function currentSurface(graph) {
     if (!graph) return null;
     const runs = [parameterOf(graph)?.value, graph.maps[0]?.surface].filter(Boolean).map(bare);
     const named = (matches) => graph.surfaces.find(({ path }) => runs.some((value) => matches(value, bare(path))));
-    return named((value, path) => value === path) ?? named((value, path) => value.endsWith(`/${path}`) || path.endsWith(`/${value}`)) ?? null;
+    return (
+        named((value, path) => value === path) ??
+        named((value, path) => value.endsWith(`/${path}`) || path.endsWith(`/${value}`)) ??
+        null
+    );
 }
 
 // A tone for each, so that two are told apart at a glance; the relief in a swatch is the model's own.
@@ -43,8 +47,12 @@ function rebuild(studio, graph) {
     const parameter = parameterOf(graph);
     const cards = graph.surfaces.map((surface) => {
         const { path, name, swatch } = surface;
-        const card = make("button", { class: "surface", "aria-pressed": "false", "data-path": path, title: bare(path) },
-            make("span", { class: "picture" }, make("img", { src: imageOf(swatch), alt: "" })), make("span", { class: "name", text: name }));
+        const card = make(
+            "button",
+            { class: "surface", "aria-pressed": "false", "data-path": path, title: bare(path) },
+            make("span", { class: "picture" }, make("img", { src: imageOf(swatch), alt: "" })),
+            make("span", { class: "name", text: name }),
+        );
         card.style.setProperty("--tone", toneOf(graph, surface));
         card.disabled = !parameter;
         card.addEventListener("click", () => choose(studio, parameter.name, path));
@@ -65,7 +73,11 @@ function showCurrent(studio) {
         card.setAttribute("aria-pressed", String(card.getAttribute("data-path") === current?.path));
     }
     const parameter = parameterOf(studio.graph);
-    const says = !studio.graph.surfaces.length ? "The surface folder is empty" : parameter ? "Click: it is on the pad at once" : "This graph has no parameter for its surface";
+    const says = !studio.graph.surfaces.length
+        ? "The surface folder is empty"
+        : parameter
+          ? "Click: it is on the pad at once"
+          : "This graph has no parameter for its surface";
     setText(find("surface-state"), says);
 }
 
@@ -105,7 +117,11 @@ async function learn(studio, file) {
         box.append(make("button", { class: "quiet", text: "Close", onclick: () => box.remove() }));
     };
     if (!studio.hello?.can.surfaces) return end("bad", "This engine does not learn surfaces.");
-    if (file.size > MOST_BYTES) return end("bad", `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; at most 64 MiB are taken. Cut the recording, or use \`haptograph learn\`.`);
+    if (file.size > MOST_BYTES)
+        return end(
+            "bad",
+            `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; at most 64 MiB are taken. Cut the recording, or use \`haptograph learn\`.`,
+        );
     text.textContent = `Reading ${file.name}…`;
     const csv = await file.text();
     const answer = studio.connection.request({ type: "learn", name: file.name, csv });

@@ -1,6 +1,29 @@
 // An SVG text as elements that draw and do nothing else.
-const DRAWS = new Set(["svg", "g", "path", "rect", "circle", "ellipse", "line", "polyline", "polygon", "text", "tspan", "title", "desc",
-    "style", "defs", "marker", "clippath", "lineargradient", "radialgradient", "stop", "use", "pattern", "mask"]);
+const DRAWS = new Set([
+    "svg",
+    "g",
+    "path",
+    "rect",
+    "circle",
+    "ellipse",
+    "line",
+    "polyline",
+    "polygon",
+    "text",
+    "tspan",
+    "title",
+    "desc",
+    "style",
+    "defs",
+    "marker",
+    "clippath",
+    "lineargradient",
+    "radialgradient",
+    "stop",
+    "use",
+    "pattern",
+    "mask",
+]);
 
 // The drawing without whatever could run or load something; null where the text is no SVG.
 export function cleaned(text) {
@@ -11,7 +34,8 @@ export function cleaned(text) {
             element.remove();
             continue;
         }
-        for (const { name, value } of [...element.attributes]) if (!harmless(name.toLowerCase(), value)) element.removeAttribute(name);
+        for (const { name, value } of [...element.attributes])
+            if (!harmless(name.toLowerCase(), value)) element.removeAttribute(name);
         if (element.localName === "style" && /@import|url\s*\(|expression/i.test(element.textContent)) element.remove();
     }
     return document.importNode(root, true);

@@ -1,12 +1,20 @@
 // Tabs: of the tools on a wide page, of all that is beneath the pad on a narrow one; and the lines between the panes.
 import { find, kept, make } from "./dom.js";
 
-const TOOLS = [["graph", "Graph"], ["editor", "Editor"], ["controls", "Controls"], ["surfaces", "Surfaces"]];
+const TOOLS = [
+    ["graph", "Graph"],
+    ["editor", "Editor"],
+    ["controls", "Controls"],
+    ["surfaces", "Surfaces"],
+];
 const BELOW = [["map", "Map"], ["scopes", "Scopes"], ...TOOLS];
 const STEP = 2;
 
 export function mountTabs(studio) {
-    const lists = [[find("tabs"), TOOLS], [find("phone-tabs"), BELOW]];
+    const lists = [
+        [find("tabs"), TOOLS],
+        [find("phone-tabs"), BELOW],
+    ];
     const show = (name) => {
         const tool = TOOLS.some(([id]) => id === name);
         if (tool) for (const panel of document.querySelectorAll(".tab-panel")) panel.hidden = panel.dataset.tab !== name;
@@ -26,7 +34,16 @@ export function mountTabs(studio) {
 }
 
 function fill(list, names, show) {
-    const buttons = names.map(([id, text]) => make("button", { role: "tab", text, "data-for": id, "aria-selected": "false", "aria-controls": TOOLS.some(([tool]) => tool === id) ? `${id}-tab` : `${id}-panel`, onclick: () => show(id) }));
+    const buttons = names.map(([id, text]) =>
+        make("button", {
+            role: "tab",
+            text,
+            "data-for": id,
+            "aria-selected": "false",
+            "aria-controls": TOOLS.some(([tool]) => tool === id) ? `${id}-tab` : `${id}-panel`,
+            onclick: () => show(id),
+        }),
+    );
     list.replaceChildren(...buttons);
     list.addEventListener("keydown", (event) => {
         const way = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
@@ -65,7 +82,8 @@ function mountGutters() {
     const set = (name, percent) => {
         sizes[name] = Math.max(20, Math.min(80, percent));
         main.style.setProperty(`--${name}`, `${sizes[name]}%`);
-        for (const gutter of document.querySelectorAll(`.gutter[data-of="${name}"]`)) gutter.setAttribute("aria-valuenow", String(Math.round(sizes[name])));
+        for (const gutter of document.querySelectorAll(`.gutter[data-of="${name}"]`))
+            gutter.setAttribute("aria-valuenow", String(Math.round(sizes[name])));
     };
     for (const name of ["column", "row"]) set(name, sizes[name]);
     for (const gutter of document.querySelectorAll(".gutter")) {
@@ -74,7 +92,12 @@ function mountGutters() {
         gutter.addEventListener("pointermove", (event) => {
             if (!gutter.hasPointerCapture(event.pointerId)) return;
             const box = main.getBoundingClientRect();
-            set(name, name === "column" ? (100 * (event.clientX - box.left)) / box.width : (100 * (event.clientY - box.top)) / box.height);
+            set(
+                name,
+                name === "column"
+                    ? (100 * (event.clientX - box.left)) / box.width
+                    : (100 * (event.clientY - box.top)) / box.height,
+            );
         });
         gutter.addEventListener("pointerup", () => kept.set("panes", sizes));
         gutter.addEventListener("keydown", (event) => {

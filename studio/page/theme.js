@@ -1,7 +1,21 @@
 // Colours for what is drawn on canvases, and canvases that know their size.
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const NAMES = ["paper", "panel", "box", "ink", "soft", "faint", "grid", "axis", "frame", "accent", "warn", "bad", "good",
-    ...[0, 1, 2, 3, 4, 5, 6].flatMap((i) => [`ink${i}`, `tint${i}`])];
+const NAMES = [
+    "paper",
+    "panel",
+    "box",
+    "ink",
+    "soft",
+    "faint",
+    "grid",
+    "axis",
+    "frame",
+    "accent",
+    "warn",
+    "bad",
+    "good",
+    ...[0, 1, 2, 3, 4, 5, 6].flatMap((i) => [`ink${i}`, `tint${i}`]),
+];
 export const FONT = "11px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
 export const FONT_STRONG = FONT.replace("11px", "600 12px");
 

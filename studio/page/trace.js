@@ -48,11 +48,14 @@ export class Trace {
     // Root mean square of the middle of the last `span_s` and the largest absolute value in it, of all lanes.
     level(span_s) {
         const frames = Math.min(this.count, Math.ceil(span_s / (this.interval_s || 1)));
-        let sum = 0, peak = 0, taken = 0;
+        let sum = 0,
+            peak = 0,
+            taken = 0;
         for (let back = 0; back < frames; back++) {
             const at = this.place(back);
             for (let lane = 0; lane < this.lanes; lane++) {
-                const low = this.least[at + lane], high = this.most[at + lane];
+                const low = this.least[at + lane],
+                    high = this.most[at + lane];
                 if (Number.isNaN(low)) continue;
                 sum += (low * low + high * high) / 2;
                 peak = Math.max(peak, -low, high);

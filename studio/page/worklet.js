@@ -45,8 +45,13 @@ class Player extends AudioWorkletProcessor {
 
     // Cubic interpolation between the samples around the place.
     sample() {
-        const at = Math.floor(this.read), t = this.read - at, mask = this.size - 1;
-        const a = this.ring[(at - 1) & mask], b = this.ring[at & mask], c = this.ring[(at + 1) & mask], d = this.ring[(at + 2) & mask];
+        const at = Math.floor(this.read),
+            t = this.read - at,
+            mask = this.size - 1;
+        const a = this.ring[(at - 1) & mask],
+            b = this.ring[at & mask],
+            c = this.ring[(at + 1) & mask],
+            d = this.ring[(at + 2) & mask];
         return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
     }
 
@@ -54,7 +59,8 @@ class Player extends AudioWorkletProcessor {
         const have_s = (this.write - this.read) / this.rate_hz;
         this.fill_s += 0.02 * (have_s - this.fill_s);
         if (this.filling && have_s >= this.target_s) this.filling = false;
-        if (!this.filling && have_s > this.target_s + TOO_MUCH_S && this.gain === 0) this.read = this.write - this.target_s * this.rate_hz;
+        if (!this.filling && have_s > this.target_s + TOO_MUCH_S && this.gain === 0)
+            this.read = this.write - this.target_s * this.rate_hz;
         const late = have_s > this.target_s + TOO_MUCH_S;
         const bend = Math.max(-BEND, Math.min(BEND, (this.fill_s - this.target_s) * 0.15));
         const step = (this.rate_hz / sampleRate) * (1 + bend);
@@ -92,7 +98,13 @@ class Player extends AudioWorkletProcessor {
             this.target_s = Math.max(LEAST_TARGET_S, this.target_s - NARROWER_S);
         }
         if (this.report_s < REPORT_S) return;
-        this.port.postMessage({ fill_s: Math.max(0, this.fill_s), target_s: this.target_s, underruns: this.underruns, peak: this.peak, playing: !this.filling });
+        this.port.postMessage({
+            fill_s: Math.max(0, this.fill_s),
+            target_s: this.target_s,
+            underruns: this.underruns,
+            peak: this.peak,
+            playing: !this.filling,
+        });
         this.report_s = this.peak = 0;
     }
 }

@@ -7,7 +7,10 @@ import { chromium } from "playwright-core";
 const [address, pictures] = process.argv.slice(2);
 assert(address, "give the address that the studio printed");
 if (pictures) mkdirSync(pictures, { recursive: true });
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--autoplay-policy=no-user-gesture-required"] });
+const browser = await chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--autoplay-policy=no-user-gesture-required"],
+});
 const LEAST_MOVES = 50;
 const PATIENCE_MS = 15_000;
 const problems = [];
@@ -17,7 +20,13 @@ async function open(options = {}) {
     const page = await context.newPage();
     page.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
     page.on("pageerror", (error) => problems.push(error.stack));
-    page.on("request", (request) => new URL(request.url()).host === new URL(address).host || !/^(http|ws)/.test(request.url()) || problems.push(`a request left the origin: ${request.url()}`));
+    page.on(
+        "request",
+        (request) =>
+            new URL(request.url()).host === new URL(address).host ||
+            !/^(http|ws)/.test(request.url()) ||
+            problems.push(`a request left the origin: ${request.url()}`),
+    );
     await page.goto(address);
     await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: PATIENCE_MS });
     return page;
@@ -30,7 +39,17 @@ const test = (name, run) => tests.push([name, run]);
 // A pen by DevTools' own input events, so that pressure and kind arrive as from a tablet.
 async function pen(page) {
     const session = await page.context().newCDPSession(page);
-    const send = (type, x, y, force) => session.send("Input.dispatchMouseEvent", { type, x, y, force, button: type === "mouseMoved" ? "none" : "left", buttons: type === "mouseReleased" ? 0 : 1, clickCount: 1, pointerType: "pen" });
+    const send = (type, x, y, force) =>
+        session.send("Input.dispatchMouseEvent", {
+            type,
+            x,
+            y,
+            force,
+            button: type === "mouseMoved" ? "none" : "left",
+            buttons: type === "mouseReleased" ? 0 : 1,
+            clickCount: 1,
+            pointerType: "pen",
+        });
     const box = await page.locator("#pad-swatch").boundingBox();
     const at = (x, y) => [box.x + x * box.width, box.y + y * box.height];
     return {
@@ -55,23 +74,42 @@ async function stroke(page, force, time_ms, look = () => {}) {
     await hand.lift(0.5, 0.5);
 }
 
-const latest = (page, name) => page.evaluate((port) => studio.taps.traces.find((trace) => trace.name === port)?.latest() ?? null, name);
-const level = (page, name, span_s) => page.evaluate(([port, span]) => studio.taps.traces.find((trace) => trace.name === port)?.level(span).rms ?? null, [name, span_s]);
+const latest = (page, name) =>
+    page.evaluate((port) => studio.taps.traces.find((trace) => trace.name === port)?.latest() ?? null, name);
+const level = (page, name, span_s) =>
+    page.evaluate(
+        ([port, span]) => studio.taps.traces.find((trace) => trace.name === port)?.level(span).rms ?? null,
+        [name, span_s],
+    );
 
 test("the page greets and shows the graph", async (page) => {
-    const { version, host, kinds, name } = await page.evaluate(() => ({ ...studio.hello, kinds: studio.hello.kinds.length, name: studio.graph.name }));
+    const { version, host, kinds, name } = await page.evaluate(() => ({
+        ...studio.hello,
+        kinds: studio.hello.kinds.length,
+        name: studio.graph.name,
+    }));
     assert.equal(version, 1);
     assert(["native", "page"].includes(host));
     assert(kinds > 50, `${kinds} kinds`);
     assert.equal(await page.textContent("#name"), name);
     assert.equal(await page.isVisible("#banner"), false);
-    assert(await page.evaluate(() => document.querySelector("#graph > div").shadowRoot.querySelectorAll("[data-node]").length) > 0, "no node is drawn");
-    assert(await page.evaluate(() => document.querySelector("#graph > div").shadowRoot.querySelectorAll("path[data-port]").length) > 0, "no wire is drawn");
+    assert(
+        (await page.evaluate(() => document.querySelector("#graph > div").shadowRoot.querySelectorAll("[data-node]").length)) > 0,
+        "no node is drawn",
+    );
+    assert(
+        (await page.evaluate(
+            () => document.querySelector("#graph > div").shadowRoot.querySelectorAll("path[data-port]").length,
+        )) > 0,
+        "no wire is drawn",
+    );
 });
 
 test("a stroke of a pen moves the map's point and is seen on a scope", async (page) => {
     const [map, pad] = await page.evaluate(() => [studio.graph.maps[0], studio.graph.pads[0]]);
-    const forces = [], speeds = [], points = [];
+    const forces = [],
+        speeds = [],
+        points = [];
     await stroke(page, 0.4, 1800, async () => {
         forces.push(await latest(page, map.force_port));
         speeds.push(await latest(page, map.speed_port));
@@ -84,13 +122,15 @@ test("a stroke of a pen moves the map's point and is seen on a scope", async (pa
     assert(Math.max(...speeds) > 0.02, `the speed never passed ${Math.max(...speeds)} m/s`);
     const fastest = points.filter(Boolean).reduce((most, { speed }) => Math.max(most, speed), 0);
     assert(fastest > 0.02, `the map's point never passed ${fastest} m/s`);
-    assert(await page.evaluate(() => studio.scopeCount()) > 0, "no scope is open");
+    assert((await page.evaluate(() => studio.scopeCount())) > 0, "no scope is open");
     await page.waitForTimeout(600);
     assert((await latest(page, map.force_port)) < 0.01, "the lifted pen still presses");
 });
 
 test("the vibration grows with the stroke and ends with it", async (page) => {
-    const port = await page.evaluate(() => studio.graph.ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz > 1000)?.name);
+    const port = await page.evaluate(
+        () => studio.graph.ports.findLast(({ quantity, rate_hz }) => quantity === "acceleration" && rate_hz > 1000)?.name,
+    );
     if (!port) return;
     let during = 0;
     await stroke(page, 0.4, 1500, async (part) => part > 0.6 && (during = Math.max(during, await level(page, port, 0.3))));
@@ -101,14 +141,22 @@ test("the vibration grows with the stroke and ends with it", async (page) => {
 });
 
 test("a setting arrives at another page", async (page) => {
-    const setting = await page.evaluate(() => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0]);
+    const setting = await page.evaluate(
+        () => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0],
+    );
     const other = await open();
-    const value = Number(((setting.min ?? setting.value * 0.8) * 0.4 + (setting.max ?? setting.value * 1.2) * 0.6).toPrecision(3));
+    const value = Number(
+        ((setting.min ?? setting.value * 0.8) * 0.4 + (setting.max ?? setting.value * 1.2) * 0.6).toPrecision(3),
+    );
     await page.evaluate((tab) => studio.showTab(tab), "controls");
     const field = page.locator(`#controls [title="${setting.name}"] ~ input[type=number]`);
     await field.fill(String(value));
     await field.press("Tab");
-    await other.waitForFunction(([name, wanted]) => Math.abs(studio.values.get(name) - wanted) < 1e-9 * Math.abs(wanted), [setting.name, value], { timeout: PATIENCE_MS });
+    await other.waitForFunction(
+        ([name, wanted]) => Math.abs(studio.values.get(name) - wanted) < 1e-9 * Math.abs(wanted),
+        [setting.name, value],
+        { timeout: PATIENCE_MS },
+    );
     await picture(page, "controls");
     await field.fill(String(setting.value));
     await field.press("Tab");
@@ -118,17 +166,25 @@ test("a setting arrives at another page", async (page) => {
 test("an error in the text is shown inline and the sound goes on", async (page) => {
     await page.click("#sound");
     await page.click("#demo");
-    await page.waitForFunction(() => studio.sound.report?.playing && studio.sound.report.peak > 1e-5, null, { timeout: PATIENCE_MS });
+    await page.waitForFunction(() => studio.sound.report?.playing && studio.sound.report.peak > 1e-5, null, {
+        timeout: PATIENCE_MS,
+    });
     await page.evaluate(() => {
         studio.showTab("editor");
         const text = studio.editor.state.doc.toString();
         const at = text.indexOf("SpeedEstimator(");
-        studio.editor.dispatch({ changes: { from: at, to: at + "SpeedEstimator".length, insert: "SpeedEstimatr" }, selection: { anchor: at }, scrollIntoView: true });
+        studio.editor.dispatch({
+            changes: { from: at, to: at + "SpeedEstimator".length, insert: "SpeedEstimatr" },
+            selection: { anchor: at },
+            scrollIntoView: true,
+        });
     });
     await page.waitForSelector("#problems li", { timeout: PATIENCE_MS });
     await page.waitForSelector(".cm-lintRange-error, .cm-lint-marker-error", { timeout: PATIENCE_MS });
     await page.click("#editor-apply");
-    await page.waitForFunction(() => document.getElementById("editor-state").textContent.startsWith("Not applied"), null, { timeout: PATIENCE_MS });
+    await page.waitForFunction(() => document.getElementById("editor-state").textContent.startsWith("Not applied"), null, {
+        timeout: PATIENCE_MS,
+    });
     await picture(page, "error");
     assert.equal(await page.evaluate(() => studio.graph.text.includes("SpeedEstimatr")), false);
     await page.waitForTimeout(700);
@@ -145,7 +201,10 @@ test("a good edit takes over", async (page) => {
     await page.keyboard.press("Control+Enter");
     await page.waitForFunction(() => studio.graph.text.startsWith("// one more remark"), null, { timeout: PATIENCE_MS });
     assert.equal(await page.evaluate(() => studio.graph.saved), false);
-    await page.evaluate((text) => studio.editor.dispatch({ changes: { from: 0, to: studio.editor.state.doc.length, insert: text } }), before);
+    await page.evaluate(
+        (text) => studio.editor.dispatch({ changes: { from: 0, to: studio.editor.state.doc.length, insert: text } }),
+        before,
+    );
     await page.click("#editor-apply");
     await page.waitForFunction((text) => studio.graph.text === text, before, { timeout: PATIENCE_MS });
 });
@@ -153,25 +212,35 @@ test("a good edit takes over", async (page) => {
 test("a swatch puts its surface on the pad", async (page) => {
     await page.evaluate(() => studio.showTab("surfaces"));
     const cards = page.locator("#surfaces .surface");
-    if (await cards.count() < 2 || await cards.first().isDisabled()) return;
+    if ((await cards.count()) < 2 || (await cards.first().isDisabled())) return;
     const before = page.locator("#surfaces .surface[aria-pressed=true]");
     const path = await before.getAttribute("data-path");
     const points = await page.evaluate(() => JSON.stringify(studio.graph.maps[0].points));
     await page.click("#surfaces .surface[aria-pressed=false] >> nth=0");
-    await page.waitForFunction((old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path !== old, path, { timeout: PATIENCE_MS });
+    await page.waitForFunction(
+        (old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path !== old,
+        path,
+        { timeout: PATIENCE_MS },
+    );
     await page.waitForFunction((old) => JSON.stringify(studio.graph.maps[0].points) !== old, points, { timeout: PATIENCE_MS });
     await picture(page, "surfaces");
     await page.click(`#surfaces .surface[data-path=${JSON.stringify(path)}]`);
-    await page.waitForFunction((old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path === old, path, { timeout: PATIENCE_MS });
+    await page.waitForFunction(
+        (old) => document.querySelector("#surfaces .surface[aria-pressed=true]")?.dataset.path === old,
+        path,
+        { timeout: PATIENCE_MS },
+    );
 });
 
 test("STOP is a key and a button, and only Resume ends it", async (page) => {
     await page.evaluate(() => studio.showTab("graph"));
-    if (await page.getAttribute("#demo", "aria-pressed") === "false") await page.click("#demo");
+    if ((await page.getAttribute("#demo", "aria-pressed")) === "false") await page.click("#demo");
     await page.click("h2 >> nth=0");
     for (const stop of [() => page.keyboard.press("Escape"), () => page.keyboard.press("."), () => page.click("#stop")]) {
         await stop();
-        await page.waitForFunction(() => studio.status.state === "stopped" && studio.pad.hands.down.length === 0, null, { timeout: PATIENCE_MS });
+        await page.waitForFunction(() => studio.status.state === "stopped" && studio.pad.hands.down.length === 0, null, {
+            timeout: PATIENCE_MS,
+        });
         await page.waitForTimeout(400);
         assert.equal(await page.evaluate(() => studio.status.state), "stopped");
         assert(await page.evaluate(() => studio.status.actuators.every(({ peak }) => peak === 0)), "a drive is not at zero");

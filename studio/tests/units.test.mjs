@@ -9,14 +9,22 @@ import { placeOf } from "../page/ron.js";
 import { Trace } from "../page/trace.js";
 
 test("pointers stand in the message as the protocol says", () => {
-    const view = new DataView(pointers(3, [
-        { time_ms: 1, x_mm: 2, y_mm: 3, force_n: 4, tilt_x_deg: 5, tilt_y_deg: 6 },
-        { time_ms: 1.5, x_mm: -2.5, y_mm: 0, force_n: 0, tilt_x_deg: 0, tilt_y_deg: -60 },
-    ]));
+    const view = new DataView(
+        pointers(3, [
+            { time_ms: 1, x_mm: 2, y_mm: 3, force_n: 4, tilt_x_deg: 5, tilt_y_deg: 6 },
+            { time_ms: 1.5, x_mm: -2.5, y_mm: 0, force_n: 0, tilt_x_deg: 0, tilt_y_deg: -60 },
+        ]),
+    );
     assert.equal(view.byteLength, 8 + 2 * 28);
     assert.deepEqual([view.getUint8(0), view.getUint8(1), view.getUint16(2, true), view.getUint32(4, true)], [1, 3, 2, 0]);
-    assert.deepEqual([view.getFloat64(8, true), ...[16, 20, 24, 28, 32].map((at) => view.getFloat32(at, true))], [1, 2, 3, 4, 5, 6]);
-    assert.deepEqual([view.getFloat64(36, true), ...[44, 48, 52, 56, 60].map((at) => view.getFloat32(at, true))], [1.5, -2.5, 0, 0, 0, -60]);
+    assert.deepEqual(
+        [view.getFloat64(8, true), ...[16, 20, 24, 28, 32].map((at) => view.getFloat32(at, true))],
+        [1, 2, 3, 4, 5, 6],
+    );
+    assert.deepEqual(
+        [view.getFloat64(36, true), ...[44, 48, 52, 56, 60].map((at) => view.getFloat32(at, true))],
+        [1.5, -2.5, 0, 0, 0, -60],
+    );
 });
 
 // A message of samples as the engine writes it.
@@ -32,7 +40,19 @@ function samples(lanes, thinned, time_s, interval_s, numbers) {
 
 test("samples are read, cut ones and unknown ones are passed over", () => {
     const frame = read(samples(2, true, 1.5, 0.25, [1, 2, 3, 4, 5, 6, 7, 8]));
-    assert.deepEqual({ ...frame, values: [...frame.values] }, { kind: "samples", place: 7, lanes: 2, thinned: true, count: 2, time_s: 1.5, interval_s: 0.25, values: [1, 2, 3, 4, 5, 6, 7, 8] });
+    assert.deepEqual(
+        { ...frame, values: [...frame.values] },
+        {
+            kind: "samples",
+            place: 7,
+            lanes: 2,
+            thinned: true,
+            count: 2,
+            time_s: 1.5,
+            interval_s: 0.25,
+            values: [1, 2, 3, 4, 5, 6, 7, 8],
+        },
+    );
     assert.equal(read(samples(1, false, 0, 1, [1, 2]).slice(0, 28)), null);
     assert.equal(read(new Uint8Array(32).fill(9).buffer), null);
     assert.equal(read(new ArrayBuffer(3)), null);
@@ -45,7 +65,10 @@ test("a trace keeps the latest, fills gaps with nothing, and begins anew when ti
     push(0.003, 4);
     assert.deepEqual([trace.count, trace.latest(), trace.end_s], [4, 4, 0.004]);
     push(0.006, 5);
-    assert.deepEqual([3, 2, 1, 0].map((back) => trace.most[trace.place(back)]), [4, NaN, NaN, 5]);
+    assert.deepEqual(
+        [3, 2, 1, 0].map((back) => trace.most[trace.place(back)]),
+        [4, NaN, NaN, 5],
+    );
     push(0.001, 9);
     assert.deepEqual([trace.count, trace.latest()], [1, 9]);
     for (let i = 0; i < 5000; i++) push(0.002 + i * 0.001, i);
@@ -54,9 +77,14 @@ test("a trace keeps the latest, fills gaps with nothing, and begins anew when ti
 });
 
 test("the density of a sine holds its power, and that of noise its variance", () => {
-    const size = 4096, rate_hz = 10_000;
+    const size = 4096,
+        rate_hz = 10_000;
     const power = (signal) => density(signal, rate_hz).reduce((sum, value) => sum + (value * rate_hz) / size, 0);
-    assert(Math.abs(power(Float64Array.from({ length: size }, (_, i) => 3 * Math.sin((2 * Math.PI * 440 * i) / rate_hz))) / 4.5 - 1) < 0.01);
+    assert(
+        Math.abs(
+            power(Float64Array.from({ length: size }, (_, i) => 3 * Math.sin((2 * Math.PI * 440 * i) / rate_hz))) / 4.5 - 1,
+        ) < 0.01,
+    );
     let seed = 1;
     const random = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
     const noise = Float64Array.from({ length: size }, () => random() + random() + random() - 1.5); // variance 3/12
@@ -66,8 +94,19 @@ test("the density of a sine holds its power, and that of noise its variance", ()
 test("axes have round numbers", () => {
     assert.deepEqual([0.3, 2, 2.1, 7].map(roundUp), [0.5, 2, 5, 10]);
     assert.deepEqual(ticks(-1, 1, 4), [-1, -0.5, 0, 0.5, 1]);
-    assert.deepEqual([[0.5, 0.5], [2, 1], [-0, 0.1], [0.00002, 0.00001]].map(([value, step]) => tickText(value, step)), ["0.5", "2", "0.0", "2e-5"]);
-    assert.deepEqual([quantity(0.0125, "A"), quantity(0.132, "m/s"), quantity(1.5, "N"), digits(0), digits(NaN)], ["12.5 mA", "132 mm/s", "1.50 N", "0", "–"]);
+    assert.deepEqual(
+        [
+            [0.5, 0.5],
+            [2, 1],
+            [-0, 0.1],
+            [0.00002, 0.00001],
+        ].map(([value, step]) => tickText(value, step)),
+        ["0.5", "2", "0.0", "2e-5"],
+    );
+    assert.deepEqual(
+        [quantity(0.0125, "A"), quantity(0.132, "m/s"), quantity(1.5, "N"), digits(0), digits(NaN)],
+        ["12.5 mA", "132 mm/s", "1.50 N", "0", "–"],
+    );
 });
 
 test("a slider is logarithmic where the range is wide, and none where it means nothing", () => {
