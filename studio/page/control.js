@@ -27,16 +27,8 @@ export function controlRow(studio, setting, { compact = false } = {}) {
     const scale = scaleFor(setting);
     const label = `${setting.node} ${setting.field}`;
     const name = make("span", { class: "name", text: setting.field, title: setting.name });
-    const slider = scale
-        ? make("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": label })
-        : make("span", { class: "no-range" });
-    const number = make("input", {
-        type: "number",
-        step: setting.whole ? "1" : "any",
-        "aria-label": `${label}, number`,
-        min: setting.min,
-        max: setting.max,
-    });
+    const slider = sliderOf(scale, label);
+    const number = numberOf(setting, label);
     const show = (value) => {
         if (scale) {
             slider.value = String(STEPS * scale.from(value));
@@ -64,15 +56,17 @@ export function controlRow(studio, setting, { compact = false } = {}) {
     });
     const dispose = studio.on("value", (changed) => changed.name === setting.name && show(changed.value));
     show(studio.values.get(setting.name) ?? setting.value);
+    const unit = make("span", { class: "unit", text: setting.unit ?? "" });
     const doc = compact ? null : make("span", { class: "doc" }, ...prose(setting.doc));
-    const row = make(
-        "div",
-        { class: "control", title: compact ? setting.doc : null },
-        name,
-        slider,
-        number,
-        make("span", { class: "unit", text: setting.unit ?? "" }),
-        doc,
-    );
+    const row = make("div", { class: "control", title: compact ? setting.doc : null }, name, slider, number, unit, doc);
     return { element: row, dispose };
+}
+
+function sliderOf(scale, label) {
+    if (!scale) return make("span", { class: "no-range" });
+    return make("input", { type: "range", min: "0", max: String(STEPS), step: "1", "aria-label": label });
+}
+
+function numberOf({ whole, min, max }, label) {
+    return make("input", { type: "number", step: whole ? "1" : "any", "aria-label": `${label}, number`, min, max });
 }

@@ -67,16 +67,7 @@ function build(studio, shadow, view, drawing, showNode) {
         );
     }
     // A wire is thin: what is clicked is a wide one that is not seen.
-    for (const wire of svg.querySelectorAll("path[data-port]")) {
-        const grab = wire.cloneNode();
-        grab.setAttribute("class", "grab");
-        grab.setAttribute("data-wire", wire.getAttribute("data-port"));
-        grab.removeAttribute("data-port");
-        const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
-        title.textContent = `${wire.getAttribute("data-port")}: click to put it on a scope`;
-        grab.append(title);
-        wire.after(grab);
-    }
+    for (const wire of svg.querySelectorAll("path[data-port]")) wire.after(grabOf(wire));
     shadow.append(svg);
     view.svg = svg;
     view.clicked = (target) => {
@@ -87,6 +78,18 @@ function build(studio, shadow, view, drawing, showNode) {
         else showNode(null);
     };
     place(view);
+}
+
+function grabOf(wire) {
+    const port = wire.getAttribute("data-port");
+    const grab = wire.cloneNode();
+    grab.setAttribute("class", "grab");
+    grab.setAttribute("data-wire", port);
+    grab.removeAttribute("data-port");
+    const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
+    title.textContent = `${port}: click to put it on a scope`;
+    grab.append(title);
+    return grab;
 }
 
 function choose(view, path) {
@@ -168,6 +171,10 @@ function followHand(host, view) {
     host.addEventListener("pointerup", () => down.size === 1 && moved < CLICK_PX && view.clicked?.(target));
     for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
         host.addEventListener(type, (event) => down.delete(event.pointerId));
+    followWheelAndKeys(host, view, local);
+}
+
+function followWheelAndKeys(host, view, local) {
     host.addEventListener(
         "wheel",
         (event) => {

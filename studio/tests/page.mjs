@@ -140,6 +140,31 @@ test("the vibration grows with the stroke and ends with it", async (page) => {
     assert(after < during / 20, `${after} m/s² after, ${during} while stroking`);
 });
 
+test("a click on a wire puts it on a scope, one on a node shows its card", async (page) => {
+    await page.evaluate(() => studio.showTab("graph"));
+    await page.waitForTimeout(300);
+    const [wire, node, port, path] = await page.evaluate(() => {
+        const drawn = document.querySelector("#graph > div").shadowRoot;
+        const grab = drawn.querySelector("[data-wire]");
+        const middle = grab.getPointAtLength(grab.getTotalLength() / 2).matrixTransform(grab.getScreenCTM());
+        const box = drawn.querySelector("[data-node]");
+        const { x, y, width } = box.getBoundingClientRect();
+        return [[middle.x, middle.y], [x + width / 2, y + 10], grab.dataset.wire, box.dataset.node];
+    });
+    const before = await page.evaluate(() => studio.scopeCount());
+    await page.mouse.click(...wire);
+    await page.waitForFunction((count) => studio.scopeCount() === count + 1, before, { timeout: PATIENCE_MS });
+    await page.waitForFunction((name) => studio.taps.traces.some((trace) => trace.name === name && trace.count > 0), port, {
+        timeout: PATIENCE_MS,
+    });
+    await page.mouse.click(...node);
+    await page.waitForFunction((name) => document.querySelector("#node h3")?.textContent === name, path, {
+        timeout: PATIENCE_MS,
+    });
+    await picture(page, "node");
+    await page.click("#node >> text=Close");
+});
+
 test("a setting arrives at another page", async (page) => {
     const setting = await page.evaluate(
         () => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0],
