@@ -32,6 +32,7 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<PathBuf, Strin
     let text = std::fs::read(&written).map_err(failed)?;
     let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
     file.write_all(&text).map_err(failed)?;
+    make_readable(file.as_file()).map_err(failed)?;
     for number in 0..1000 {
         let path = match number {
             0 => folder.join(format!("{stem}.ron")),
@@ -44,6 +45,18 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<PathBuf, Strin
         }
     }
     Err("a thousand surfaces have this name".to_owned())
+}
+
+/// Temporary files are private; surfaces are as readable as other files.
+#[cfg(unix)]
+fn make_readable(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
 }
 
 /// Letters, digits and hyphens of a file's name without its ending.
