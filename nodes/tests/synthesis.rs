@@ -261,7 +261,9 @@ fn the_power_of_a_warped_surface_is_the_stored_one() {
             let variance = Coefficients::from_lanes(&coefficients).variance;
             let mut plain = Voice::new(map.rate_hz, Form::Lattice);
             let off = db(variance * energy(&plain.response(&coefficients, 20_000)) / stored);
-            assert!(off.abs() < 0.1, "{off} dB");
+            // That of a model is its own; between models the mix of their filters makes a little less of the mix of their powers.
+            let most = if spot.weights.contains(&1.0) { 0.001 } else { 0.15 };
+            assert!(off.abs() < most, "{off} dB at {spot:?}");
             // The high-pass takes some of it, and what is interpolated has the power of what it is interpolated from.
             let mut rendered = Voice::of(Some(&surface), map.rate_hz, Form::Lattice);
             let passed = energy(&rendered.response(&coefficients, 20_000));
