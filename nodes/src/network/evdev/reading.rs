@@ -3,7 +3,7 @@
 use super::{Input, unknown_scale};
 use crate::network::link::SENSED;
 use evdev::{AbsInfo, AbsoluteAxisCode, EventSummary, KeyCode, RelativeAxisCode};
-use std::io::{Error, ErrorKind, Result};
+use std::io::{ErrorKind, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
