@@ -23,6 +23,7 @@ pub struct Pace {
     behind_us: AtomicU64,
     late: AtomicU64,
     busy_ns: AtomicU64,
+    faults: AtomicU64,
 }
 
 impl Pace {
@@ -39,6 +40,11 @@ impl Pace {
     /// Wake-ups that were too late.
     pub fn late(&self) -> u64 {
         self.late.load(Relaxed)
+    }
+
+    /// Ticks so far at which an actuator was asked for NaN or infinity.
+    pub fn faults(&self) -> u64 {
+        self.faults.load(Relaxed)
     }
 
     /// Time that the graph took since this was asked last.
@@ -104,6 +110,7 @@ fn run(mut player: Player, rate_hz: f64, pace: &Pace) -> Player {
         done += behind;
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);
         pace.frames.store(player.frames(), Relaxed);
+        pace.faults.store(player.faults().ticks, Relaxed);
         std::thread::sleep(STEP);
     }
     pace.is_over.store(true, Relaxed);

@@ -153,7 +153,7 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
         "silent": quiet,
         "actuators": actuators,
-        "faults": 0,
+        "faults": pace.as_ref().map_or(0, |pace| pace.faults()),
         "cost": busy / passed.as_secs_f64().max(1e-9),
         "pointer": pointer,
     })

@@ -5,7 +5,7 @@ use super::handles::{HostError, HostFrame, Output, host, unknown};
 use crate::frame::Kind;
 use crate::graph::Graph;
 use crate::node::Stream;
-use crate::run::{ChangeError, Changed, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
+use crate::run::{ChangeError, Changed, Faults, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
 use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
@@ -127,6 +127,11 @@ impl Player {
     /// What the run is doing.
     pub fn state(&self) -> LiveState {
         self.live.state()
+    }
+
+    /// What was seen so far of signals that are not numbers.
+    pub fn faults(&self) -> Faults {
+        self.live.faults()
     }
 
     /// Ends the run: completes the files and tells what it did. Lets go of the real-time side.
