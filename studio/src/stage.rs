@@ -10,7 +10,7 @@ use axum::extract::ws::Message;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::host::{PlayOptions, Player};
-use haptograph_engine::run::{Change, Session};
+use haptograph_engine::run::Session;
 use haptograph_signal::quantity::Quantity;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -343,7 +343,7 @@ impl Stage {
         }
         (self.loaded, self.source) = (next, source);
         self.describe_actuators();
-        Ok(said(changed.change))
+        Ok(changed.change.to_string())
     }
 
     /// Why a graph needs a new run.
@@ -374,16 +374,5 @@ fn list(names: &[String]) -> String {
         "none".to_owned()
     } else {
         names.join(", ")
-    }
-}
-
-fn said(change: Change) -> String {
-    match change {
-        Change::Settings(0) => "nothing changed".to_owned(),
-        Change::Settings(1) => "a setting changed".to_owned(),
-        Change::Settings(count) => format!("{count} settings changed"),
-        Change::CrossFade => "the graph changed, cross-faded".to_owned(),
-        Change::AtOnce => "the graph changed".to_owned(),
-        Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
     }
 }

@@ -80,6 +80,19 @@ pub enum Change {
     AtOnce,
 }
 
+impl std::fmt::Display for Change {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Settings(0) => f.write_str("nothing changed"),
+            Self::Settings(1) => f.write_str("a setting changed"),
+            Self::Settings(count) => write!(f, "{count} settings changed"),
+            Self::CrossFade => f.write_str("the graph changed, cross-faded"),
+            Self::AtOnce => f.write_str("the graph changed"),
+            Self::AtZero(reason) => write!(f, "the graph changed, through zero as {reason}"),
+        }
+    }
+}
+
 impl Change {
     /// What became of two drivers of a graph, as one.
     pub(super) fn and(self, other: Self) -> Self {

@@ -103,7 +103,7 @@ impl Attended {
         }
         let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
         self.saved
-            .push(json!({ "at_s": at_s, "what": what(change), "graph": place.to_string_lossy() }));
+            .push(json!({ "at_s": at_s, "what": change.to_string(), "graph": place.to_string_lossy() }));
     }
 
     /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
@@ -167,7 +167,7 @@ impl Attended {
 }
 
 fn told(changed: &Changed, took: Duration) -> String {
-    let mut text = what(changed.change);
+    let mut text = changed.change.to_string();
     for (paths, what) in [
         (&changed.begun, "begins"),
         (&changed.ended, "is complete"),
@@ -179,15 +179,4 @@ fn told(changed: &Changed, took: Duration) -> String {
         }
     }
     text + &format!(" ({:.0} ms)\n", took.as_secs_f64() * 1e3)
-}
-
-fn what(change: Change) -> String {
-    match change {
-        Change::Settings(0) => "nothing changed".to_owned(),
-        Change::Settings(1) => "a setting changed".to_owned(),
-        Change::Settings(count) => format!("{count} settings changed"),
-        Change::CrossFade => "the graph changed, cross-faded".to_owned(),
-        Change::AtOnce => "the graph changed".to_owned(),
-        Change::AtZero(reason) => format!("the graph changed, through zero as {reason}"),
-    }
 }
