@@ -255,15 +255,17 @@ fn the_power_of_a_warped_surface_is_the_stored_one() {
         let mut locator = Interpolator::new(&texture);
         for (speed, force) in POINTS {
             let spot = locator.locate(speed * map.most_m_s, force * map.most_n);
-            let power_of = |vertex: u32| texture.models()[vertex as usize].model.power();
-            let stored: f64 = (0..3).map(|i| spot.weights[i] * power_of(spot.vertices[i])).sum();
+            // Between models the amplitude is interpolated.
+            let amplitude_of = |vertex: u32| texture.models()[vertex as usize].model.power().sqrt();
+            let mixed: f64 = (0..3)
+                .map(|i| spot.weights[i] * amplitude_of(spot.vertices[i]))
+                .sum();
+            let stored = mixed * mixed;
             let coefficients = map.at(speed, force);
             let variance = Coefficients::from_lanes(&coefficients).variance;
             let mut plain = Voice::new(map.rate_hz, Form::Lattice);
             let off = db(variance * energy(&plain.response(&coefficients, 20_000)) / stored);
-            // That of a model is its own; between models the mix of their filters makes a little less of the mix of their powers.
-            let most = if spot.weights.contains(&1.0) { 0.001 } else { 0.15 };
-            assert!(off.abs() < most, "{off} dB at {spot:?}");
+            assert!(off.abs() < 0.001, "{off} dB at {spot:?}");
             // The high-pass takes some of it, and what is interpolated has the power of what it is interpolated from.
             let mut rendered = Voice::of(Some(&surface), map.rate_hz, Form::Lattice);
             let passed = energy(&rendered.response(&coefficients, 20_000));
