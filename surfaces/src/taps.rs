@@ -34,6 +34,12 @@ impl Tap {
     }
 }
 
+/// Exponent of the impact speed by which the amplitude of real taps grows: the mean over 1,197 taps of HaTT's 100 materials, whose
+/// standard deviation is 0.22.
+const GROWTH: f64 = 0.70;
+/// Taps grow up to this many times the fastest recorded speed.
+const GROWTH_REACH: f64 = 3.0;
+
 /// Samples of silence that are tried to make a resampler's delay a whole number of outputs.
 const MOST_LEAD: usize = 10_000;
 
@@ -169,8 +175,8 @@ impl Taps {
     }
 
     /// The mix for a tap at `speed_m_s`: linear in speed between the bounding taps; below the slowest, the slowest
-    /// scaled by the ratio of speeds; above the fastest, the fastest as it is (thesis 4.3.2). A speed of zero or
-    /// less (or not a number) is silent.
+    /// scaled by the ratio of speeds (thesis 4.3.2); above the fastest, the fastest scaled by that ratio to the power of 0.70, as real
+    /// taps grow, up to three times its speed. A speed of zero or less (or not a number) is silent.
     pub fn mix(&self, speed_m_s: f64) -> TapMix {
         let last = self.taps.len() - 1;
         let slowest = self.taps[0].speed_m_s;
@@ -192,10 +198,11 @@ impl Taps {
         }
         let upper = self.taps.partition_point(|tap| tap.speed_m_s <= speed_m_s);
         if upper > last {
+            let ratio = speed_m_s / self.taps[last].speed_m_s;
             return TapMix {
                 lower: last,
                 upper: last,
-                lower_gain: 1.0,
+                lower_gain: ratio.min(GROWTH_REACH).powf(GROWTH),
                 upper_gain: 0.0,
             };
         }
@@ -286,12 +293,19 @@ mod tests {
     }
 
     #[test]
-    fn slow_taps_scale_down_and_fast_taps_saturate() {
+    fn slow_taps_scale_down_and_fast_taps_grow_within_bounds() {
         let taps = two_taps();
         assert!((taps.sample(&taps.mix(0.05), 0) - 5.0).abs() < 1e-12);
         assert_eq!(taps.sample(&taps.mix(0.1), 0), 10.0);
         assert_eq!(taps.sample(&taps.mix(0.3), 0), 50.0);
-        assert_eq!(taps.sample(&taps.mix(9.0), 0), 50.0);
+        let just_above = taps.sample(&taps.mix(0.3 + 1e-12), 0);
+        assert!((just_above - 50.0).abs() < 1e-9, "no step: {just_above}");
+        let twice = taps.sample(&taps.mix(0.6), 0) / 50.0;
+        assert!((twice - 2_f64.powf(0.7)).abs() < 1e-12);
+        let most = taps.sample(&taps.mix(0.9), 0);
+        assert!((most / 50.0 - 3_f64.powf(0.7)).abs() < 1e-12);
+        assert_eq!(taps.sample(&taps.mix(9.0), 0), most);
+        assert_eq!(taps.sample(&taps.mix(f64::INFINITY), 0), most);
         assert_eq!(taps.sample(&taps.mix(0.0), 0), 0.0);
         assert_eq!(taps.sample(&taps.mix(-1.0), 0), 0.0);
         assert_eq!(taps.sample(&taps.mix(f64::NAN), 0), 0.0);

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn speed_scales_below_mixes_between_and_holds_above() {
+    fn speed_scales_below_mixes_between_and_grows_above() {
         assert!((first(0.025) - 0.05 * 5.0).abs() < 1e-12, "v / v_min");
         assert!((first(0.05) - 0.05 * 10.0).abs() < 1e-12);
         assert!(
@@ -74,7 +74,9 @@ mod tests {
             "half of each neighbour"
         );
         assert!((first(0.2) - 0.05 * 50.0).abs() < 1e-12);
-        assert!((first(3.0) - 0.05 * 50.0).abs() < 1e-12);
+        assert!((first(0.4) - 0.05 * 50.0 * 2_f64.powf(0.7)).abs() < 1e-12);
+        let most = 0.05 * 50.0 * 3_f64.powf(0.7);
+        assert!((first(3.0) - most).abs() < 1e-12, "up to three times the fastest");
     }
 
     #[test]

@@ -62,6 +62,48 @@ fn friction_that_is_a_coefficient_is_told_and_one_that_is_not_is_seen() {
     assert!(found[0] < found[1], "large forces count in a line: {found:?}");
 }
 
+/// Taps of one shape, their amplitude a power of the speed.
+fn growing(power: f64, speeds_m_s: &[f64]) -> Vec<Tap> {
+    let tap = |&speed_m_s: &f64| Tap {
+        speed_m_s,
+        acceleration_m_s2: (0..50)
+            .map(|k| speed_m_s.powf(power) * (0.8 * f64::from(k)).sin() * (-0.1 * f64::from(k)).exp())
+            .collect(),
+        peak_force_n: None,
+    };
+    speeds_m_s.iter().map(tap).collect()
+}
+
+#[test]
+fn taps_that_grow_as_a_method_says_are_told_and_others_are_off_by_what_they_grow() {
+    let train = |power: f64| Taps::new(1000.0, growing(power, &[0.1, 0.2])).expect("taps");
+    let db = |ratio: f64| 20.0 * ratio.log10().abs();
+    // In proportion to speed: rendered exactly between and below, and as the nearest scaled.
+    for speed in [0.15, 0.05] {
+        let (shape, level) = tap_errors(&train(1.0), &growing(1.0, &[speed]));
+        for errors in [shape, level] {
+            assert!(errors[0] < 1e-9 && errors[1] < 1e-9, "{speed}: {errors:?}");
+        }
+    }
+    // As speed^0.7: rendered exactly above, where the nearest scaled by speed is too loud.
+    let (shape, level) = tap_errors(&train(0.7), &growing(0.7, &[0.4]));
+    let excess = 2_f64.powf(0.3);
+    assert!(shape[0] < 1e-9 && level[0] < 1e-9, "{shape:?} {level:?}");
+    assert!((shape[1] - 100.0 * (excess - 1.0)).abs() < 1e-9, "{shape:?}");
+    assert!((level[1] - db(excess)).abs() < 1e-9, "{level:?}");
+    // The mean of both recorded ones is the same at any speed.
+    let mean = f64::midpoint(0.25_f64.powf(0.7), 0.5_f64.powf(0.7));
+    assert!((shape[2] - 100.0 * (1.0 - mean)).abs() < 1e-9, "{shape:?}");
+    assert!((level[2] - db(mean)).abs() < 1e-9, "{level:?}");
+    // Of several tested taps the mean error counts.
+    let (_, both) = tap_errors(&train(0.7), &growing(0.7, &[0.4, 0.8]));
+    let (_, further) = tap_errors(&train(0.7), &growing(0.7, &[0.8]));
+    assert!(
+        (both[0] - 0.5 * further[0]).abs() < 1e-9 && further[0] > 0.1,
+        "{both:?}"
+    );
+}
+
 #[test]
 fn a_spring_is_told_whole_and_a_stiffening_contact_is_seen_beyond_what_was_learned() {
     let press = |power: f64| {
