@@ -74,7 +74,12 @@ pub fn squared_response(ar: &[f64], warping: f64, frequency_rad: f64) -> f64 {
 /// only says where the poles lie. Each lag is the cosine integral over the steps, so that positive cells always give a
 /// positive definite sequence.
 pub fn cell_autocovariance(cells: &[f64], max_lag: usize) -> Vec<f64> {
-    let width = PI / cells.len().max(1) as f64;
+    let count = cells.len().max(1);
+    let width = PI / count as f64;
+    // Every cosine that is needed is one of half a cell's width times a whole number.
+    let cosines: Vec<f64> = (0..4 * count)
+        .map(|halves| (0.5 * width * halves as f64).cos())
+        .collect();
     (0..=max_lag)
         .map(|lag| {
             let half = 0.5 * lag as f64 * width;
@@ -82,9 +87,9 @@ pub fn cell_autocovariance(cells: &[f64], max_lag: usize) -> Vec<f64> {
             let smear = if lag == 0 { 1.0 } else { half.sin() / half };
             let middles = cells.iter().enumerate();
             let sum: f64 = middles
-                .map(|(cell, density)| density * (lag as f64 * (cell as f64 + 0.5) * width).cos())
+                .map(|(cell, density)| density * cosines[lag * (2 * cell + 1) % (4 * count)])
                 .sum();
-            sum * smear / cells.len().max(1) as f64
+            sum * smear / count as f64
         })
         .collect()
 }

@@ -96,12 +96,17 @@ impl CellSpectrum {
         let length = samples.len();
         let transform = fft::forward(length);
         let mut density = vec![0.0; self.highpass.len()];
-        for taper in &self.tapers {
-            let tapered = samples.iter().zip(taper).map(|(x, w)| Complex64::new(x * w, 0.0));
-            let mut spectrum: Vec<Complex64> = tapered.collect();
+        for pair in self.tapers.chunks(2) {
+            // Two real signals in one transform: the sum of their powers is the mean of those at a bin and at its mirror.
+            let second = |n: usize| pair.get(1).map_or(0.0, |taper| taper[n]);
+            let tapered = samples.iter().zip(&pair[0]).enumerate();
+            let mut spectrum: Vec<Complex64> = tapered
+                .map(|(n, (x, w))| Complex64::new(x * w, x * second(n)))
+                .collect();
             transform.process(&mut spectrum);
-            for (density, bin) in density.iter_mut().zip(&spectrum) {
-                *density += bin.norm_sqr();
+            for (bin, density) in density.iter_mut().enumerate() {
+                let mirror = spectrum[(length - bin) % length];
+                *density += 0.5 * (spectrum[bin].norm_sqr() + mirror.norm_sqr());
             }
         }
         let scale = 2.0 / (self.rate_hz * self.tapers.len() as f64);
