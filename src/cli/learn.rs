@@ -1,18 +1,17 @@
 //! `haptograph learn`: a surface from recordings (thesis chapters 2 and 4).
 
+mod summary;
+
 use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
-use super::table::{facts, significant};
 use super::{Failure, recording, remark, say, segment, spare, surface};
 use crate::engine::registry::Registry;
-use crate::surfaces::Surface;
-use crate::surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
 use crate::surfaces::learning::law::LawSettings;
 use crate::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
 use crate::surfaces::learning::segmentation::SegmentationSettings;
-use crate::surfaces::learning::texture::{CoefficientFit, Fate, TextureSettings};
-use crate::surfaces::learning::{LearnError, LearnSettings, LearningReport, TextureMethod, learn};
+use crate::surfaces::learning::texture::{CoefficientFit, TextureSettings};
+use crate::surfaces::learning::{LearnError, LearnSettings, TextureMethod, learn};
 use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -215,12 +214,12 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             .with_setting(format!("recording {} file", index + 1), file);
     }
     let output = surface::save(&learned, &output)?;
-    warn_of_shortness(&learned, &report);
+    summary::warn_of_shortness(&learned, &report);
     for missing in &report.missing {
         let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
         remark(&format!("warning: {said}\n"));
     }
-    let mut text = describe(&learned, &report, &output);
+    let mut text = summary::describe(&learned, &report, &output);
     if let Some(page) = page {
         let page = page.write(&crate::report::learning::page(&learned, &report))?;
         text += &format!("look at {}\n", page.display());
@@ -295,131 +294,4 @@ fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording])
         }
     }
     Ok(())
-}
-
-/// How much of the plane of force and speed was visited, and what to record next.
-fn verdict(coverage: &Coverage) -> String {
-    let missing = coverage.missing();
-    let mut text = format!(
-        "{} of 9 areas of speed and force, {} s used",
-        9 - missing.len(),
-        significant(coverage.used_s, 3)
-    );
-    let area = |&(speed, force): &(usize, usize)| {
-        let (slow, fast) = SPEED_BANDS_M_S[speed];
-        let (light, firm) = FORCE_BANDS_N[force];
-        format!(
-            "{:.0} to {:.0} mm/s at {light} to {firm} N",
-            slow * 1000.0,
-            fast * 1000.0
-        )
-    };
-    if !missing.is_empty() {
-        let some: Vec<_> = missing.iter().take(3).map(area).collect();
-        text += &format!("; record next: {}", some.join(", "));
-        let more = missing.len().saturating_sub(3);
-        text += &if more > 0 {
-            format!(", and {more} more")
-        } else {
-            String::new()
-        };
-    }
-    text
-}
-
-/// Too little to trust is learned from, and said.
-fn warn_of_shortness(surface: &Surface, report: &LearningReport) {
-    let (Some(texture), Some(report)) = (&surface.texture, &report.texture) else {
-        return;
-    };
-    let coverage = Coverage::of(&report.segments, texture.rate_hz());
-    if coverage.is_short() {
-        remark(&format!(
-            "warning: the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s\n",
-            significant(coverage.used_s, 3),
-            coverage.segments
-        ));
-    }
-}
-
-fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
-    let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
-    if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
-        let count = |fate: fn(&Fate) -> bool| {
-            report
-                .segments
-                .iter()
-                .filter(|segment| fate(&segment.fate))
-                .count()
-        };
-        let kept = count(|fate| *fate == Fate::Kept);
-        let outliers = count(|fate| matches!(fate, Fate::Outlier { .. }));
-        let (order, all) = (report.order, report.segments.len());
-        // A law's models are not the windows'.
-        let what = if texture.warping() != 0.0 {
-            format!("a law of order {order} from {kept} of {all} windows")
-        } else {
-            format!("{kept} models of order {order} from {all} segments ({outliers} outliers)")
-        };
-        found.push((
-            "texture",
-            format!(
-                "{what}, to {} mm/s and {} N",
-                significant(texture.max_speed_m_s() * 1000.0, 3),
-                significant(texture.max_force_n(), 3)
-            ),
-        ));
-        found.push((
-            "coverage",
-            verdict(&Coverage::of(&report.segments, texture.rate_hz())),
-        ));
-    }
-    let fit = |r_squared: Option<f64>| {
-        r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
-    };
-    if let Some(friction) = surface.friction {
-        found.push((
-            "friction",
-            format!(
-                "mu {}{}",
-                significant(friction.mu(), 3),
-                fit(friction.r_squared())
-            ),
-        ));
-    }
-    if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
-        let used = report.contacts.iter().filter(|contact| contact.used).count();
-        let response = taps.response().map_or_else(String::new, |line| {
-            format!(
-                ", response {} N per m/s{}",
-                significant(line.slope, 3),
-                fit(Some(line.r_squared))
-            )
-        });
-        found.push((
-            "taps",
-            format!(
-                "{} of {} contacts, {used} used{response}",
-                taps.taps().len(),
-                report.contacts.len()
-            ),
-        ));
-    }
-    if let Some(stiffness) = surface.stiffness {
-        found.push((
-            "stiffness",
-            format!(
-                "{} N/mm{}",
-                significant(stiffness.n_per_mm(), 3),
-                fit(stiffness.r_squared())
-            ),
-        ));
-    }
-    found.extend(
-        report
-            .missing
-            .iter()
-            .map(|missing| (missing.part, "none".to_owned())),
-    );
-    format!("wrote {}\n{}", output.display(), facts(&found))
 }

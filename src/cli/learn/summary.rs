@@ -1,0 +1,129 @@
+//! What `learn` says of what it learned.
+
+use super::super::remark;
+use super::super::table::{facts, significant};
+use crate::surfaces::learning::LearningReport;
+use crate::surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
+use crate::surfaces::learning::taps::TapReport;
+use crate::surfaces::learning::texture::{Fate, TextureReport};
+use crate::surfaces::{Surface, Taps, TextureModel};
+use std::path::Path;
+
+/// How much of the plane of force and speed was visited, and what to record next.
+fn verdict(coverage: &Coverage) -> String {
+    let missing = coverage.missing();
+    let mut text = format!(
+        "{} of 9 areas of speed and force, {} s used",
+        9 - missing.len(),
+        significant(coverage.used_s, 3)
+    );
+    let area = |&(speed, force): &(usize, usize)| {
+        let (slow, fast) = SPEED_BANDS_M_S[speed];
+        let (light, firm) = FORCE_BANDS_N[force];
+        format!(
+            "{:.0} to {:.0} mm/s at {light} to {firm} N",
+            slow * 1000.0,
+            fast * 1000.0
+        )
+    };
+    if !missing.is_empty() {
+        let some: Vec<_> = missing.iter().take(3).map(area).collect();
+        text += &format!("; record next: {}", some.join(", "));
+        let more = missing.len().saturating_sub(3);
+        text += &if more > 0 {
+            format!(", and {more} more")
+        } else {
+            String::new()
+        };
+    }
+    text
+}
+
+/// Too little to trust is learned from, and said.
+pub fn warn_of_shortness(surface: &Surface, report: &LearningReport) {
+    let (Some(texture), Some(report)) = (&surface.texture, &report.texture) else {
+        return;
+    };
+    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    if coverage.is_short() {
+        remark(&format!(
+            "warning: the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s\n",
+            significant(coverage.used_s, 3),
+            coverage.segments
+        ));
+    }
+}
+
+/// What was written where, and of what it was learned.
+pub fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
+    let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
+    if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
+        found.push(("texture", describe_texture(texture, report)));
+        let coverage = Coverage::of(&report.segments, texture.rate_hz());
+        found.push(("coverage", verdict(&coverage)));
+    }
+    if let Some(friction) = surface.friction {
+        let mu = significant(friction.mu(), 3);
+        found.push(("friction", format!("mu {mu}{}", fit(friction.r_squared()))));
+    }
+    if let (Some(taps), Some(report)) = (&surface.taps, &report.taps) {
+        found.push(("taps", describe_taps(taps, report)));
+    }
+    if let Some(stiffness) = surface.stiffness {
+        let n_per_mm = significant(stiffness.n_per_mm(), 3);
+        found.push((
+            "stiffness",
+            format!("{n_per_mm} N/mm{}", fit(stiffness.r_squared())),
+        ));
+    }
+    let missing = report.missing.iter();
+    found.extend(missing.map(|missing| (missing.part, "none".to_owned())));
+    format!("wrote {}\n{}", output.display(), facts(&found))
+}
+
+fn fit(r_squared: Option<f64>) -> String {
+    r_squared.map_or_else(String::new, |r| format!(" (R² {})", significant(r, 3)))
+}
+
+fn describe_taps(taps: &Taps, report: &TapReport) -> String {
+    let used = report.contacts.iter().filter(|contact| contact.used).count();
+    let response = taps.response().map_or_else(String::new, |line| {
+        let slope = significant(line.slope, 3);
+        format!(", response {slope} N per m/s{}", fit(Some(line.r_squared)))
+    });
+    let (taps, contacts) = (taps.taps().len(), report.contacts.len());
+    format!("{taps} of {contacts} contacts, {used} used{response}")
+}
+
+/// From what a texture was learned, and as far as that went.
+fn describe_texture(texture: &TextureModel, report: &TextureReport) -> String {
+    let count = |fate: fn(&Fate) -> bool| {
+        let segments = report.segments.iter();
+        segments.filter(|segment| fate(&segment.fate)).count()
+    };
+    let kept = count(|fate| *fate == Fate::Kept);
+    let outliers = count(|fate| matches!(fate, Fate::Outlier { .. }));
+    let (order, all) = (report.order, report.segments.len());
+    let most = |speed_m_s: f64, force_n: f64| {
+        let (speed_mm_s, force_n) = (significant(speed_m_s * 1000.0, 3), significant(force_n, 3));
+        format!("{speed_mm_s} mm/s and {force_n} N")
+    };
+    let known = most(texture.max_speed_m_s(), texture.max_force_n());
+    if texture.warping() == 0.0 {
+        return format!(
+            "{kept} models of order {order} from {all} segments ({outliers} outliers), to {known}"
+        );
+    }
+    // A law's models are not the windows', and go on beyond them.
+    let recorded = report
+        .segments
+        .iter()
+        .filter(|segment| segment.fate == Fate::Kept)
+        .fold((0.0_f64, 0.0_f64), |(speed, force), segment| {
+            (speed.max(segment.speed_m_s), force.max(segment.force_n))
+        });
+    let recorded = most(recorded.0, recorded.1);
+    format!(
+        "a law of order {order} from {kept} of {all} windows, recorded to {recorded}; it goes on to {known}"
+    )
+}
