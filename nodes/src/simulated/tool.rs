@@ -10,7 +10,7 @@ use super::orientation::{conjugate, rotate, tilted};
 use super::script::{Intent, Script, ScriptError, ScriptSettings};
 use super::terrain::Terrain;
 use super::wobble::Wobble;
-use crate::vector::{Vec3, ZERO, add, add_scaled, norm, scale, sub};
+use crate::vector::{Vec3, ZERO, add, add_scaled, dot, norm, scale, sub};
 use haptograph_signal::noise::stream_seed;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -22,6 +22,8 @@ pub const TOOL_RATE_HZ: f64 = 10_000.0;
 const GRAVITY_M_S2: f64 = 9.81;
 /// Mass of the tool as the tip feels it, kg: a tool of about 40 g that turns about the fingers.
 const TOOL_KG: f64 = 0.015;
+/// Stiffness across a tool over that along it: pads that hold it over 15 mm have a lever of 43 mm against them.
+const ACROSS: f64 = (15.0 / 43.0) * (15.0 / 43.0);
 /// Way on which friction builds up, m.
 const PRESLIDING_M: f64 = 3e-5;
 
@@ -30,10 +32,14 @@ const PRESLIDING_M: f64 = 3e-5;
 pub struct ToolGrip {
     /// The hand behind the fingers.
     pub hand: Grip,
-    /// Stiffness of the finger pads, N/m.
+    /// Stiffness of the finger pads along the tool, N/m.
     pub pads_n_per_m: f64,
-    /// Damping of the finger pads, N s/m.
+    /// Damping of the finger pads along the tool, N s/m.
     pub pads_n_s_per_m: f64,
+    /// Stiffness that holds the tip across the tool, as a part of that along it: the tool turns about the fingers.
+    pub stiffness_across: f64,
+    /// The same of damping.
+    pub damping_across: f64,
     /// Mean tilt of the tool from the surface's normal, rad.
     pub tilt_rad: f64,
     /// Direction of the tilt, rad.
@@ -53,6 +59,8 @@ impl ToolGrip {
         },
         pads_n_per_m: 20_000.0,
         pads_n_s_per_m: 40.0,
+        stiffness_across: 1.0,
+        damping_across: 1.0,
         tilt_rad: 0.0,
         heading_rad: 0.0,
         sway_rad: [0.0; 2],
@@ -68,10 +76,21 @@ impl ToolGrip {
             },
             pads_n_per_m: 2500.0 * rng.random_range(0.7..1.4),
             pads_n_s_per_m: 6.0 * rng.random_range(0.7..1.4),
+            stiffness_across: ACROSS,
+            // The same damping ratio: skin loses by the cycle and not by the speed.
+            damping_across: ACROSS.sqrt(),
             tilt_rad: rng.random_range(0.2..0.6),
             heading_rad: rng.random_range(-PI..PI),
             sway_rad: [0.04, 0.1],
         }
+    }
+
+    /// How hard the hand pushes for a force of 1 on the surface: pressing, it gives way against its own stiffness by as much as the
+    /// pads do, and allows for that. `upright` is the cosine of the tool's tilt.
+    fn effort(&self, upright: f64) -> f64 {
+        let lengthwise = upright * upright;
+        let gives_m_per_n = (lengthwise + (1.0 - lengthwise) / self.stiffness_across) / self.pads_n_per_m;
+        1.0 + self.hand.stiffness_n_per_m * gives_m_per_n
     }
 }
 
@@ -190,43 +209,37 @@ impl SimulatedTool {
         let aim_m_s = scale(sub(next.position_m, last.position_m), TOOL_RATE_HZ);
         let before_m_s = self.tip.velocity_m_s;
         let step_s = 1.0 / (TOOL_RATE_HZ * f64::from(self.substeps));
-        // Pressing, the hand gives way against its own stiffness by as much as the pads do: it allows for that.
-        let effort = 1.0 + self.grip.hand.stiffness_n_per_m / self.grip.pads_n_per_m;
+        let along = rotate(self.reading.orientation, [0.0, 0.0, 1.0]);
+        let effort = self.grip.effort(dot(along, next.normal));
         let mut sum_n = ZERO;
         for substep in 0..self.substeps {
             let share = (f64::from(substep) + 0.5) / f64::from(self.substeps);
             let aim_m = add_scaled(last.position_m, sub(next.position_m, last.position_m), share);
             let force_n = last.force_n + share * (next.force_n - last.force_n);
             let press_n = scale(next.normal, -effort * force_n);
-            sum_n = add(sum_n, self.step(aim_m, aim_m_s, press_n, step_s));
+            sum_n = add(sum_n, self.step(aim_m, aim_m_s, press_n, along, step_s));
         }
         let acceleration = scale(sub(self.tip.velocity_m_s, before_m_s), TOOL_RATE_HZ);
         self.sense(acceleration, scale(sum_n, 1.0 / f64::from(self.substeps)));
     }
 
-    /// One step of the mechanics (symplectic Euler); the force of the surface on the tip, N.
-    fn step(&mut self, aim_m: Vec3, aim_m_s: Vec3, press_n: Vec3, step_s: f64) -> Vec3 {
+    /// One step of the mechanics (symplectic Euler) of a tool that points `along`; the force of the surface on the tip, N.
+    fn step(&mut self, aim_m: Vec3, aim_m_s: Vec3, press_n: Vec3, along: Vec3, step_s: f64) -> Vec3 {
         let (hand, tip, grip) = (self.hand, self.tip, &self.grip);
-        let spring = |k: f64, b: f64, from: Body, to_m: Vec3, to_m_s: Vec3| {
-            add_scaled(
-                scale(sub(to_m, from.position_m), k),
-                sub(to_m_s, from.velocity_m_s),
-                b,
-            )
-        };
-        let arm_n = spring(
-            grip.hand.stiffness_n_per_m,
+        let arm_n = add_scaled(
+            scale(sub(aim_m, hand.position_m), grip.hand.stiffness_n_per_m),
+            sub(aim_m_s, hand.velocity_m_s),
             grip.hand.damping_n_s_per_m,
-            hand,
-            aim_m,
-            aim_m_s,
         );
-        let pads_n = spring(
-            grip.pads_n_per_m,
+        let stretch_m = sub(hand.position_m, tip.position_m);
+        let stretch_m_s = sub(hand.velocity_m_s, tip.velocity_m_s);
+        let pads_n = add_scaled(
+            scale(
+                less_across(stretch_m, along, grip.stiffness_across),
+                grip.pads_n_per_m,
+            ),
+            less_across(stretch_m_s, along, grip.damping_across),
             grip.pads_n_s_per_m,
-            tip,
-            hand.position_m,
-            hand.velocity_m_s,
         );
         let surface_n = self.surface(step_s);
         let on_hand_n = add(sub(arm_n, pads_n), press_n);
@@ -286,6 +299,11 @@ impl SimulatedTool {
             force_n,
         };
     }
+}
+
+/// A vector of which only a part is left across a direction.
+fn less_across(v: Vec3, along: Vec3, part: f64) -> Vec3 {
+    add_scaled(scale(v, part), along, (1.0 - part) * dot(v, along))
 }
 
 fn push(body: &mut Body, force_n: Vec3, mass_kg: f64, step_s: f64) {
