@@ -31,7 +31,7 @@ impl NodeKind for Excitation {
         doc: "White Gaussian noise to excite a synthesis filter with, of the variance that comes with the coefficients \
               (exactly zero where that is zero). Without coefficients, of variance 1. Where the surface crackles, the \
               level fluctuates about that variance by the depth and time constant that its file says.",
-        source: "2.4.2; crackle: docs/learning.md",
+        source: "2.4.2; crackle: docs/texture-models.md",
         inputs: &[input(
             "coefficients",
             Kind::Coefficients,

@@ -13,7 +13,7 @@ use haptograph_signal::warped::cell_autocovariance;
 use nalgebra::{Vector2, Vector3};
 
 /// Exponents of speed and force of the power of real textures: one regression over the 1,425 measured models of 100
-/// public textures, each texture with a level of its own; see docs/learning.md.
+/// public textures, each texture with a level of its own; see docs/texture-models.md.
 pub(crate) const POWER_SLOPES: [f64; 2] = [1.95, 0.44];
 /// What is known of the exponents of speed and force of the power before anything is recorded.
 #[derive(Debug, Clone, Copy, PartialEq)]
