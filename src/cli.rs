@@ -280,7 +280,7 @@ impl GraphArguments {
 
     /// Refuses to write over a file that the graph is read from.
     pub(crate) fn spare_inputs(&self, graph: &Graph, output: &Path) -> Result<(), Failure> {
-        let read = graph.nodes().node_weights().flat_map(|node| &node.files);
+        let read = graph.nodes().iter().flat_map(|node| &node.files);
         spare(read.chain([&self.graph]), output)
     }
 

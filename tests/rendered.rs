@@ -60,10 +60,7 @@ fn an_evaluation_plays_what_a_graph_renders() {
         let graph =
             check(&document, &registry, &CheckOptions::default()).unwrap_or_else(|wrong| panic!("{wrong}"));
         let find = |name: &str| {
-            let node = graph
-                .nodes()
-                .node_indices()
-                .find(|node| graph.nodes()[*node].path == name);
+            let node = graph.nodes().find(name);
             (node.expect("the node is there"), 0)
         };
         let taps = ["speed", "force", "filter"].map(find).to_vec();

@@ -13,6 +13,7 @@ pub mod graph;
 pub mod histogram;
 pub mod host;
 mod io;
+mod joining;
 pub mod limiter;
 pub mod node;
 pub mod plan;

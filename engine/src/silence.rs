@@ -1,7 +1,6 @@
 //! Live inputs: whether a device that this program does not own is still heard, and what its silence does to actuators.
 
 use crate::graph::Graph;
-use crate::plan::{sink_device, source_device};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
@@ -93,7 +92,7 @@ impl Graph {
     fn reach_of(&self, device: usize) -> Reach {
         let reads = |wanted: usize| {
             let nodes = self.nodes.node_indices();
-            nodes.filter(move |node| source_device(&self.nodes[*node].work) == Some(wanted))
+            nodes.filter(move |node| self.nodes[*node].work.source_device() == Some(wanted))
         };
         let mut nodes = vec![false; self.nodes.node_count()];
         let mut open: Vec<_> = reads(device).collect();
@@ -102,13 +101,13 @@ impl Graph {
                 continue;
             }
             open.extend(self.nodes.neighbors(node));
-            if let Some(driven) = sink_device(&self.nodes[node].work) {
+            if let Some(driven) = self.nodes[node].work.sink_device() {
                 open.extend(reads(driven));
             }
         }
         // What drives the device itself depends on it, whatever the graph does with what it senses.
         for node in self.nodes.node_indices() {
-            nodes[node.index()] |= sink_device(&self.nodes[node].work) == Some(device);
+            nodes[node.index()] |= self.nodes[node].work.sink_device() == Some(device);
         }
         Reach { device, nodes }
     }

@@ -94,7 +94,7 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
     let graph = load(Path::new("tests/right/texturepad.ron")).unwrap_or_else(|d| panic!("{d}"));
     let nodes = graph.nodes();
     let lines: Vec<String> = nodes
-        .node_weights()
+        .iter()
         .map(|node| {
             let clock = node
                 .clock
@@ -126,8 +126,8 @@ fn a_template_becomes_nodes_with_paths_and_everything_inferred() {
         ]
     );
     let bridges: Vec<Bridge> = nodes
-        .edge_weights()
-        .map(|edge| edge.bridge)
+        .connections()
+        .map(|wire| wire.edge.bridge)
         .filter(|b| *b != Bridge::Direct)
         .collect();
     assert_eq!(bridges, [Bridge::Hold, Bridge::Resample]);
@@ -166,7 +166,7 @@ fn a_graph_can_be_built_in_code() {
     let graph =
         check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
     assert_eq!(graph.about(), "A tone \"and\" its echo.\nTwo lines.");
-    assert_eq!(graph.nodes().node_count(), 5);
+    assert_eq!(graph.nodes().len(), 5);
     assert!(graph.warnings().is_empty());
 }
 
@@ -248,7 +248,7 @@ fn a_thousand_nodes_are_read_and_checked() {
         "1000 nodes: read in {read:?}, read and checked in {:?}",
         started.elapsed()
     );
-    assert_eq!(graph.nodes().node_count(), 1001);
+    assert_eq!(graph.nodes().len(), 1001);
     assert!(graph.warnings().is_empty());
 }
 
@@ -257,7 +257,7 @@ fn goes_the_whole_way(text: &str, nodes: usize) {
     let document = Document::parse("large.ron", text).unwrap_or_else(|d| panic!("{d}"));
     let graph =
         check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
-    assert_eq!(graph.nodes().node_count(), nodes);
+    assert_eq!(graph.nodes().len(), nodes);
     assert_eq!(graph.latencies().len(), 1);
     let plans = Plan::all(&graph, &PlanOptions::default());
     for plan in plans {

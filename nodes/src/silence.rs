@@ -35,7 +35,7 @@ impl Rig {
         let graph = check(&document, &crate::registry(), &CheckOptions::default())
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let nodes = graph.nodes();
-        let out = nodes.node_indices().find(|node| nodes[*node].path == "out");
+        let out = nodes.find("out");
         let mut outlets = Outlets::new(&graph);
         outlets.probe(Probe {
             node: out.unwrap(),

@@ -212,8 +212,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
         let (sink, _, source, _, _, rate_hz) = declared;
         let graphs = [("evil", 3), ("worse", 3), ("evil", 4)].map(|(name, seed)| graph(declared, name, seed));
         let plans = graphs.each_ref().map(|graph| {
-            let mut nodes = graph.nodes().node_indices();
-            let out = nodes.find(|node| graph.nodes()[*node].path == "out");
+            let out = graph.nodes().find("out");
             let taps = vec![(out.unwrap(), 0)];
             Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
         });
@@ -310,14 +309,7 @@ fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
             said
         );
         // What is delivered is what the card plays.
-        let nodes = graph.nodes();
-        let taps = vec![(
-            nodes
-                .node_indices()
-                .find(|node| nodes[*node].path == "out")
-                .unwrap(),
-            0,
-        )];
+        let taps = vec![(graph.nodes().find("out").unwrap(), 0)];
         let mut run = Run::new(Arc::new(Plan::new(&graph, &PlanOptions { block: 64, taps })));
         run.advance(64);
         assert!((run.tap(0)[63] - peak).abs() < 1e-12);
@@ -342,9 +334,7 @@ fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {
         format!(r#""{name}": ActuatorSink(current: "push", endpoint: "{endpoint}", {limit}),"#)
     };
     let plan = |graph: &Graph, heard: &str| {
-        let mut nodes = graph.nodes().node_indices();
-        let heard = nodes.find(|node| graph.nodes()[*node].path == heard);
-        let taps = vec![(heard.unwrap(), 0)];
+        let taps = vec![(graph.nodes().find(heard).unwrap(), 0)];
         Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
     };
     let old = graph(&sink("out", "left"));
@@ -376,10 +366,7 @@ fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     let graph = Document::parse("slow.ron", text)
         .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
-    let out = graph
-        .nodes()
-        .node_indices()
-        .find(|node| graph.nodes()[*node].path == "out");
+    let out = graph.nodes().find("out");
     for phase in 0..10 {
         let taps = vec![(out.unwrap(), 0)];
         let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 1, taps }));

@@ -7,11 +7,10 @@ mod realtime;
 
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
-use haptograph_engine::graph::{CheckOptions, Graph, check};
+use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{AtZero, Change, Fleet, LiveOptions, Outlets, Run, Session, live};
 use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
-use petgraph::graph::NodeIndex;
 use realtime::allocations;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -55,9 +54,9 @@ fn another_graph(path: &Path) -> Graph {
 }
 
 /// All outputs.
-fn outputs(graph: &Graph) -> Vec<(NodeIndex, usize)> {
-    let outputs = |node: NodeIndex| (0..graph.nodes()[node].outputs.len()).map(move |output| (node, output));
-    graph.nodes().node_indices().flat_map(outputs).collect()
+fn outputs(graph: &Graph) -> Vec<(NodeId, usize)> {
+    let outputs = |node: NodeId| (0..graph.nodes()[node].outputs.len()).map(move |output| (node, output));
+    graph.nodes().ids().flat_map(outputs).collect()
 }
 
 /// Of every driver, with every output tapped.

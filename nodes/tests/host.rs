@@ -6,7 +6,7 @@ mod realtime;
 
 use haptograph_engine::document::{Builder, Document, LoadOptions, Part, hold};
 use haptograph_engine::frame::Kind;
-use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeIndex, check};
+use haptograph_engine::graph::{CheckOptions, Graph, Hosted, NodeId, check};
 use haptograph_engine::host::{Full, HostError, PlayOptions, Player, Scalar, Vector, Wrench};
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::run::{ControlError, Run};
@@ -20,13 +20,10 @@ fn shipped(name: &str, options: &CheckOptions) -> Graph {
     check(&document, &haptograph_nodes::registry(), options).unwrap_or_else(|wrong| panic!("{wrong}"))
 }
 
-fn tap(graph: &Graph, name: &str) -> (NodeIndex, usize) {
+fn tap(graph: &Graph, name: &str) -> (NodeId, usize) {
     let (path, port) = name.rsplit_once('.').expect("a node and its output");
     let nodes = graph.nodes();
-    let node = nodes
-        .node_indices()
-        .find(|index| nodes[*index].path == path)
-        .expect(path);
+    let node = nodes.find(path).expect(path);
     let output = nodes[node].outputs.iter().position(|output| output.name == port);
     (node, output.expect(port))
 }

@@ -77,7 +77,7 @@ fn a_node_is_another_one_once_its_file_has_changed() {
         let graph = texturepad(&[("surface", surface.to_str().unwrap())]);
         graph
             .nodes()
-            .node_weights()
+            .iter()
             .map(|node| node.fingerprint)
             .collect::<Vec<_>>()
     };

@@ -11,7 +11,6 @@ use haptograph_engine::graph::Graph;
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_signal::quantity::Quantity;
-use petgraph::visit::EdgeRef;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A plot that a graph asks for.
@@ -40,31 +39,28 @@ pub enum Form {
 pub fn asked(graph: &Graph) -> Vec<Asked> {
     let nodes = graph.nodes();
     let plots = nodes
-        .node_indices()
+        .ids()
         .filter(|index| nodes[*index].entry.spec.group == GROUP);
     plots
-        .map(|index| {
-            let mut edges: Vec<_> = nodes.edges_directed(index, petgraph::Incoming).collect();
-            edges.sort_by_key(|edge| edge.weight().input);
-            Asked {
-                title: sentence_case(&nodes[index].path),
-                form: match nodes[index].entry.spec.name {
-                    "XyPlot" => Form::Against,
-                    "PathPlot" => Form::Path,
-                    _ => Form::OverTime,
-                },
-                signals: edges
-                    .iter()
-                    .filter_map(|edge| {
-                        let mut watch = watch(graph, edge.source(), edge.weight().output)?;
-                        let source = &nodes[edge.source()];
-                        if source.outputs.len() == 1 {
-                            watch.stream.name.clone_from(&source.path);
-                        }
-                        Some(watch)
-                    })
-                    .collect(),
-            }
+        .map(|index| Asked {
+            title: sentence_case(&nodes[index].path),
+            form: match nodes[index].entry.spec.name {
+                "XyPlot" => Form::Against,
+                "PathPlot" => Form::Path,
+                _ => Form::OverTime,
+            },
+            signals: nodes
+                .incoming(index)
+                .into_iter()
+                .filter_map(|read| {
+                    let mut watch = watch(graph, read.from, read.edge.output)?;
+                    let source = &nodes[read.from];
+                    if source.outputs.len() == 1 {
+                        watch.stream.name.clone_from(&source.path);
+                    }
+                    Some(watch)
+                })
+                .collect(),
         })
         .collect()
 }
@@ -461,6 +457,7 @@ fn square(marks: &[Mark]) -> ((f64, f64), (f64, f64)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use haptograph_engine::graph::NodeId;
     use haptograph_signal::time::Rate;
 
     fn trace(name: &str, kind: Kind, hz: u64, form: Form, frames: &[f64]) -> (Watch, Trace) {
@@ -473,7 +470,7 @@ mod tests {
         };
         let (mut tracer, trace) = tracer(&stream, form);
         tracer.write(0, frames).unwrap();
-        let (node, output) = (petgraph::graph::NodeIndex::new(0), 0);
+        let (node, output) = (NodeId::default(), 0);
         (Watch { node, output, stream }, trace)
     }
 

@@ -3,21 +3,19 @@
 
 use super::thinning::{Decimated, Envelope};
 use haptograph_engine::frame::{Contact, Event, Kind, Weights};
-use haptograph_engine::graph::Graph;
+use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::spectrum::Spectrogram;
 use haptograph_signal::window::Window;
-use petgraph::graph::NodeIndex;
-use petgraph::visit::EdgeRef;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An output to be recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Watch {
     /// The node.
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// Index among its outputs.
     pub output: usize,
     /// What it carries.
@@ -31,13 +29,13 @@ const MOST_WATCHED: usize = 24;
 /// what is rendered from: the place on a texture's map with the force and speed it was found for.
 pub fn watched(graph: &Graph) -> Vec<Watch> {
     let nodes = graph.nodes();
-    let mut wanted: Vec<(NodeIndex, usize)> = Vec::new();
-    let mut want = |port: (NodeIndex, usize)| {
+    let mut wanted: Vec<(NodeId, usize)> = Vec::new();
+    let mut want = |port: (NodeId, usize)| {
         if !wanted.contains(&port) {
             wanted.push(port);
         }
     };
-    for index in nodes.node_indices() {
+    for index in nodes.ids() {
         let node = &nodes[index];
         if node.device().is_some() {
             (0..node.outputs.len()).for_each(|output| want((index, output)));
@@ -54,8 +52,8 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
         }
         let kept = node.entry.is_file() && node.entry.spec.group != PLOTS;
         if on_map || kept || node.entry.is_actuator() {
-            for edge in nodes.edges_directed(index, petgraph::Incoming) {
-                want((edge.source(), edge.weight().output));
+            for read in nodes.incoming(index) {
+                want((read.from, read.edge.output));
             }
         }
     }
@@ -67,8 +65,8 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
 }
 
 /// An output of a graph as something to be recorded; `None` where there is none, or no clock.
-pub fn watch(graph: &Graph, node: NodeIndex, output: usize) -> Option<Watch> {
-    let source = graph.nodes().node_weight(node)?;
+pub fn watch(graph: &Graph, node: NodeId, output: usize) -> Option<Watch> {
+    let source = graph.nodes().get(node)?;
     let port = source.outputs.get(output)?;
     let stream = Stream {
         name: format!("{}.{}", source.path, port.name),

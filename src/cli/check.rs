@@ -34,7 +34,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     spare_own_files(&graph, false).map_err(message)?;
     let colour = std::io::stdout().is_terminal();
-    let (nodes, wires) = (graph.nodes().node_count(), graph.nodes().edge_count());
+    let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
     let clocks: Vec<String> = graph
         .clocks()
         .iter()

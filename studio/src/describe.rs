@@ -5,13 +5,11 @@ use super::scope::{self, Port};
 use super::stage::Stage;
 use super::wire::VERSION;
 use haptograph_engine::frame::Kind;
-use haptograph_engine::graph::Graph;
+use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use haptograph_report::{drawing, swatch};
 use haptograph_surfaces::files;
-use petgraph::Direction::Incoming;
-use petgraph::visit::EdgeRef;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -140,7 +138,7 @@ fn settings(stage: &Stage) -> Vec<Value> {
     };
     let graph = &stage.loaded.graph;
     let live = session.settings().map(|live| {
-        let node = graph.nodes().node_weights().find(|node| node.path == live.path);
+        let node = graph.nodes().iter().find(|node| node.path == live.path);
         let specs = node.map(|node| node.entry.settings()).unwrap_or_default();
         let doc = specs.iter().find(|spec| spec.name == live.field).map(|spec| spec.doc.clone());
         json!({
@@ -168,20 +166,21 @@ fn parameters(stage: &Stage) -> Vec<Value> {
 fn maps(graph: &Graph) -> Vec<Value> {
     let nodes = graph.nodes();
     let locators = nodes
-        .node_indices()
+        .ids()
         .filter(|index| nodes[*index].entry.spec.name == LOCATOR);
-    let map = |index: petgraph::graph::NodeIndex| {
+    let map = |index: NodeId| {
         let node = &nodes[index];
         let from = |input: &str| {
             let place = node.inputs.iter().position(|known| known.name == input)?;
-            let edge = nodes
-                .edges_directed(index, Incoming)
-                .find(|edge| edge.weight().input == place)?;
-            let source = &nodes[edge.source()];
+            let read = nodes
+                .incoming(index)
+                .into_iter()
+                .find(|read| read.edge.input == place)?;
+            let source = &nodes[read.from];
             Some(format!(
                 "{}.{}",
                 source.path,
-                source.outputs.get(edge.weight().output)?.name
+                source.outputs.get(read.edge.output)?.name
             ))
         };
         let path = node.files.first()?;

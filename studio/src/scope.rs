@@ -25,7 +25,7 @@ pub struct Port {
 
 /// The ports of a graph that can be shown: numbers, vectors and wrenches.
 pub fn ports(graph: &Graph) -> Vec<Port> {
-    let nodes = graph.nodes().node_weights();
+    let nodes = graph.nodes().iter();
     let all = nodes.flat_map(|node| node.outputs.iter().filter_map(|output| port(graph, node, output)));
     all.collect()
 }

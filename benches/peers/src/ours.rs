@@ -66,8 +66,7 @@ pub fn load(text: &str) -> Graph {
 /// Lays out the graph, its last node tapped.
 pub fn plan(graph: &Graph, work: &Work) -> Plan {
     let last = format!("n{}", work.nodes.len() - 1);
-    let nodes = graph.nodes();
-    let last = nodes.node_indices().find(|index| nodes[*index].path == last);
+    let last = graph.nodes().find(&last);
     let taps = last.map(|index| (index, 0)).into_iter().collect();
     Plan::new(
         graph,

@@ -4,7 +4,7 @@ use crate::border::{Outcome, State, Status};
 use crate::channels;
 use crate::failure::Failure;
 use crate::table::{self, Entry, held};
-use haptograph_engine::graph::{Graph, NodeIndex};
+use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::host::{AnyOutput, PlayOptions, Player};
 use haptograph_engine::run::{LiveState, Session};
 use std::path::PathBuf;
@@ -38,7 +38,7 @@ pub struct PlayerEntry {
 /// A live setting of a player.
 pub struct Setting {
     player: u64,
-    node: NodeIndex,
+    node: NodeId,
     setting: usize,
 }
 

@@ -174,8 +174,7 @@ impl Graph {
     fn outputs(&self) -> Vec<(String, &'static str, String, String, f64)> {
         let nodes = self.graph.nodes();
         let mut all = Vec::new();
-        for index in nodes.node_indices() {
-            let node = &nodes[index];
+        for node in nodes.iter() {
             let rate = node
                 .clock
                 .map_or(0.0, |clock| self.graph.clocks()[clock].rate.hz());

@@ -5,8 +5,8 @@ use super::clocks::Clocks;
 use super::draft::{Context, Draft, DraftNode, Wire};
 use super::wires::name_of;
 use crate::diagnostic::{Diagnostic, Span};
+use crate::joining::least_ring_latency_s;
 use crate::node::Flow;
-use crate::run::least_ring_latency_s;
 use std::cmp::Ordering;
 
 /// Of a wrench half a hundred megabytes.

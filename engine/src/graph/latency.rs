@@ -1,9 +1,9 @@
 //! How late what a source senses reaches a sink, from the graph alone.
 
-use super::{Bridge, Edge, Graph, Work};
+use super::{Bridge, Edge, Graph, NodeId, Work};
 use crate::device::DeviceLatency;
+use crate::joining::resampler;
 use crate::node::Latency;
-use crate::run::resampler;
 use petgraph::graph::{EdgeReference, NodeIndex};
 use petgraph::visit::{DfsPostOrder, EdgeFiltered, EdgeRef};
 
@@ -15,7 +15,7 @@ pub struct PathLatency {
     /// Path of the sink.
     pub sink: String,
     /// Both nodes.
-    pub ends: [NodeIndex; 2],
+    pub ends: [NodeId; 2],
     /// Whole samples held back: bridges that wait, delays, look-ahead, buffers of devices.
     pub transport_s: f64,
     /// The part of it that the graph itself holds back, between what was read and what is written.
@@ -35,7 +35,7 @@ impl Graph {
             found.extend(reached.map(|(sink, latency)| PathLatency {
                 source: self.nodes[source].path.clone(),
                 sink: self.nodes[sink].path.clone(),
-                ends: [source, sink],
+                ends: [NodeId(source), NodeId(sink)],
                 transport_s: sensing_s + latency.transport_s + self.buffers_of(sink).driving_s,
                 held_s: latency.transport_s,
                 group_delay_s: latency.group_delay_s,

@@ -1,6 +1,6 @@
 //! A graph that has been proved sound: every name resolved, every port matched, every clock known.
 //!
-//! Only [`check`] makes one, so the stages after it have no errors to look for. petgraph lives here and in `plan`.
+//! Only [`check`] makes one, so the stages after it have no errors to look for. petgraph is known here and in `plan`, and to nobody else.
 
 mod bridges;
 mod build;
@@ -13,6 +13,7 @@ mod expand;
 pub(crate) mod fingerprint;
 mod latency;
 mod memory;
+mod nodes;
 mod types;
 mod unused;
 mod values;
@@ -20,7 +21,7 @@ mod wires;
 
 pub use check::{CheckOptions, Hosted, check};
 pub use latency::PathLatency;
-pub use petgraph::graph::NodeIndex;
+pub use nodes::{Connection, NodeId, Nodes};
 
 use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
@@ -158,6 +159,24 @@ pub(crate) enum Work {
     File(Box<dyn FileSink>),
 }
 
+impl Work {
+    /// The device that a source reads.
+    pub fn source_device(&self) -> Option<usize> {
+        match self {
+            Work::Source { device, .. } => Some(*device),
+            _ => None,
+        }
+    }
+
+    /// The device that a sink drives.
+    pub fn sink_device(&self) -> Option<usize> {
+        match self {
+            Work::Actuator { device, .. } => Some(*device),
+            _ => None,
+        }
+    }
+}
+
 /// A device that at least one node is bound to.
 pub struct GraphDevice {
     /// Name of the endpoint.
@@ -219,7 +238,7 @@ pub enum Bridge {
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveSetting {
     /// The node.
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// The node's path.
     pub path: String,
     /// The setting's place among the node's settings, and its name.
@@ -255,11 +274,11 @@ impl Graph {
     }
 
     /// The files that its sinks write in the folder of a run, by the sinks' nodes.
-    pub fn written_files(&self) -> impl Iterator<Item = (NodeIndex, &Path)> {
+    pub fn written_files(&self) -> impl Iterator<Item = (NodeId, &Path)> {
         self.nodes
             .node_indices()
             .filter_map(|index| match &self.nodes[index].work {
-                Work::File(sink) => Some((index, sink.file_name())),
+                Work::File(sink) => Some((NodeId(index), sink.file_name())),
                 _ => None,
             })
     }
@@ -314,7 +333,7 @@ impl Graph {
             found.extend(node.live.iter().filter_map(|(setting, value)| {
                 let spec = specs.get(*setting)?;
                 Some(LiveSetting {
-                    node: index,
+                    node: NodeId(index),
                     path: node.path.clone(),
                     setting: *setting,
                     field: spec.name,
@@ -352,7 +371,7 @@ impl Graph {
         let used = |driver: &usize| {
             self.nodes
                 .node_indices()
-                .any(|node| self.driver_of(node) == Some(*driver))
+                .any(|node| self.driver_of(NodeId(node)) == Some(*driver))
         };
         let mut drivers: Vec<usize> = (0..self.clocks.len())
             .filter(|clock| self.clocks[*clock].driver == *clock && used(clock))
@@ -363,27 +382,23 @@ impl Graph {
         drivers
     }
     /// The driver that a node hangs from, as an index of the clocks; none for a file sink.
-    pub fn driver_of(&self, node: NodeIndex) -> Option<usize> {
-        let clock = self.nodes.node_weight(node)?.clock?;
+    pub fn driver_of(&self, node: NodeId) -> Option<usize> {
+        let clock = self.nodes.node_weight(node.0)?.clock?;
         self.clocks.get(clock).map(|clock| clock.driver)
     }
     /// Does a way lead along the connections from one node to another?
-    pub fn reaches(&self, from: NodeIndex, to: NodeIndex) -> bool {
-        petgraph::algo::has_path_connecting(&self.nodes, from, to, None)
+    pub fn reaches(&self, from: NodeId, to: NodeId) -> bool {
+        petgraph::algo::has_path_connecting(&self.nodes, from.0, to.0, None)
     }
     /// Of every node, by its index: does a way lead along the connections from it to this one?
-    pub(crate) fn leading_to(&self, to: NodeIndex) -> Vec<bool> {
+    pub(crate) fn leading_to(&self, to: NodeId) -> Vec<bool> {
         let backwards = petgraph::visit::Reversed(&self.nodes);
         let mut found = vec![false; self.nodes.node_count()];
-        let mut search = petgraph::visit::Dfs::new(backwards, to);
+        let mut search = petgraph::visit::Dfs::new(backwards, to.0);
         while let Some(node) = search.next(backwards) {
             found[node.index()] = true;
         }
         found
-    }
-    /// Its nodes and connections.
-    pub fn nodes(&self) -> &DiGraph<Node, Edge> {
-        &self.nodes
     }
     /// The devices its nodes are bound to.
     pub fn devices(&self) -> &[GraphDevice] {
@@ -409,10 +424,7 @@ impl GraphDevice {
 impl Node {
     /// The device that a source reads or an actuator sink drives, as an index into [`Graph::devices`].
     pub fn device(&self) -> Option<usize> {
-        match &self.work {
-            Work::Source { device, .. } | Work::Actuator { device, .. } => Some(*device),
-            Work::Process(_) | Work::File(_) => None,
-        }
+        self.work.source_device().or_else(|| self.work.sink_device())
     }
 }
 

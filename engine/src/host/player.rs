@@ -3,10 +3,9 @@
 use super::any::AnyOutput;
 use super::handles::{HostError, HostFrame, Output, host, unknown};
 use crate::frame::Kind;
-use crate::graph::Graph;
+use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
 use crate::run::{ChangeError, Changed, Faults, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
-use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -203,10 +202,10 @@ impl Session {
         let ports = probes
             .iter()
             .filter_map(|name| Some((name, graph.find_output(name).ok()?)));
-        let ports: Vec<(&String, (NodeIndex, usize))> = ports.collect();
-        let wanted: Vec<(NodeIndex, usize)> = ports.iter().map(|(_, port)| *port).collect();
+        let ports: Vec<(&String, (NodeId, usize))> = ports.collect();
+        let wanted: Vec<(NodeId, usize)> = ports.iter().map(|(_, port)| *port).collect();
         let (changed, begun) = self.change_with(graph, folder, Some(&wanted))?;
-        let name = |(port, stream): ((NodeIndex, usize), Stream)| {
+        let name = |(port, stream): ((NodeId, usize), Stream)| {
             let (name, _) = ports.iter().find(|(_, known)| *known == port)?;
             Some(((*name).clone(), stream))
         };
@@ -245,12 +244,8 @@ impl Graph {
     ///
     /// # Errors
     /// [`HostError::Unknown`] says what there is.
-    pub fn find_output(&self, name: &str) -> Result<(NodeIndex, usize), HostError> {
-        let nodes = || {
-            self.nodes()
-                .node_indices()
-                .map(|index| (index, &self.nodes()[index]))
-        };
+    pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
+        let nodes = || self.nodes().ids().zip(self.nodes().iter());
         let mut found = nodes().flat_map(|(index, node)| {
             let outputs = node.outputs.iter().enumerate();
             outputs.map(move |(output, port)| (index, output, node, port))

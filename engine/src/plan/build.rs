@@ -2,13 +2,13 @@
 
 mod rings;
 
-use super::order::{Group, delay_frames, order, sink_device, source_device};
+use super::order::{Group, delay_frames, order};
 use super::slots::{Demand, assign};
 use super::{
     ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
     PlanOptions, Step, StepWork, Tap,
 };
-use crate::graph::{Bridge, Edge, Graph, Work};
+use crate::graph::{Bridge, Edge, Graph, NodeId, Work};
 use crate::io::{Binding, Form, LINE, Placing};
 use crate::node::Stream;
 use crate::silence::Reach;
@@ -59,7 +59,7 @@ pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan
     let mut builder = Builder::new(graph, driver, options);
     for (number, group) in order(graph).iter().enumerate() {
         // Neither a delay nor a device joins two drivers, so a group has one.
-        if graph.driver_of(group.members[0]) == Some(driver) {
+        if graph.driver_of(NodeId(group.members[0])) == Some(driver) {
             builder.ring_reads(group);
             builder.group(group, number);
             builder.ring_writes(group);
@@ -77,7 +77,7 @@ impl<'a> Builder<'a> {
         };
         let mut sinks_left = vec![0; graph.devices.len()];
         for node in graph.nodes.node_weights() {
-            if let Some(device) = sink_device(&node.work) {
+            if let Some(device) = node.work.sink_device() {
                 sinks_left[device] += 1;
             }
         }
@@ -275,8 +275,10 @@ impl<'a> Builder<'a> {
             Work::Source { device, .. } => StepWork::DeviceRead(*device as u32),
             Work::File(_) => return,
         };
-        let first_source =
-            source_device(&node.work).is_none_or(|device| self.plan.devices[device].reads.is_empty());
+        let first_source = node
+            .work
+            .source_device()
+            .is_none_or(|device| self.plan.devices[device].reads.is_empty());
         let step = match first_source {
             true => self.step(work, clock, index, path),
             // All sources of a device are filled by the step of the first one.
@@ -291,7 +293,9 @@ impl<'a> Builder<'a> {
     }
 
     fn source_step(&self, work: &Work) -> usize {
-        let wanted = source_device(work).map(|device| StepWork::DeviceRead(device as u32));
+        let wanted = work
+            .source_device()
+            .map(|device| StepWork::DeviceRead(device as u32));
         self.plan
             .steps
             .iter()
@@ -435,7 +439,7 @@ impl<'a> Builder<'a> {
             out: NO_SLOT,
             inputs: inputs..inputs,
             outputs: outputs..outputs,
-            node,
+            node: NodeId(node),
             label: label.into(),
         });
         self.plan.steps.len() - 1
@@ -523,13 +527,13 @@ impl<'a> Builder<'a> {
         format!("{}.{}", node.path, node.outputs[output].name)
     }
 
-    fn finish(mut self, taps: &[(NodeIndex, usize)]) -> Plan {
+    fn finish(mut self, taps: &[(NodeId, usize)]) -> Plan {
         let last = self.plan.steps.len();
         let mut tapped: Vec<(Port, Stream)> = Vec::new();
         for (place, (node, output)) in taps.iter().enumerate() {
             // Ports of nodes of other drivers were never made.
             if let Some(port) = self.ports.get(node.index()).and_then(|ports| ports.get(*output)) {
-                tapped.push((*port, self.stream(*node, *output, *port)));
+                tapped.push((*port, self.stream(node.0, *output, *port)));
                 self.plan.tap_places.push(place);
             }
         }

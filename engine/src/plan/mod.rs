@@ -11,13 +11,12 @@ mod show;
 mod slots;
 
 use crate::device::Device;
-use crate::graph::{Graph, LiveSetting};
+use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::io::{Binding, Placing};
 use crate::node::{Limit, Processor, Stream};
 use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
-pub(crate) use order::{sink_device, source_device};
-use petgraph::graph::{EdgeIndex, NodeIndex};
+use petgraph::graph::EdgeIndex;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -31,7 +30,7 @@ pub struct PlanOptions {
     /// Driver frames of a block, cut to 1 ..= [`MAX_BLOCK`]; 0 stands for 64.
     pub block: usize,
     /// Outputs whose frames are wanted after every block.
-    pub taps: Vec<(NodeIndex, usize)>,
+    pub taps: Vec<(NodeId, usize)>,
 }
 
 /// A graph laid out to run, or of a graph with several drivers what hangs from one of them.
@@ -80,7 +79,7 @@ pub(crate) struct Step {
     pub inputs: Range<u32>,
     pub outputs: Range<u32>,
     /// The node it belongs to.
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// For people: `speed`, `hold stylus.force`.
     pub label: Arc<str>,
 }

@@ -68,32 +68,14 @@ fn with_device_links(graph: &Graph) -> DiGraph<NodeIndex, ()> {
                 .node_indices()
                 .filter(move |node| wanted(&graph.nodes[*node].work) == Some(device))
         };
-        for source in bound(source_device) {
-            for sink in bound(sink_device) {
+        for source in bound(Work::source_device) {
+            for sink in bound(Work::sink_device) {
                 links.add_edge(sink, source, ());
                 links.add_edge(source, sink, ());
             }
         }
     }
     links
-}
-
-/// The device that a source reads.
-pub(crate) fn source_device(work: &Work) -> Option<usize> {
-    if let Work::Source { device, .. } = work {
-        Some(*device)
-    } else {
-        None
-    }
-}
-
-/// The device that a sink drives.
-pub(crate) fn sink_device(work: &Work) -> Option<usize> {
-    if let Work::Actuator { device, .. } = work {
-        Some(*device)
-    } else {
-        None
-    }
 }
 
 /// The members in the order in which they run; `inside` tells members from other nodes.
@@ -134,11 +116,11 @@ fn island(
     let read = |device: &usize| {
         members
             .iter()
-            .any(|node| source_device(&graph.nodes[*node].work) == Some(*device))
+            .any(|node| graph.nodes[*node].work.source_device() == Some(*device))
     };
     for device in members
         .iter()
-        .filter_map(|node| sink_device(&graph.nodes[*node].work))
+        .filter_map(|node| graph.nodes[*node].work.sink_device())
         .filter(read)
     {
         pacing.push(graph.base.period(graph.devices[device].clock));
@@ -148,8 +130,8 @@ fn island(
             .zip(&numbers)
             .flat_map(|source| members.iter().zip(&numbers).map(move |sink| (source, sink)))
         {
-            let reads = source_device(&graph.nodes[*source.0].work) == Some(device);
-            if reads && sink_device(&graph.nodes[*sink.0].work) == Some(device) {
+            let reads = graph.nodes[*source.0].work.source_device() == Some(device);
+            if reads && graph.nodes[*sink.0].work.sink_device() == Some(device) {
                 local.add_edge(*source.1, *sink.1, ());
             }
         }

@@ -2,8 +2,9 @@
 //! found by whole-number arithmetic, so that it does not matter how time is cut into blocks.
 
 use super::window::Window;
+use crate::joining::resampler;
 use crate::plan::{BridgeKind, BridgePlan, DelayPlan};
-use haptograph_signal::resample::{Quality, ResampleError, Resampler};
+use haptograph_signal::resample::Resampler;
 use haptograph_signal::time::Rate;
 
 /// The state of one crossing.
@@ -41,11 +42,6 @@ impl Ends {
     fn writer_at(&self, j: usize) -> u64 {
         (self.to.first + j as u64) * self.to_period / self.from_period
     }
-}
-
-/// The resampling of one lane; also tells beforehand whether two rates can be joined.
-pub fn resampler(from: Rate, to: Rate) -> Result<Resampler, ResampleError> {
-    Resampler::new(from, to, Quality::LOW_LATENCY)
 }
 
 impl BridgeState {

@@ -4,9 +4,8 @@ use super::glide::{GLIDE_S, Glide};
 use super::meter::{Meters, Wake};
 use super::rings::TapRings;
 use super::swap::{AtZero, Next, Transfer};
-use crate::graph::LiveSetting;
+use crate::graph::{LiveSetting, NodeId};
 use crate::plan::Plan;
-use petgraph::graph::NodeIndex;
 use rtrb::{Consumer, Producer};
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -137,7 +136,7 @@ impl Control {
     ///
     /// # Errors
     /// [`ControlError`] if it is no live setting, cannot have that value, or the real-time side does not read.
-    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) -> Result<(), ControlError> {
+    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
         let place = self
             .settings
             .iter()

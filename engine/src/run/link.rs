@@ -12,9 +12,9 @@ mod meter;
 
 pub use meter::{RingCounts, RingMeter};
 
+use crate::joining::steered;
 use crate::plan::RingSpec;
-use haptograph_signal::resample::{MAX_CORRECTION_PPM, Quality, ResampleError, SteeredResampler};
-use haptograph_signal::time::Rate;
+use haptograph_signal::resample::{MAX_CORRECTION_PPM, SteeredResampler};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 
@@ -29,19 +29,6 @@ const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
 /// Lanes of a wrench, the widest frame that can be resampled.
 const LANES: usize = 6;
-
-/// The resampling of one lane; also tells beforehand whether two rates can be joined.
-pub(crate) fn steered(from: Rate, to: Rate) -> Result<SteeredResampler, ResampleError> {
-    SteeredResampler::new(from, to, Quality::LOW_LATENCY)
-}
-
-/// The least latency that a ring can have, in seconds: what the resampler needs, and two periods of the slower clock.
-///
-/// # Errors
-/// [`ResampleError`] where the rates cannot be joined.
-pub fn least_ring_latency_s(from: Rate, to: Rate) -> Result<f64, ResampleError> {
-    Ok(steered(from, to)?.latency_s() + 2.0 * from.period_s().max(to.period_s()))
-}
 
 /// What a ring's latency leaves beyond the resampler's, s.
 pub(super) fn reserve_s(plan: &RingSpec) -> f64 {

@@ -27,15 +27,15 @@ mod walk;
 mod window;
 
 pub use crate::histogram::{AgeMeter, Histogram, SharedHistogram};
+pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
-pub use bridge::resampler;
 pub use control::{Change, Control, ControlError};
 pub use fault::Faults;
 pub use fleet::Fleet;
 pub use glide::GLIDE_S;
-pub use link::{DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, least_ring_latency_s, link};
+pub use link::{DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, link};
 pub use live::{FADE_S, Live, LiveState, live};
 pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
@@ -47,6 +47,7 @@ pub use swap::AtZero;
 pub use timer::{Timer, TimerNotes, TimerThread};
 
 use crate::device::Device;
+use crate::graph::NodeId;
 use crate::io::Memory;
 use crate::node::Processor;
 use crate::plan::{Plan, StepWork};
@@ -54,7 +55,6 @@ use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
 use device::DeviceState;
 use drive::Drive;
-use petgraph::graph::NodeIndex;
 use profile::{Unwatched, Watch};
 use program::{Program, SingleStep};
 use std::ops::Range;
@@ -88,7 +88,7 @@ struct State {
     links: Links,
     faults: Faults,
     /// The sink that was given no number first.
-    struck: Option<NodeIndex>,
+    struck: Option<NodeId>,
     /// Which nodes may be blamed for that, by their indices; any, if it is empty.
     suspects: Vec<bool>,
     drive: Drive,
@@ -213,7 +213,7 @@ impl Run {
     }
 
     /// Sets a live setting of a node, by the setting's place in the node's list.
-    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) {
+    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) {
         for step in self.plan.steps.iter().filter(|step| step.node == node) {
             self.state.set(step.work, setting, value);
         }
@@ -318,7 +318,7 @@ impl Run {
     }
 
     /// The actuator sink that was given no number first.
-    fn struck(&self) -> Option<NodeIndex> {
+    fn struck(&self) -> Option<NodeId> {
         self.state.struck
     }
 

@@ -1,15 +1,13 @@
 //! What leaves a run besides what drives its devices: outputs that are tapped, and the writers that take their frames.
 
-use crate::graph::{Graph, Work};
+use crate::graph::{Graph, NodeId, Work};
 use crate::node::{FrameWriter, Stream};
-use petgraph::graph::NodeIndex;
-use petgraph::visit::EdgeRef;
 use std::path::{Path, PathBuf};
 
 /// An output whose frames are wanted, and who takes them.
 pub struct Probe {
     /// The node.
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// Index among its outputs.
     pub output: usize,
     /// Takes the frames, as stream 0.
@@ -19,7 +17,7 @@ pub struct Probe {
 /// The tapped outputs of a graph and their writers.
 pub struct Outlets<'a> {
     pub(super) graph: &'a Graph,
-    pub(super) taps: Vec<(NodeIndex, usize)>,
+    pub(super) taps: Vec<(NodeId, usize)>,
     pub(super) written: Vec<Written>,
 }
 
@@ -74,7 +72,7 @@ impl<'a> Outlets<'a> {
     }
 
     /// Also keeps an output's frames for the caller of a live run; says what they are.
-    pub(crate) fn hand_over(&mut self, node: NodeIndex, output: usize) -> Stream {
+    pub(crate) fn hand_over(&mut self, node: NodeId, output: usize) -> Stream {
         let carried = stream(self.graph, (node, output));
         self.taps.push((node, output));
         self.written.push(Written {
@@ -91,7 +89,7 @@ impl<'a> Outlets<'a> {
     /// # Errors
     /// [`WriteError`] for the first that cannot be opened.
     pub fn open_files(&mut self, folder: &Path) -> Result<(), WriteError> {
-        for index in self.graph.nodes.node_indices() {
+        for index in self.graph.nodes().ids() {
             self.open_file(index, folder)?;
         }
         Ok(())
@@ -109,8 +107,8 @@ impl<'a> Outlets<'a> {
     }
 
     /// Opens the file of a node, if it is a file sink.
-    pub(super) fn open_file(&mut self, index: NodeIndex, folder: &Path) -> Result<(), WriteError> {
-        let Work::File(sink) = &self.graph.nodes[index].work else {
+    pub(super) fn open_file(&mut self, index: NodeId, folder: &Path) -> Result<(), WriteError> {
+        let Work::File(sink) = &self.graph.nodes()[index].work else {
             return Ok(());
         };
         let path = folder.join(sink.file_name());
@@ -139,18 +137,14 @@ impl<'a> Outlets<'a> {
 }
 
 /// The ports that a file sink writes, by input.
-pub(super) fn file_ports(graph: &Graph, index: NodeIndex) -> Vec<(NodeIndex, usize)> {
-    let mut edges: Vec<_> = graph.nodes.edges_directed(index, petgraph::Incoming).collect();
-    edges.sort_by_key(|edge| edge.weight().input);
-    edges
-        .into_iter()
-        .map(|edge| (edge.source(), edge.weight().output))
-        .collect()
+pub(super) fn file_ports(graph: &Graph, index: NodeId) -> Vec<(NodeId, usize)> {
+    let connections = graph.nodes().incoming(index).into_iter();
+    connections.map(|read| (read.from, read.edge.output)).collect()
 }
 
 /// What an output carries.
-pub(super) fn stream(graph: &Graph, (source, output): (NodeIndex, usize)) -> Stream {
-    let node = &graph.nodes[source];
+pub(super) fn stream(graph: &Graph, (source, output): (NodeId, usize)) -> Stream {
+    let node = &graph.nodes()[source];
     Stream {
         name: format!("{}.{}", node.path, node.outputs[output].name),
         kind: node.outputs[output].kind,

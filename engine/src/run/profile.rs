@@ -1,9 +1,9 @@
 //! What each step of running plans costs, by timing one round of theirs in many step by step.
 
 use super::fleet::{Fleet, Work};
+use crate::graph::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
-use petgraph::graph::NodeIndex;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Instant;
@@ -63,7 +63,7 @@ pub struct StepCost {
     /// What the step does: the node's path, or for what stands between nodes words like `hold stylus.force`.
     pub label: String,
     /// The node it belongs to.
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// Its clock, as an index of the graph's.
     pub clock: usize,
     /// Median over the timed rounds, ns a tick of its clock.

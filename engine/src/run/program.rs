@@ -1,9 +1,9 @@
 //! The plan as the real-time loop walks it: every input and output at its place in the memory.
 
+use crate::graph::NodeId;
 use crate::io::{Binding, Extent, Form, Placing, Wire};
 use crate::node::Single;
 use crate::plan::{Plan, Step, StepWork, Tap};
-use petgraph::graph::NodeIndex;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ pub(super) struct Line {
     pub out: Extent,
     pub inputs: Box<[Wire]>,
     pub outputs: Box<[Placing]>,
-    pub node: NodeIndex,
+    pub node: NodeId,
     /// Of a processor: its node's.
     pub path: Arc<str>,
 }
@@ -129,7 +129,7 @@ fn join_streaks(lines: &mut [Line]) {
 }
 
 fn of_live(plan: &Plan) -> Vec<Box<[StepWork]>> {
-    let mut works: HashMap<NodeIndex, Vec<StepWork>> = HashMap::new();
+    let mut works: HashMap<NodeId, Vec<StepWork>> = HashMap::new();
     for step in &plan.steps {
         works.entry(step.node).or_default().push(step.work);
     }

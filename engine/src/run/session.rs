@@ -14,10 +14,9 @@ use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
 use super::silence::{self, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
-use crate::graph::{Graph, LiveSetting};
+use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
-use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -230,7 +229,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Control::set`].
-    pub fn set(&mut self, node: NodeIndex, setting: usize, value: f64) -> Result<(), ControlError> {
+    pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
         let is_it = |live: &LiveSetting| (live.node, live.setting) == (node, setting);
         let knows = |control: &&mut Control| control.settings().iter().any(is_it);
         let control = self.controls.iter_mut().find(knows);

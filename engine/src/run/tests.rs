@@ -12,16 +12,16 @@ mod world;
 
 use super::{Fleet, Offline, Outlets, Probe, Profile, Run, StepCost};
 use crate::graph::Graph;
+use crate::graph::NodeId;
 use crate::node::FrameWriter;
 use crate::plan::{Plan, PlanOptions};
-use petgraph::graph::NodeIndex;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use world::random_graph;
 
 /// All outputs of a graph over `frames` driver frames, run in blocks whose sizes repeat.
 fn play(graph: &Graph, frames: usize, blocks: &[usize]) -> Vec<Vec<f64>> {
-    let taps: Vec<(NodeIndex, usize)> = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+    let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
     let block = blocks.iter().copied().max().unwrap_or(1);
     let mut run = Run::new(Arc::new(Plan::new(
         graph,
@@ -114,7 +114,7 @@ fn any_number_of_threads_gives_the_same_bits() {
         for threads in [1, 2, 3, 8, 100] {
             let mut outlets = Outlets::new(&graph);
             let mut heard = Vec::new();
-            for node in graph.nodes.node_indices() {
+            for node in graph.nodes().ids() {
                 heard.push(Heard::default());
                 let writer = Box::new(heard[node.index()].clone());
                 outlets.probe(Probe {
@@ -156,7 +156,7 @@ fn a_stop_ends_the_run_with_complete_blocks() {
 fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
     let alone = (0..30).map(|seed| (seed, random_graph(seed, seed)));
     for (seed, graph) in alone.chain(fleet::graphs().take(12)) {
-        let taps: Vec<(NodeIndex, usize)> = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+        let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
         let plans = Plan::all(&graph, &PlanOptions { block: 50, taps });
         let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
         let (mut plain, mut measured) = (Fleet::new(&plans), Profile::timing_every(&plans, 3));
@@ -187,7 +187,7 @@ fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
                 .iter()
                 .all(|cost| cost.median_ns <= cost.p99_ns && cost.p99_ns <= cost.worst_ns)
         );
-        let processors = graph.nodes.node_indices().filter(|node| {
+        let processors = graph.nodes().ids().filter(|node| {
             // A clock of a graph may be too slow to tick in 1500 frames.
             costs.iter().any(|cost| cost.node == *node)
         });

@@ -55,11 +55,7 @@ fn listening(graph: &Graph) -> (Outlets<'_>, [Bits; 2]) {
     let mut outlets = Outlets::new(graph);
     let bits: [Bits; 2] = [Bits::default(), Bits::default()];
     for (path, bits) in ["felt", "out"].iter().zip(&bits) {
-        let nodes = graph.nodes();
-        let node = nodes
-            .node_indices()
-            .find(|node| nodes[*node].path == *path)
-            .unwrap();
+        let node = graph.nodes().find(path).unwrap();
         let writer = Box::new(Heard(Arc::clone(bits)));
         outlets.probe(Probe {
             node,

@@ -2,7 +2,7 @@
 
 use super::SoundcardError;
 use super::card::{Card, CardFormat, Output};
-use haptograph_engine::graph::{Graph, GraphDevice, NodeIndex};
+use haptograph_engine::graph::{Graph, GraphDevice, NodeId};
 
 /// A stream to a card or from it, as endpoints ask for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,7 +61,7 @@ pub struct Played {
     /// Name of the endpoint.
     pub endpoint: String,
     /// The sink that drives it.
-    pub sink: NodeIndex,
+    pub sink: NodeId,
     /// In the unit of the sink.
     pub full_scale: f64,
 }
@@ -114,9 +114,7 @@ fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
 /// What the soundcard endpoints of a graph play.
 pub fn played(graph: &Graph) -> Vec<Played> {
     let nodes = graph.nodes();
-    let driven = nodes
-        .node_indices()
-        .filter(|node| nodes[*node].entry.is_actuator());
+    let driven = nodes.ids().filter(|node| nodes[*node].entry.is_actuator());
     driven
         .filter_map(|sink| {
             let device = graph.devices().get(nodes[sink].device()?)?;

@@ -4,7 +4,6 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Bridge, Graph, Node};
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
-use petgraph::visit::EdgeRef;
 
 /// Everything that a drawing shows.
 #[derive(Debug, Clone, Default)]
@@ -85,28 +84,27 @@ impl Sketch {
         let nodes = graph.nodes();
         // Plots are for the page of a run; in a drawing they would hide the circuit.
         let mut place: Vec<Option<usize>> = Vec::new();
-        for node in nodes.node_weights() {
+        for node in nodes.iter() {
             let drawn = node.entry.spec.group != PLOTS;
             place.push(drawn.then_some(sketch.boxes.len()));
             sketch.boxes.extend(drawn.then(|| node_box(node)));
         }
-        for edge in nodes.edge_references() {
-            let (source, target) = (&nodes[edge.source()], &nodes[edge.target()]);
-            let (Some(output), Some(_)) = (
-                source.outputs.get(edge.weight().output),
-                target.inputs.get(edge.weight().input),
-            ) else {
+        for wire in nodes.connections() {
+            let edge = wire.edge;
+            let (source, target) = (&nodes[wire.from], &nodes[wire.to]);
+            let (Some(output), Some(_)) = (source.outputs.get(edge.output), target.inputs.get(edge.input))
+            else {
                 continue;
             };
-            let ends = [edge.source(), edge.target()].map(|end| place[end.index()]);
+            let ends = [wire.from, wire.to].map(|end| place[end.index()]);
             let [Some(from), Some(to)] = ends else { continue };
-            let from = (from, edge.weight().output);
+            let from = (from, edge.output);
             // One unit is enough where an output has several readers.
             let named = sketch.wires.iter().any(|wire| wire.from == from);
             sketch.wires.push(WireLine {
                 from,
-                to: (to, edge.weight().input),
-                bridge: bridge_text(edge.weight().bridge),
+                to: (to, edge.input),
+                bridge: bridge_text(edge.bridge),
                 unit: if named {
                     String::new()
                 } else {
@@ -118,9 +116,9 @@ impl Sketch {
                 } else {
                     Stroke::Thick
                 },
-                closes_loop: match edge.weight().bridge {
+                closes_loop: match edge.bridge {
                     Bridge::Delay { .. } => true,
-                    Bridge::Ring { .. } => graph.reaches(edge.target(), edge.source()),
+                    Bridge::Ring { .. } => graph.reaches(wire.to, wire.from),
                     _ => false,
                 },
             });
@@ -138,9 +136,7 @@ impl Sketch {
                 outputs: Vec::new(),
                 doc: first_sentence(spec.doc),
             });
-            let bound = nodes
-                .node_indices()
-                .filter(|n| nodes[*n].device() == Some(number));
+            let bound = nodes.ids().filter(|n| nodes[*n].device() == Some(number));
             for node in bound {
                 let drives = nodes[node].entry.is_actuator();
                 if let Some(place) = place[node.index()] {

@@ -1,15 +1,13 @@
 //! The figures of a measured graph, and the forms in which they are shown.
 
 use crate::cli::Failure;
-use crate::engine::graph::Graph;
+use crate::engine::graph::{Graph, NodeId};
 use crate::engine::plan::Plan;
 use crate::engine::run::{Profile, StepCost};
 use crate::report::plot::{Axis, Mark, Plot, Style};
 use crate::report::theme::Ink;
 use crate::signal::files;
 use crate::signal::statistics::median;
-use petgraph::graph::NodeIndex;
-use petgraph::visit::EdgeRef;
 use serde_json::json;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -344,7 +342,7 @@ impl DriverLoad {
 }
 
 /// The steps of a driver and their nodes, in the order in which they run.
-fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeIndex, Row)> {
+fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeId, Row)> {
     let row = |cost: &StepCost| Row {
         label: cost.label.clone(),
         driver,
@@ -359,25 +357,23 @@ fn rows_of(graph: &Graph, driver: usize, costs: &[StepCost]) -> Vec<(NodeIndex, 
 }
 
 /// The most costly chain of a driver's nodes of which each waits for the one before, without what a delay cuts.
-fn critical_path(graph: &Graph, rows: &[(NodeIndex, Row)]) -> (Vec<String>, f64) {
-    let mut order: Vec<NodeIndex> = Vec::new();
-    let mut loads: HashMap<NodeIndex, f64> = HashMap::new();
+fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
+    let mut order: Vec<NodeId> = Vec::new();
+    let mut loads: HashMap<NodeId, f64> = HashMap::new();
     for (node, row) in rows {
         if !order.contains(node) {
             order.push(*node);
         }
         *loads.entry(*node).or_default() += row.load;
     }
-    let mut best: HashMap<NodeIndex, (f64, Option<NodeIndex>)> = HashMap::new();
+    let mut best: HashMap<NodeId, (f64, Option<NodeId>)> = HashMap::new();
     for node in order {
         // What comes from other drivers is not waited for: they are not here.
         let before = graph
             .nodes()
-            .edges_directed(node, petgraph::Incoming)
-            .filter_map(|edge| {
-                best.get(&edge.source())
-                    .map(|(sum, _)| (*sum, Some(edge.source())))
-            })
+            .incoming(node)
+            .into_iter()
+            .filter_map(|read| best.get(&read.from).map(|(sum, _)| (*sum, Some(read.from))))
             .max_by(|a, b| a.0.total_cmp(&b.0))
             .unwrap_or((0.0, None));
         best.insert(node, (before.0 + loads[&node], before.1));

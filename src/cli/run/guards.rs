@@ -14,7 +14,7 @@ pub struct Guards {
 impl Guards {
     pub fn of(graph: &Graph) -> Self {
         let unit = |sink: &str| {
-            let mut nodes = graph.nodes().node_weights();
+            let mut nodes = graph.nodes().iter();
             let node = nodes.find(|node| node.path == sink);
             let output = node.and_then(|node| node.outputs.first());
             output.map_or_else(String::new, |output| output.quantity.unit())

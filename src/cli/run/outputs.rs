@@ -172,7 +172,7 @@ fn unlike(names: &mut Vec<String>, name: &str) -> String {
 
 fn outputs(graph: &Graph) -> impl Iterator<Item = Watch> {
     let nodes = graph.nodes();
-    nodes.node_indices().flat_map(move |node| {
+    nodes.ids().flat_map(move |node| {
         (0..nodes[node].outputs.len()).filter_map(move |output| watch(graph, node, output))
     })
 }

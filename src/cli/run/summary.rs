@@ -28,11 +28,7 @@ pub struct Summary {
 
 impl Summary {
     pub fn of(arguments: &Arguments, graph: &Graph, outcome: &Outcome, took_s: f64) -> Self {
-        let mut files: Vec<&PathBuf> = graph
-            .nodes()
-            .node_weights()
-            .flat_map(|node| &node.files)
-            .collect();
+        let mut files: Vec<&PathBuf> = graph.nodes().iter().flat_map(|node| &node.files).collect();
         files.sort();
         files.dedup();
         let files: Vec<_> = files.iter().map(|path| path.to_string_lossy()).collect();
@@ -56,7 +52,7 @@ impl Summary {
             ("seed", "Seed", json!(graph.seed())),
             ("files", "Files read", json!(files)),
             ("clocks", "Clocks", json!(clocks)),
-            ("nodes", "Nodes", json!(graph.nodes().node_count())),
+            ("nodes", "Nodes", json!(graph.nodes().len())),
             ("seconds", "Seconds", json!(outcome.seconds)),
             ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
             ("stopped", "Stopped early", json!(outcome.stopped)),
@@ -181,7 +177,7 @@ impl Summary {
 /// The surfaces of nodes with a place on a map, by the name of that signal.
 pub fn surfaces(graph: &Graph) -> Vec<(String, Surface)> {
     let mut found = Vec::new();
-    for node in graph.nodes().node_weights() {
+    for node in graph.nodes().iter() {
         // The graph was built from these files a moment ago; one that is no surface, or is gone, is not drawn.
         let Some(surface) = node.files.iter().find_map(|path| files::load(path).ok()) else {
             continue;

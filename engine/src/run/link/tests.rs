@@ -1,6 +1,7 @@
 //! Two drifting clocks on either side of a ring, in virtual time.
 
 use super::*;
+use haptograph_signal::time::Rate;
 use std::f64::consts::TAU;
 
 /// How often either side runs, s.

@@ -6,16 +6,15 @@ use super::super::fleet::rejoin;
 use super::super::outlets::{Outlets, WriteError, file_ports, stream};
 use super::super::swap::Next;
 use super::{Entry, Session, tap_rings};
-use crate::graph::Graph;
+use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
 use crate::plan::{Plan, PlanOptions};
-use petgraph::graph::NodeIndex;
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A node and the index of one of its outputs.
-type Port = (NodeIndex, usize);
+type Port = (NodeId, usize);
 
 /// What putting another graph in place did.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -165,7 +164,7 @@ impl Session {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
             let ports = entry.ports_in(outlets.graph).filter(|ports| {
                 // The ring of a stream stays with its driver.
-                let stays = |(stream, port): (usize, &(NodeIndex, usize))| {
+                let stays = |(stream, port): (usize, &(NodeId, usize))| {
                     old(stream).is_some_and(|old| self.has_tap(outlets.graph, *port, old))
                 };
                 ports.iter().enumerate().all(stays)
@@ -191,7 +190,7 @@ impl Session {
     }
 
     /// Does a new graph's port hang from the driver that has a tap of the present plans?
-    fn has_tap(&self, graph: &Graph, port: (NodeIndex, usize), tap: usize) -> bool {
+    fn has_tap(&self, graph: &Graph, port: (NodeId, usize), tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
         let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))
         else {
@@ -332,7 +331,7 @@ fn drivers<'p>(plans: impl Iterator<Item = &'p Plan>) -> String {
 
 impl Entry {
     /// The ports of a graph that carry what is written here, if it has them all.
-    fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeIndex, usize)>> {
+    fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeId, usize)>> {
         if let Some(sink) = &self.sink {
             let (index, _) = graph.written_files().find(|(_, file)| file == sink)?;
             let ports = file_ports(graph, index);
@@ -347,16 +346,16 @@ impl Entry {
     }
 }
 
-fn find(graph: &Graph, known: &Stream) -> Option<(NodeIndex, usize)> {
-    let ports = graph
-        .nodes
-        .node_indices()
-        .flat_map(|index| (0..graph.nodes[index].outputs.len()).map(move |output| (index, output)));
+fn find(graph: &Graph, known: &Stream) -> Option<(NodeId, usize)> {
+    let nodes = graph.nodes();
+    let ports = nodes
+        .ids()
+        .flat_map(|id| (0..nodes[id].outputs.len()).map(move |output| (id, output)));
     let mut same = ports.filter(|port| carries(graph, *port, known));
     same.next()
 }
 
-fn carries(graph: &Graph, port: (NodeIndex, usize), known: &Stream) -> bool {
+fn carries(graph: &Graph, port: (NodeId, usize), known: &Stream) -> bool {
     let found = stream(graph, port);
     let simulated = known.simulated;
     Stream { simulated, ..found } == *known

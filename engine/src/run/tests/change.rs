@@ -3,9 +3,9 @@
 use super::Heard;
 use super::fleet::{bits, graphs, listening};
 use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
+use crate::graph::NodeId;
 use crate::graph::{Graph, Work};
 use crate::run::{Change, ChangeError, ControlError, Live, LiveOptions, RingReport, Session};
-use petgraph::graph::NodeIndex;
 use std::path::Path;
 
 /// A session whose drivers wake once a millisecond.
@@ -110,15 +110,10 @@ fn what_hangs_on_nothing_that_changed_goes_on_bit_for_bit_through_rings_too() {
     for (seed, graph) in quiet_graphs() {
         // Of one driver the leaky nodes change, every second one.
         let driver = graph.drivers()[0];
-        let own = graph
-            .nodes
-            .node_indices()
-            .filter(|node| graph.driver_of(*node) == Some(driver));
-        let changing: Vec<NodeIndex> = own.step_by(2).collect();
-        let paths: Vec<String> = changing
-            .iter()
-            .map(|node| graph.nodes[*node].path.clone())
-            .collect();
+        let nodes = graph.nodes();
+        let own = nodes.ids().filter(|node| graph.driver_of(*node) == Some(driver));
+        let changing: Vec<NodeId> = own.step_by(2).collect();
+        let paths: Vec<String> = changing.iter().map(|node| nodes[*node].path.clone()).collect();
         let mut plain = Driven::new(&graph);
         plain.run(600);
         let mut changed = Driven::new(&graph);
@@ -127,7 +122,7 @@ fn what_hangs_on_nothing_that_changed_goes_on_bit_for_bit_through_rings_too() {
         assert!(!matches!(change, Change::Settings(_)), "seed {seed}");
         changed.run(400);
         let ((plain, plain_rings), (changed, changed_rings)) = (plain.end(), changed.end());
-        for ((node, (path, plain)), (_, changed)) in graph.nodes.node_indices().zip(&plain).zip(&changed) {
+        for ((node, (path, plain)), (_, changed)) in nodes.ids().zip(&plain).zip(&changed) {
             assert_eq!(plain.len(), changed.len(), "seed {seed}: {path}");
             if changing
                 .iter()
@@ -268,7 +263,9 @@ fn a_driver_that_does_not_listen_keeps_the_others_from_changing_too() {
     let (seed, mut graph) = quiet_graphs().next().unwrap();
     let driver = graph.drivers().last().copied();
     let mut nodes = graph.nodes.node_indices();
-    let last = nodes.rfind(|node| graph.driver_of(*node) == driver).unwrap();
+    let last = nodes
+        .rfind(|node| graph.driver_of(NodeId(*node)) == driver)
+        .unwrap();
     graph.nodes[last].live.push((0, 0.7));
     let name = format!("{}.gain", graph.nodes[last].path);
     let everything: Vec<String> = graph.nodes.node_weights().map(|node| node.path.clone()).collect();

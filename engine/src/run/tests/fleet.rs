@@ -30,7 +30,7 @@ pub fn bits(heard: &[f64]) -> Vec<u64> {
 pub fn listening(graph: &Graph) -> (Outlets<'_>, Vec<Heard>) {
     let mut outlets = Outlets::new(graph);
     let mut heard = Vec::new();
-    for node in graph.nodes.node_indices() {
+    for node in graph.nodes().ids() {
         heard.push(Heard::default());
         let writer = Box::new(heard[node.index()].clone());
         let output = 0;
@@ -91,7 +91,7 @@ fn any_block_and_any_number_of_threads_give_the_same_bits() {
 fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clocks() {
     for (seed, graph) in graphs().take(12) {
         let play = |block: usize, ppm: &[f64]| {
-            let taps = graph.nodes.node_indices().map(|node| (node, 0)).collect();
+            let taps = graph.nodes().ids().map(|node| (node, 0)).collect();
             let plans: Vec<Arc<Plan>> = Plan::all(&graph, &PlanOptions { block, taps })
                 .into_iter()
                 .map(Arc::new)

@@ -1,0 +1,104 @@
+//! A graph's nodes and connections as others see them, without the library that keeps them.
+
+use super::{Edge, Graph, Node};
+use petgraph::Direction;
+use petgraph::graph::{DiGraph, EdgeReference, NodeIndex};
+use petgraph::visit::EdgeRef;
+use std::ops::Index;
+
+/// A node of a graph: its place in the order of the file, templates expanded; by default the first. It means nothing
+/// in another graph.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeId(pub(crate) NodeIndex);
+
+impl NodeId {
+    /// The place, from 0.
+    pub fn index(self) -> usize {
+        self.0.index()
+    }
+}
+
+/// The nodes of a graph and the connections between them.
+#[derive(Clone, Copy)]
+pub struct Nodes<'a>(&'a DiGraph<Node, Edge>);
+
+/// A connection and the nodes at its ends.
+#[derive(Clone, Copy)]
+pub struct Connection<'a> {
+    /// The node whose output it reads.
+    pub from: NodeId,
+    /// The node whose input it feeds.
+    pub to: NodeId,
+    /// Which output and input, and what stands between them.
+    pub edge: &'a Edge,
+}
+
+impl Graph {
+    /// Its nodes and connections.
+    pub fn nodes(&self) -> Nodes<'_> {
+        Nodes(&self.nodes)
+    }
+}
+
+impl<'a> Nodes<'a> {
+    /// How many.
+    pub fn len(self) -> usize {
+        self.0.node_count()
+    }
+
+    /// Is there none?
+    pub fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// All of them, in order.
+    pub fn iter(self) -> impl Iterator<Item = &'a Node> {
+        self.0.node_weights()
+    }
+
+    /// All of them as names for [`Nodes::get`], in order.
+    pub fn ids(self) -> impl Iterator<Item = NodeId> + 'a {
+        self.0.node_indices().map(NodeId)
+    }
+
+    /// A node; `None` in a graph that has fewer.
+    pub fn get(self, id: NodeId) -> Option<&'a Node> {
+        self.0.node_weight(id.0)
+    }
+
+    /// The node with this path.
+    pub fn find(self, path: &str) -> Option<NodeId> {
+        self.ids().find(|id| self.0[id.0].path == path)
+    }
+
+    /// All connections.
+    pub fn connections(self) -> impl Iterator<Item = Connection<'a>> {
+        self.0.edge_references().map(Connection::of)
+    }
+
+    /// The connections that feed a node, by its inputs.
+    pub fn incoming(self, id: NodeId) -> Vec<Connection<'a>> {
+        let edges = self.0.edges_directed(id.0, Direction::Incoming);
+        let mut all: Vec<_> = edges.map(Connection::of).collect();
+        all.sort_by_key(|connection| connection.edge.input);
+        all
+    }
+}
+
+impl Index<NodeId> for Nodes<'_> {
+    type Output = Node;
+
+    fn index(&self, id: NodeId) -> &Node {
+        &self.0[id.0]
+    }
+}
+
+impl<'a> Connection<'a> {
+    fn of(edge: EdgeReference<'a, Edge>) -> Self {
+        Self {
+            from: NodeId(edge.source()),
+            to: NodeId(edge.target()),
+            edge: edge.weight(),
+        }
+    }
+}
