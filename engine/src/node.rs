@@ -202,16 +202,34 @@ pub struct BuildError {
     pub message: String,
     /// What to do.
     pub help: Option<String>,
+    /// Characters of the setting, a text, to point at: the first and the one after the last.
+    pub part: Option<(usize, usize)>,
 }
 
 impl BuildError {
+    /// An error about a whole node.
+    pub fn of_node(message: impl Into<String>) -> Self {
+        Self {
+            field: None,
+            message: message.into(),
+            help: None,
+            part: None,
+        }
+    }
+
     /// An error about one setting.
     pub fn at(field: &'static str, message: impl Into<String>) -> Self {
         Self {
             field: Some(field),
-            message: message.into(),
-            help: None,
+            ..Self::of_node(message)
         }
+    }
+
+    /// About these characters of the setting, which is a text: the first and the one after the last.
+    #[must_use]
+    pub fn part(mut self, first: usize, end: usize) -> Self {
+        self.part = Some((first, end));
+        self
     }
 
     /// What to do about it.
@@ -417,6 +435,11 @@ pub struct Latency {
     pub transport_s: f64,
     /// Group delay in the middle of its pass band.
     pub group_delay_s: f64,
+}
+
+/// The processor that takes over, if it is of the same type.
+pub fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
+    new.as_any_mut().downcast_mut()
 }
 
 /// Cloning and downcasting of processors; implemented for every `Clone` processor.

@@ -85,10 +85,29 @@ impl Reading<'_> {
             Shape::Tagged(Tagged { name: Some(name), .. }) => format!("`{}`", name.text),
             _ => value.describe().to_owned(),
         };
-        self.diagnostics.push(
-            Diagnostic::error("E0301", value.span, format!("expected {expected}, found {found}"))
-                .label(format!("expected {expected}")),
-        );
+        let diagnostic = self.wrong(value, expected, &found);
+        let quoted = match &value.shape {
+            Shape::String(text) if expected.contains("number") => {
+                text.trim().parse::<f64>().ok().map(|_| text.trim())
+            }
+            _ => None,
+        };
+        self.diagnostics.push(match quoted {
+            Some(number) => diagnostic.help(format!("remove the quotes: `{number}`")),
+            None => diagnostic,
+        });
+    }
+
+    /// Reports that `value` holds `found` values, and not as many as were expected.
+    pub fn miscounted(&mut self, value: &Value, expected: &str, found: usize) {
+        let plural = if found == 1 { "" } else { "s" };
+        let diagnostic = self.wrong(value, expected, &format!("{found} value{plural}"));
+        self.diagnostics.push(diagnostic);
+    }
+
+    fn wrong(&self, value: &Value, expected: &str, found: &str) -> Diagnostic {
+        Diagnostic::error("E0301", value.span, format!("expected {expected}, found {found}"))
+            .label(format!("expected {expected}"))
     }
 
     /// A path as written, relative to the file it is written in.

@@ -30,7 +30,7 @@ mod realtime;
 pub(crate) use haptograph_signal::vector;
 
 use haptograph_engine::device::DeviceEntry;
-use haptograph_engine::node::{NodeEntry, Processor};
+use haptograph_engine::node::NodeEntry;
 use haptograph_engine::registry::Registry;
 
 /// All node and device kinds that come with haptograph.
@@ -165,7 +165,4 @@ fn recording(all: &mut Registry) {
         .add_device(DeviceEntry::of::<simulated::recorder::SimulatedRecordingTool>());
 }
 
-/// The processor that takes over, if it is of the same type.
-fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
-    new.as_any_mut().downcast_mut()
-}
+pub(crate) use haptograph_engine::node::successor;

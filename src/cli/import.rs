@@ -61,9 +61,35 @@ impl Import {
         let settings = self
             .columns
             .iter()
-            .try_fold(settings, |s, (name, column)| s.with_column(name, column))?;
+            .try_fold(settings, |s, (name, column)| with_column(s, name, column))?;
         self.constants
             .iter()
             .try_fold(settings, |s, (name, value)| s.with_constant(name, value))
+    }
+}
+
+/// Says which way round the two belong where they were swapped.
+fn with_column(settings: ImportSettings, quantity: &str, column: &str) -> Result<ImportSettings, String> {
+    let other = settings.clone();
+    settings.with_column(quantity, column).map_err(|why| {
+        match other.with_column(&column.to_lowercase(), quantity) {
+            Ok(_) => format!("{why}; the quantity stands first: --column {column}={quantity}"),
+            Err(_) => why,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_and_its_quantity_that_are_swapped_are_noticed() {
+        let told =
+            |quantity: &str, column: &str| with_column(ImportSettings::default(), quantity, column).err();
+        assert_eq!(told("accel", "acc_z"), None);
+        let swapped = told("acc_z", "accel").unwrap();
+        assert!(swapped.ends_with("--column accel=acc_z"), "{swapped}");
+        assert!(!told("acc_z", "acc_y").unwrap().contains("--column"));
     }
 }

@@ -6,7 +6,7 @@ use super::draft::{Context, Draft, DraftNode, Slot};
 use super::memory::{self, Memory};
 use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::Device;
-use crate::diagnostic::{Diagnostic, Span};
+use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
@@ -341,8 +341,8 @@ impl Places {
         match built {
             Ok(built) => Some(built),
             Err(error) => {
-                let diagnostic =
-                    self.finding(error, |span, message| Diagnostic::error("E0304", span, message));
+                let make = |span, message| Diagnostic::error("E0304", span, message);
+                let diagnostic = self.finding(&cx.sources, error, make);
                 cx.report(diagnostic);
                 None
             }
@@ -350,18 +350,25 @@ impl Places {
     }
 
     fn warn(&self, cx: &mut Context<'_>, doubt: BuildError) {
-        let diagnostic = self.finding(doubt, |span, message| Diagnostic::warning("W0107", span, message));
+        let make = |span, message| Diagnostic::warning("W0107", span, message);
+        let diagnostic = self.finding(&cx.sources, doubt, make);
         cx.report(diagnostic);
     }
 
     /// What a node found about itself, at the setting it is about.
-    fn finding(&self, error: BuildError, make: impl FnOnce(Span, String) -> Diagnostic) -> Diagnostic {
+    fn finding(
+        &self,
+        sources: &Sources,
+        error: BuildError,
+        make: impl FnOnce(Span, String) -> Diagnostic,
+    ) -> Diagnostic {
         let written = self
             .fields
             .iter()
             .find(|(name, _)| Some(name.as_str()) == error.field);
         let span = written.map_or(self.owner, |(_, span)| *span);
-        let mut diagnostic = make(span, error.message);
+        let part = error.part.and_then(|part| part_of_text(sources, span, part));
+        let mut diagnostic = make(part.unwrap_or(span), error.message);
         if let (Some(field), None) = (error.field, written) {
             diagnostic = diagnostic.label(format!("by the default of `{field}`"));
         }
@@ -370,6 +377,22 @@ impl Places {
         }
         diagnostic
     }
+}
+
+/// The place of some characters of a text that is written in plain quotes, without escapes.
+fn part_of_text(sources: &Sources, span: Span, (first, end): (usize, usize)) -> Option<Span> {
+    let written = sources.get(span.source)?.text.get(span.start..span.end)?;
+    let text = written.strip_prefix('"')?.strip_suffix('"')?;
+    if text.contains('\\') {
+        return None;
+    }
+    let byte = |characters: usize| {
+        text.char_indices()
+            .nth(characters)
+            .map_or(text.len(), |(at, _)| at)
+    };
+    let (start, end) = (span.start + 1 + byte(first), span.start + 1 + byte(end));
+    (start < end).then_some(Span { start, end, ..span })
 }
 
 /// Findings about values that came from a parameter or setting say where it is used.

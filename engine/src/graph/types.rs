@@ -5,7 +5,7 @@ use super::draft::{Context, Draft, DraftNode, Slot, Type};
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Shape, Value};
 use crate::frame::Kind;
-use crate::node::{InputSpec, KindRule, QuantityRule};
+use crate::node::{InputSpec, KindRule, Presence, QuantityRule};
 use crate::settings::unknown_choice;
 use haptograph_signal::quantity::Quantity;
 use std::collections::hash_map::Entry;
@@ -258,15 +258,32 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         }),
         _ => None,
     };
-    let diagnostic = match stated.or_else(|| conversion(cx, quantity, wanted)) {
-        Some(help) => diagnostic.help(help),
-        None => diagnostic.help(format!(
-            "put a node between that turns {} into {}",
-            word(quantity),
-            word(wanted)
-        )),
-    };
-    Some(via(diagnostic, wire))
+    let swapped = || swapped(draft, named, node, slot, (quantity, wanted));
+    let help = stated
+        .or_else(swapped)
+        .unwrap_or_else(|| conversion(cx, quantity, wanted));
+    Some(via(diagnostic.help(help), wire))
+}
+
+/// Another input of the node that gets what this one takes, and takes what this one gets.
+fn swapped(
+    draft: &Draft,
+    named: &Named,
+    node: usize,
+    slot: &Slot,
+    (got, wanted): (Quantity, Quantity),
+) -> Option<String> {
+    let target = &draft.nodes[node];
+    let ports = target.entry.spec.inputs;
+    let other = target.inputs.iter().find(|other| {
+        other.port != slot.port
+            && arriving(draft, other).and_then(|arriving| arriving.quantity) == Some(wanted)
+            && quantity_of(draft, named, node, ports[other.port].quantity) == Some(got)
+    })?;
+    Some(format!(
+        "did you swap `{}` and `{}`?",
+        ports[slot.port].name, ports[other.port].name
+    ))
 }
 
 /// The kind with its article.
@@ -282,38 +299,43 @@ fn word(quantity: Quantity) -> String {
     quantity.name().map_or_else(|| quantity.unit(), str::to_owned)
 }
 
-/// Kinds of nodes that turn one quantity into the other.
-fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> Option<String> {
-    let list = converters(cx, |input, output| {
+/// How one quantity is turned into the other.
+fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
+    let (had, wanted) = (word(from), word(to));
+    let direct = converters(cx, |input, output| {
         input.quantity == QuantityRule::Is(from) && output.1 == QuantityRule::Is(to)
     });
-    if let Some(list) = list {
-        return Some(format!("{list} turns {} into {}", word(from), word(to)));
+    if let Some(list) = direct {
+        return format!("{list} turns {had} into {wanted}");
     }
-    if to == from.per(Quantity::TIME) {
+    let by_time = |does: &str, rule: fn(&'static str) -> QuantityRule, how: &str| {
+        let list = converters(cx, |input, output| output.1 == rule(input.name))?;
+        Some(format!("{wanted} is {had} {how}: {list} {does}"))
+    };
+    let over_time = match () {
+        () if to == from.per(Quantity::TIME) => {
+            by_time("differentiates", QuantityRule::PerSecond, "per second")
+        }
+        () if to == from.times(Quantity::TIME) => {
+            by_time("integrates", QuantityRule::TimesSeconds, "times seconds")
+        }
+        () => None,
+    };
+    let stated = || {
+        let is_stated = |rule| matches!(rule, QuantityRule::Setting(_));
         let list = converters(cx, |input, output| {
-            output.1 == QuantityRule::PerSecond(input.name)
+            is_stated(input.quantity) && is_stated(output.1)
         })?;
-        return Some(format!(
-            "{} is {} per second: {list} differentiates",
-            word(to),
-            word(from)
-        ));
-    }
-    if to == from.times(Quantity::TIME) {
-        let list = converters(cx, |input, output| {
-            output.1 == QuantityRule::TimesSeconds(input.name)
-        })?;
-        return Some(format!(
-            "{} is {} times seconds: {list} integrates",
-            word(to),
-            word(from)
-        ));
-    }
-    None
+        Some(format!(
+            "{list} turns {had} into {wanted} by a factor that you state"
+        ))
+    };
+    over_time
+        .or_else(stated)
+        .unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
 }
 
-/// Names of kinds with an input and an output of which `fits` holds.
+/// Names of kinds that need one input only, so that their one output is made of it, and for which `fits` holds.
 fn converters(
     cx: &Context<'_>,
     fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool,
@@ -322,9 +344,15 @@ fn converters(
     let nodes = cx.registry.nodes().iter().filter(|entry| !entry.has_endpoint());
     let names: Vec<String> = nodes
         .filter(|entry| {
-            let outputs = || entry.spec.outputs.iter();
-            let mut inputs = entry.spec.inputs.iter();
-            inputs.any(|input| outputs().any(|output| fits(input, (output.kind, output.quantity))))
+            let mut needed = entry
+                .spec
+                .inputs
+                .iter()
+                .filter(|input| input.presence != Presence::Optional);
+            match (needed.next(), needed.next(), entry.spec.outputs) {
+                (Some(input), None, [output]) => fits(input, (output.kind, output.quantity)),
+                _ => false,
+            }
         })
         .map(|entry| format!("`{}`", entry.spec.name))
         .take(SHOWN)

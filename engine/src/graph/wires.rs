@@ -183,8 +183,13 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
                 ),
             },
         };
-    } else if let Shape::Number(..) = value.shape {
-        diagnostic = diagnostic.help("a constant signal comes from a node of its own");
+    } else if let Shape::Number(_, number) = &value.shape {
+        diagnostic = diagnostic.help(match cx.registry.node("Constant") {
+            Some(_) => format!(
+                "a signal that stays the same is a node: add `\"{number}\": Constant(value: {number})` to `nodes`, and write `\"{number}\"` here"
+            ),
+            None => "a constant signal comes from a node of its own".to_owned(),
+        });
     }
     cx.report(diagnostic);
     None

@@ -3,19 +3,43 @@
 /// Longer words, in bytes, are not compared.
 const MAX_COMPARED: usize = 64;
 
-/// The candidate nearest to `word` by edit distance, if one is near enough to be what was meant.
+/// Shorter words are the beginning of too many others.
+const LEAST_BEGINNING: usize = 3;
+
+/// The candidate that was meant by `word`: one that lacks only its unit (`low` for `low_hz`), the nearest by edit distance if
+/// it is near enough, or the only one that begins with it (`low` for `lowest`).
 pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_COMPARED {
         return None; // Comparing costs the product of the lengths, and such words are no slips of a finger.
     }
     let lower = word.to_lowercase();
-    let distance = |candidate: &&str| edit_distance(&lower, &candidate.to_lowercase());
     let candidates = candidates.into_iter();
-    let comparable = candidates.filter(|candidate| candidate.len() <= MAX_COMPARED);
-    let nearest = comparable.min_by_key(distance)?;
+    let comparable: Vec<(&str, String)> = candidates
+        .filter(|candidate| candidate.len() <= MAX_COMPARED)
+        .map(|candidate| (candidate, candidate.to_lowercase()))
+        .collect();
+    let rest = |candidate: &str| candidate.strip_prefix(&*lower).map(str::to_owned);
+    let lacks_unit =
+        |candidate: &str| !lower.is_empty() && rest(candidate).is_some_and(|rest| rest.starts_with('_'));
+    if let Some((meant, _)) = comparable.iter().find(|(_, candidate)| lacks_unit(candidate)) {
+        return Some(meant);
+    }
+    let (nearest, distance) = comparable
+        .iter()
+        .map(|(candidate, small)| (*candidate, edit_distance(&lower, small)))
+        .min_by_key(|(_, distance)| *distance)?;
     let letters = word.chars().count();
     let allowed = (letters / 3).max(1).min(letters.saturating_sub(1));
-    (edit_distance(&lower, &nearest.to_lowercase()) <= allowed).then_some(nearest)
+    if distance <= allowed {
+        return Some(nearest);
+    }
+    let mut begun = comparable
+        .iter()
+        .filter(|(_, candidate)| rest(candidate).is_some());
+    match (begun.next(), begun.next()) {
+        (Some((only, _)), None) if letters >= LEAST_BEGINNING => Some(only),
+        _ => None,
+    }
 }
 
 /// Insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
@@ -44,14 +68,28 @@ mod tests {
 
     #[test]
     fn near_words_are_guessed_and_far_ones_are_not() {
-        let words = ["gain", "Hold", "frequency_hz", "x"];
+        let words = [
+            "gain",
+            "Hold",
+            "frequency_hz",
+            "x",
+            "low_hz",
+            "loudest",
+            "load_n",
+            "lead",
+        ];
         for (written, meant) in [
             ("gian", Some("gain")),
             ("hodl", Some("Hold")),
             ("frequency", Some("frequency_hz")),
             ("GAIN", Some("gain")),
+            ("low", Some("low_hz")),
+            ("load", Some("load_n")),
+            ("loud", Some("load_n")),
+            ("loude", Some("loudest")),
+            ("lo", None),
             ("y", None),
-            ("loss", None),
+            ("noise", None),
             ("", None),
         ] {
             assert_eq!(closest(written, words), meant, "{written}");

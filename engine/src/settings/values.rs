@@ -179,7 +179,11 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
             }
         };
         if values.len() != N {
-            reading.mismatch(value, &Self::expected());
+            reading.miscounted(
+                value,
+                &format!("{N} values, each {}", T::expected()),
+                values.len(),
+            );
             return None;
         }
         let mut read = [T::default(); N];

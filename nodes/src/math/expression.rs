@@ -1,6 +1,6 @@
 //! A formula as a node.
 
-use super::formula::{Formula, is_free};
+use super::formula::{Formula, FormulaError, is_free};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
@@ -57,8 +57,11 @@ impl NodeKind for Expression {
 
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let names = names(&settings.names, cx.input_widths.len())?;
-        let formula = Formula::parse(&settings.formula, &names)
-            .map_err(|error| BuildError::at("formula", error.to_string()))?;
+        let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
+            let FormulaError { at, message } = error;
+            let end = at - 1 + word_length(&settings.formula, at - 1);
+            BuildError::at("formula", message).part(at - 1, end)
+        })?;
         Ok(Box::new(Computer {
             work: vec![0.0; formula.depth() * cx.max_frames].into(),
             formula,
@@ -70,6 +73,12 @@ impl NodeKind for Expression {
         // It works on fewer numbers a frame than the formula has characters.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
+}
+
+/// Characters of the word or sign that begins at this character.
+fn word_length(formula: &str, first: usize) -> usize {
+    let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
+    formula.chars().skip(first).take_while(is_word).count().max(1)
 }
 
 /// The name of each input.
@@ -146,5 +155,16 @@ mod tests {
         }
         assert_eq!(field("a + z", &[]), Some("formula"));
         assert_eq!(field("pi + x + y", &["x", "y"]), None);
+    }
+
+    #[test]
+    fn an_error_points_at_the_word_that_is_wrong() {
+        let part = |formula: &str| {
+            let refused = Bench::new::<Expression>(settings(formula, &[]), 10.0, &[Kind::Scalar]).err();
+            refused.and_then(|error| error.part)
+        };
+        assert_eq!(part("2 * foo + a"), Some((4, 7)));
+        assert_eq!(part("a ? 1"), Some((2, 3)));
+        assert_eq!(part("sin(a"), Some((5, 6)));
     }
 }

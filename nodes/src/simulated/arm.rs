@@ -93,14 +93,11 @@ impl DeviceKind for SimulatedOmni {
 
     fn build(settings: SimulatedOmniSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != OMNI_RATE_HZ {
-            return Err(BuildError {
-                field: None,
-                message: format!(
-                    "this arm has a servo rate of {OMNI_RATE_HZ} Hz, its clock has {}",
-                    cx.rate
-                ),
-                help: Some(format!("read and drive it on a clock of {OMNI_RATE_HZ} Hz")),
-            });
+            return Err(BuildError::of_node(format!(
+                "this arm has a servo rate of {OMNI_RATE_HZ} Hz, its clock has {}",
+                cx.rate
+            ))
+            .help(format!("read and drive it on a clock of {OMNI_RATE_HZ} Hz")));
         }
         let arm = OmniSettings {
             step_m: settings.step_mm * 1e-3,

@@ -195,14 +195,11 @@ impl DeviceKind for SimulatedPenAndObject {
         cx: &BuildContext,
     ) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != PEN_OBJECT_RATE_HZ {
-            return Err(BuildError {
-                field: None,
-                message: format!(
-                    "this sensor is read {PEN_OBJECT_RATE_HZ} times a second, its clock has {}",
-                    cx.rate
-                ),
-                help: Some(format!("read and drive it on a clock of {PEN_OBJECT_RATE_HZ} Hz")),
-            });
+            return Err(BuildError::of_node(format!(
+                "this sensor is read {PEN_OBJECT_RATE_HZ} times a second, its clock has {}",
+                cx.rate
+            ))
+            .help(format!("read and drive it on a clock of {PEN_OBJECT_RATE_HZ} Hz")));
         }
         let height_m = settings.height_mm * 1e-3;
         let stated = settings.haptuator.to_two_mass().checked();

@@ -107,11 +107,7 @@ impl DeviceKind for SimulatedRecordingTool {
                 "this tool ticks {TOOL_RATE_HZ} times a second, its clock {}",
                 cx.rate
             );
-            return Err(BuildError {
-                field: None,
-                message,
-                help: Some("read it on a clock of 10000 Hz".to_owned()),
-            });
+            return Err(BuildError::of_node(message).help("read it on a clock of 10000 Hz"));
         }
         let name = MaterialName::from_word(&settings.material).ok_or_else(|| {
             let words: Vec<&str> = MaterialName::ALL.into_iter().map(MaterialName::word).collect();

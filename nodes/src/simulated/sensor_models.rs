@@ -252,12 +252,8 @@ impl NodeKind for ForceSensorModel {
             noise_steps: settings.noise_steps,
             cutoff_hz: None,
         };
-        let sensor =
-            force_sensor::ForceSensor::new(settings, cx.rate.hz(), cx.seed).map_err(|error| BuildError {
-                field: None,
-                message: error.to_string(),
-                help: None,
-            })?;
+        let sensor = force_sensor::ForceSensor::new(settings, cx.rate.hz(), cx.seed)
+            .map_err(|error| BuildError::of_node(error.to_string()))?;
         Ok(Box::new(ForceSensor(sensor)))
     }
 }

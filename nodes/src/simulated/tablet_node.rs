@@ -74,16 +74,13 @@ impl DeviceKind for SimulatedTablet {
 
     fn build(settings: DrawingSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != TABLET_RATE_HZ {
-            return Err(BuildError {
-                field: None,
-                message: format!(
-                    "this tablet reports {TABLET_RATE_HZ} times a second, its clock has {}",
-                    cx.rate
-                ),
-                help: Some(format!(
-                    "read it on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
-                )),
-            });
+            return Err(BuildError::of_node(format!(
+                "this tablet reports {TABLET_RATE_HZ} times a second, its clock has {}",
+                cx.rate
+            ))
+            .help(format!(
+                "read it on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
+            )));
         }
         let stroke = settings.to_stroke()?;
         let tablet = tablet::SimulatedTablet::new(stroke, cx.seed)

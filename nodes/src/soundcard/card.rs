@@ -109,11 +109,7 @@ impl Output {
         let rate_hz = whole_hz(cx.rate).ok_or_else(|| {
             let message = format!("a soundcard plays whole hertz, not {}", cx.rate);
             let help = "give its clock a rate that soundcards have, like 48000".to_owned();
-            BuildError {
-                field: None,
-                message,
-                help: Some(help),
-            }
+            BuildError::of_node(message).help(help)
         })?;
         let mut sorted = channels.clone();
         sorted.sort_unstable();

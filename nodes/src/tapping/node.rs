@@ -89,11 +89,7 @@ impl NodeKind for Tapping {
             let message = format!("the surface {} has no taps: `Tapping` plays none", surface.name);
             // Said of the node: other nodes have something to say of the same surface, and one place is warned of once.
             let help = "learn the surface with a recording of taps, or choose one with some";
-            BuildError {
-                field: None,
-                message,
-                help: Some(help.to_owned()),
-            }
+            BuildError::of_node(message).help(help)
         };
         silent.map(advise).into_iter().collect()
     }

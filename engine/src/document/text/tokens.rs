@@ -97,7 +97,7 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
             c if c.is_ascii_digit() || (matches!(c, '+' | '-' | '.') && number_follows(rest)) => {
                 Some((Token::Number, number_length(rest)))
             }
-            _ => Some(mistaken(source, start, rest, c, diagnostics)),
+            _ => Some(mistaken(source, start, text, c, diagnostics)),
         };
         match token {
             None => at += c.len_utf8(),
@@ -194,10 +194,11 @@ fn unclosed_string(source: SourceId, text: &str, start: usize, before: &[Lexeme]
 fn mistaken(
     source: SourceId,
     start: usize,
-    rest: &str,
+    text: &str,
     c: char,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> (Token, usize) {
+    let rest = &text[start..];
     let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
     let until = |close: char| {
         let inner = &line[c.len_utf8()..];
@@ -221,12 +222,39 @@ fn mistaken(
         start,
         end: start + length,
     };
+    let help = product(text, start, c).map_or_else(
+        || help.to_owned(),
+        |product| format!("RON does not compute; write the result: `{product}`"),
+    );
     diagnostics.push(
         Diagnostic::error("E0101", span, format!("`{c}` does not belong here"))
             .label("not part of RON")
             .help(help),
     );
     (token, length)
+}
+
+/// What `2*40` or `1/3` comes to, where a sign of arithmetic stands at `start` between two numbers.
+fn product(text: &str, start: usize, sign: char) -> Option<f64> {
+    let (before, after) = (
+        text[..start].trim_end(),
+        text[start + sign.len_utf8()..].trim_start(),
+    );
+    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+    let digits = before
+        .bytes()
+        .rev()
+        .take_while(|byte| is_digit(char::from(*byte)))
+        .count();
+    let left = &before[before.len() - digits..];
+    let right = after.find(|c| !is_digit(c)).map_or(after, |at| &after[..at]);
+    let (left, right): (f64, f64) = (left.parse().ok()?, right.parse().ok()?);
+    let result = match sign {
+        '*' => left * right,
+        '/' => left / right,
+        _ => return None,
+    };
+    result.is_finite().then_some(result)
 }
 
 /// For each opening bracket the index of its closing one; `None` where they do not match, which is reported.

@@ -250,9 +250,15 @@ impl Table {
                 true => "none".to_owned(),
                 false => known.join(", "),
             };
-            let message = format!(
-                "a column of {name} is missing; understood were: {known}; rename the column, or say which it is (--column)"
-            );
+            let message = match name {
+                "time" => format!(
+                    "nothing says how fast the samples follow one another; understood were: {known}; give the rate \
+                     (--sample-rate HZ), a column time_s, or in a MATLAB file a number fs"
+                ),
+                _ => format!(
+                    "a column of {name} is missing; understood were: {known}; rename the column, or say which it is (--column)"
+                ),
+            };
             self.error(self.header_line, message)
         })
     }
