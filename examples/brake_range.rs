@@ -47,6 +47,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Mark::Line(Style::named(Ink::Teal, "0.2 A"), limit(0.2)),
         ],
         size: (0.0, 340.0),
+        ..Plot::default()
     };
     std::fs::write(&file, plot.to_standalone_svg())?;
     let table = [1.1, 2.0, 2.75, 4.3].map(|n| {

@@ -12,6 +12,8 @@ mod kept;
 mod kinds;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod listen;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod play;
 mod request;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod shared;
@@ -23,9 +25,10 @@ mod system;
 mod without;
 
 #[cfg(not(any(feature = "soundcard", target_os = "macos", windows)))]
-pub use without::{CardDriver, Inputs, list};
+pub use without::{CardDriver, Inputs, list, play_once, ready_to_play};
 #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
 pub use {
+    play::{play_once, ready_to_play},
     streams::{CardDriver, Inputs},
     system::list,
 };

@@ -1,7 +1,7 @@
 //! Plots that a graph asks for by its nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several laid over
 //! each other.
 
-use super::figures::{axis_label, shown_in};
+use super::figures::{Unit, axis_label};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::record::{Watch, watch};
 use super::theme::Ink;
@@ -225,19 +225,9 @@ impl Asked {
             let group: Vec<usize> = rest.iter().copied().filter(alike).collect();
             rest.retain(|i| !group.contains(i));
             let fast = self.signals[first].stream.rate.hz() >= FAST_HZ;
-            let curves: Vec<Curve<'_>> = runs
-                .iter()
-                .flat_map(|run| {
-                    let signals = group.iter().copied();
-                    signals.filter_map(|i| Some((run.name, run.traces.get(i)?)))
-                })
-                .enumerate()
-                .map(|(number, (run, trace))| Curve {
-                    name: if run.is_empty() { &trace.stream.name } else { run },
-                    ink: Ink::number(number),
-                    trace,
-                })
-                .collect();
+            let curves: Vec<Curve<'_>> = curves(runs, |run| {
+                group.iter().filter_map(|i| run.traces.get(*i)).collect()
+            });
             let frames: Vec<&[Curve<'_>]> = match fast && curves.len() > 1 {
                 true => curves.chunks(1).collect(),
                 false => vec![&curves[..]],
@@ -258,13 +248,14 @@ impl Asked {
                     }
                     _ => {}
                 }
-                plot.x = Axis::of("Time (s)");
+                plot.x = Axis::time();
                 plot.y = Axis::of(axis_label(quantity));
                 if let Some((low, high)) = range {
                     plot.y = plot.y.over(low, high);
                     plot.size = (0.0, 160.0);
                 }
                 plot.marks = frame.iter().flat_map(Curve::over_time).collect();
+                plot.caption = levels(frame, quantity);
                 plots.push(plot);
             }
         }
@@ -275,38 +266,29 @@ impl Asked {
         let Some((across, _)) = self.signals.split_first() else {
             return Vec::new();
         };
-        let curves: Vec<(Curve<'_>, &Trace)> = runs
-            .iter()
-            .filter_map(|run| Some((run, run.traces.split_first()?)))
-            .flat_map(|(run, (x, ys))| ys.iter().map(move |trace| (run.name, trace, x)))
-            .enumerate()
-            .map(|(number, (run, trace, x))| {
-                let name = if run.is_empty() { &trace.stream.name } else { run };
-                let ink = Ink::number(number);
-                (Curve { name, ink, trace }, x)
-            })
-            .collect();
-        let Some((first, _)) = curves.first() else {
+        let curves: Vec<Curve<'_>> = curves(runs, |run| run.traces.iter().skip(1).collect());
+        let Some(first) = curves.first() else {
             return Vec::new();
         };
         let (x, y) = (across.stream.quantity, first.trace.stream.quantity);
         let mut plot = self.frame();
-        plot.x = Axis::of(match shown_in(x).0.as_str() {
+        let (x_unit, y_unit) = (Unit::of(x), Unit::of(y));
+        plot.x = Axis::of(match x_unit.symbol.as_str() {
             "" => across.stream.name.clone(),
             unit => format!("{} ({unit})", across.stream.name),
         });
         plot.y = Axis::of(axis_label(y));
         plot.size = (0.0, 300.0);
+        plot.caption = "Each dot is a moment: what comes first was as large as the axis below says, the other as the axis at \
+                        the side."
+            .to_owned();
         plot.marks = curves
             .iter()
-            .map(|(curve, x_trace)| {
+            .filter_map(|curve| {
+                let x_trace = runs.get(curve.run)?.traces.first()?;
                 let points = paired(&x_trace.points(), &curve.trace.points());
-                let (x_factor, y_factor) = (shown_in(x).1, shown_in(y).1);
-                let shown = points.into_iter().map(|(x, y)| (x * x_factor, y * y_factor));
-                Mark::Dots(
-                    Style::named(curve.ink, curve.name).weight(Weight::Hair),
-                    shown.collect(),
-                )
+                let shown = points.into_iter().map(|(x, y)| (x_unit.show(x), y_unit.show(y)));
+                Some(Mark::Dots(curve.style().weight(Weight::Hair), shown.collect()))
             })
             .collect();
         vec![plot]
@@ -314,24 +296,22 @@ impl Asked {
 
     fn path(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
         let mut plot = self.frame();
-        let traces = runs
-            .iter()
-            .flat_map(|run| run.traces.iter().map(|trace| (run.name, trace)));
-        plot.marks = traces
-            .enumerate()
-            .map(|(number, (run, trace))| {
-                let (_, factor) = shown_in(trace.way_quantity());
-                let points = trace.points().into_iter();
-                let name = if run.is_empty() { &trace.stream.name } else { run };
-                let style = Style::named(Ink::number(number), name).weight(Weight::Hair);
-                Mark::Line(style, points.map(|(x, y)| (x * factor, y * factor)).collect())
-            })
-            .collect();
+        let curves = curves(runs, |run| run.traces.iter().collect());
+        let line = |curve: &Curve<'_>| {
+            let unit = Unit::of(curve.trace.way_quantity());
+            let points = curve.trace.points().into_iter();
+            let shown = points.map(|(x, y)| (unit.show(x), unit.show(y)));
+            Mark::Line(curve.style().weight(Weight::Hair), shown.collect())
+        };
+        plot.marks = curves.iter().map(line).collect();
         let unit = runs
             .first()
             .and_then(|run| run.traces.first())
-            .map_or_else(String::new, |trace| shown_in(trace.way_quantity()).0);
+            .map_or_else(String::new, |trace| Unit::of(trace.way_quantity()).symbol);
         plot.size = PATH_SIZE;
+        plot.aspect = Some(PATH_FRAME.0 / PATH_FRAME.1);
+        plot.caption =
+            "Seen from above, both axes in one scale; a line is broken where nothing touches.".to_owned();
         let ((x_low, x_high), (y_low, y_high)) = square(&plot.marks);
         plot.x = Axis::of(format!("x ({unit})")).over(x_low, x_high);
         plot.y = Axis::of(format!("y ({unit})")).over(y_low, y_high);
@@ -355,20 +335,80 @@ const PATH_SIZE: (f64, f64) = (0.0, 420.0);
 const PATH_FRAME: (f64, f64) = (676.0, 342.0);
 
 struct Curve<'a> {
-    name: &'a str,
+    name: String,
     ink: Ink,
+    run: usize,
     trace: &'a Trace,
 }
 
+/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run.
+fn curves<'a>(runs: &[Drawn<'a>], traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>) -> Vec<Curve<'a>> {
+    let of_run = |(run, drawn): (usize, &Drawn<'a>)| {
+        let traces = traces(drawn);
+        let alone = traces.len() == 1;
+        let curve = move |(number, trace): (usize, &'a Trace)| Curve {
+            name: match (drawn.name, alone) {
+                ("", _) => trace.stream.name.clone(),
+                (name, true) => name.to_owned(),
+                (name, false) => format!("{name}: {}", trace.stream.name),
+            },
+            ink: Ink::number(if runs.len() > 1 { run } else { number }),
+            run,
+            trace,
+        };
+        traces.into_iter().enumerate().map(curve).collect::<Vec<_>>()
+    };
+    runs.iter().enumerate().flat_map(of_run).collect()
+}
+
+/// How large the signals of a frame are: the root mean square of one that goes both ways, the mean of another.
+fn levels(curves: &[Curve<'_>], quantity: Quantity) -> String {
+    let unit = Unit::of(quantity);
+    let level = |curve: &Curve<'_>| match &*curve.trace.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    {
+        Kept::Signal(envelope) => {
+            let (low, high) = envelope.range()?;
+            let level = match low < 0.0 && high > 0.0 {
+                true => format!("RMS {}", unit.text(envelope.rms())),
+                false => format!("mean {}", unit.text(envelope.mean())),
+            };
+            let of = if curves.len() > 1 {
+                format!("{}: ", curve.name)
+            } else {
+                String::new()
+            };
+            Some(format!(
+                "{of}{level}, from {} to {}",
+                unit.text(low),
+                unit.text(high)
+            ))
+        }
+        Kept::Points(_) => None,
+    };
+    let levels: Vec<String> = curves.iter().filter_map(level).collect();
+    let text = levels.join("; ");
+    let mut letters = text.chars();
+    match letters.next() {
+        Some(first) if curves.len() == 1 => format!("{}{}.", first.to_uppercase(), letters.as_str()),
+        Some(_) => text + ".",
+        None => String::new(),
+    }
+}
+
 impl Curve<'_> {
+    fn style(&self) -> Style {
+        Style::named(self.ink, self.name.as_str())
+    }
+
     fn over_time(&self) -> Vec<Mark> {
-        let (_, factor) = shown_in(self.trace.stream.quantity);
-        let style = Style::named(self.ink, self.name);
+        let unit = Unit::of(self.trace.stream.quantity);
+        let style = self.style();
         match &*self.trace.shared.lock().unwrap_or_else(PoisonError::into_inner) {
-            Kept::Signal(envelope) => vec![Mark::signal(style, envelope, factor)],
+            Kept::Signal(envelope) => vec![Mark::signal(style, envelope, |si| unit.show(si))],
             Kept::Points(events) => {
-                let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, v * factor)).collect();
-                let stems = heads.iter().map(|(t, v)| [(*t, 0.0), (*t, *v)]).collect();
+                let heads: Vec<_> = events.kept().iter().map(|(t, v)| (*t, unit.show(*v))).collect();
+                let foot = unit.show(0.0);
+                let stems = heads.iter().map(|(t, v)| [(*t, foot), (*t, *v)]).collect();
                 vec![
                     Mark::Segments(Style::of(self.ink), stems),
                     Mark::Dots(style, heads),
@@ -403,10 +443,10 @@ impl Trace {
 fn common_range(curves: &[Curve<'_>]) -> Option<(f64, f64)> {
     let mut range = (f64::INFINITY, f64::NEG_INFINITY);
     for curve in curves {
-        let (_, factor) = shown_in(curve.trace.stream.quantity);
+        let unit = Unit::of(curve.trace.stream.quantity);
         if let Kept::Signal(envelope) = &*curve.trace.shared.lock().unwrap_or_else(PoisonError::into_inner) {
             for (_, low, high) in envelope.points() {
-                range = (range.0.min(low * factor), range.1.max(high * factor));
+                range = (range.0.min(unit.show(low)), range.1.max(unit.show(high)));
             }
         }
     }
@@ -548,7 +588,7 @@ mod tests {
         };
         let plots = asked.plots(&runs(&second));
         assert_eq!((plots.len(), plots[0].marks.len()), (1, 2));
-        assert!(plots[0].to_svg().contains("hard"));
+        assert!(plots[0].to_figure().contains("hard"));
         let plots = asked.plots(&runs(&first));
         assert_eq!((plots.len(), plots[0].marks.len()), (1, 1));
         assert!(plots[0].note.contains("same in all runs"));

@@ -3,32 +3,62 @@
 use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
 use super::record::{Content, Recorded, Spectra};
+use super::scale::plain;
 use super::theme::Ink;
+use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{TextureModel, VertexKind};
 
-/// The unit that a quantity is shown in, and what SI values are multiplied by: millimetres where the field uses them.
-pub fn shown_in(quantity: Quantity) -> (String, f64) {
-    match quantity {
-        Quantity::LENGTH => ("mm".to_owned(), 1e3),
-        Quantity::SPEED => ("mm/s".to_owned(), 1e3),
-        Quantity::TORQUE => ("N mm".to_owned(), 1e3),
-        Quantity::STIFFNESS => ("N/mm".to_owned(), 1e-3),
-        Quantity::ACCELERATION => ("m/s²".to_owned(), 1.0),
-        Quantity::NUMBER => (String::new(), 1.0),
-        other => (other.unit(), 1.0),
+/// The unit that a quantity is shown in: millimetres and degrees Celsius where the field uses them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Its symbol; empty for plain numbers.
+    pub symbol: String,
+    factor: f64,
+    offset: f64,
+}
+
+impl Unit {
+    /// The unit of a quantity.
+    pub fn of(quantity: Quantity) -> Self {
+        let (symbol, factor, offset) = match quantity {
+            Quantity::LENGTH => ("mm", 1e3, 0.0),
+            Quantity::SPEED => ("mm/s", 1e3, 0.0),
+            Quantity::TORQUE => ("N mm", 1e3, 0.0),
+            Quantity::STIFFNESS => ("N/mm", 1e-3, 0.0),
+            Quantity::ACCELERATION => ("m/s²", 1.0, 0.0),
+            Quantity::TEMPERATURE => ("°C", 1.0, -273.15),
+            Quantity::NUMBER => ("", 1.0, 0.0),
+            other => (&*other.unit(), 1.0, 0.0),
+        };
+        Self {
+            symbol: symbol.to_owned(),
+            factor,
+            offset,
+        }
+    }
+
+    /// An SI value in this unit.
+    pub fn show(&self, si: f64) -> f64 {
+        si * self.factor + self.offset
+    }
+
+    /// An SI value in this unit, with three digits and the symbol.
+    pub(super) fn text(&self, si: f64) -> String {
+        let value = plain(self.show(si));
+        match self.symbol.as_str() {
+            "" => value,
+            symbol => format!("{value} {symbol}"),
+        }
     }
 }
 
 /// `Force (N)`, by the quantity.
 pub(super) fn axis_label(quantity: Quantity) -> String {
-    let (unit, _) = shown_in(quantity);
-    let name = quantity.name().unwrap_or("value");
-    let name = if quantity == Quantity::NUMBER {
-        "value"
-    } else {
-        name
+    let name = match quantity {
+        Quantity::NUMBER => "value",
+        other => other.name().unwrap_or("value"),
     };
     let mut letters = name.chars();
     let capital = letters
@@ -36,10 +66,18 @@ pub(super) fn axis_label(quantity: Quantity) -> String {
         .map(|c| c.to_uppercase().collect::<String>())
         .unwrap_or_default();
     let name = capital + letters.as_str();
-    if unit.is_empty() {
-        name
-    } else {
-        format!("{name} ({unit})")
+    match Unit::of(quantity).symbol.as_str() {
+        "" => name,
+        symbol => format!("{name} ({symbol})"),
+    }
+}
+
+/// The unit of a power spectral density of a quantity: `A²/Hz`, `(m/s²)²/Hz`.
+fn density_unit(quantity: Quantity) -> String {
+    let unit = quantity.unit().replace("s2", "s²");
+    match unit.chars().all(char::is_alphabetic) {
+        true => format!("{unit}²/Hz"),
+        false => format!("({unit})²/Hz"),
     }
 }
 
@@ -54,57 +92,9 @@ fn note(recorded: &Recorded) -> String {
 
 /// The plots of one signal over time, `ink` telling it from its neighbours.
 pub fn over_time(recorded: &Recorded, ink: Ink) -> Vec<Plot> {
-    let name = &recorded.stream.name;
-    let quantity = recorded.stream.quantity;
-    let end_s = recorded.duration_s().max(1e-9);
-    let plot = |title: String, y: Axis, marks: Vec<Mark>| Plot {
-        title,
-        note: note(recorded),
-        x: Axis::of("Time (s)").over(0.0, end_s),
-        y,
-        marks,
-        ..Plot::default()
-    };
     match &recorded.content {
         Content::Lanes(lanes, spectra) => {
-            let groups: &[(&str, std::ops::Range<usize>, Quantity)] = match recorded.stream.kind {
-                Kind::Wrench => &[
-                    (" force", 0..3, Quantity::FORCE),
-                    (" torque", 3..6, Quantity::TORQUE),
-                ],
-                Kind::Vector => &[("", 0..3, quantity)],
-                _ => &[("", 0..1, quantity)],
-            };
-            let mut plots = Vec::new();
-            for (suffix, range, quantity) in groups {
-                let (_, factor) = shown_in(*quantity);
-                let marks = range
-                    .clone()
-                    .zip(["x", "y", "z"])
-                    .zip([ink, Ink::Orange, Ink::Teal])
-                    .filter_map(|((lane, axis), lane_ink)| {
-                        let lane_ink = if range.len() == 1 {
-                            ink
-                        } else if axis == "x" {
-                            Ink::Blue
-                        } else {
-                            lane_ink
-                        };
-                        let style = if range.len() == 1 {
-                            Style::of(lane_ink)
-                        } else {
-                            Style::named(lane_ink, axis)
-                        };
-                        lanes
-                            .get(lane)
-                            .map(|envelope| Mark::signal(style, envelope, factor))
-                    });
-                plots.push(plot(
-                    format!("{name}{suffix}"),
-                    Axis::of(axis_label(*quantity)),
-                    marks.collect(),
-                ));
-            }
+            let mut plots = components(recorded, lanes, ink);
             if let Some(spectra) = spectra {
                 let mut spectra = spectra.as_ref().clone();
                 spectra.finish();
@@ -112,33 +102,102 @@ pub fn over_time(recorded: &Recorded, ink: Ink) -> Vec<Plot> {
             }
             plots
         }
-        Content::Contact(depth, _) => {
-            let marks = vec![Mark::signal(Style::of(ink), depth, 1e3)];
-            vec![plot(
-                format!("{name}, penetration"),
-                Axis::of("Penetration (mm)"),
-                marks,
-            )]
-        }
-        Content::Events(points, count) => {
-            let (_, factor) = shown_in(quantity);
-            let stems = points
-                .kept()
-                .iter()
-                .map(|(t, v)| [(*t, 0.0), (*t, v * factor)])
-                .collect();
-            let heads = points.kept().iter().map(|(t, v)| (*t, v * factor)).collect();
-            let marks = vec![
-                Mark::Segments(Style::of(ink), stems),
-                Mark::Dots(Style::of(ink), heads),
-            ];
-            vec![plot(
-                format!("{name}, {count} events"),
-                Axis::of(axis_label(quantity)),
-                marks,
-            )]
-        }
+        Content::Contact(depth, _) => vec![Plot {
+            title: format!("{}, penetration", recorded.stream.name),
+            y: Axis::of("Penetration (mm)"),
+            marks: vec![Mark::signal(Style::of(ink), depth, |metres| 1e3 * metres)],
+            caption: "How deep the tip is in the surface; 0 in the air.".to_owned(),
+            ..frame(recorded)
+        }],
+        Content::Events(points, count) => vec![events(recorded, points.kept(), *count, ink)],
         Content::Map(_) | Content::Nothing => Vec::new(),
+    }
+}
+
+fn frame(recorded: &Recorded) -> Plot {
+    Plot {
+        title: recorded.stream.name.clone(),
+        note: note(recorded),
+        x: Axis::time().over(0.0, recorded.duration_s().max(1e-9)),
+        ..Plot::default()
+    }
+}
+
+/// How many of the plots of a signal over time show its values: the first ones.
+pub(super) fn components_of(recorded: &Recorded) -> usize {
+    match recorded.stream.kind {
+        Kind::Wrench => 2,
+        _ => 1,
+    }
+}
+
+/// A plot of each group of components that has a quantity of its own.
+fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
+    let quantity = recorded.stream.quantity;
+    let groups: &[(&str, std::ops::Range<usize>, Quantity)] = match recorded.stream.kind {
+        Kind::Wrench => &[
+            (" force", 0..3, Quantity::FORCE),
+            (" torque", 3..6, Quantity::TORQUE),
+        ],
+        Kind::Vector => &[("", 0..3, quantity)],
+        _ => &[("", 0..1, quantity)],
+    };
+    let plot = |(suffix, range, quantity): &(&str, std::ops::Range<usize>, Quantity)| {
+        let unit = Unit::of(*quantity);
+        let lanes: Vec<&Envelope> = range.clone().filter_map(|lane| lanes.get(lane)).collect();
+        let inks = [Ink::Blue, Ink::Orange, Ink::Teal];
+        let styles: Vec<Style> = match lanes.len() {
+            1 => vec![Style::of(ink)],
+            _ => (["x", "y", "z"].into_iter().zip(inks))
+                .map(|(axis, ink)| Style::named(ink, axis))
+                .collect(),
+        };
+        let marks = lanes.iter().zip(styles);
+        Plot {
+            title: format!("{}{suffix}", recorded.stream.name),
+            y: Axis::of(axis_label(*quantity)),
+            marks: marks
+                .map(|(lane, style)| Mark::signal(style, lane, |si| unit.show(si)))
+                .collect(),
+            caption: levels(&lanes, &unit),
+            ..frame(recorded)
+        }
+    };
+    groups.iter().map(plot).collect()
+}
+
+/// What a person looks for in a signal first: its range, and how strong it is about zero.
+fn levels(lanes: &[&Envelope], unit: &Unit) -> String {
+    let [lane] = lanes else {
+        let most = lanes.iter().map(|lane| lane.peak()).fold(0.0, f64::max);
+        return format!("No component goes beyond ±{}.", unit.text(most));
+    };
+    let Some((low, high)) = lane.range() else {
+        return "No sample of it is a number.".to_owned();
+    };
+    let range = format!("from {} to {}", plain(unit.show(low)), unit.text(high));
+    match low < 0.0 && high > 0.0 {
+        true => format!("RMS {}, {range}.", unit.text(lane.rms())),
+        false => format!("Mean {}, {range}.", unit.text(lane.mean())),
+    }
+}
+
+fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plot {
+    let unit = Unit::of(recorded.stream.quantity);
+    let stems = kept
+        .iter()
+        .map(|(t, v)| [(*t, unit.show(0.0)), (*t, unit.show(*v))])
+        .collect();
+    let heads = kept.iter().map(|(t, v)| (*t, unit.show(*v))).collect();
+    Plot {
+        title: format!("{}, {count} events", recorded.stream.name),
+        y: Axis::of(axis_label(recorded.stream.quantity)),
+        marks: vec![
+            Mark::Segments(Style::of(ink), stems),
+            Mark::Dots(Style::of(ink), heads),
+        ],
+        caption: "A stem for each event, as high as its value.".to_owned(),
+        ..frame(recorded)
     }
 }
 
@@ -162,11 +221,9 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
     if loudest <= decibel(0.0) {
         return None; // silence
     }
-    let unit = shown_in_si(recorded.stream.quantity);
     Some(Plot {
         title: format!("{}, spectrogram", recorded.stream.name),
-        note: note(recorded),
-        x: Axis::of("Time (s)").over(0.0, recorded.duration_s()),
+        x: Axis::time().over(0.0, recorded.duration_s()),
         y: Axis::of("Frequency (Hz)").over(0.0, (bins as f64 - 0.5) * bin_hz),
         marks: vec![Mark::Image(Image {
             cells: Grid {
@@ -177,14 +234,14 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
             x: (0.0, spectra.duration_s()),
             y: (-0.5 * bin_hz, (bins as f64 - 0.5) * bin_hz),
             colours: (loudest - DEPTH_DB, loudest),
-            label: format!("Density (dB re 1 ({unit})²/Hz)"),
+            label: format!("dB re 1 {}", density_unit(recorded.stream.quantity)),
         })],
         size: (0.0, 250.0),
+        caption: "How strong each frequency is at each time: a tap is an upright line, a resonance a level band; what follows \
+                  the hand grows brighter where it is faster or harder."
+            .to_owned(),
+        ..frame(recorded)
     })
-}
-
-fn shown_in_si(quantity: Quantity) -> String {
-    quantity.unit().replace("s2", "s²")
 }
 
 /// The mean spectrum of a signal that has one.
@@ -202,20 +259,22 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
         .map(|(i, d)| (i as f64 * spectra.bin_hz(), *d))
         .filter(|p| p.1 > 0.0)
         .collect();
-    let loudest = points.iter().map(|p| p.1).fold(0.0, f64::max);
+    let (strongest_hz, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let last_hz = points.last()?.0;
     Some(Plot {
         title: format!("{}, mean spectrum", recorded.stream.name),
         note: note(recorded),
         x: Axis::of("Frequency (Hz)").over(points[0].0, last_hz).log(),
-        y: Axis::of(format!(
-            "Density (({})²/Hz)",
-            shown_in_si(recorded.stream.quantity)
-        ))
-        .over(loudest * 10f64.powf(-DEPTH_DB / 10.0), loudest * 2.0)
-        .log(),
+        y: Axis::of(format!("Density ({})", density_unit(recorded.stream.quantity)))
+            .over(loudest * 10f64.powf(-DEPTH_DB / 10.0), loudest * 2.0)
+            .log(),
         marks: vec![Mark::Line(Style::of(ink), points)],
         size: (0.0, 230.0),
+        caption: format!(
+            "Over the whole run, strongest at {} Hz. The skin feels vibration best near 250 Hz, and hardly any above 1 kHz.",
+            plain(strongest_hz)
+        ),
+        ..Plot::default()
     })
 }
 
@@ -245,18 +304,23 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
         },
         x: Axis::of("Speed (mm/s)"),
         y: Axis::of("Normal force (N)"),
-        marks: Vec::new(),
         size: (0.0, 380.0),
+        caption: "Every place on the map has a vibration of its own, mixed of the models at the corners of its triangle; the \
+                  curve is where the hand went."
+            .to_owned(),
+        ..Plot::default()
     };
     if let Some(texture) = texture {
         let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
         plot.x = plot.x.over(-0.015 * speed, 1.015 * speed);
         plot.y = plot.y.over(-0.02 * force, 1.02 * force);
-        plot.marks.extend(triangulation(texture));
+        let models = if paths.len() == 1 { Ink::Blue } else { Ink::Grey };
+        plot.marks.extend(triangulation_in(texture, models));
     }
-    // One stroke is orange over blue models; several begin there.
+    // One stroke is orange over blue models; several have the colours of their runs, over grey ones.
+    let alone = usize::from(paths.len() == 1);
     for (number, (name, path)) in paths.into_iter().enumerate() {
-        let ink = Ink::number(number + 1);
+        let ink = Ink::number(number + alone);
         let line = Style::named(ink, name).weight(Weight::Hair);
         plot.marks.push(Mark::Line(line, path.clone()));
         plot.marks
@@ -267,6 +331,10 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
 
 /// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
 pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
+    triangulation_in(texture, Ink::Blue)
+}
+
+fn triangulation_in(texture: &TextureModel, ink: Ink) -> Vec<Mark> {
     let at = |i: usize| {
         let model = &texture.models()[i];
         (model.speed_m_s * 1e3, model.force_n)
@@ -285,10 +353,10 @@ pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
     let kinds = [
         (Style::named(Ink::Grey, "border"), VertexKind::Edge),
         (
-            Style::named(Ink::Blue, "model").weight(Weight::Bold),
+            Style::named(ink, "model").weight(Weight::Bold),
             VertexKind::Measured,
         ),
-        (Style::named(Ink::Blue, "law"), VertexKind::Fitted),
+        (Style::named(ink, "law"), VertexKind::Fitted),
     ];
     let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
     let dots = dots.filter(|(_, places)| !places.is_empty());
@@ -310,5 +378,7 @@ pub fn contact_path(recorded: &Recorded) -> Option<Plot> {
         y: Axis::of("y (mm)"),
         marks: vec![Mark::Dots(Style::of(Ink::Teal).weight(Weight::Hair), points)],
         size: (0.0, 320.0),
+        caption: "Seen from above.".to_owned(),
+        ..Plot::default()
     })
 }

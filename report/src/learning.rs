@@ -110,6 +110,7 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             y: Axis::of(label).over(low, high),
             marks: [marks, vec![breaks(low, high)]].concat(),
             size: (0.0, 170.0),
+            ..Plot::default()
         };
         let medians =
             |fate: fn(&Fate) -> bool, ink: Ink, name: &str, value: &dyn Fn(&SegmentReport) -> f64| {
@@ -213,6 +214,7 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
         y: Axis::of("Normal force (N)").over(-0.02 * force, 1.02 * force),
         marks,
         size: (0.0, 400.0),
+        ..Plot::default()
     }
 }
 

@@ -1,22 +1,27 @@
 //! Everything a person looks at: plots, drawings of graphs, and the page a run leaves behind. All of it is SVG and
-//! HTML that needs no network, no script and no font of its own, and follows the reader's light or dark theme.
+//! HTML that needs no network and no font of its own, is whole without its script, and follows the reader's light or dark
+//! theme.
 
 pub mod asked;
 pub mod drawing;
 pub mod evaluation;
 pub mod figures;
+pub mod headlines;
 pub mod holdout;
+pub mod identification;
 mod layout;
 pub mod learning;
 mod loci;
 mod map_figures;
 pub mod page;
+mod player;
 pub mod plot;
 mod raster;
 pub mod record;
 pub mod reference;
 mod responses;
 mod scale;
+pub mod sound;
 mod svg;
 mod swatch;
 pub mod sweep;

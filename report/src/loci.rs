@@ -1,5 +1,6 @@
 //! Where the poles of interpolated models go (Fig. 2.9): by coefficients they may leave the unit circle, by line spectral frequencies not.
 
+use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::theme::Ink;
 use haptograph_surfaces::lsf::lsf_to_ar;
@@ -31,10 +32,7 @@ pub(super) fn section(texture: &TextureModel) -> String {
         plot("Coefficients", &by_coefficients, &own),
         plot("Frequencies", &by_frequencies, &own),
     ];
-    let figures: String = pair
-        .iter()
-        .map(|plot| format!("<figure>{}</figure>", plot.to_svg()))
-        .collect();
+    let figures = figures_of(&pair);
     let axis = match texture.warping() {
         0.0 => String::new(),
         warping => format!(
@@ -113,5 +111,7 @@ fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
             Mark::Dots(Style::of(Ink::Blue), own.to_vec()),
         ],
         size: (384.0, 378.0),
+        aspect: Some(1.0),
+        ..Plot::default()
     }
 }

@@ -58,6 +58,7 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
         y: Axis::of("Dimension 2").over(-half, half),
         marks,
         size: (0.0, 520.0),
+        aspect: Some(ASPECT),
         ..Plot::default()
     }
 }
@@ -151,6 +152,7 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
         ),
         marks,
         size: (0.0, 90.0 + 15.0 * count as f64),
+        ..Plot::default()
     }
 }
 

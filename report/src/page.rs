@@ -1,11 +1,19 @@
 //! The page that a run leaves behind: one HTML file, everything in it, nothing fetched.
 
+mod signals;
+
 use super::figures;
+use super::headlines::{Headline, cards, of_signals};
+use super::player;
 use super::plot::Plot;
-use super::record::{Content, Recorded};
+use super::record::Recorded;
+use super::sound::Sound;
 use super::svg::escape;
-use super::theme::{self, Ink};
+use super::theme;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use haptograph_surfaces::TextureModel;
+use sha2::{Digest, Sha256};
 
 /// What a page shows.
 #[derive(Debug, Default)]
@@ -16,14 +24,22 @@ pub struct Page<'a> {
     pub about: String,
     /// What of it comes from simulated devices.
     pub simulation: Simulation,
+    /// The numbers to read first, before those of the sound.
+    pub headlines: Vec<Headline>,
     /// What is to be known of the run: names and values.
     pub facts: Vec<(String, String)>,
     /// What the reader should be warned of: limits that held back, faults, a run cut short.
     pub warnings: Vec<String>,
+    /// The files beside the page: names, and what they hold.
+    pub files: Vec<(String, String)>,
+    /// What there is to hear.
+    pub sound: Option<&'a Sound>,
     /// The plots that the graph asks for.
     pub asked: Vec<Plot>,
     /// The signals.
     pub signals: Vec<Recorded>,
+    /// Names of the signals that the plots which are asked for show.
+    pub asked_signals: Vec<String>,
     /// The texture that a signal on a map belongs to, by the signal's name.
     pub textures: Vec<(String, &'a TextureModel)>,
     /// The drawing of the graph.
@@ -70,21 +86,24 @@ const ALL_SIMULATED: &str = "All devices in this run were simulated: what is sho
 impl Page<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let facts: String = self
-            .facts
-            .iter()
-            .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
-            .collect();
-        let simulated = self.simulation.remark();
-        let (main, rest) = self.plots();
-        let mut sections = vec![("The run", format!("<dl>{facts}</dl>{simulated}"))];
-        sections.extend(
-            [("What happened", main), ("Signals", rest)].map(|(name, plots)| (name, figures_of(&plots))),
-        );
-        sections.push((
-            "The graph",
-            format!("<figure class=\"wide\">{}</figure>", self.drawing),
-        ));
+        let mut headlines = of_signals(self.sound, &self.signals);
+        headlines.extend(self.headlines.iter().cloned());
+        let heads = cards(&headlines) + &self.simulation.remark();
+        let mut main: Vec<Plot> = self.asked.iter().cloned().chain(self.maps()).collect();
+        line_up(&mut main, &self.signals);
+        let drawing = match self.drawing.as_str() {
+            "" => String::new(),
+            drawing => format!("<figure class=\"wide\">{drawing}</figure>"),
+        };
+        let sections = [
+            ("", heads),
+            ("Listen", self.sound.map_or_else(String::new, player::section)),
+            ("The graph", drawing),
+            ("What happened", figures_of(&main)),
+            ("Signals", signals::section(&self.signals, &self.asked_signals)),
+            ("Files", self.list_files()),
+            ("The run", facts(&self.facts)),
+        ];
         Sheet {
             title: &self.title,
             about: &self.about,
@@ -95,37 +114,61 @@ impl Page<'_> {
         .to_html()
     }
 
-    /// What tells what the rest means: the plots that were asked for and the map; then signals in the order of the graph.
-    /// Where nothing was asked for, all are one.
-    fn plots(&self) -> (Vec<Plot>, Vec<Plot>) {
-        let mut main = Vec::new();
-        for signal in &self.signals {
+    fn maps(&self) -> impl Iterator<Item = Plot> {
+        self.signals.iter().filter_map(|signal| {
             let texture = self.textures.iter().find(|(name, _)| *name == signal.stream.name);
             let texture = texture.map(|(_, texture)| *texture);
-            main.extend(figures::strokes_on_map(&[("stroke", signal)], texture));
-        }
-        let mut rest = Vec::new();
-        let mut number = 0;
-        for signal in &self.signals {
-            let ink = Ink::number(number);
-            rest.extend(figures::over_time(signal, ink));
-            rest.extend(figures::mean_spectrum(signal, ink));
-            rest.extend(figures::contact_path(signal));
-            number += usize::from(matches!(signal.content, Content::Lanes(..) | Content::Events(..)));
-        }
-        if self.asked.is_empty() {
-            main.append(&mut rest);
-        }
-        (self.asked.iter().cloned().chain(main).collect(), rest)
+            figures::strokes_on_map(&[("stroke", signal)], texture)
+        })
     }
+
+    fn list_files(&self) -> String {
+        let entry = |(name, holds): &(String, String)| {
+            let (address, name) = (address(name), escape(name));
+            format!(
+                "<dt><a href=\"{address}\">{name}</a></dt><dd>{}</dd>",
+                escape(holds)
+            )
+        };
+        match self.files.as_slice() {
+            [] => String::new(),
+            files => format!("<dl>{}</dl>", files.iter().map(entry).collect::<String>()),
+        }
+    }
+}
+
+/// Lets plots over time show the whole run, so that moments lie under one another.
+pub(super) fn line_up<'a>(plots: &mut [Plot], signals: impl IntoIterator<Item = &'a Recorded>) {
+    let end_s = signals.into_iter().map(Recorded::duration_s).fold(0.0, f64::max);
+    for plot in plots.iter_mut().filter(|plot| plot.x.is_time && end_s > 0.0) {
+        plot.x.range = plot.x.range.or(Some((0.0, end_s)));
+    }
+}
+
+/// Names and values.
+pub(super) fn facts(facts: &[(String, String)]) -> String {
+    let fact =
+        |(name, value): &(String, String)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value));
+    match facts {
+        [] => String::new(),
+        facts => format!("<dl>{}</dl>", facts.iter().map(fact).collect::<String>()),
+    }
+}
+
+/// A file's name as an address relative to the page: whatever has a meaning there is written as its bytes.
+fn address(name: &str) -> String {
+    let letter = |byte: u8| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' => char::from(byte).to_string(),
+        other => format!("%{other:02X}"),
+    };
+    let address: String = name.bytes().map(letter).collect();
+    // A first part with a colon would be a scheme; here it cannot, and no name begins with a slash.
+    format!("./{}", address.trim_start_matches('/'))
 }
 
 /// Plots as figures of a sheet.
 pub(super) fn figures_of(plots: &[Plot]) -> String {
-    let figures = plots
-        .iter()
-        .map(|plot| format!("<figure>{}</figure>\n", plot.to_svg()));
-    figures.collect()
+    plots.iter().map(Plot::to_figure).collect()
 }
 
 /// An HTML file: a head, and sections of a heading and HTML; empty ones are left out.
@@ -154,14 +197,20 @@ impl Sheet<'_> {
             .sections
             .iter()
             .filter(|(_, content)| !content.is_empty())
-            .map(|(name, content)| format!("<section><h2>{}</h2>\n{content}</section>\n", escape(name)))
+            .map(|(name, content)| match *name {
+                "" => format!("<section>{content}</section>\n"),
+                name => format!("<section><h2>{}</h2>\n{content}</section>\n", escape(name)),
+            })
             .collect();
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
              <meta name=\"viewport\" content=\"width=device-width\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{title}</title>\n<style>{}{PAGE_CSS}</style>\n</head>\n<body>\n<main>\n\
-             <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n{sections}\
-             <footer>Made by haptograph {}</footer>\n</main>\n</body>\n</html>\n",
+             <title>{title}</title>\n<style>{}{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n\
+             <div class=\"tools\" hidden=\"\">Drag over a plot to zoom, double-click for the whole.</div>\n\
+             {sections}<footer>Made by haptograph {}</footer>\n</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
+            policy(),
             theme::css(),
             paragraphs(self.about),
             env!("CARGO_PKG_VERSION"),
@@ -174,30 +223,16 @@ fn paragraphs(text: &str) -> String {
     parts.map(|part| format!("<p>{}</p>", escape(part))).collect()
 }
 
-const PAGE_CSS: &str = "\
-:root{color-scheme:light dark}\
-body{margin:0;background:#fff;color:#1c242c;font:15px/1.55 system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif}\
-main{max-width:792px;margin:0 auto;padding:28px 16px 60px}\
-h1{font-size:26px;margin:0 0 6px;letter-spacing:-.01em}h2{font-size:17px;margin:34px 0 10px}\
-p{margin:6px 0;max-width:68ch}\
-.badge{font-size:12px;font-weight:600;letter-spacing:.03em;vertical-align:5px;padding:2px 9px;border-radius:10px;\
-background:#faeadd;color:#9a4310}\
-.warning{border-left:3px solid #c85a17;padding:4px 12px;background:#faeadd;color:#5b2a0c;max-width:none}\
-.remark,footer{color:#59636e;font-size:13px}footer{margin-top:40px}\
-dl{display:grid;grid-template-columns:max-content 1fr;gap:3px 22px;margin:0;font-size:14px}\
-dt{color:#59636e}dd{margin:0;font-variant-numeric:tabular-nums;overflow-wrap:anywhere}\
-table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums}\
-th,td{padding:3px 14px 3px 0;text-align:right;border-bottom:1px solid #8883}th:first-child,td:first-child{text-align:left}\
-th{font-weight:600;color:#59636e}\
-figure{margin:0 0 14px}figure svg{display:block}\
-.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(340px,1fr));gap:8px}\
-table{margin:8px 0 14px}.grid td,.grid th{padding:4px 10px}h3{font-size:15px;margin:22px 0 8px}\
-details{border-top:1px solid #8883;padding:8px 0}summary{cursor:pointer;font-weight:600}\
-.wide{overflow-x:auto;width:min(96vw,1500px);position:relative;left:50%;transform:translateX(-50%)}\
-.wide svg.figure{min-width:1000px;margin:0 auto}\
-@media (prefers-color-scheme:dark){body{background:#14181d;color:#e8edf2}.badge{background:#412c1e;color:#f0a066}\
-.warning{background:#412c1e;color:#f3cfae}.remark,footer,dt,th{color:#a3aeb9}}\
-@media print{.wide{width:100%}.wide svg.figure{max-width:100%}}";
+const STYLE: &str = include_str!("page/style.css");
+const SCRIPT: &str = include_str!("page/script.js");
+
+/// What a browser may do with a page: show what is in it and run its own script, and fetch nothing.
+fn policy() -> String {
+    let hash = STANDARD.encode(Sha256::digest(SCRIPT));
+    format!(
+        "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'sha256-{hash}'"
+    )
+}
 
 #[cfg(test)]
 mod tests;

@@ -1,15 +1,16 @@
-//! Plots: a frame with two axes and marks in it. A plot is data; [`Plot::to_svg`] draws it.
+//! Plots: a frame with two axes and marks in it. A plot is data; [`Plot::to_figure`] draws it for a page.
 
+mod figure;
 mod marks;
 mod matrix;
 
 pub use matrix::Matrix;
 
 use super::scale::{Scale, padded};
-use super::svg::{Anchor, Rect, Svg, text_width};
+use super::svg::{Anchor, Rect, Svg, num, text_width};
 use super::theme::{self, Ink};
 use super::thinning::Envelope;
-use marks::{draw_colours, draw_grid, draw_mark};
+use marks::{draw_colours, draw_grid, draw_mark, draw_words};
 
 pub use super::raster::Grid as Cells;
 pub use super::scale::Spread;
@@ -27,8 +28,12 @@ pub struct Plot {
     pub y: Axis,
     /// What is drawn, the first at the bottom.
     pub marks: Vec<Mark>,
-    /// Width and height in pixels; 0: the usual.
+    /// Width and height in pixels; 0: the usual. On a page the width is that of the page.
     pub size: (f64, f64),
+    /// Width of the frame by its height, on a page, where both axes have one scale.
+    pub aspect: Option<f64>,
+    /// What is to be seen in it, below the frame on a page.
+    pub caption: String,
 }
 
 /// An axis.
@@ -42,6 +47,8 @@ pub struct Axis {
     pub spread: Spread,
     /// Names at values, in place of numbers.
     pub names: Vec<(f64, String)>,
+    /// Is it the time of the run?
+    pub is_time: bool,
 }
 
 /// Something drawn in the frame.
@@ -173,22 +180,14 @@ impl Axis {
 }
 
 impl Mark {
-    /// A signal over time: its samples where it is short, the area between its extremes where it is long. Values are
-    /// multiplied by `factor`, the way from SI to the axis.
-    pub fn signal(style: Style, envelope: &Envelope, factor: f64) -> Self {
+    /// A signal over time: its samples where it is short, the area between its extremes where it is long. `show` leads
+    /// from SI to the axis.
+    pub fn signal(style: Style, envelope: &Envelope, show: impl Fn(f64) -> f64) -> Self {
+        let points = envelope.points();
         if envelope.is_exact() {
-            Self::Line(
-                style,
-                envelope.points().map(|(t, v, _)| (t, v * factor)).collect(),
-            )
+            Self::Line(style, points.map(|(t, v, _)| (t, show(v))).collect())
         } else {
-            Self::Band(
-                style,
-                envelope
-                    .points()
-                    .map(|(t, l, h)| (t, l * factor, h * factor))
-                    .collect(),
-            )
+            Self::Band(style, points.map(|(t, l, h)| (t, show(l), show(h))).collect())
         }
     }
 
@@ -196,7 +195,7 @@ impl Mark {
     pub fn samples(style: Style, rate_hz: f64, samples: &[f64], factor: f64) -> Self {
         let mut envelope = Envelope::new(rate_hz);
         envelope.extend(samples.iter().copied());
-        Self::signal(style, &envelope, factor)
+        Self::signal(style, &envelope, |value| value * factor)
     }
 
     fn style(&self) -> Option<&Style> {
@@ -231,11 +230,6 @@ impl Mark {
 const USUAL_SIZE: (f64, f64) = (760.0, 210.0);
 
 impl Plot {
-    /// The plot as an SVG element for a page that has the style sheet.
-    pub fn to_svg(&self) -> String {
-        self.draw("")
-    }
-
     /// The plot as a picture of its own.
     pub fn to_standalone_svg(&self) -> String {
         self.draw(&theme::css())
@@ -282,6 +276,7 @@ impl Plot {
         svg.clipped(frame, |svg| {
             for mark in &self.marks {
                 draw_mark(svg, mark, &x, &y);
+                draw_words(svg, mark, &|a, b| (num(x.pixel(a)), num(y.pixel(b))));
             }
         });
         self.draw_axes(&mut svg, frame, &x, &y);
@@ -293,6 +288,13 @@ impl Plot {
 
     /// Room for the vertical axis: its longest tick and its label.
     fn left_margin(&self, height: f64) -> f64 {
+        let label = if self.y.label.is_empty() { 0.0 } else { 20.0 };
+        // Plots under one another share their left edge unless a number needs more.
+        (self.widest_tick(height) + 12.0 + label).max(if self.y.label.is_empty() { 40.0 } else { 66.0 })
+    }
+
+    /// The width of the longest number or name at the vertical axis.
+    fn widest_tick(&self, height: f64) -> f64 {
         let (low, high) = self.range(&self.y, 1);
         let scale = Scale {
             low,
@@ -302,13 +304,8 @@ impl Plot {
             spread: self.y.spread,
         };
         let ticks = Self::ticks(&self.y, &scale, height);
-        let widest = ticks
-            .iter()
-            .map(|(_, text)| text_width(text, 10.0))
-            .fold(0.0, f64::max);
-        let label = if self.y.label.is_empty() { 0.0 } else { 20.0 };
-        // Plots under one another share their left edge unless a number needs more.
-        (widest + 12.0 + label).max(if self.y.label.is_empty() { 40.0 } else { 66.0 })
+        let widths = ticks.iter().map(|(_, text)| text_width(text, 10.0));
+        widths.fold(0.0, f64::max)
     }
 
     fn range(&self, axis: &Axis, which: usize) -> (f64, f64) {
@@ -462,9 +459,10 @@ mod tests {
                     marks: marks.clone(),
                     ..Plot::default()
                 };
-                let text = plot.to_standalone_svg();
-                assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
-                roxmltree::Document::parse(&text).unwrap();
+                for text in [plot.to_standalone_svg(), plot.to_figure()] {
+                    assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+                    roxmltree::Document::parse(&text).unwrap();
+                }
             }
         }
     }

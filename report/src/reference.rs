@@ -7,28 +7,91 @@ use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use std::fmt::Write as _;
 
-/// One line a kind, by group.
-pub fn list(registry: &Registry) -> String {
-    let names = registry
+/// Which kinds are listed.
+#[derive(Debug, Clone, Default)]
+pub struct Filter {
+    /// Those of this group; `devices` are a group of their own.
+    pub group: Option<String>,
+    /// Those with all of these words in their name, group or description.
+    pub words: Vec<String>,
+}
+
+/// The group of the devices.
+pub const DEVICES: &str = "devices";
+
+impl Filter {
+    /// Is a kind of this name, group and description listed?
+    pub fn takes(&self, name: &str, group: &str, doc: &str) -> bool {
+        let text = format!("{name} {group} {doc}").to_lowercase();
+        self.group
+            .as_deref()
+            .is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
+            && self.words.iter().all(|word| text.contains(&word.to_lowercase()))
+    }
+}
+
+/// A line a kind, by group, wrapped at this width in characters; empty where nothing fits the filter.
+pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
+    let entries = registry
         .nodes()
         .iter()
-        .map(|e| e.spec.name)
-        .chain(registry.devices().iter().map(|e| e.spec.name));
-    let width = names.map(str::len).max().unwrap_or(0);
-    let line = |name: &str, doc: &str| format!("  {name:width$}  {}\n", first_sentence(doc));
+        .map(|entry| (entry.spec.group, entry.spec.name, entry.spec.doc));
+    let devices = registry
+        .devices()
+        .iter()
+        .map(|entry| (DEVICES, entry.spec.name, entry.spec.doc));
+    let found: Vec<_> = entries
+        .chain(devices)
+        .filter(|(group, name, doc)| filter.takes(name, group, doc))
+        .collect();
+    let names = found.iter().map(|(_, name, _)| name.len()).max().unwrap_or(0);
     let mut text = String::new();
-    for group in groups(registry) {
-        text += &format!("{group}\n");
-        for entry in registry.nodes().iter().filter(|entry| entry.spec.group == group) {
-            text += &line(entry.spec.name, entry.spec.doc);
+    for group in all_groups(registry) {
+        let mut of_group = found.iter().filter(|(of, ..)| *of == group).peekable();
+        if of_group.peek().is_none() {
+            continue;
         }
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        text += if group == DEVICES {
+            "devices (under `endpoints`)"
+        } else {
+            group
+        };
         text.push('\n');
-    }
-    text += "devices (under `endpoints`)\n";
-    for entry in registry.devices() {
-        text += &line(entry.spec.name, entry.spec.doc);
+        for (_, name, doc) in of_group {
+            let indent = names + 4;
+            let lines = wrapped(&first_sentence(doc), width.saturating_sub(indent).max(20));
+            let _ = writeln!(
+                text,
+                "  {name:names$}  {}",
+                lines.join(&format!("\n{:indent$}", ""))
+            );
+        }
     }
     text
+}
+
+/// Lines of at most so many characters; a longer word has a line of its own.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// The groups of nodes in the order of the reference, then the devices.
+pub fn all_groups(registry: &Registry) -> Vec<&'static str> {
+    groups(registry).into_iter().chain([DEVICES]).collect()
 }
 
 /// All about the node or device kind of this name.
@@ -185,7 +248,8 @@ fn example(text: &mut String, example: &str) {
     }
 }
 
-fn kind_rule(rule: KindRule) -> String {
+/// What a port takes or gives, in words.
+pub fn kind_rule(rule: KindRule) -> String {
     match rule {
         KindRule::Is(kind) => kind.to_string(),
         KindRule::Linear => "scalar, 3-vector or wrench".to_owned(),
@@ -194,7 +258,8 @@ fn kind_rule(rule: KindRule) -> String {
     }
 }
 
-fn quantity_rule(rule: QuantityRule) -> String {
+/// The quantity of a port, in words.
+pub fn quantity_rule(rule: QuantityRule) -> String {
     match rule {
         QuantityRule::Is(quantity) => quantity.to_string(),
         QuantityRule::Any => "any quantity".to_owned(),
@@ -216,5 +281,28 @@ fn first_sentence(doc: &str) -> String {
     match doc.split_once(". ") {
         Some((first, _)) => format!("{first}."),
         None => doc,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_found_by_words_and_group() {
+        let registry = haptograph_nodes::registry();
+        let found = |group: Option<&str>, words: &[&str]| {
+            let filter = Filter {
+                group: group.map(str::to_owned),
+                words: words.iter().map(|word| (*word).to_owned()).collect(),
+            };
+            list(&registry, &filter, 60)
+        };
+        assert!(found(None, &["ENVELOPE", "attack"]).contains("Adsr"));
+        let filters = found(Some("filters"), &[]);
+        assert!(filters.contains("LowPass") && !filters.contains("Adsr"));
+        assert!(found(Some("devices"), &[]).contains("SimulatedHaptuator"));
+        assert_eq!(found(None, &["no such thing at all"]), "");
+        assert!(found(None, &[]).lines().all(|line| line.chars().count() <= 60));
     }
 }

@@ -166,6 +166,7 @@ pub(super) fn tap_waves(taps: &Taps) -> Plot {
         // The fastest is the loudest: it goes below the others.
         marks: chosen(taps).into_iter().rev().map(wave).collect(),
         size: (0.0, 240.0),
+        ..Plot::default()
     }
 }
 

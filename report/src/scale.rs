@@ -88,6 +88,24 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
     }
 }
 
+/// A number in a sentence, with three digits that count.
+pub(crate) fn plain(value: f64) -> String {
+    let magnitude = value.abs().log10().floor();
+    if value == 0.0 || !magnitude.is_finite() {
+        return "0".to_owned();
+    }
+    if !(-4.0..6.0).contains(&magnitude) {
+        return format!("{value:.2e}").replace('-', "\u{2212}");
+    }
+    let decimals = (2.0 - magnitude).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    text.replace('-', "\u{2212}")
+}
+
 fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let rough = (high - low) / most.max(1) as f64;
     let decade = 10f64.powf(rough.log10().floor());
@@ -246,6 +264,20 @@ mod tests {
                 let (low, high) = padded(values.iter().copied(), spread);
                 assert!(low < high, "{values:?} {low} {high}");
             }
+        }
+    }
+
+    #[test]
+    fn numbers_in_sentences_keep_three_digits() {
+        for (value, shown) in [
+            (0.0, "0"),
+            (1234.5, "1234"),
+            (12.345, "12.3"),
+            (-0.5, "\u{2212}0.5"),
+            (0.00123456, "0.00123"),
+            (1.5e-9, "1.50e\u{2212}9"),
+        ] {
+            assert_eq!(plain(value), shown);
         }
     }
 }

@@ -52,6 +52,11 @@ impl Svg {
         svg
     }
 
+    /// What was written.
+    pub fn into_text(self) -> String {
+        self.out
+    }
+
     /// Writes formatted text as it is.
     pub fn raw(&mut self, text: std::fmt::Arguments<'_>) {
         // Writing into a string cannot fail.
@@ -59,12 +64,7 @@ impl Svg {
         self.out.push('\n');
     }
 
-    /// Everything that `draw` writes, in a group with these classes.
-    pub fn group(&mut self, class: &str, draw: impl FnOnce(&mut Self)) {
-        self.group_of(class, &[], draw);
-    }
-
-    /// The same; names and values say to a program what it is.
+    /// Everything that `draw` writes, in a group with these classes; names and values say to a program what it is.
     pub fn group_of(&mut self, class: &str, what: &[(&str, &str)], draw: impl FnOnce(&mut Self)) {
         self.raw(format_args!("<g class=\"{class}\"{}>", attributes(what)));
         draw(self);
@@ -113,7 +113,7 @@ impl Svg {
         self.raw(format_args!(
             "<path class=\"{class}\"{} d=\"{}\"/>",
             attributes(what),
-            path.d.trim_end()
+            path.d
         ));
     }
 
@@ -197,13 +197,20 @@ impl Anchor {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Path {
     d: String,
+    /// The command that more points would continue; lines go on after a move.
+    last: Option<char>,
 }
 
 impl Path {
     fn push(&mut self, command: char, points: &[(f64, f64)]) {
-        self.d.push(command);
-        for (x, y) in points {
-            let _ = write!(self.d, "{} {} ", num(*x), num(*y));
+        match (self.last, command) {
+            (Some('M' | 'L'), 'L') => self.d.push(' '),
+            _ => self.d.push(command),
+        }
+        self.last = Some(command);
+        for (i, (x, y)) in points.iter().enumerate() {
+            let space = if i == 0 { "" } else { " " };
+            let _ = write!(self.d, "{space}{} {}", num(*x), num(*y));
         }
     }
     pub fn move_to(&mut self, to: (f64, f64)) {
@@ -217,9 +224,21 @@ impl Path {
     }
     pub fn close(&mut self) {
         self.d.push('Z');
+        self.last = Some('Z');
     }
     pub fn append(&mut self, other: &Self) {
         self.d.push_str(&other.d);
+        self.last = other.last.or(self.last);
+    }
+    /// A line of no length at each point: a round end makes it a dot.
+    pub fn dots(points: impl Iterator<Item = (f64, f64)>) -> Self {
+        let mut path = Self::default();
+        for point in points {
+            path.move_to(point);
+            path.d.push_str("h0");
+            path.last = Some('h');
+        }
+        path
     }
     /// Straight lines through all points.
     pub fn through(points: &[(f64, f64)]) -> Self {

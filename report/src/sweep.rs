@@ -1,10 +1,11 @@
 //! The page of several runs of one graph, laid over each other.
 
 use super::asked::{Asked, Drawn};
-use super::figures::{self, shown_in};
-use super::page::{Sheet, Simulation, figures_of};
+use super::figures::{self, Unit};
+use super::page::{Sheet, Simulation, facts, figures_of, line_up};
 use super::plot::{Axis, Mark, Plot, Style};
 use super::record::{Content, Recorded};
+use super::scale::plain;
 use super::svg::escape;
 use super::theme::Ink;
 use haptograph_surfaces::TextureModel;
@@ -44,12 +45,6 @@ pub struct SweepPage<'a> {
 impl SweepPage<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let facts: String = self
-            .facts
-            .iter()
-            .map(|(name, value)| format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(value)))
-            .collect();
-        let simulated = self.simulation.remark();
         let warnings: Vec<String> = self
             .runs
             .iter()
@@ -70,11 +65,12 @@ impl SweepPage<'_> {
                 .collect();
             plots.extend(asked.plots(&runs));
         }
+        line_up(&mut plots, self.runs.iter().flat_map(|run| &run.signals));
         let sections = [
-            ("The runs", format!("<dl>{facts}</dl>{simulated}")),
+            ("How the runs differ", self.table() + &self.simulation.remark()),
             ("Side by side", figures_of(&plots)),
             ("Mean spectra", figures_of(&self.spectra())),
-            ("How large each signal was", self.table()),
+            ("The runs", facts(&self.facts)),
         ];
         Sheet {
             title: &self.title,
@@ -137,66 +133,89 @@ impl SweepPage<'_> {
             .collect()
     }
 
-    /// Root mean square of every scalar and vector in every run.
+    /// Root mean square of every scalar and vector in every run, the signals that differ most first; those that are the
+    /// same in all runs are named only.
     fn table(&self) -> String {
-        let names: String = self
-            .runs
-            .iter()
-            .map(|run| format!("<th>{}</th>", escape(&run.name)))
-            .collect();
-        let rows: String = (0..self.signals())
-            .filter_map(|signal| self.row(signal))
-            .collect();
-        format!("<table><tr><th>Root mean square</th>{names}</tr>{rows}</table>")
+        let heads = self.runs.iter().enumerate().map(|(number, run)| {
+            let ink = Ink::number(number).class();
+            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.name))
+        });
+        let rows = (0..self.signals()).filter_map(|signal| self.row(signal));
+        let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
+        differing.sort_by(|a, b| b.spread.total_cmp(&a.spread));
+        let cells = differing.iter().map(Row::to_html).collect::<String>();
+        let same: Vec<&str> = same.iter().map(|row| row.name.as_str()).collect();
+        let same = match same.as_slice() {
+            [] => String::new(),
+            names => format!(
+                "<p class=\"remark\">The same in all runs: {}.</p>",
+                escape(&names.join(", "))
+            ),
+        };
+        let table = match cells.as_str() {
+            "" => "<p>No signal differs between the runs.</p>".to_owned(),
+            rows => format!(
+                "<div class=\"scroll\"><table><tr><th>Root mean square</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
+                heads.collect::<String>()
+            ),
+        };
+        table + &same
     }
 
-    fn row(&self, signal: usize) -> Option<String> {
+    fn row(&self, signal: usize) -> Option<Row> {
         let across = self.across(signal);
         let stream = &across.first()?.1.stream;
-        let (unit, factor) = shown_in(stream.quantity);
-        let cells: Option<String> = across
-            .iter()
-            .map(|(_, recorded)| match &recorded.content {
-                Content::Lanes(lanes, _)
-                    if !matches!(stream.kind, haptograph_engine::frame::Kind::Wrench) =>
-                {
-                    let square: f64 = lanes.iter().map(|lane| lane.rms().powi(2)).sum();
-                    Some(format!("<td>{}</td>", three_digits(square.sqrt() * factor)))
-                }
-                _ => None,
-            })
-            .collect();
-        let name = match unit.as_str() {
-            "" => escape(&stream.name),
-            unit => format!("{} ({})", escape(&stream.name), escape(unit)),
+        let unit = Unit::of(stream.quantity);
+        let level = |recorded: &Recorded| match &recorded.content {
+            Content::Lanes(lanes, _) if !matches!(stream.kind, haptograph_engine::frame::Kind::Wrench) => {
+                let square: f64 = lanes.iter().map(|lane| lane.rms().powi(2)).sum();
+                Some(square.sqrt())
+            }
+            _ => None,
         };
-        Some(format!("<tr><td>{name}</td>{}</tr>", cells?))
+        let levels: Vec<f64> = across
+            .iter()
+            .map(|(_, recorded)| level(recorded))
+            .collect::<Option<_>>()?;
+        let most = levels.iter().copied().fold(0.0, f64::max);
+        let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+        Some(Row {
+            name: match unit.symbol.as_str() {
+                "" => stream.name.clone(),
+                symbol => format!("{} ({symbol})", stream.name),
+            },
+            cells: levels.iter().map(|level| plain(unit.show(*level))).collect(),
+            spread: if most > least { most / least } else { 1.0 },
+        })
     }
 }
 
-/// A number with three digits that count.
-fn three_digits(value: f64) -> String {
-    let magnitude = value.abs().log10().floor();
-    if value == 0.0 || !magnitude.is_finite() {
-        return "0".to_owned();
-    }
-    let decimals = (2.0 - magnitude).clamp(0.0, 9.0) as usize;
-    format!("{value:.decimals$}")
+/// Runs whose levels differ by less than this are the same to a hand: a ratio.
+const SAME: f64 = 1.0005;
+
+/// One signal in all runs.
+struct Row {
+    name: String,
+    cells: Vec<String>,
+    /// Of the largest level to the smallest.
+    spread: f64,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_keep_three_digits() {
-        for (value, shown) in [
-            (0.0, "0"),
-            (1234.5, "1234"),
-            (12.345, "12.3"),
-            (0.00123456, "0.00123"),
-        ] {
-            assert_eq!(three_digits(value), shown);
-        }
+impl Row {
+    fn to_html(&self) -> String {
+        let cells: String = self
+            .cells
+            .iter()
+            .map(|cell| format!("<td>{}</td>", escape(cell)))
+            .collect();
+        let spread = match self.spread.is_finite() {
+            true => plain(self.spread),
+            false => "only in some".to_owned(),
+        };
+        format!(
+            "<tr><td>{}</td>{cells}<td>{}</td></tr>",
+            escape(&self.name),
+            escape(&spread)
+        )
     }
 }

@@ -12,6 +12,7 @@ pub struct Envelope {
     open: (f64, f64),
     open_samples: u64,
     samples: u64,
+    sum: f64,
     sum_of_squares: f64,
 }
 
@@ -29,6 +30,7 @@ impl Envelope {
             open: EMPTY,
             open_samples: 0,
             samples: 0,
+            sum: 0.0,
             sum_of_squares: 0.0,
         }
     }
@@ -45,6 +47,7 @@ impl Envelope {
         self.open_samples += 1;
         if sample.is_finite() {
             self.open = (self.open.0.min(sample), self.open.1.max(sample));
+            self.sum += sample;
             self.sum_of_squares += sample * sample;
         }
         if self.open_samples == self.stretch {
@@ -79,10 +82,25 @@ impl Envelope {
         }
     }
 
+    /// Mean; 0 for a signal of no samples.
+    pub fn mean(&self) -> f64 {
+        match self.samples {
+            0 => 0.0,
+            samples => self.sum / samples as f64,
+        }
+    }
+
+    /// Smallest and largest value; `None` where no sample is finite.
+    pub fn range(&self) -> Option<(f64, f64)> {
+        let (low, high) = self
+            .stretches()
+            .fold(EMPTY, |(low, high), (l, h)| (low.min(l), high.max(h)));
+        (low <= high).then_some((low, high))
+    }
+
     /// Largest magnitude; 0 where there is none.
     pub fn peak(&self) -> f64 {
-        self.stretches()
-            .fold(0.0, |peak, (low, high)| peak.max(low.abs()).max(high.abs()))
+        self.range().map_or(0.0, |(low, high)| low.abs().max(high.abs()))
     }
 
     /// Does every stretch hold one sample, so that the signal is shown as it is?

@@ -16,6 +16,7 @@ mod live;
 mod loading;
 mod outputs;
 pub mod placing;
+pub mod present;
 mod replay;
 mod shown;
 mod silence;
@@ -23,12 +24,15 @@ pub mod summary;
 mod watch;
 
 use super::output::{self, Force};
+use super::terminal::is_animated;
 use super::{Failure, GraphArguments, remark, remarks, say};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
+use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use present::Present;
 pub use shown::Shown;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -83,6 +87,8 @@ pub struct Arguments {
     /// Print the facts of the run as JSON
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub present: Present,
 }
 
 pub fn seconds(text: &str) -> Result<f64, String> {
@@ -97,6 +103,7 @@ pub const DURATION_S: f64 = 10.0;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
+    arguments.present.check()?;
     if arguments.live {
         return live::run(arguments, registry);
     }
@@ -114,7 +121,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let (outcome, took_s) = timed(offline, duration_s, &stop)?;
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));
-    made.kept.complete(arguments, &graph, &summary)
+    let sound = made.kept.complete(arguments, &graph, &summary)?;
+    arguments.present.play_sound(sound, &stop)
 }
 
 /// Warnings of devices that only a live run hears: offline they sense nothing. What soundcards play is kept.
@@ -244,10 +252,17 @@ impl<'a> Making<'a> {
 }
 
 impl Kept {
-    /// Writes the page and the facts, puts the folder in its place, and says so.
-    fn complete(self, arguments: &Arguments, graph: &Graph, summary: &Summary) -> Result<(), Failure> {
+    /// Writes the page and the facts, puts the folder in its place, and says so. Returns what there is to hear.
+    fn complete(
+        self,
+        arguments: &Arguments,
+        graph: &Graph,
+        summary: &Summary,
+    ) -> Result<Option<Sound>, Failure> {
+        let sound = self.shown.sound();
         self.folder.write(folder::MARK, &summary.to_json())?;
-        self.folder.write(PAGE, &summary.page(graph, &self.shown))?;
+        self.folder
+            .write(PAGE, &summary.page(graph, &self.shown, sound.as_ref()))?;
         self.folder.write(
             DRAWING,
             &crate::report::drawing::standalone_svg(graph, &arguments.graph.name()),
@@ -267,10 +282,16 @@ impl Kept {
             .warnings()
             .iter()
             .for_each(|warning| remark(&format!("warning: {warning}\n")));
-        if arguments.json {
-            say(&summary.to_json())
-        } else {
-            say(&summary.sentence(&self.target))
+        say(&match arguments.json {
+            true => summary.to_json(),
+            false => summary.sentence(&self.target, sound.as_ref()),
+        })?;
+        arguments.present.open_page(&self.target.join(PAGE));
+        // A live run without an end of its own ends by ctrl-C.
+        let has_end = !arguments.live || arguments.duration_s.is_some();
+        match summary.was_stopped() && has_end {
+            true => Err(Failure::Interrupted),
+            false => Ok(sound),
         }
     }
 }
@@ -311,7 +332,10 @@ pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
 pub fn progress_bar(duration_s: f64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(
         Some((duration_s * 1e3) as u64),
-        ProgressDrawTarget::stderr_with_hz(10),
+        match is_animated() {
+            true => ProgressDrawTarget::stderr_with_hz(10),
+            false => ProgressDrawTarget::hidden(),
+        },
     );
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left");
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

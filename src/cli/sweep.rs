@@ -3,8 +3,10 @@
 
 use super::output::Force;
 use super::run::folder::RunFolder;
+use super::run::present::Present;
 use super::run::summary::{self, Summary};
 use super::run::{self, Shown, message, timed};
+use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, remark, say, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
@@ -16,7 +18,6 @@ use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
 use serde_json::json;
 use std::fs;
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
@@ -44,6 +45,9 @@ pub struct Arguments {
     /// The folder to write, with a folder for each run in it; `out/GRAPH-sweep` where it is not given
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Print the facts of the sweep as JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Parameters and values of one run.
@@ -156,7 +160,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         .collect::<Result<_, Failure>>()?;
     for (_, _, graph) in &graphs {
         if !graph.warnings().is_empty() {
-            remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
+            remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
         }
     }
     let target = arguments.out.clone().unwrap_or_else(|| {
@@ -172,17 +176,21 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
         let mut outlets = Outlets::new(&graph);
         outlets.open_files(&place).map_err(message)?;
-        let shown = Shown::of(&graph, &mut outlets);
+        let mut shown = Shown::of(&graph, &mut outlets);
         let offline = Offline::new(outlets, usize::from(run_arguments.block));
         let (outcome, took_s) = timed(offline, arguments.duration_s, &stop)?;
         let mut summary = Summary::of(&run_arguments, &graph, &outcome, took_s);
         summary.add(Vec::new(), run::unreached(&graph));
         for (file, text) in [
             ("run.json", summary.to_json()),
-            ("report.html", summary.page(&graph, &shown)),
+            (
+                "report.html",
+                summary.page(&graph, &shown, shown.sound().as_ref()),
+            ),
         ] {
             folder.write(&format!("{:02}/{file}", number + 1), &text)?;
         }
+        shown.forget_sound();
         done.push(Done {
             name,
             graph,
@@ -194,7 +202,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         }
     }
     folder.write("report.html", &page(arguments, &done))?;
-    folder.write("run.json", &facts(arguments, &done, planned))?;
+    let facts = facts(arguments, &done, planned);
+    folder.write("run.json", &facts)?;
     let placed = folder.put_in_place()?;
     placed
         .lines()
@@ -206,12 +215,19 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             done.len()
         ));
     }
-    say(&format!(
-        "ran {} {} times; look at {}\n",
-        arguments.graph.name(),
-        done.len(),
-        target.join("report.html").display()
-    ))
+    say(&match arguments.json {
+        true => facts,
+        false => format!(
+            "ran {} {} times\nlook at {}; each run's own page has its sound\n",
+            arguments.graph.name(),
+            done.len(),
+            target.join("report.html").display()
+        ),
+    })?;
+    match stop.load(Ordering::Relaxed) {
+        true => Err(Failure::Interrupted),
+        false => Ok(()),
+    }
 }
 
 fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
@@ -241,6 +257,7 @@ fn arguments_of(arguments: &Arguments, case: &Case) -> run::Arguments {
         force: Force::default(),
         record: false,
         json: false,
+        present: Present::default(),
     }
 }
 
@@ -338,6 +355,7 @@ mod tests {
                 duration_s: 1.0,
                 seed: None,
                 out: None,
+                json: false,
             };
             arguments
                 .cases()

@@ -265,6 +265,7 @@ impl Surface {
             y: Axis::of("Normal force (N)"),
             marks: triangulation(texture),
             size: (0.0, 320.0),
+            ..Plot::default()
         };
         Some(plot.to_standalone_svg())
     }

@@ -103,6 +103,10 @@ fn name(device: &cpal::Device) -> Option<String> {
     device.id().ok().map(|id| id.id().to_owned())
 }
 
+pub(super) fn card_name(device: &cpal::Device) -> String {
+    name(device).unwrap_or_else(|| about(device))
+}
+
 fn about(device: &cpal::Device) -> String {
     device
         .description()
@@ -123,7 +127,7 @@ fn shown(config: &SupportedStreamConfigRange) -> String {
     )
 }
 
-fn system(error: Error) -> SoundcardError {
+pub(super) fn system(error: Error) -> SoundcardError {
     SoundcardError::System(error.to_string())
 }
 
@@ -161,7 +165,7 @@ pub(super) struct Health {
 pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Stream, Got), SoundcardError> {
     let way = P::WAY;
     let device = find(way, request.device.as_deref())?;
-    let card = name(&device).unwrap_or_else(|| about(&device));
+    let card = card_name(&device);
     let (channels, format) = choose(way, request, &device, &card)?;
     let built = |buffer_size: BufferSize| {
         let config = StreamConfig {
@@ -193,7 +197,7 @@ pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Str
     Ok((stream, got))
 }
 
-fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
+pub(super) fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
     let mut names = Vec::new();
     for host in hosts() {
         let Some(wanted) = wanted else {
@@ -232,7 +236,7 @@ fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> 
 }
 
 /// The fewest channels that suffice, and the best form of samples at the rate.
-fn choose(
+pub(super) fn choose(
     way: Way,
     request: &Request,
     device: &cpal::Device,

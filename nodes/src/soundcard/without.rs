@@ -3,6 +3,7 @@
 use super::{CardCounts, CardNote, Got, Listed, Request, SoundcardError, wanted};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Live, RingMeter};
+use std::sync::atomic::AtomicBool;
 
 /// There is none in this build.
 #[derive(Debug)]
@@ -13,6 +14,22 @@ pub enum CardDriver {}
 /// # Errors
 /// [`SoundcardError::NotBuilt`], always.
 pub fn list() -> Result<Vec<Listed>, SoundcardError> {
+    Err(SoundcardError::NotBuilt)
+}
+
+/// Is there a soundcard that a sound can be played on?
+///
+/// # Errors
+/// [`SoundcardError::NotBuilt`], always.
+pub fn ready_to_play() -> Result<(), SoundcardError> {
+    Err(SoundcardError::NotBuilt)
+}
+
+/// Plays a sound on the default soundcard.
+///
+/// # Errors
+/// [`SoundcardError::NotBuilt`], always.
+pub fn play_once(_: Vec<f32>, _: u32, _: &AtomicBool) -> Result<(), SoundcardError> {
     Err(SoundcardError::NotBuilt)
 }
 

@@ -1,5 +1,6 @@
 use super::*;
 use crate::record::recorder;
+use crate::sound::clip;
 use haptograph_engine::frame::{Kind, Weights};
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_signal::quantity::Quantity;
@@ -104,22 +105,26 @@ fn a_page_shows_everything_and_fetches_nothing() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t3-tile.ron");
     let surface = haptograph_surfaces::files::load(&path).unwrap();
     let texture = surface.texture.as_ref().unwrap();
+    let sound = sound();
     let page = Page {
-        asked: Vec::new(),
         title: "texturepad <b>".into(),
         about: "A stylus on a tablet.\n\nIt & more.".into(),
         simulation: Simulation::All,
         facts: vec![("Seed".into(), "7".into()), ("Surface".into(), "tile".into())],
         warnings: vec!["The limit of out held back 3 of 480000 ticks.".into()],
+        headlines: vec![Headline::new("Held back", "0 %", "out")],
+        files: vec![("a b#c.wav".into(), "what `file` got".into())],
+        sound: Some(&sound),
         signals: signals(10),
         textures: vec![("texture/locate.weights".into(), texture)],
-        drawing: String::new(),
+        ..Page::default()
     };
     let html = page.to_html();
     assert!(!written(&html).contains("NaN") && !html.contains("<b>"));
-    for outside in ["src=\"", "href=\"http", "url(", "<script", "@import"] {
+    for outside in ["src=\"http", "href=\"http", "url(", "<link", "@import", "fetch("] {
         assert!(!html.contains(outside), "{outside}");
     }
+    assert!(html.contains("href=\"./a%20b%23c.wav\""));
     for name in [
         "stylus.force",
         "speed.speed",
@@ -127,10 +132,14 @@ fn a_page_shows_everything_and_fetches_nothing() {
         "The stroke over",
         "simulated",
         "held back",
+        "Strongest frequency",
+        "50 ms up close",
+        "src=\"data:audio/wav;base64,UklGR",
     ] {
         assert!(html.contains(name), "{name}");
     }
-    assert!(html.len() < 600_000, "{}", html.len());
+    // The sound is 1.28 MB of it.
+    assert!(html.len() < 1_900_000, "{}", html.len());
     let body = html
         .split_once("<main>")
         .unwrap()
@@ -142,6 +151,72 @@ fn a_page_shows_everything_and_fetches_nothing() {
     if let Some(folder) = std::env::var_os("HAPTOGRAPH_PICTURES") {
         std::fs::write(std::path::Path::new(&folder).join("page.html"), html).unwrap();
     }
+}
+
+/// Ten seconds of a vibration of the page's signals.
+fn sound() -> Sound {
+    let stream = signals(1).remove(4).stream;
+    let (mut writer, record) = clip(stream);
+    let samples: Vec<f64> = (0..100_000).map(|i| (f64::from(i) * 0.2).sin()).collect();
+    writer.write(0, &samples).unwrap();
+    Sound::of([&record.content()]).unwrap()
+}
+
+#[test]
+fn the_policy_allows_the_pages_own_script_and_nothing_from_elsewhere() {
+    let html = Page::default().to_html();
+    let (_, rest) = html.split_once("<script>").unwrap();
+    let (script, rest) = rest.split_once("</script>").unwrap();
+    assert!(!rest.contains("<script"));
+    let hash = STANDARD.encode(Sha256::digest(script));
+    let (_, policy) = html.split_once("Content-Security-Policy\" content=\"").unwrap();
+    let (policy, _) = policy.split_once('"').unwrap();
+    assert!(policy.starts_with("default-src 'none';"), "{policy}");
+    assert!(
+        policy.ends_with(&format!("script-src 'sha256-{hash}'")),
+        "{policy}"
+    );
+}
+
+#[test]
+fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
+    let scalar =
+        |name: &str, values: Vec<f64>| record(name, Kind::Scalar, Quantity::FORCE, 125, values.into_iter());
+    let wave = || (0..500).map(|i| (f64::from(i) * 0.1).sin()).collect::<Vec<_>>();
+    let steps = || (0..500).map(f64::from).collect::<Vec<_>>();
+    let page = Page {
+        signals: vec![
+            scalar("drawn", wave()),
+            scalar("flat", vec![0.5; 500]),
+            scalar("twin", wave()),
+            scalar("asked", steps()),
+        ],
+        asked_signals: vec!["asked".into()],
+        ..Page::default()
+    };
+    let html = page.to_html();
+    assert_eq!(html.matches("<figure class=\"plot\"").count(), 1);
+    for said in ["flat (0.5 N)", "twin as drawn", "Shown above over time: asked"] {
+        assert!(html.contains(said), "{said}");
+    }
+}
+
+#[test]
+fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
+    let warm = record(
+        "coil",
+        Kind::Scalar,
+        Quantity::TEMPERATURE,
+        10,
+        [293.15, 303.15].into_iter(),
+    );
+    let plot = figures::over_time(&warm, crate::theme::Ink::Blue).remove(0);
+    assert_eq!(plot.y.label, "Temperature (°C)");
+    assert!(plot.caption.contains("from 20 to 30 °C"), "{}", plot.caption);
+    let hum = (0..20_000).map(|i| (f64::from(i) * 0.3).sin());
+    let hum = record("out", Kind::Scalar, Quantity::CURRENT, 10_000, hum);
+    let spectrum = figures::mean_spectrum(&hum, crate::theme::Ink::Blue).unwrap();
+    assert_eq!(spectrum.y.label, "Density (A²/Hz)");
 }
 
 #[test]

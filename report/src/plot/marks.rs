@@ -2,7 +2,7 @@
 
 use super::super::raster::Grid;
 use super::super::scale::{Scale, Spread};
-use super::super::svg::{Anchor, Path, Rect, Svg, num};
+use super::super::svg::{Anchor, Path, Rect, Svg, escape};
 use super::{Image, Mark, Weight};
 
 pub(super) fn draw_grid(
@@ -38,24 +38,19 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
                 .collect();
             let mut path = Path::through(&outline);
             path.close();
-            svg.path(&format!("s{0} f{0} hair", style.ink.class()), &path);
+            svg.path(&format!("band s{0} f{0} hair", style.ink.class()), &path);
         }
         Mark::Dots(style, points) => {
-            let (radius, veil) = match style.weight {
-                Weight::Hair => (1.4, " veil"),
-                Weight::Bold => (4.5, ""),
-                Weight::Normal | Weight::Dashed => (2.6, " solid"),
+            let size = match style.weight {
+                Weight::Hair => "small-dot veil",
+                Weight::Bold => "large-dot",
+                Weight::Normal | Weight::Dashed => "dot solid",
             };
-            svg.group(&format!("f{}{veil}", style.ink.class()), |svg| {
-                for point in points
-                    .iter()
-                    .map(|p| at(*p))
-                    .filter(|p| p.0.is_finite() && p.1.is_finite())
-                {
-                    let (cx, cy, r) = (num(point.0), num(point.1), num(radius));
-                    svg.raw(format_args!("<circle cx=\"{cx}\" cy=\"{cy}\" r=\"{r}\"/>"));
-                }
-            });
+            let finite = points
+                .iter()
+                .map(|p| at(*p))
+                .filter(|p| p.0.is_finite() && p.1.is_finite());
+            svg.path(&format!("{size} s{}", style.ink.class()), &Path::dots(finite));
         }
         Mark::Bars(style, points, width) => {
             for (a, b) in points {
@@ -99,12 +94,19 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
             };
             svg.image(area, &image.cells.to_address(image.colours.0, image.colours.1));
         }
-        Mark::Words(words) => {
-            for (a, b, word) in words {
-                let (px, py) = at((*a, *b));
-                svg.text("small ink halo", (px, py + 3.5), Anchor::Middle, word);
-            }
-        }
+        Mark::Words(_) => {}
+    }
+}
+
+/// The words of a mark; `at` leads to where they stand.
+pub(super) fn draw_words(svg: &mut Svg, mark: &Mark, at: &dyn Fn(f64, f64) -> (String, String)) {
+    let Mark::Words(words) = mark else { return };
+    for (a, b, word) in words {
+        let (x, y) = at(*a, *b);
+        svg.raw(format_args!(
+            "<text class=\"small ink halo\" x=\"{x}\" y=\"{y}\" dy=\"3.5\" text-anchor=\"middle\">{}</text>",
+            escape(word)
+        ));
     }
 }
 

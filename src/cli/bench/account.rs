@@ -320,6 +320,7 @@ impl Account {
             y: Axis::default().over(0.4, shown.len() as f64 + 0.6).named(names),
             marks: self.drivers.iter().enumerate().map(bars).collect(),
             size: (900.0, 80.0 + 20.0 * shown.len() as f64),
+            ..Plot::default()
         }
         .to_standalone_svg()
     }

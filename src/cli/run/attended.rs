@@ -2,6 +2,7 @@
 
 mod change;
 
+use super::super::terminal::is_coloured;
 use super::super::{GraphArguments, fault, remark};
 use super::Arguments;
 use super::afar;
@@ -21,7 +22,6 @@ use crate::nodes::network::{Connections, Told};
 use crate::nodes::soundcard::CardNote;
 use serde_json::Value;
 use std::collections::VecDeque;
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -406,6 +406,6 @@ fn status(session: &mut Session, heard: impl Iterator<Item = RingReport>) -> Str
 
 fn show(findings: &Diagnostics, says: Says) {
     if !findings.list.is_empty() {
-        says.refusal(&render(findings, std::io::stderr().is_terminal()));
+        says.refusal(&render(findings, is_coloured(&std::io::stderr())));
     }
 }

@@ -55,7 +55,8 @@ pub fn run(arguments: &Arguments, folder: &Path, registry: &Registry) -> Result<
         vec![("replay", "Repeats", json!(folder.to_string_lossy()))],
         differs(&facts),
     );
-    made.kept.complete(arguments, &graph, &summary)
+    let sound = made.kept.complete(arguments, &graph, &summary)?;
+    arguments.present.play_sound(sound, &stop)
 }
 
 /// Refuses to put the new run in the place of the one that it repeats, or of a folder which that is in.

@@ -5,6 +5,7 @@ use crate::engine::node::FrameWriter;
 use crate::engine::run::{Outlets, Probe};
 use crate::report::asked::{Asked, Trace, asked, tracer};
 use crate::report::record::{Record, Watch, recorder, watched};
+use crate::report::sound::{Clip, ClipRecord, Sound, audible, clip};
 
 /// What is recorded for the page.
 pub struct Shown {
@@ -12,6 +13,8 @@ pub struct Shown {
     pub records: Vec<Record>,
     /// The plots that the graph asks for, each with a trace for each of its signals.
     pub asked: Vec<(Asked, Vec<Trace>)>,
+    /// Beginnings of the signals that its sound may be made of, the best first.
+    clips: Vec<ClipRecord>,
 }
 
 impl Shown {
@@ -40,9 +43,27 @@ impl Shown {
             }
             plots.push((asked, traces));
         }
+        let mut clips = Vec::new();
+        for watch in audible(graph) {
+            let (writer, record) = clip(watch.stream.clone());
+            probe(&watch, Box::new(writer));
+            clips.push(record);
+        }
         Self {
             records,
             asked: plots,
+            clips,
         }
+    }
+
+    /// What there is to hear; nothing where nothing vibrates.
+    pub fn sound(&self) -> Option<Sound> {
+        let clips: Vec<Clip> = self.clips.iter().map(ClipRecord::content).collect();
+        Sound::of(&clips)
+    }
+
+    /// Forgets the sound: many runs would need much memory.
+    pub fn forget_sound(&mut self) {
+        self.clips.clear();
     }
 }

@@ -3,12 +3,16 @@
 use super::endpoints::Endpoints;
 use super::{Arguments, Shown};
 use crate::engine::graph::Graph;
+use crate::engine::limiter::ClipCounts;
 use crate::engine::node::AfterData;
-use crate::engine::run::{Outcome, RingReport};
-use crate::report::asked::Drawn;
+use crate::engine::run::{ActuatorReport, Outcome, RingReport};
+use crate::nodes::sinks::plots::GROUP as PLOTS;
+use crate::report::asked::{Drawn, Form};
 use crate::report::drawing;
+use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::record::Record;
+use crate::report::record::{Record, watch};
+use crate::report::sound::Sound;
 use crate::surfaces::{Surface, files};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -19,6 +23,7 @@ pub struct Summary {
     name: String,
     facts: Vec<(&'static str, &'static str, Value)>,
     warnings: Vec<String>,
+    headlines: Vec<Headline>,
     endpoints: Endpoints,
     simulation: Simulation,
     seconds: f64,
@@ -78,6 +83,7 @@ impl Summary {
                 .into_iter()
                 .chain(ended_data(graph, outcome))
                 .collect(),
+            headlines: outcome.actuators.iter().map(limited).collect(),
             simulation: endpoints.simulation(),
             endpoints,
             seconds: outcome.seconds,
@@ -125,11 +131,15 @@ impl Summary {
         format!("{:#}\n", Value::Object(object))
     }
 
-    pub fn sentence(&self, target: &Path) -> String {
+    /// What was done; the last line says what to look at and what to listen to.
+    pub fn sentence(&self, target: &Path, sound: Option<&Sound>) -> String {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
         let simulated = self.endpoints.in_brackets();
+        let heard = sound.map_or_else(String::new, |sound| {
+            format!(", and listen to `{}` there or with --play", sound.stream.name)
+        });
         format!(
-            "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}\n",
+            "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}{heard}\n",
             self.seconds,
             self.name,
             self.took_s,
@@ -139,7 +149,7 @@ impl Summary {
     }
 
     /// The page that is left behind.
-    pub fn page(&self, graph: &Graph, shown: &Shown) -> String {
+    pub fn page(&self, graph: &Graph, shown: &Shown, sound: Option<&Sound>) -> String {
         let surfaces = surfaces(graph);
         let textures = surfaces
             .iter()
@@ -161,6 +171,10 @@ impl Summary {
                 })
                 .collect(),
             warnings: self.warnings.clone(),
+            headlines: self.headlines.clone(),
+            files: files_beside(graph),
+            sound,
+            asked_signals: asked_signals(graph, shown),
             asked: shown
                 .asked
                 .iter()
@@ -172,6 +186,53 @@ impl Summary {
         }
         .to_html()
     }
+}
+
+/// How much of the time the limits of an actuator held something back.
+fn limited(actuator: &ActuatorReport) -> Headline {
+    let ClipCounts {
+        peak,
+        continuous,
+        slew,
+        ticks,
+        ..
+    } = actuator.clipped;
+    let held = peak.max(continuous).max(slew);
+    let part = 100.0 * held as f64 / ticks.max(1) as f64;
+    Headline::new(
+        "Held back by limits",
+        format!("{part:.2} % of the time"),
+        actuator.path.as_str(),
+    )
+}
+
+/// The files that a run leaves beside its page, and what they hold.
+fn files_beside(graph: &Graph) -> Vec<(String, String)> {
+    let written = graph.written_files().filter_map(|(node, file)| {
+        let node = &graph.nodes()[node];
+        let holds = format!("what `{}` got", node.path);
+        // Plots are on the page.
+        (node.entry.spec.group != PLOTS).then(|| (file.to_string_lossy().into_owned(), holds))
+    });
+    let own = [
+        ("run.json", "the facts of the run, for programs"),
+        ("graph.svg", "the drawing of the graph"),
+    ];
+    let own = own.map(|(file, holds)| (file.to_owned(), holds.to_owned()));
+    written.chain(own).collect()
+}
+
+/// The signals that the plots which are asked for show over time, by node and port.
+fn asked_signals(graph: &Graph, shown: &Shown) -> Vec<String> {
+    let over_time = shown
+        .asked
+        .iter()
+        .filter(|(asked, _)| asked.form == Form::OverTime);
+    over_time
+        .flat_map(|(asked, _)| &asked.signals)
+        .filter_map(|signal| watch(graph, signal.node, signal.output))
+        .map(|watch| watch.stream.name)
+        .collect()
 }
 
 /// The surfaces of nodes with a place on a map, by the name of that signal.

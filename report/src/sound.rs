@@ -1,0 +1,254 @@
+//! The vibration of a run as a sound: what reaches an actuator, at a safe level, to be played in the page or on a
+//! soundcard.
+
+use super::record::{Watch, watch};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::node::{FrameWriter, Stream};
+use haptograph_nodes::sinks::plots::GROUP as PLOTS;
+use haptograph_signal::quantity::Quantity;
+use haptograph_signal::resample::{Quality, resample_whole};
+use haptograph_signal::time::Rate;
+use petgraph::visit::EdgeRef;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Rate of every sound, Hz: one that all soundcards and browsers have.
+pub const RATE_HZ: u32 = 48_000;
+/// Longest sound, s.
+pub const LONGEST_S: f64 = 10.0;
+/// Highest peak of every sound, dB below full scale.
+pub const PEAK_DBFS: f64 = -12.0;
+/// A signal below this rate holds no more than the lowest of what is heard.
+const SLOWEST_HZ: f64 = 2000.0;
+/// Fade at both ends, s: without it they would click.
+const FADE_S: f64 = 0.005;
+/// Signals that are kept until it is known which are silent.
+const MOST_CANDIDATES: usize = 4;
+
+/// The outputs of a graph that its sound may be made of, the best first: what actuators deliver, then the vibrations that
+/// are written to files or plotted.
+pub fn audible(graph: &Graph) -> Vec<Watch> {
+    let nodes = graph.nodes();
+    let actuators = nodes
+        .node_indices()
+        .filter(|index| nodes[*index].entry.is_actuator());
+    let delivered = actuators.filter_map(|index| watch(graph, index, 0));
+    let files = nodes.node_indices().filter(|index| {
+        let entry = &nodes[*index].entry;
+        entry.is_file() && entry.spec.group != PLOTS
+    });
+    let written = files
+        .flat_map(|index| nodes.edges_directed(index, petgraph::Incoming))
+        .filter_map(|edge| watch(graph, edge.source(), edge.weight().output));
+    let mut found: Vec<Watch> = Vec::new();
+    for candidate in delivered.chain(written) {
+        let stream = &candidate.stream;
+        let is_vibration = [
+            Quantity::ACCELERATION,
+            Quantity::FORCE,
+            Quantity::VOLTAGE,
+            Quantity::CURRENT,
+        ]
+        .contains(&stream.quantity);
+        let is_fast = stream.kind == Kind::Scalar && stream.rate.hz() >= SLOWEST_HZ;
+        if is_vibration && is_fast && !found.contains(&candidate) {
+            found.push(candidate);
+        }
+    }
+    found.truncate(MOST_CANDIDATES);
+    found
+}
+
+/// The beginning of a signal, as it was.
+#[derive(Debug, Clone)]
+pub struct Clip {
+    /// What it is.
+    pub stream: Stream,
+    samples: Vec<f32>,
+    most: usize,
+    frames: u64,
+}
+
+/// A signal on its way into a [`Clip`].
+#[derive(Debug)]
+pub struct ClipWriter(Arc<Mutex<Clip>>);
+
+/// Where a [`ClipWriter`] leaves what it kept.
+#[derive(Debug)]
+pub struct ClipRecord(Arc<Mutex<Clip>>);
+
+/// A writer that keeps the first [`LONGEST_S`] of a scalar, and where they will be.
+pub fn clip(stream: Stream) -> (ClipWriter, ClipRecord) {
+    let most = (LONGEST_S * stream.rate.hz()) as usize;
+    let shared = Arc::new(Mutex::new(Clip {
+        stream,
+        samples: Vec::new(),
+        most,
+        frames: 0,
+    }));
+    (ClipWriter(Arc::clone(&shared)), ClipRecord(shared))
+}
+
+impl FrameWriter for ClipWriter {
+    fn write(&mut self, _: usize, frames: &[f64]) -> std::io::Result<()> {
+        let mut clip = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let room = clip.most - clip.samples.len();
+        let finite = |x: &f64| if x.is_finite() { *x as f32 } else { 0.0 };
+        clip.samples.extend(frames.iter().take(room).map(finite));
+        clip.frames += frames.len() as u64;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl ClipRecord {
+    /// What was kept so far.
+    pub fn content(&self) -> Clip {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// A sound: one channel at [`RATE_HZ`], its highest peak at [`PEAK_DBFS`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sound {
+    /// What it was.
+    pub stream: Stream,
+    /// In parts of full scale.
+    pub samples: Vec<f32>,
+    /// The signal's own peak about its mean, in its SI unit.
+    pub peak: f64,
+    /// What a sample of 1 stands for, in the same unit.
+    pub full_scale: f64,
+    /// How long the whole signal was, s.
+    pub of_s: f64,
+}
+
+impl Sound {
+    /// The sound of the first of these that is not silent; `None` where all are.
+    pub fn of<'a>(clips: impl IntoIterator<Item = &'a Clip>) -> Option<Self> {
+        clips.into_iter().find_map(Self::of_one)
+    }
+
+    fn of_one(clip: &Clip) -> Option<Self> {
+        let count = clip.samples.len() as f64;
+        let mean = clip.samples.iter().map(|x| f64::from(*x)).sum::<f64>() / count;
+        let about_mean: Vec<f64> = clip.samples.iter().map(|x| f64::from(*x) - mean).collect();
+        let peak = about_mean.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+        let level = about_mean
+            .iter()
+            .chain([&mean])
+            .fold(0.0, |most: f64, x| most.max(x.abs()));
+        // What is left of a constant after its mean is taken away is rounding.
+        if count == 0.0 || peak <= 1e-6 * level {
+            return None;
+        }
+        let to = Rate::from_hz(u64::from(RATE_HZ)).ok()?;
+        let resampled = resample_whole(&about_mean, clip.stream.rate, to, Quality::STANDARD).ok()?;
+        let peak = resampled.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+        let full_scale = peak / 10_f64.powf(PEAK_DBFS / 20.0);
+        Some(Self {
+            samples: levelled(&resampled, full_scale),
+            peak,
+            full_scale,
+            of_s: clip.frames as f64 * clip.stream.rate.period_s(),
+            stream: clip.stream.clone(),
+        })
+    }
+
+    /// Seconds of it.
+    pub fn duration_s(&self) -> f64 {
+        self.samples.len() as f64 / f64::from(RATE_HZ)
+    }
+
+    /// A WAV file of 16-bit samples.
+    pub fn to_wav(&self) -> Vec<u8> {
+        let bytes = 2 * self.samples.len() as u32;
+        let mut wav = Vec::with_capacity(44 + bytes as usize);
+        wav.extend(b"RIFF");
+        wav.extend((36 + bytes).to_le_bytes());
+        wav.extend(b"WAVEfmt ");
+        // PCM, one channel, bytes a second, bytes a frame, bits a sample.
+        wav.extend(16_u32.to_le_bytes());
+        wav.extend(1_u16.to_le_bytes());
+        wav.extend(1_u16.to_le_bytes());
+        wav.extend(RATE_HZ.to_le_bytes());
+        wav.extend((2 * RATE_HZ).to_le_bytes());
+        wav.extend(2_u16.to_le_bytes());
+        wav.extend(16_u16.to_le_bytes());
+        wav.extend(b"data");
+        wav.extend(bytes.to_le_bytes());
+        let samples = self.samples.iter().map(|x| (x * 32767.0).round() as i16);
+        wav.extend(samples.flat_map(i16::to_le_bytes));
+        wav
+    }
+}
+
+/// The samples in parts of full scale, faded at both ends.
+fn levelled(samples: &[f64], full_scale: f64) -> Vec<f32> {
+    let (last, fade) = (samples.len().saturating_sub(1), FADE_S * f64::from(RATE_HZ));
+    let envelope = |i: usize| (i.min(last - i) as f64 / fade).min(1.0);
+    let levelled = samples.iter().enumerate();
+    levelled
+        .map(|(i, x)| (x / full_scale * envelope(i)) as f32)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sound(hz: u64, samples: &[f64]) -> Option<Sound> {
+        let (mut writer, record) = clip(Stream {
+            name: "out.delivered".into(),
+            kind: Kind::Scalar,
+            quantity: Quantity::CURRENT,
+            rate: Rate::from_hz(hz).unwrap(),
+            simulated: true,
+        });
+        for block in samples.chunks(777) {
+            writer.write(0, block).unwrap();
+        }
+        Sound::of([&record.content()])
+    }
+
+    fn tone(hz: f64, rate_hz: f64, seconds: f64) -> Vec<f64> {
+        let count = (seconds * rate_hz) as usize;
+        let angle = |i: usize| std::f64::consts::TAU * hz * i as f64 / rate_hz;
+        (0..count).map(|i| 3.0 + 0.2 * angle(i).sin()).collect()
+    }
+
+    #[test]
+    fn a_tone_keeps_its_pitch_and_has_the_stated_peak() {
+        let sound = sound(10_000, &tone(250.0, 1e4, 1.0)).unwrap();
+        assert_eq!(sound.samples.len(), 48_000);
+        let peak = sound.samples.iter().fold(0.0, |peak: f32, x| peak.max(x.abs()));
+        assert!(
+            (20.0 * f64::from(peak).log10() - PEAK_DBFS).abs() < 0.01,
+            "{peak}"
+        );
+        assert!((sound.peak - 0.2).abs() < 1e-3, "{}", sound.peak);
+        let middle = &sound.samples[4800..43_200];
+        let upwards = middle.windows(2).filter(|pair| pair[0] < 0.0 && pair[1] >= 0.0);
+        assert_eq!(upwards.count(), 200);
+    }
+
+    #[test]
+    fn a_long_signal_is_cut_and_says_so() {
+        let sound = sound(4000, &tone(100.0, 4e3, 25.0)).unwrap();
+        assert_eq!((sound.duration_s(), sound.of_s), (10.0, 25.0));
+        let wav = sound.to_wav();
+        assert_eq!(wav.len(), 44 + 2 * 480_000);
+        let reader = hound::WavReader::new(&wav[..]).unwrap();
+        assert_eq!((reader.spec().sample_rate, reader.duration()), (48_000, 480_000));
+    }
+
+    #[test]
+    fn what_does_not_vibrate_has_no_sound() {
+        assert!(sound(10_000, &[0.7; 5000]).is_none());
+        assert!(sound(10_000, &[]).is_none());
+        assert!(sound(10_000, &[f64::NAN; 50]).is_none());
+    }
+}
