@@ -1,11 +1,14 @@
 //! `haptograph identify`: the parameters of a voice-coil actuator from a recorded sweep.
 
+use super::output::{Force, Output};
 use super::{Failure, recording, say};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
 use crate::nodes::actuators::identify::{Identified, Known, identify};
 use crate::nodes::actuators::sweep_file::SweepFile;
 use crate::nodes::simulated::haptuator::TwoMassSettings;
+use crate::report::identification;
+use crate::report::page::Simulation;
 use clap::ArgGroup;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -36,6 +39,11 @@ pub struct Arguments {
     /// Highest frequency of the sweep
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, value_parser = above_zero)]
     to_hz: f64,
+    /// Also write a page with the answer, the fit and what it leaves into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// Print the fit as JSON
     #[arg(long)]
     json: bool,
@@ -66,6 +74,10 @@ impl Arguments {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    let page = arguments.report.as_deref();
+    let page = page
+        .map(|folder| Output::claim_page(folder, arguments.force))
+        .transpose()?;
     let file = SweepFile::read(&arguments.recording).map_err(|error| Failure::Message(error.to_string()))?;
     let found = identify(
         &file.sweep([arguments.from_hz, arguments.to_hz]),
@@ -73,11 +85,22 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     )
     .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
     let simulated = recording::is_simulated(&arguments.recording)?;
-    say(&if arguments.json {
-        as_json(&found, simulated)
-    } else {
-        as_text(&found, simulated)
-    })
+    let page = page.map(|page| page.write(&show(arguments, &found, simulated)));
+    let page = page.transpose()?;
+    if arguments.json {
+        return say(&as_json(&found, simulated));
+    }
+    let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
+    say(&(as_text(&found, simulated) + &looked))
+}
+
+/// The page.
+fn show(arguments: &Arguments, found: &Identified, simulated: bool) -> String {
+    let simulation = match simulated {
+        true => Simulation::Some("The recording is of a simulated actuator.".to_owned()),
+        false => Simulation::None,
+    };
+    identification::page(&arguments.recording.display().to_string(), found, &simulation)
 }
 
 fn as_text(found: &Identified, simulated: bool) -> String {

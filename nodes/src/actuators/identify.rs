@@ -67,6 +67,19 @@ pub struct Identified {
     pub parameters: Option<TwoMass>,
     /// Fraction of the acceleration's power within the band that the fit does not explain.
     pub unexplained: f64,
+    /// The recording and the fit in narrow bands, by rising frequency.
+    pub bands: Vec<BandAnswer>,
+}
+
+/// Acceleration by current in a narrow band, m/s2 per A, without the whole samples of the recording's delay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BandAnswer {
+    /// Middle of the band, by the current's power.
+    pub frequency_hz: f64,
+    /// As it was recorded.
+    pub measured: Complex64,
+    /// As it was fitted.
+    pub fitted: Complex64,
 }
 
 /// Why no actuator can be fitted.
@@ -164,6 +177,7 @@ pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError
         delay_s: fit.delay_s() + early as f64 / sweep.rate_hz,
         parameters,
         unexplained,
+        bands: bands.iter().map(|band| fit.answer(band)).collect(),
     })
 }
 
@@ -321,6 +335,14 @@ impl Fit {
         let quadratic = |a: f64, b: f64| (s + a.exp()) * s + b.exp();
         let turn = Complex64::from_polar(1.0, -omega * delay / self.rate_hz);
         s.powi(4) * turn * gain * self.gain_scale / (quadratic(a1, b1) * quadratic(a2, b2))
+    }
+
+    fn answer(&self, band: &Band) -> BandAnswer {
+        BandAnswer {
+            frequency_hz: band.omega / TAU,
+            measured: band.answer,
+            fitted: self.at(band.omega),
+        }
     }
 
     fn error(&self, bands: &[Band]) -> f64 {
