@@ -5,6 +5,7 @@
 mod bench;
 mod check;
 mod compare;
+mod completions;
 mod devices;
 mod doctor;
 mod draw;
@@ -13,6 +14,8 @@ mod fault;
 mod identify;
 mod import;
 mod learn;
+mod lsp;
+mod man;
 mod new;
 mod nodes;
 mod output;
@@ -28,9 +31,10 @@ mod studio;
 mod surface;
 mod sweep;
 mod table;
+mod terminal;
 mod written;
 
-use crate::engine::diagnostic::{Diagnostics, render};
+use crate::engine::diagnostic::{Diagnostics, render, to_json};
 use crate::engine::document::{Document, LoadOptions};
 use crate::engine::graph::{CheckOptions, Graph, check};
 use crate::engine::registry::Registry;
@@ -38,9 +42,10 @@ use crate::signal::files;
 use clap::{ArgMatches, Args};
 pub(crate) use remarks::remark;
 use std::collections::HashSet;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use terminal::is_coloured;
 
 /// The whole command for graphs of these kinds of nodes and devices: reads the arguments of the process, does what they
 /// say, and gives the code to exit with.
@@ -56,58 +61,113 @@ use std::process::ExitCode;
 /// ```
 pub fn main(registry: &Registry) -> ExitCode {
     fault::listen();
+    let matches = program()
+        .try_get_matches()
+        .unwrap_or_else(|error| refuse_usage(&error));
+    let chosen = matches.subcommand().and_then(|(name, matches)| {
+        let command = commands().into_iter().find(|command| command.name == name)?;
+        Some((command, matches))
+    });
+    let result = chosen
+        .as_ref()
+        .map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
+    let form = match chosen.is_some_and(|(_, matches)| wants_json(matches)) {
+        true => ErrorForm::Json,
+        false => ErrorForm::Text,
+    };
+    let code = result.map_or_else(|failure| failure.report(form), |()| ExitCode::SUCCESS);
+    remarks::settle();
+    code
+}
+
+/// The command line: all commands with their arguments and examples.
+fn program() -> clap::Command {
     let all = clap::Command::new("haptograph")
         .version(env!("CARGO_PKG_VERSION"))
         .about("Runs graphs that render the feel of real surfaces")
+        .after_help(EXIT_CODES)
         .propagate_version(true)
         .subcommand_required(true)
         .arg_required_else_help(true);
-    let commands = commands();
-    let all = commands.iter().fold(all, |all, command| {
-        all.subcommand((command.arguments)(clap::Command::new(command.name)))
+    let all = commands().iter().fold(all, |all, command| {
+        let examples: Vec<String> = command
+            .examples
+            .iter()
+            .map(|line| format!("  haptograph {line}"))
+            .collect();
+        let of_command =
+            clap::Command::new(command.name).after_help(format!("Examples:\n{}", examples.join("\n")));
+        all.subcommand((command.arguments)(of_command))
     });
-    // Usage errors, `--help` and `--version` are clap's: it writes them and exits with 2 or 0.
-    let matches = with_negative_numbers(all).get_matches();
-    let chosen = matches
-        .subcommand()
-        .and_then(|(name, matches)| Some((commands.iter().find(|command| command.name == name)?, matches)));
-    let result = chosen.map_or(Ok(()), |(command, matches)| (command.run)(matches, registry));
-    let code = result.map_or_else(Failure::report, |()| ExitCode::SUCCESS);
-    remarks::settle();
-    code
+    with_negative_numbers(all)
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed, as said on standard error; 2 wrong arguments; 130 cut short by ctrl-C.\n\
+    With --json a failure is said as an object on standard output. NO_COLOR and TERM=dumb turn colours off.";
+
+/// Usage errors, `--help` and `--version`, in clap's words; exits with 2 or 0.
+fn refuse_usage(error: &clap::Error) -> ! {
+    if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
+        let text = error.to_string();
+        let told = serde_json::json!({ "error": text.trim_start_matches("error: ").trim_end() });
+        // Nobody is left to be told of a failure of this.
+        let _ = say_json(&told);
+        std::process::exit(2);
+    }
+    error.exit()
+}
+
+/// Was `--json` given to the command, or to a command of it?
+fn wants_json(matches: &ArgMatches) -> bool {
+    let own = matches.try_get_one::<bool>("json").ok().flatten();
+    let inner = matches.subcommand().is_some_and(|(_, inner)| wants_json(inner));
+    own.copied().unwrap_or(false) || inner
 }
 
 /// All commands, in the order of the help.
 fn commands() -> Vec<Command> {
     vec![
-        Command::new("run", run::run),
-        Command::new("check", check::run),
-        Command::new("studio", studio::run),
-        Command::new("recover", recover::run),
-        Command::new("sweep", sweep::run),
-        Command::new("bench", bench::run),
-        Command::new("identify", identify::run),
-        Command::new("draw", draw::run),
-        Command::new("nodes", nodes::run),
-        Command::new("new", new::run),
-        Command::new("simulate-recording", simulate_recording::run),
-        Command::new("devices", devices::run),
-        Command::new("doctor", doctor::run),
-        Command::new("learn", learn::run),
-        Command::new("segment", segment::run),
-        Command::new("surface", surface::run),
-        Command::new("compare", compare::run),
-        Command::new("evaluate", evaluate::run),
+        Command::new("run", run::run)
+            .example("run graphs/texturepad.ron --for 10 --open --play")
+            .example("run graphs/texturepad.ron --live --watch"),
+        Command::new("check", check::run).example("check graphs/omni.ron --plan"),
+        Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
+        Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
+        Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
+        Command::new("bench", bench::run).example("bench graphs/omni.ron"),
+        Command::new("identify", identify::run).example(
+            "identify out/identify/sweep.csv --magnet-g 6 --force-n-per-a 2.9 --report out/actuator",
+        ),
+        Command::new("draw", draw::run).example("draw graphs/omni.ron -o omni.svg"),
+        Command::new("nodes", nodes::run)
+            .example("nodes LowPass")
+            .example("nodes --group filters")
+            .example("nodes --find envelope"),
+        Command::new("new", new::run).example("new my-graph.ron"),
+        Command::new("simulate-recording", simulate_recording::run)
+            .example("simulate-recording --material T2 --motion drag -o canvas-drag.npz"),
+        Command::new("devices", devices::run).example("devices --formats"),
+        Command::new("doctor", doctor::run).example("doctor"),
+        Command::new("learn", learn::run)
+            .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork"),
+        Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
+        Command::new("surface", surface::run).example("surface show graphs/surfaces/t2-canvas.ron"),
+        Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
+        Command::new("evaluate", evaluate::run).example("evaluate recordings --report out/evaluation"),
+        Command::new("lsp", lsp::run).example("lsp"),
+        Command::new("completions", completions::run).example("completions bash"),
+        Command::new("man", man::run).example("man run"),
     ]
 }
 
 type Run = dyn Fn(&ArgMatches, &Registry) -> Result<(), Failure>;
 
-/// A command: its name, its arguments, and what it does.
+/// A command: its name, its arguments, what it does, and calls of it.
 struct Command {
     name: &'static str,
     arguments: fn(clap::Command) -> clap::Command,
     run: Box<Run>,
+    examples: Vec<&'static str>,
 }
 
 impl Command {
@@ -120,7 +180,13 @@ impl Command {
             name,
             arguments: A::augment_args,
             run: Box::new(run),
+            examples: Vec::new(),
         }
+    }
+
+    fn example(mut self, arguments: &'static str) -> Self {
+        self.examples.push(arguments);
+        self
     }
 }
 
@@ -152,7 +218,20 @@ pub(crate) enum Failure {
     /// Nobody reads what is written any more.
     #[error("")]
     BrokenPipe,
+    /// Ctrl-C cut it short; what there is was written, and that was said.
+    #[error("")]
+    Interrupted,
 }
+
+/// In which form a failure is said.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ErrorForm {
+    Text,
+    Json,
+}
+
+/// The code to exit with after ctrl-C: 128 and the number of the signal.
+const INTERRUPTED: u8 = 130;
 
 impl Failure {
     /// A failure to do something with a file.
@@ -160,24 +239,50 @@ impl Failure {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
     }
 
-    /// Says it on standard error, and gives the code to exit with.
-    pub(crate) fn report(self) -> ExitCode {
-        if let Self::Usage(error) = self {
-            // As `Parser::parse` does it, with its colours and code.
-            let _ = error.print();
-            return ExitCode::from(2);
+    /// Says it, and gives the code to exit with.
+    pub(crate) fn report(self, form: ErrorForm) -> ExitCode {
+        if let Self::Usage(error) = &self {
+            refuse_usage(error);
         }
-        let text = match &self {
-            Self::Graph(diagnostics) => render(diagnostics, std::io::stderr().is_terminal()),
+        match form {
+            ErrorForm::Text => remark(&self.text()),
+            // Where nobody reads, nobody is told.
+            ErrorForm::Json => drop(self.to_json().map_or(Ok(()), |error| say_json(&error))),
+        }
+        match self {
+            Self::BrokenPipe => ExitCode::SUCCESS,
+            Self::Interrupted => ExitCode::from(INTERRUPTED),
+            _ => ExitCode::FAILURE,
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Graph(diagnostics) => render(diagnostics, is_coloured(&std::io::stderr())),
             Self::Message(text) => format!("error: {text}\n"),
             Self::Usage(error) => error.to_string(),
             Self::Shown(text) => text.clone(),
-            Self::Reported | Self::BrokenPipe => String::new(),
-        };
-        remark(&text);
+            Self::Reported | Self::BrokenPipe | Self::Interrupted => String::new(),
+        }
+    }
+
+    /// What is wrong, and of a graph every finding; nothing where it was said already.
+    fn to_json(&self) -> Option<serde_json::Value> {
         match self {
-            Self::BrokenPipe => ExitCode::SUCCESS,
-            _ => ExitCode::FAILURE,
+            Self::Graph(diagnostics) => {
+                let findings: serde_json::Value =
+                    serde_json::from_str(&to_json(diagnostics)).unwrap_or_default();
+                let first = diagnostics
+                    .list
+                    .first()
+                    .map_or("", |finding| finding.message.as_str());
+                Some(serde_json::json!({ "error": first, "findings": findings }))
+            }
+            Self::Message(text) | Self::Shown(text) => {
+                let text = text.trim_start_matches("error: ").trim_end();
+                Some(serde_json::json!({ "error": text }))
+            }
+            Self::Usage(_) | Self::Reported | Self::BrokenPipe | Self::Interrupted => None,
         }
     }
 }
@@ -295,7 +400,7 @@ impl GraphArguments {
 /// Says what a sound graph is warned about.
 pub(crate) fn warn(graph: &Graph) {
     if !graph.warnings().is_empty() {
-        remark(&render(&warnings(graph), std::io::stderr().is_terminal()));
+        remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
     }
 }
 
@@ -362,4 +467,23 @@ fn make_readable(path: &Path) -> std::io::Result<()> {
 #[cfg(not(unix))]
 fn make_readable(_: &Path) -> std::io::Result<()> {
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_has_an_example_that_its_arguments_allow() {
+        for command in commands() {
+            assert!(!command.examples.is_empty(), "{}", command.name);
+            for example in &command.examples {
+                let words = std::iter::once("haptograph").chain(example.split(' '));
+                let read = program().try_get_matches_from(words);
+                assert!(read.is_ok(), "{example}: {}", read.unwrap_err());
+                assert!(example.starts_with(command.name), "{example}");
+            }
+        }
+        program().debug_assert();
+    }
 }

@@ -238,16 +238,19 @@ fn what_ctrl_c_cut_short_is_said() {
         let mut run = start(folder.path(), arguments, &said);
         interrupt_when_heard(&run);
         let status = end(&mut run);
-        (
-            status.is_some_and(|it| it.success()),
-            fs::read_to_string(said).unwrap(),
-        )
+        (status.and_then(|it| it.code()), fs::read_to_string(said).unwrap())
     };
-    let (succeeded, said) = interrupted(&sweep);
-    assert!(succeeded && said.contains("warning: stopped after"), "{said}");
+    let (code, said) = interrupted(&sweep);
+    assert!(said.contains("warning: stopped after"), "{said}");
+    assert_eq!(code, Some(130), "{said}");
     assert!(folder.path().join("swept/run.json").is_file());
-    // A recording may have too little to keep yet.
-    let (succeeded, said) = interrupted(&simulate);
+    // A recording may have too little to keep yet: then the command failed.
+    let (code, said) = interrupted(&simulate);
     assert!(said.contains("stopped after"), "{said}");
-    assert_eq!(folder.path().join("take.npz").is_file(), succeeded, "{said}");
+    let expected = if folder.path().join("take.npz").is_file() {
+        130
+    } else {
+        1
+    };
+    assert_eq!(code, Some(expected), "{said}");
 }

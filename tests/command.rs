@@ -497,3 +497,121 @@ fn a_replay_knows_a_moved_graph_again_and_refuses_a_changed_one() {
     }
     succeed(folder.path(), &replay);
 }
+
+#[test]
+fn a_run_ends_by_saying_what_to_look_at_and_what_to_listen_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let graph = texturepad_graph();
+    let said = succeed(folder.path(), &["run", &graph, "--for", "0.7", "--out", "out"]);
+    let last = said.lines().last().unwrap();
+    for part in ["out/report.html", "`out.delivered`", "--play"] {
+        assert!(last.contains(part), "{last}");
+    }
+    let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    let (_, sound) = page.split_once("src=\"data:audio/wav;base64,").unwrap();
+    let (sound, _) = sound.split_once('"').unwrap();
+    // 0.7 s of 48 000 samples of two bytes, four letters for three bytes.
+    assert!((89_600..89_800).contains(&sound.len()), "{}", sound.len());
+    assert!(
+        page.contains("href=\"./texture.wav\"") && page.contains("of out.delivered"),
+        "no link or label"
+    );
+}
+
+#[test]
+fn nothing_is_run_that_could_not_be_played() {
+    if cfg!(feature = "soundcard") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let graph = texturepad_graph();
+    let told = fail(folder.path(), &["run", &graph, "--play", "--out", "out"], 1);
+    assert!(
+        told.contains("--features soundcard") && told.lines().count() == 1,
+        "{told}"
+    );
+    assert!(!folder.path().join("out").exists());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_page_is_opened_by_the_desktop_where_there_is_one() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (opener, seen) = (folder.path().join("xdg-open"), folder.path().join("seen"));
+    fs::write(
+        &opener,
+        format!("#!/bin/sh\nprintf %s \"$1\" >'{}'\n", seen.display()),
+    )
+    .unwrap();
+    fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
+    let graph = texturepad_graph();
+    let run = |display: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_haptograph"));
+        command
+            .args(["run", &graph, "--for", "0.2", "--out", "out", "--open"])
+            .env("DISPLAY", display)
+            .env_remove("WAYLAND_DISPLAY")
+            .env("PATH", format!("{}:/usr/bin:/bin", folder.path().display()))
+            .current_dir(folder.path());
+        let output = command.output().unwrap();
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let told = run("");
+    assert!(told.contains("no desktop") && !seen.exists(), "{told}");
+    assert_eq!(run(":9"), "");
+    let expected = folder.path().canonicalize().unwrap().join("out/report.html");
+    // The opener is another process, for which nobody waits.
+    let opened = (0..500).find_map(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        fs::read_to_string(&seen).ok().filter(|path| !path.is_empty())
+    });
+    assert_eq!(opened.as_deref(), expected.to_str());
+}
+
+#[test]
+fn failures_are_json_where_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("g.ron"),
+        "Graph(format: 1, clocks: {}, nodes: { \"a\": Sinus() })",
+    )
+    .unwrap();
+    let told = |arguments: &[&str], code: i32| -> serde_json::Value {
+        let output = haptograph(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+        assert!(
+            output.stderr.is_empty(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let graph = told(&["run", "g.ron", "--json"], 1);
+    assert_eq!(graph["findings"][0]["code"], "E0201", "{graph}");
+    assert!(told(&["nodes", "NoSuchKind", "--json"], 1)["error"].is_string());
+    assert!(told(&["nodes", "--no-such-flag", "--json"], 2)["error"].is_string());
+    let kinds = told(&["nodes", "--find", "envelope", "--json"], 0);
+    assert!(
+        kinds
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|kind| kind["name"] == "Adsr"),
+        "{kinds}"
+    );
+}
+
+#[test]
+fn shells_and_manuals_know_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let completions = succeed(folder.path(), &["completions", "bash"]);
+    succeed(folder.path(), &["man", "--out", "man1"]);
+    for command in ["run", "sweep", "identify", "lsp"] {
+        assert!(completions.contains(command), "{command}");
+        let page = fs::read_to_string(folder.path().join(format!("man1/haptograph-{command}.1"))).unwrap();
+        assert!(page.contains("SYNOPSIS") && page.contains("Examples"), "{page}");
+    }
+    assert!(folder.path().join("man1/haptograph.1").is_file());
+}

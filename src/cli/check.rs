@@ -1,11 +1,11 @@
 //! `haptograph check`: is a graph sound?
 
 use super::run::{message, spare_own_files};
+use super::terminal::is_coloured;
 use super::{Failure, GraphArguments, say, warnings};
 use crate::engine::diagnostic::{Diagnostics, render, to_json};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
-use std::io::IsTerminal;
 
 /// Check a graph and say all that is wrong with it
 #[derive(Debug, clap::Args)]
@@ -33,7 +33,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         return Err(Failure::Graph(findings));
     };
     spare_own_files(&graph, false).map_err(message)?;
-    let colour = std::io::stdout().is_terminal();
+    let colour = is_coloured(&std::io::stdout());
     let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
     let clocks: Vec<String> = graph
         .clocks()

@@ -1,8 +1,9 @@
 //! `haptograph devices`: the soundcards of this machine.
 
-use super::{Failure, say};
+use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
-use crate::nodes::soundcard::{Listed, list};
+use crate::nodes::soundcard::{Ability, Listed, list};
+use serde_json::{Value, json};
 use std::fmt::Write;
 
 /// List the soundcards of this machine
@@ -11,6 +12,9 @@ pub struct Arguments {
     /// Also say in which forms of samples each plays and listens
     #[arg(long)]
     formats: bool,
+    /// Print the list as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
@@ -20,8 +24,19 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             "there is no soundcard; `haptograph doctor` says what this machine has".to_owned(),
         ));
     }
+    if arguments.json {
+        return say_json(&found.iter().map(as_json).collect::<Vec<_>>());
+    }
     let text: String = found.iter().map(|card| shown(card, arguments.formats)).collect();
     say(&text)
+}
+
+fn as_json(card: &Listed) -> Value {
+    let ability = |ability: &Option<Ability>| {
+        let ability = ability.as_ref();
+        ability.map(|ability| json!({ "default": ability.default, "formats": ability.formats }))
+    };
+    json!({ "name": card.name, "about": card.about, "plays": ability(&card.plays), "listens": ability(&card.listens) })
 }
 
 fn shown(card: &Listed, formats: bool) -> String {

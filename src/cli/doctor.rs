@@ -1,19 +1,24 @@
 //! `haptograph doctor`: what this machine lacks for low latency, and how to give it.
 
 use super::run::folder::dead_in;
-use super::{Failure, say};
+use super::{Failure, say, say_json};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
 use crate::engine::run::{LiveOptions, Meters, Outlets, Session, Timer};
 use crate::nodes::soundcard::{SoundcardError, list};
 use crate::signal::files;
+use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Say what this machine lacks for low latency
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Print the findings as JSON
+    #[arg(long)]
+    json: bool,
+}
 
 /// One thing that was looked at.
 struct Finding {
@@ -33,7 +38,7 @@ impl Finding {
     }
 }
 
-pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
+pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut findings = Vec::new();
     if cfg!(target_os = "linux") {
         findings.extend(limits(&read(Path::new("/proc/self/limits"))));
@@ -50,10 +55,14 @@ pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
     findings.push(feature());
     findings.push(leftovers());
     findings.push(timer(registry)?);
+    if arguments.json {
+        let finding = |finding: &Finding| json!({ "what": finding.what, "found": finding.found, "advice": finding.advice });
+        return say_json(&findings.iter().map(finding).collect::<Vec<_>>());
+    }
     let lacking = findings.iter().filter(|finding| finding.advice.is_some()).count();
     let text: String = findings.iter().map(shown).collect();
     let end = match lacking {
-        0 => "nothing is lacking\n".to_owned(),
+        0 => "no problems found\n".to_owned(),
         1 => "1 thing could be better\n".to_owned(),
         _ => format!("{lacking} things could be better\n"),
     };

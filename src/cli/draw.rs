@@ -1,9 +1,10 @@
 //! `haptograph draw`: a graph as a picture.
 
 use super::output::{Force, Output};
-use super::{Failure, GraphArguments, say};
+use super::{Failure, GraphArguments, say, say_json};
 use crate::engine::registry::Registry;
 use crate::report::drawing;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Draw a graph as SVG
@@ -16,6 +17,9 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
+    /// Print what was written as JSON; with no file, the drawing itself is in it
+    #[arg(long)]
+    json: bool,
 }
 
 fn svg_file(text: &str) -> Result<PathBuf, String> {
@@ -39,10 +43,18 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
     let graph = arguments.graph.load_and_warn(registry, None)?;
     let Some(path) = &arguments.output else {
-        return say(&drawing::standalone_svg(&graph, &arguments.graph.name()));
+        let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
+        return match arguments.json {
+            true => say_json(&json!({ "svg": picture })),
+            false => say(&picture),
+        };
     };
     arguments.graph.spare_inputs(&graph, path)?;
     let output = Output::claim(path, arguments.force)?;
     let picture = drawing::standalone_svg(&graph, &arguments.graph.name());
-    output.write(&picture).map(|_| ())
+    let written = output.write(&picture)?;
+    match arguments.json {
+        true => say_json(&json!({ "written": [written] })),
+        false => Ok(()),
+    }
 }

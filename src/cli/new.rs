@@ -1,7 +1,8 @@
 //! `haptograph new`: a first graph of one's own.
 
-use super::{Failure, say};
+use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
+use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -10,6 +11,9 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// The file to make; it must not exist yet
     file: PathBuf,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs as it is and uses no file but itself.
@@ -25,6 +29,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     })?;
     file.write_all(STARTER.as_bytes())
         .map_err(|error| Failure::file("write", path, &error))?;
+    if arguments.json {
+        return say_json(&json!({ "written": [path] }));
+    }
     let shown = path.display();
     say(&format!(
         "wrote {shown}\n\nrun it:   haptograph run {shown}\ndraw it:  haptograph draw {shown} -o graph.svg\n"

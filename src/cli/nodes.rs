@@ -1,29 +1,138 @@
 //! `haptograph nodes`: what can be written in a graph, from the same declarations that graphs are checked against.
 
-use super::{Failure, say};
+use super::{Failure, say, say_json};
+use crate::engine::device::Channel;
+use crate::engine::node::Presence;
 use crate::engine::registry::Registry;
-use crate::engine::settings::closest;
-use crate::report::reference;
+use crate::engine::settings::{Part, SettingSpec, closest};
+use crate::report::reference::{self, Filter};
+use serde_json::{Value, json};
 
 /// List the kinds of nodes and devices, or tell all about one
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A kind of node or device
     name: Option<String>,
+    /// List the kinds of this group only
+    #[arg(long, conflicts_with_all = ["name", "markdown"])]
+    group: Option<String>,
+    /// List the kinds with this word in their name, group or description; can be repeated
+    #[arg(long, value_name = "WORD", conflicts_with_all = ["name", "markdown"])]
+    find: Vec<String>,
     /// Print the whole reference as Markdown
     #[arg(long, conflicts_with = "name")]
     markdown: bool,
+    /// Print kinds with their ports and settings as JSON
+    #[arg(long, conflicts_with = "markdown")]
+    json: bool,
 }
 
+/// Characters of a line where the terminal does not say how wide it is.
+const WIDTH: usize = 100;
+
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    let filter = Filter {
+        group: arguments.group.clone(),
+        words: arguments.find.clone(),
+    };
     match &arguments.name {
         None if arguments.markdown => say(&reference::book(registry)),
-        None => say(&reference::list(registry)),
+        None if arguments.json => say_json(&kinds(registry, &|name, group, doc| {
+            filter.takes(name, group, doc)
+        })),
+        None => say(&listed(registry, &filter)?),
         Some(name) => match reference::kind(registry, name) {
+            Some(_) if arguments.json => {
+                let named = kinds(registry, &|kind, _, _| kind == name);
+                say_json(&named[0])
+            }
             Some(text) => say(&text),
             None => Err(unknown(registry, name)),
         },
     }
+}
+
+/// The list, or what to do where it is empty.
+fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
+    let groups = reference::all_groups(registry);
+    if let Some(group) = &filter.group
+        && !groups.iter().any(|known| known.eq_ignore_ascii_case(group))
+    {
+        let help = closest(group, groups.iter().copied()).map_or_else(
+            || format!("there are {}", groups.join(", ")),
+            |near| format!("did you mean `{near}`?"),
+        );
+        return Err(Failure::Message(format!("there is no group `{group}`; {help}")));
+    }
+    let width = std::env::var("COLUMNS")
+        .ok()
+        .and_then(|columns| columns.parse().ok());
+    match reference::list(registry, filter, width.unwrap_or(WIDTH)) {
+        text if text.is_empty() => Err(Failure::Message(format!(
+            "no kind has all of these words: {}",
+            filter.words.join(", ")
+        ))),
+        text => Ok(text),
+    }
+}
+
+/// The kinds whose name, group and description are taken, for programs.
+fn kinds(registry: &Registry, takes: &dyn Fn(&str, &str, &str) -> bool) -> Value {
+    let nodes = registry.nodes().iter();
+    let nodes = nodes.filter(|entry| takes(entry.spec.name, entry.spec.group, entry.spec.doc)).map(|entry| {
+        let spec = entry.spec;
+        let inputs = spec.inputs.iter().map(|port| {
+            json!({
+                "name": port.name, "kind": reference::kind_rule(port.kind),
+                "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+                "required": port.presence != Presence::Optional, "list": port.presence == Presence::Many,
+            })
+        });
+        let outputs = spec.outputs.iter().map(|port| {
+            json!({
+                "name": port.name, "kind": reference::kind_rule(port.kind),
+                "quantity": reference::quantity_rule(port.quantity), "doc": port.doc,
+            })
+        });
+        json!({
+            "name": spec.name, "group": spec.group, "doc": spec.doc, "source": spec.source, "example": spec.example,
+            "inputs": inputs.collect::<Vec<_>>(), "outputs": outputs.collect::<Vec<_>>(),
+            "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
+        })
+    });
+    let devices = registry.devices().iter();
+    let devices = devices
+        .filter(|entry| takes(entry.spec.name, reference::DEVICES, entry.spec.doc))
+        .map(|entry| {
+            let spec = entry.spec;
+            let channel = |channel: &Channel| {
+                json!({
+                    "name": channel.name, "kind": channel.kind.to_string(),
+                    "quantity": channel.quantity.to_string(), "doc": channel.doc,
+                })
+            };
+            json!({
+                "name": spec.name, "group": reference::DEVICES, "doc": spec.doc, "source": spec.source,
+                "simulated": spec.simulated,
+                "senses": spec.senses.iter().map(channel).collect::<Vec<_>>(),
+                "drives": spec.drives.iter().map(channel).collect::<Vec<_>>(),
+                "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
+            })
+        });
+    nodes.chain(devices).collect()
+}
+
+fn setting(spec: &SettingSpec) -> Value {
+    let part = |part: &Part| {
+        json!({
+            "choice": part.choice, "doc": part.doc, "fields": part.fields.iter().map(setting).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "name": spec.name, "doc": spec.doc, "expected": spec.expected, "default": spec.default,
+        "min": spec.range.map(|range| range.0), "max": spec.range.map(|range| range.1), "live": spec.live,
+        "parts": spec.parts.iter().map(part).collect::<Vec<_>>(),
+    })
 }
 
 fn unknown(registry: &Registry, name: &str) -> Failure {
@@ -31,7 +140,7 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
     let devices = registry.devices().iter().map(|entry| entry.spec.name);
     let near = closest(name, nodes.chain(devices));
     let help = near.map_or_else(
-        || "`haptograph nodes` lists them all".to_owned(),
+        || format!("`haptograph nodes --find {name}` searches what they do"),
         |near| format!("did you mean `{near}`?"),
     );
     Failure::Message(format!("there is no kind `{name}`; {help}"))

@@ -1,5 +1,6 @@
 //! A bar for work that takes longer than a second, on terminals only.
 
+use super::terminal::is_animated;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -32,7 +33,7 @@ impl Progress {
 
     /// This part of it is done, 0 to 1.
     pub fn at(&self, part: f64) {
-        if self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {
+        if is_animated() && self.begun.elapsed() > PATIENCE && !self.shown.swap(true, Ordering::Relaxed) {
             self.bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
         }
         self.bar.set_position((part * STEPS) as u64);
@@ -40,7 +41,10 @@ impl Progress {
 
     /// Work that cannot tell how far it is: something turns until it is done.
     pub fn unknown(doing: &'static str) -> Self {
-        let bar = ProgressBar::new_spinner().with_message(doing);
+        let bar = match is_animated() {
+            true => ProgressBar::new_spinner().with_message(doing),
+            false => ProgressBar::hidden(),
+        };
         bar.enable_steady_tick(Duration::from_millis(120));
         Self {
             bar,

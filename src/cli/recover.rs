@@ -6,11 +6,12 @@
 
 use super::run::folder::{MARKER, PARTIAL, PROBES};
 use super::run::placing::{MovePlan, resume};
-use super::{Failure, remark, say};
+use super::{Failure, remark, say, say_json};
 use crate::engine::registry::Registry;
 use crate::nodes::wav::{Repair, repair};
 use crate::signal::files;
 use crate::surfaces::recording::assemble;
+use serde_json::json;
 use std::fs::{self, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -20,16 +21,20 @@ pub struct Arguments {
     /// Folders NAME.partial-N that runs left, or single WAV files and folders FILE.part of recordings
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
+    /// Print what was done as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// How deep folders are looked through.
 const DEPTH: usize = 8;
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let mut failed = false;
+    let (mut failed, mut repaired) = (false, Vec::new());
     for path in &arguments.paths {
         for done in recover(path)? {
             match done {
+                Ok(text) if arguments.json => repaired.push(text),
                 Ok(text) => say(&(text + "\n"))?,
                 Err(failure) => {
                     remark(&format!("error: {failure}\n"));
@@ -37,6 +42,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
                 }
             }
         }
+    }
+    if arguments.json {
+        say_json(&json!({ "done": repaired, "complete": !failed }))?;
     }
     if failed { Err(Failure::Reported) } else { Ok(()) }
 }

@@ -2,12 +2,13 @@
 
 use super::output::{Force, Output};
 use super::run::{progress_bar, stop_on_interrupt};
-use super::{Failure, remark, say};
+use super::{Failure, remark, say, say_json};
 use crate::engine::registry::Registry;
 use crate::nodes::simulated::material::MaterialName;
 use crate::recorder::{RecordError, Session, record};
 use crate::surfaces::recording::{Gesture, save};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
@@ -34,6 +35,9 @@ pub struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     force: Force,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 fn materials() -> impl TypedValueParser<Value = MaterialName> {
@@ -94,10 +98,18 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             session.seconds
         ));
     }
-    say(&format!(
-        "wrote {} (simulated: {} over {})\n",
-        output.display(),
-        session.gesture.word(),
-        session.material.word()
-    ))
+    let (motion, material) = (session.gesture.word(), session.material.word());
+    match arguments.json {
+        true => say_json(
+            &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),
+        )?,
+        false => say(&format!(
+            "wrote {} (simulated: {motion} over {material})\n",
+            output.display()
+        ))?,
+    }
+    match stop.load(Ordering::Relaxed) {
+        true => Err(Failure::Interrupted),
+        false => Ok(()),
+    }
 }

@@ -1,15 +1,15 @@
 //! An error in a text, shown at its place.
 
+use super::terminal::is_coloured;
 use annotate_snippets::renderer::DecorStyle;
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
-use std::io::IsTerminal;
 
 /// Characters shown on either side of the place; lines of surface files can be long.
 const AROUND: usize = 60;
 
 /// `message`, and the place in `line`, which has this number (from 1); the column counts characters, from 1.
 pub fn at(name: &str, line: &str, number: usize, column: usize, message: &str) -> String {
-    let renderer = if std::io::stderr().is_terminal() {
+    let renderer = if is_coloured(&std::io::stderr()) {
         Renderer::styled()
     } else {
         Renderer::plain()

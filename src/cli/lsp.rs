@@ -1,0 +1,319 @@
+//! `haptograph lsp`: findings, completion and explanations for editors, from the same checks and declarations as every
+//! other command, by the Language Server Protocol on standard input and output.
+
+mod text;
+mod wire;
+
+use super::Failure;
+use crate::engine::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
+use crate::engine::document::Document;
+use crate::engine::graph::{CheckOptions, check};
+use crate::engine::registry::Registry;
+use crate::engine::settings::SettingSpec;
+use crate::report::reference;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+use std::io::{BufRead, Write};
+use std::path::{Path, PathBuf};
+use text::{Context, Positions, context, word_at};
+
+/// Serve an editor: findings while one types, completion and explanations of graphs
+///
+/// It speaks the Language Server Protocol on standard input and output; docs/editors.md says how VS Code and Helix start it.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {}
+
+pub fn run(_: &Arguments, registry: &Registry) -> Result<(), Failure> {
+    let mut server = Server {
+        registry,
+        texts: HashMap::new(),
+        is_shut: false,
+    };
+    let (mut input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
+    server
+        .serve(&mut input, &mut output)
+        .map_err(|error| Failure::Message(format!("the editor's messages cannot be read: {error}")))
+}
+
+/// The documents that an editor has open.
+struct Server<'r> {
+    registry: &'r Registry,
+    texts: HashMap<String, String>,
+    is_shut: bool,
+}
+
+/// The protocol's numbers.
+const METHOD_NOT_FOUND: i32 = -32601;
+const INVALID_REQUEST: i32 = -32600;
+const ERROR: u8 = 1;
+const WARNING: u8 = 2;
+const FULL_TEXT: u8 = 1;
+const KIND_CLASS: u8 = 7;
+const KIND_FIELD: u8 = 5;
+const KIND_VALUE: u8 = 12;
+const SNIPPET: u8 = 2;
+
+impl Server<'_> {
+    /// Until the editor says `exit`, or its end of the pipe closes.
+    fn serve(&mut self, input: &mut impl BufRead, output: &mut impl Write) -> std::io::Result<()> {
+        while let Some(message) = wire::read(input)? {
+            let method = message["method"].as_str().unwrap_or_default();
+            if method == "exit" {
+                return Ok(());
+            }
+            for answer in self.answer(method, &message) {
+                wire::write(output, &answer)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(&mut self, method: &str, message: &Value) -> Vec<Value> {
+        let (id, params) = (&message["id"], &message["params"]);
+        let document = &params["textDocument"];
+        let address = document["uri"].as_str().unwrap_or_default();
+        let reply = |result: Value| vec![json!({ "jsonrpc": "2.0", "id": id, "result": result })];
+        let refuse = |code: i32, why: &str| {
+            vec![json!({ "jsonrpc": "2.0", "id": id, "error": { "code": code, "message": why } })]
+        };
+        match method {
+            "initialize" => reply(capabilities()),
+            "shutdown" => {
+                self.is_shut = true;
+                reply(Value::Null)
+            }
+            _ if self.is_shut && !id.is_null() => refuse(INVALID_REQUEST, "the server was shut down"),
+            "textDocument/didOpen" => self.take(address, document["text"].as_str()),
+            "textDocument/didChange" => {
+                let changes = params["contentChanges"].as_array();
+                let last = changes.and_then(|changes| changes.last());
+                self.take(address, last.and_then(|change| change["text"].as_str()))
+            }
+            "textDocument/didClose" => {
+                self.texts.remove(address);
+                vec![published(address, Vec::new())]
+            }
+            "textDocument/completion" => reply(self.complete(address, &params["position"])),
+            "textDocument/hover" => reply(self.hover(address, &params["position"])),
+            // Notifications need no answer.
+            _ if id.is_null() => Vec::new(),
+            other => refuse(METHOD_NOT_FOUND, &format!("there is no method `{other}` here")),
+        }
+    }
+
+    /// Takes a text as it is now; what is wrong with it.
+    fn take(&mut self, address: &str, text: Option<&str>) -> Vec<Value> {
+        let Some(text) = text else { return Vec::new() };
+        self.texts.insert(address.to_owned(), text.to_owned());
+        let path = path_of(address);
+        let findings = match Document::parse(&path, text) {
+            Err(findings) => findings,
+            Ok(document) => match check(&document, self.registry, &CheckOptions::default()) {
+                Err(findings) => findings,
+                Ok(graph) => super::warnings(&graph),
+            },
+        };
+        let positions = Positions::of(text);
+        let shown = findings
+            .list
+            .iter()
+            .map(|finding| shown(finding, &findings, &path, &positions));
+        vec![published(address, shown.collect())]
+    }
+
+    /// What can be written at a place.
+    fn complete(&self, address: &str, position: &Value) -> Value {
+        let Some((text, at)) = self.place(address, position) else {
+            return json!([]);
+        };
+        match context(text, at) {
+            Context::Connection => outputs(text),
+            Context::Fields(kind) => self.fields(&kind),
+            Context::Other => self.kinds(),
+        }
+    }
+
+    /// The kinds of nodes and devices.
+    fn kinds(&self) -> Value {
+        let nodes = self.registry.nodes().iter();
+        let nodes = nodes.map(|entry| (entry.spec.name, entry.spec.group, entry.spec.doc));
+        let devices = self.registry.devices().iter();
+        let devices = devices.map(|entry| (entry.spec.name, reference::DEVICES, entry.spec.doc));
+        let item = |(name, group, doc): (&str, &str, &str)| {
+            json!({
+                "label": name, "kind": KIND_CLASS, "detail": group, "documentation": doc,
+                "insertText": format!("{name}($0)"), "insertTextFormat": SNIPPET,
+            })
+        };
+        nodes.chain(devices).map(item).collect()
+    }
+
+    /// The inputs and settings of a kind.
+    fn fields(&self, kind: &str) -> Value {
+        let item = |name: &str, detail: String, doc: &str| {
+            json!({
+                "label": name, "kind": KIND_FIELD, "detail": detail, "documentation": doc,
+                "insertText": format!("{name}: "),
+            })
+        };
+        let setting = |setting: &SettingSpec| item(setting.name, detail(setting), &setting.doc);
+        if let Some(entry) = self.registry.node(kind) {
+            let inputs = entry.spec.inputs.iter().map(|port| {
+                let detail = format!("input: {}", reference::quantity_rule(port.quantity));
+                item(port.name, detail, port.doc)
+            });
+            return inputs.chain(entry.settings().iter().map(setting)).collect();
+        }
+        let device = self.registry.device(kind);
+        device.map_or_else(
+            || json!([]),
+            |entry| entry.settings().iter().map(setting).collect(),
+        )
+    }
+
+    /// What the word at a place means: a kind, or a field of the kind around it.
+    fn hover(&self, address: &str, position: &Value) -> Value {
+        let said = self.place(address, position).and_then(|(text, at)| {
+            let word = word_at(text, at)?;
+            let kind = reference::kind(self.registry, word);
+            kind.or_else(|| match context(text, at) {
+                Context::Fields(kind) => self.field(&kind, word),
+                _ => None,
+            })
+        });
+        said.map_or(
+            Value::Null,
+            |markdown| json!({ "contents": { "kind": "markdown", "value": markdown } }),
+        )
+    }
+
+    fn field(&self, kind: &str, name: &str) -> Option<String> {
+        let node = self.registry.node(kind);
+        let ports = node.as_ref().map_or(&[][..], |entry| entry.spec.inputs);
+        if let Some(port) = ports.iter().find(|port| port.name == name) {
+            let quantity = reference::quantity_rule(port.quantity);
+            return Some(format!("`{name}`, an input of {kind} ({quantity}): {}", port.doc));
+        }
+        let settings = match node {
+            Some(entry) => entry.settings(),
+            None => self.registry.device(kind)?.settings(),
+        };
+        let setting = settings.iter().find(|setting| setting.name == name)?;
+        Some(format!(
+            "`{name}` of {kind} ({}): {}",
+            detail(setting),
+            setting.doc
+        ))
+    }
+
+    /// The text that is open by this address, and the byte at a position in it.
+    fn place(&self, address: &str, position: &Value) -> Option<(&str, usize)> {
+        let text = self.texts.get(address)?;
+        let number = |name: &str| usize::try_from(position[name].as_u64()?).ok();
+        let at = Positions::of(text).byte(text, number("line")?, number("character")?);
+        Some((text, at))
+    }
+}
+
+fn detail(setting: &SettingSpec) -> String {
+    let range = setting
+        .range
+        .map_or_else(String::new, |(low, high)| format!(", {low} to {high}"));
+    match &setting.default {
+        Some(default) => format!("{}{range}, default {default}", setting.expected),
+        None => format!("{}{range}, required", setting.expected),
+    }
+}
+
+fn capabilities() -> Value {
+    json!({
+        "capabilities": {
+            "textDocumentSync": { "openClose": true, "change": FULL_TEXT },
+            "completionProvider": { "triggerCharacters": ["(", ",", "\""] },
+            "hoverProvider": true,
+        },
+        "serverInfo": { "name": "haptograph", "version": env!("CARGO_PKG_VERSION") },
+    })
+}
+
+fn published(address: &str, findings: Vec<Value>) -> Value {
+    json!({
+        "jsonrpc": "2.0", "method": "textDocument/publishDiagnostics",
+        "params": { "uri": address, "diagnostics": findings },
+    })
+}
+
+/// A finding as the protocol has it. One in another file stands at the beginning of this one, and names that file.
+fn shown(finding: &Diagnostic, all: &Diagnostics, path: &Path, positions: &Positions) -> Value {
+    let place = finding
+        .primary
+        .as_ref()
+        .map(|label| (label.span, label.text.as_str()));
+    let file = place.and_then(|(span, _)| Some(all.sources.get(span.source)?.path.as_path()));
+    let (span, elsewhere) = match (place, file) {
+        (Some((span, _)), Some(file)) if file == path => (span, String::new()),
+        (Some((span, _)), Some(file)) => {
+            let (line, column) = all.sources.line_column(span);
+            (Span::default(), format!("{}:{line}:{column}: ", file.display()))
+        }
+        _ => (Span::default(), String::new()),
+    };
+    let label = place.map_or("", |(_, text)| text);
+    let help = finding.help.iter().map(|help| format!("\nhelp: {help}"));
+    let mut message = format!("{elsewhere}{}", finding.message);
+    if !label.is_empty() {
+        message += &format!("\n{label}");
+    }
+    message.extend(help);
+    json!({
+        "range": positions.range(span.start, span.end), "source": "haptograph", "code": finding.code,
+        "severity": match finding.severity { Severity::Error => ERROR, Severity::Warning => WARNING },
+        "message": message,
+    })
+}
+
+/// The names of nodes in a text, for connections: what stands in quotes before a colon.
+fn outputs(text: &str) -> Value {
+    let mut names: Vec<&str> = text
+        .split('"')
+        .collect::<Vec<_>>()
+        .windows(2)
+        .skip(1)
+        .step_by(2)
+        .filter(|pair| pair[1].trim_start().starts_with(':'))
+        .map(|pair| pair[0])
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    let items = names
+        .iter()
+        .map(|name| json!({ "label": name, "kind": KIND_VALUE }));
+    items.collect()
+}
+
+/// The file of a `file://` address.
+fn path_of(address: &str) -> PathBuf {
+    let written = address.strip_prefix("file://").unwrap_or(address).as_bytes();
+    let mut bytes = Vec::with_capacity(written.len());
+    let mut at = 0;
+    while let Some(byte) = written.get(at) {
+        let digits = written
+            .get(at + 1..at + 3)
+            .and_then(|two| std::str::from_utf8(two).ok());
+        let escaped = digits.and_then(|two| u8::from_str_radix(two, 16).ok());
+        match (byte, escaped) {
+            (b'%', Some(escaped)) => {
+                bytes.push(escaped);
+                at += 3;
+            }
+            _ => {
+                bytes.push(*byte);
+                at += 1;
+            }
+        }
+    }
+    PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,126 @@
+//! Places in a text: by bytes here, by lines and UTF-16 units in the protocol; and what is being written at a place.
+
+use serde_json::{Value, json};
+
+/// Where the lines of a text begin.
+pub struct Positions<'t> {
+    text: &'t str,
+    lines: Vec<usize>,
+}
+
+impl<'t> Positions<'t> {
+    pub fn of(text: &'t str) -> Self {
+        let after = text.match_indices('\n').map(|(at, _)| at + 1);
+        Self {
+            text,
+            lines: std::iter::once(0).chain(after).collect(),
+        }
+    }
+
+    /// A range of bytes as the protocol has it.
+    pub fn range(&self, start: usize, end: usize) -> Value {
+        json!({ "start": self.position(start), "end": self.position(end.max(start)) })
+    }
+
+    fn position(&self, byte: usize) -> Value {
+        let byte = floor_boundary(self.text, byte);
+        let line = self.lines.partition_point(|start| *start <= byte) - 1;
+        let before = &self.text[self.lines[line]..byte];
+        json!({ "line": line, "character": before.encode_utf16().count() })
+    }
+
+    /// The byte at a line and a number of UTF-16 units; the nearest one where there is none.
+    pub fn byte(&self, text: &str, line: usize, units: usize) -> usize {
+        let Some(&start) = self.lines.get(line) else {
+            return text.len();
+        };
+        let end = self.lines.get(line + 1).map_or(text.len(), |next| next - 1);
+        let mut left = units;
+        for (at, letter) in text[start..end].char_indices() {
+            if left < letter.len_utf16() {
+                return start + at;
+            }
+            left -= letter.len_utf16();
+        }
+        end
+    }
+}
+
+fn floor_boundary(text: &str, byte: usize) -> usize {
+    (0..=byte.min(text.len()))
+        .rev()
+        .find(|at| text.is_char_boundary(*at))
+        .unwrap_or(0)
+}
+
+/// What is being written at a place.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Context {
+    /// Within quotes.
+    Connection,
+    /// A field of this kind.
+    Fields(String),
+    /// Something else: a kind.
+    Other,
+}
+
+/// What is being written at a byte of a text.
+pub fn context(text: &str, at: usize) -> Context {
+    let before = &text[..floor_boundary(text, at)];
+    // The names before the brackets that are open, and what the latest of them has seen of its field.
+    let mut open: Vec<(&str, bool)> = Vec::new();
+    let (mut in_string, mut name_start, mut last_name) = (false, None, "");
+    let mut letters = before.char_indices().peekable();
+    while let Some((i, letter)) = letters.next() {
+        if in_string {
+            match letter {
+                '\\' => drop(letters.next()),
+                '"' => in_string = false,
+                _ => {}
+            }
+            continue;
+        }
+        if letter == '/' && before[i..].starts_with("//") {
+            while letters.next_if(|(_, letter)| *letter != '\n').is_some() {}
+            continue;
+        }
+        if letter.is_alphanumeric() || letter == '_' {
+            let start = *name_start.get_or_insert(i);
+            last_name = &before[start..i + letter.len_utf8()];
+            continue;
+        }
+        name_start = None;
+        match letter {
+            '"' => in_string = true,
+            '(' | '[' | '{' => open.push((if letter == '(' { last_name } else { "" }, false)),
+            ')' | ']' | '}' => drop(open.pop()),
+            ':' => open.last_mut().into_iter().for_each(|(_, valued)| *valued = true),
+            ',' => open
+                .last_mut()
+                .into_iter()
+                .for_each(|(_, valued)| *valued = false),
+            _ => {}
+        }
+        if !letter.is_whitespace() {
+            last_name = "";
+        }
+    }
+    match open.last() {
+        _ if in_string => Context::Connection,
+        Some((kind, false)) if kind.starts_with(char::is_uppercase) => Context::Fields((*kind).to_owned()),
+        _ => Context::Other,
+    }
+}
+
+/// The word around a byte of a text.
+pub fn word_at(text: &str, at: usize) -> Option<&str> {
+    let at = floor_boundary(text, at);
+    let is_word = |letter: char| letter.is_alphanumeric() || letter == '_';
+    let start = text[..at].rfind(|letter| !is_word(letter)).map_or(0, |before| {
+        before + text[before..].chars().next().map_or(1, char::len_utf8)
+    });
+    let end = text[at..]
+        .find(|letter| !is_word(letter))
+        .map_or(text.len(), |after| at + after);
+    (start < end).then(|| &text[start..end])
+}
