@@ -3,6 +3,7 @@
 
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
+use haptograph::engine::node::NodeEntry;
 use haptograph::engine::registry::Registry;
 use haptograph::engine::run::{Offline, Outlets};
 use std::fs;
@@ -13,6 +14,9 @@ use std::sync::atomic::AtomicBool;
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
 mod custom_node;
+#[allow(dead_code)]
+#[path = "../examples/stateful_node.rs"]
+mod stateful_node;
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -56,15 +60,19 @@ fn the_picture_in_the_readme_is_current() {
 
 /// The kinds that the book uses: the shipped ones, and those of the program that the page on nodes shows.
 fn registry() -> Registry {
-    custom_node::registry()
+    let mut registry = custom_node::registry();
+    registry.add(NodeEntry::processor::<stateful_node::Bristle>());
+    registry
 }
 
 /// The page shows the program and the graph that `cargo test` builds and that are run here.
 #[test]
 fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let page = fs::read_to_string(root().join("docs/writing-a-node.md")).unwrap();
-    for (language, file) in [("rust", "custom_node.rs"), ("ron", "custom_node.ron")] {
-        let text = fs::read_to_string(root().join("examples").join(file)).unwrap();
+    let shown = ["custom_node", "stateful_node"]
+        .map(|name| [("rust", format!("{name}.rs")), ("ron", format!("{name}.ron"))]);
+    for (language, file) in shown.into_iter().flatten() {
+        let text = fs::read_to_string(root().join("examples").join(&file)).unwrap();
         assert!(
             page.contains(&format!("```{language}\n{text}```")),
             "{file} is another on the page"
@@ -92,6 +100,46 @@ fn the_program_in_the_book_is_the_example_and_has_every_command() {
     let strongest = forces.fold(0.0, |most: f64, force| most.max(force.abs()));
     assert!((0.799..=0.8).contains(&strongest), "{strongest} N");
     assert!(does(&["nodes", "Detents"]).contains("pitch_mm"));
+}
+
+/// The bristle of the page: its force is a loop, and the same however time is cut into blocks.
+#[test]
+fn the_node_with_state_in_the_book_remembers_and_needs_no_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = PathBuf::from(env!("CARGO_BIN_EXE_haptograph"));
+    let program = program.with_file_name("examples").join("stateful_node");
+    let graph = root().join("examples/stateful_node.ron");
+    let rows = |block: &str| {
+        let done = Command::new(&program)
+            .args([
+                "run",
+                graph.to_str().unwrap(),
+                "--for",
+                "2",
+                "--block",
+                block,
+                "--out",
+                block,
+            ])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        fs::read_to_string(folder.path().join(block).join("drag.csv")).unwrap()
+    };
+    let found = rows("64");
+    assert_eq!(rows("7"), found);
+    let forces: Vec<f64> = found
+        .lines()
+        .filter_map(|row| row.rsplit(',').next()?.parse().ok())
+        .collect();
+    // At the same place, a quarter and three quarters into a stroke to and fro, it drags against the motion.
+    assert!(
+        (forces[250] + 0.6).abs() < 1e-9 && (forces[750] - 0.6).abs() < 1e-9,
+        "{} {}",
+        forces[250],
+        forces[750]
+    );
 }
 
 /// The largest sample of the WAV file that a run left, m/s2, or else of the CSV file's last column.
