@@ -144,7 +144,7 @@
   back.hidden = true;
   back.addEventListener("click", () => zoom(whole));
   const clock = document.createElement("output");
-  if (document.querySelector(".close-up")) tools.append("Click for 50 ms up close.");
+  if (document.querySelector(".close-up")) tools.append(" Click for 50 ms up close.");
   tools.append(back, clock);
   tools.hidden = false;
 

@@ -201,8 +201,8 @@ fn limited(actuator: &ActuatorReport) -> Headline {
     let part = 100.0 * held as f64 / ticks.max(1) as f64;
     Headline::new(
         "Held back by limits",
-        format!("{part:.2} % of the time"),
-        actuator.path.as_str(),
+        format!("{part:.2} %"),
+        format!("of the time of {}", actuator.path),
     )
 }
 
