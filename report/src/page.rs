@@ -206,12 +206,14 @@ impl Sheet<'_> {
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n\
              <meta name=\"viewport\" content=\"width=device-width\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{title}</title>\n<style>{}{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <title>{title}</title>\n<style>{}{}{}{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n\
              <div class=\"tools\" hidden=\"\">Drag over a plot to zoom, double-click for the whole.</div>\n\
              {sections}<footer>Made by haptograph {}</footer>\n</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
             policy(),
             theme::css(),
+            theme::DOTS,
+            theme::grounds(),
             paragraphs(self.about),
             env!("CARGO_PKG_VERSION"),
         )

@@ -232,7 +232,7 @@ const USUAL_SIZE: (f64, f64) = (760.0, 210.0);
 impl Plot {
     /// The plot as a picture of its own.
     pub fn to_standalone_svg(&self) -> String {
-        self.draw(&theme::css())
+        self.draw(&(theme::css() + theme::DOTS))
     }
 
     fn size(&self) -> (f64, f64) {

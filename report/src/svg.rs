@@ -113,7 +113,7 @@ impl Svg {
         self.raw(format_args!(
             "<path class=\"{class}\"{} d=\"{}\"/>",
             attributes(what),
-            path.d
+            path.d.trim_end()
         ));
     }
 
@@ -197,20 +197,13 @@ impl Anchor {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Path {
     d: String,
-    /// The command that more points would continue; lines go on after a move.
-    last: Option<char>,
 }
 
 impl Path {
     fn push(&mut self, command: char, points: &[(f64, f64)]) {
-        match (self.last, command) {
-            (Some('M' | 'L'), 'L') => self.d.push(' '),
-            _ => self.d.push(command),
-        }
-        self.last = Some(command);
-        for (i, (x, y)) in points.iter().enumerate() {
-            let space = if i == 0 { "" } else { " " };
-            let _ = write!(self.d, "{space}{} {}", num(*x), num(*y));
+        self.d.push(command);
+        for (x, y) in points {
+            let _ = write!(self.d, "{} {} ", num(*x), num(*y));
         }
     }
     pub fn move_to(&mut self, to: (f64, f64)) {
@@ -224,11 +217,9 @@ impl Path {
     }
     pub fn close(&mut self) {
         self.d.push('Z');
-        self.last = Some('Z');
     }
     pub fn append(&mut self, other: &Self) {
         self.d.push_str(&other.d);
-        self.last = other.last.or(self.last);
     }
     /// A line of no length at each point: a round end makes it a dot.
     pub fn dots(points: impl Iterator<Item = (f64, f64)>) -> Self {
@@ -236,7 +227,6 @@ impl Path {
         for point in points {
             path.move_to(point);
             path.d.push_str("h0");
-            path.last = Some('h');
         }
         path
     }

@@ -35,7 +35,7 @@ impl Ink {
         Self::CYCLE[i % Self::CYCLE.len()]
     }
 
-    /// The suffix of its CSS classes: `s0` strokes with it, `f0` fills, `t0` tints an area, `b0` fills strongly.
+    /// The suffix of its CSS classes: `s0` strokes with it, `f0` fills, `t0` tints an area, a page has grounds `b0`.
     pub(crate) fn class(self) -> &'static str {
         match self {
             Self::Blue => "0",
@@ -85,25 +85,45 @@ const SHAPES: &str = "\
 .curve{fill:none;stroke-width:1.3;stroke-linejoin:round;stroke-linecap:round}\
 .hair{stroke-width:.7}.bold{stroke-width:2}\
 .dash{stroke-dasharray:4 3}.dots{stroke-dasharray:1 3;stroke-linecap:round}\
-.dot,.small-dot,.large-dot{fill:none;stroke-linecap:round;stroke-width:5.2}.small-dot{stroke-width:2.8}.large-dot{stroke-width:9}\
 .veil{opacity:.45}.solid{opacity:.85}\
 .halo{stroke-width:3;paint-order:stroke;stroke-linejoin:round}";
 
+/// What plots need besides: dots.
+pub(crate) const DOTS: &str = ".dot,.small-dot,.large-dot{fill:none;stroke-linecap:round;stroke-width:5.2}\
+.small-dot{stroke-width:2.8}.large-dot{stroke-width:9}";
+
+/// What pages need besides: the inks as grounds, `b0` and so on.
+pub(crate) fn grounds() -> String {
+    let sheet = |dark: bool| -> String {
+        let ground = |(i, (light, _, night, _)): (usize, &(&str, &str, &str, &str))| {
+            let colour = if dark { night } else { light };
+            format!(".b{i}{{background:{colour}}}")
+        };
+        INKS.iter().enumerate().map(ground).collect()
+    };
+    format!(
+        "{}@media (prefers-color-scheme:dark){{{}}}",
+        sheet(false),
+        sheet(true)
+    )
+}
+
 /// The style sheet of all pictures; a page has it once, a picture on its own carries it.
 pub fn css() -> String {
-    let sheet = |dark: bool| {
-        let pick = |light: &'static str, night: &'static str| if dark { night } else { light };
-        let rules = RULES.iter().map(|(selector, property, light, night)| {
-            format!("{selector}{{{property}:{}}}", pick(light, night))
-        });
-        let inks = INKS.iter().enumerate().map(|(i, (light, tint, night, night_tint))| {
+    let sheet =
+        |dark: bool| {
+            let pick = |light: &'static str, night: &'static str| if dark { night } else { light };
+            let rules = RULES.iter().map(|(selector, property, light, night)| {
+                format!("{selector}{{{property}:{}}}", pick(light, night))
+            });
+            let inks = INKS.iter().enumerate().map(|(i, (light, tint, night, night_tint))| {
             let (strong, tint) = (pick(light, night), pick(tint, night_tint));
             format!(
-                ".s{i}{{stroke:{strong}}}.f{i}{{fill:{strong}}}.t{i}{{fill:{tint}}}.w{i}{{stroke:{tint}}}.b{i}{{background:{strong}}}"
+                ".s{i}{{stroke:{strong}}}.f{i}{{fill:{strong}}}.t{i}{{fill:{tint}}}.w{i}{{stroke:{tint}}}"
             )
         });
-        rules.chain(inks).collect::<String>()
-    };
+            rules.chain(inks).collect::<String>()
+        };
     format!(
         "{SHAPES}{}@media (prefers-color-scheme:dark){{{}}}",
         sheet(false),
