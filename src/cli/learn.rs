@@ -5,7 +5,7 @@ mod summary;
 use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
-use super::{Failure, recording, remark, say, segment, spare, surface};
+use super::{Failure, recording, remark, say, say_json, segment, spare, surface};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::law::LawSettings;
 use crate::surfaces::learning::processing::{AxisReduction, ProcessingSettings};
@@ -14,6 +14,7 @@ use crate::surfaces::learning::texture::{CoefficientFit, TextureSettings};
 use crate::surfaces::learning::{LearnError, LearnSettings, TextureMethod, learn};
 use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
 use clap::ValueEnum;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Learn a surface from recordings
@@ -47,6 +48,9 @@ pub struct Arguments {
     /// The surface's name; that of the output where it is not given
     #[arg(long, value_parser = name)]
     name: Option<String>,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     settings: Settings,
     #[command(flatten)]
@@ -219,12 +223,16 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
         remark(&format!("warning: {said}\n"));
     }
-    let mut text = summary::describe(&learned, &report, &output);
-    if let Some(page) = page {
-        let page = page.write(&crate::report::learning::page(&learned, &report))?;
-        text += &format!("look at {}\n", page.display());
+    let page = page.map(|page| page.write(&crate::report::learning::page(&learned, &report)));
+    let page = page.transpose()?;
+    if arguments.json {
+        let recordings = recordings.len();
+        return say_json(
+            &json!({ "written": [output], "page": page, "name": name, "recordings": recordings }),
+        );
     }
-    say(&text)
+    let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
+    say(&(summary::describe(&learned, &report, &output) + &looked))
 }
 
 /// What is said of a recording by its number, by its file.

@@ -335,7 +335,7 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
         .unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
 }
 
-/// Names of kinds that need one input only, so that their one output is made of it, and for which `fits` holds.
+/// Names of kinds that need one input only, so that their outputs are made of it, and for which `fits` holds.
 fn converters(
     cx: &Context<'_>,
     fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool,
@@ -349,8 +349,9 @@ fn converters(
                 .inputs
                 .iter()
                 .filter(|input| input.presence != Presence::Optional);
-            match (needed.next(), needed.next(), entry.spec.outputs) {
-                (Some(input), None, [output]) => fits(input, (output.kind, output.quantity)),
+            let mut outputs = entry.spec.outputs.iter();
+            match (needed.next(), needed.next()) {
+                (Some(input), None) => outputs.any(|output| fits(input, (output.kind, output.quantity))),
                 _ => false,
             }
         })

@@ -2,8 +2,9 @@
 
 use super::{Failure, claim, load, save};
 use crate::cli::output::Force;
-use crate::cli::{say, spare};
+use crate::cli::{say, say_json, spare};
 use crate::surfaces::files::merge;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Convert a surface between haptograph's .ron and the toolkit's (HaTT) .xml
@@ -18,6 +19,9 @@ pub struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     force: Force,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -34,5 +38,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // At least one file is required.
     let Some(surface) = surface else { return Ok(()) };
     let output = save(&surface, &output)?;
-    say(&format!("wrote {}\n", output.display()))
+    match arguments.json {
+        true => say_json(&json!({ "written": [output] })),
+        false => say(&format!("wrote {}\n", output.display())),
+    }
 }
