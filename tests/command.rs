@@ -560,7 +560,8 @@ fn the_page_is_opened_by_the_desktop_where_there_is_one() {
     };
     let told = run("");
     assert!(told.contains("no desktop") && !seen.exists(), "{told}");
-    assert_eq!(run(":9"), "");
+    let told = run(":9");
+    assert!(!told.contains("cannot open"), "{told}");
     let expected = folder.path().canonicalize().unwrap().join("out/report.html");
     // The opener is another process, for which nobody waits.
     let opened = (0..500).find_map(|_| {
@@ -575,7 +576,7 @@ fn failures_are_json_where_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(
         folder.path().join("g.ron"),
-        "Graph(format: 1, clocks: {}, nodes: { \"a\": Sinus() })",
+        "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: { \"a\": Sinus() })",
     )
     .unwrap();
     let told = |arguments: &[&str], code: i32| -> serde_json::Value {

@@ -27,13 +27,16 @@ fn about(sound: &Sound) -> String {
     let simulated = if stream.simulated { ", simulated" } else { "" };
     let extent = match sound.of_s - sound.duration_s() > 1e-3 {
         true => format!("The first {:.0} s of {:.1} s of", sound.duration_s(), sound.of_s),
-        false => "The vibration".to_owned(),
+        false => "The vibration of".to_owned(),
+    };
+    let resampled = match stream.rate.hz() == f64::from(RATE_HZ) {
+        true => String::new(),
+        false => format!("resampled from {} to {RATE_HZ} Hz, ", stream.rate),
     };
     format!(
-        "{extent} {}{simulated}: resampled from {} to {RATE_HZ} Hz, without its mean, its highest peak of {} set to {PEAK_DBFS} dB \
-         of full scale, so that its loudness says nothing of its strength.",
+        "{extent} {}{simulated}: {resampled}without its mean, its highest peak of {} set to {PEAK_DBFS} dB of full scale, so that \
+         its loudness says nothing of its strength.",
         stream.name,
-        stream.rate,
         Unit::of(stream.quantity).text(sound.peak),
     )
 }

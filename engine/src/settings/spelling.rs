@@ -85,7 +85,7 @@ mod tests {
             ("GAIN", Some("gain")),
             ("low", Some("low_hz")),
             ("load", Some("load_n")),
-            ("loud", Some("load_n")),
+            ("loud", Some("loudest")),
             ("loude", Some("loudest")),
             ("lo", None),
             ("y", None),

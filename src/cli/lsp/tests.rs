@@ -50,8 +50,8 @@ fn findings_stand_where_they_are_in_units_of_the_protocol() {
         .iter()
         .find(|finding| finding["code"] == "E0204")
         .unwrap();
-    // The field begins after 25 letters of the second line, of which one has two bytes.
-    let at = json!({ "line": 1, "character": 27 });
+    // The field begins after 28 letters of the second line, of which one has two bytes.
+    let at = json!({ "line": 1, "character": 28 });
     assert_eq!(unknown["range"]["start"], at, "{unknown}");
     assert!(
         unknown["message"].as_str().unwrap().contains("frequency_hz"),
@@ -64,7 +64,7 @@ fn kinds_fields_and_nodes_are_completed_where_they_can_stand() {
     let complete = "textDocument/completion";
     let answers = talk(&[
         open(),
-        ask(complete, 1, 26),
+        ask(complete, 1, 28),
         ask(complete, 2, 27),
         ask(complete, 2, 13),
     ]);
