@@ -1,9 +1,9 @@
-//! A graph that runs live with a device in another process: the C client, compiled and run.
+//! A graph that runs live with a device in another process: the C client, compiled and run, and the one in Python.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -19,20 +19,39 @@ const GRAPH: &str = r#"Graph(
     endpoints: { "live": { "arm": UdpDevice(listen: "ADDRESS", timeout_ms: 2000) } },
 )"#;
 
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name)
+}
+
 #[test]
 fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
     let folder = tempfile::tempdir().unwrap();
     let client = folder.path().join("client");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/c/device_client.c");
     let compiled = Command::new("cc")
         .args(["-O2", "-std=c99", "-Wall", "-Wextra", "-Werror", "-o"])
         .arg(&client)
-        .arg(source)
+        .arg(example("c/device_client.c"))
         .arg("-lm")
         .status()
         .expect("a C compiler");
     assert!(compiled.success());
+    is_felt_and_driven(&mut Command::new(&client));
+}
 
+#[test]
+fn the_python_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
+    let is_new = "import sys; sys.exit(sys.version_info < (3, 10))";
+    let python = Command::new("python3").args(["-c", is_new]).status();
+    if !python.is_ok_and(|status| status.success()) {
+        eprintln!("SKIPPED: there is no python3 of version 3.10 or later");
+        return;
+    }
+    is_felt_and_driven(Command::new("python3").arg(example("python/device_client.py")));
+}
+
+/// A graph runs live with the client that the command is, for which address, port and seconds are still to be given.
+fn is_felt_and_driven(client: &mut Command) {
+    let folder = tempfile::tempdir().unwrap();
     let address = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     fs::write(
         folder.path().join("graph.ron"),
@@ -48,10 +67,7 @@ fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
         .unwrap();
     // Until the graph listens, nobody answers: the client goes on asking, and ends with the graph.
     let port = address.port().to_string();
-    let client = Command::new(&client)
-        .args(["127.0.0.1", &port, "60"])
-        .output()
-        .unwrap();
+    let client = client.args(["127.0.0.1", &port, "60"]).output().unwrap();
     let graph = graph.wait_with_output().unwrap();
     assert!(
         graph.status.success(),
@@ -59,7 +75,8 @@ fn the_c_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
         String::from_utf8_lossy(&graph.stderr)
     );
     let said = String::from_utf8_lossy(&client.stdout).into_owned();
-    assert!(client.status.success(), "{said}");
+    let complained = String::from_utf8_lossy(&client.stderr);
+    assert!(client.status.success(), "{said}{complained}");
     let largest: f64 = said.trim().rsplit(' ').next().unwrap().parse().unwrap();
     assert!(largest > 0.0 && largest <= 0.2, "{said}");
 
