@@ -65,6 +65,82 @@ fn right_graphs_are_sound_and_without_warnings() {
     }
 }
 
+/// A stylus that is there with some endpoints only, what reads it, and a parameter that begins elsewhere with others.
+const BY_ENDPOINTS: &str = r#"Graph(
+    format: 1,
+    parameters: { "frequency_hz": 440.0 },
+    defaults: { "live": { "frequency_hz": 100.0 } },
+    clocks: { "audio": Driver(rate_hz: 48000), "slow": Derived(of: "audio", rate_hz: 1000) },
+    nodes: {
+        "pen": Stylus(clock: "slow", endpoint: "stylus", only: "simulated"),
+        "loud": Gain(input: "pen.force", gain: 2),
+        "tone": Sine(clock: "slow", frequency_hz: Param("frequency_hz")),
+        "both": Wav(inputs: ["loud", "tone"], file: "both.wav"),
+        "one": Wav(inputs: ["loud"], file: "one.wav"),
+    },
+    endpoints: { "simulated": { "stylus": Tablet() }, "live": {} },
+)"#;
+
+#[test]
+fn a_node_of_other_endpoints_is_left_out_with_what_depends_on_it() {
+    let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
+    let paths = |endpoints: &str| -> Vec<String> {
+        let options = CheckOptions {
+            endpoints: endpoints.into(),
+            ..CheckOptions::default()
+        };
+        let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
+        assert!(graph.warnings().is_empty());
+        graph
+            .nodes()
+            .node_weights()
+            .map(|node| node.path.clone())
+            .collect()
+    };
+    assert_eq!(paths("simulated"), ["pen", "loud", "tone", "both", "one"]);
+    // A file of several signals goes on with those that are left.
+    assert_eq!(paths("live"), ["tone", "both"]);
+}
+
+#[test]
+fn sets_and_parameters_that_are_not_there_are_refused() {
+    let text = BY_ENDPOINTS
+        .replace("only: \"simulated\"", "only: \"simulatd\"")
+        .replace(
+            "{ \"live\": { \"frequency_hz\": 100.0 } }",
+            "{ \"live\": { \"frequency\": 1 }, \"lively\": {} }",
+        );
+    let document = Document::parse("g.ron", &text).expect("a document");
+    let checked = check(&document, &common::registry(), &CheckOptions::default());
+    let Err(found) = checked else {
+        panic!("it is sound")
+    };
+    let codes: Vec<&str> = found.list.iter().map(|diagnostic| diagnostic.code).collect();
+    assert_eq!(codes, ["E0209", "E0210", "E0210"]);
+}
+
+#[test]
+fn parameters_begin_as_their_endpoints_want_them_and_the_command_line_says_the_last_word() {
+    let document = Document::parse("g.ron", BY_ENDPOINTS).expect("a document");
+    let frequency = |endpoints: &str, set: &[(&str, &str)]| {
+        let options = CheckOptions {
+            endpoints: endpoints.into(),
+            set: set
+                .iter()
+                .map(|(name, value)| ((*name).into(), (*value).into()))
+                .collect(),
+            ..CheckOptions::default()
+        };
+        let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
+        let mut live = graph.live_settings().into_iter();
+        live.find(|live| live.name() == "tone.frequency_hz")
+            .map(|live| live.value)
+    };
+    assert_eq!(frequency("simulated", &[]), Some(440.0));
+    assert_eq!(frequency("live", &[]), Some(100.0));
+    assert_eq!(frequency("live", &[("frequency_hz", "50")]), Some(50.0));
+}
+
 #[test]
 fn wrong_graphs_say_what_is_wrong() {
     let bless = std::env::var_os("BLESS").is_some();

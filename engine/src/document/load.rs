@@ -51,6 +51,7 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
             about: String::new(),
             seed: 0,
             parameters: Vec::new(),
+            defaults: Vec::new(),
             clocks: Vec::new(),
             nodes: Vec::new(),
             endpoints: Vec::new(),
@@ -115,6 +116,10 @@ impl Loader {
             self.document.seed = seed;
         }
         self.document.parameters = self.entries(&mut fields, "parameters", "parameter");
+        for (set, value) in self.entries(&mut fields, "defaults", "set of endpoints") {
+            let values = self.map(value, "parameter");
+            self.document.defaults.push((set, values));
+        }
         self.includes(&mut fields);
         self.document.clocks = self.entries(&mut fields, "clocks", "clock");
         self.document.nodes = self.entries(&mut fields, "nodes", "node");

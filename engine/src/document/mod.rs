@@ -23,6 +23,8 @@ pub struct Document {
     pub(crate) about: String,
     pub(crate) seed: u64,
     pub(crate) parameters: Vec<(Name, Value)>,
+    /// Other defaults of parameters, by set of endpoints.
+    pub(crate) defaults: Vec<(Name, Vec<(Name, Value)>)>,
     pub(crate) clocks: Vec<(Name, Value)>,
     pub(crate) nodes: Vec<(Name, Value)>,
     pub(crate) endpoints: Vec<(Name, Vec<(Name, Value)>)>,

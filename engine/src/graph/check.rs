@@ -2,7 +2,7 @@
 
 use super::draft::Context;
 use super::values::Parameters;
-use super::{Graph, bridges, build, clocks, cycles, devices, expand, types, unused, wires};
+use super::{Graph, bridges, build, clocks, cycles, devices, expand, left_out, types, unused, wires};
 use crate::diagnostic::{Diagnostic, Diagnostics, Severity, Span};
 use crate::document::Document;
 use crate::registry::Registry;
@@ -79,9 +79,9 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         diagnostics: twice(registry).chain(document.findings.clone()).collect(),
         files: Vec::new(),
     };
-    let mut parameters = Parameters::read(&mut cx, &options.set);
+    let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
     let clocks = clocks::read(&mut cx, &mut parameters);
-    let mut draft = expand::expand(&mut cx, &mut parameters);
+    let mut draft = expand::expand(&mut cx, &mut parameters, &options.endpoints);
     if draft.cut {
         put_in_order(&mut cx.diagnostics);
         let (sources, list) = (cx.sources, cx.diagnostics);
@@ -90,6 +90,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     let mut devices = devices::read(&mut cx, &mut parameters, &draft, options);
     devices::bind(&mut cx, &mut draft, &mut devices);
     wires::connect(&mut cx, &mut draft);
+    left_out::remove(&mut draft);
     cycles::check(&mut cx, &mut draft);
     clocks::assign(&mut cx, &mut draft, &clocks);
     types::check(&mut cx, &mut draft);

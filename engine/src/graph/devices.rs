@@ -154,7 +154,7 @@ fn device(
 /// Finds the device of every node that needs one.
 pub(super) fn bind(cx: &mut Context<'_>, draft: &mut Draft, devices: &mut Option<Devices>) {
     for node in 0..draft.nodes.len() {
-        if !draft.nodes[node].entry.has_endpoint() {
+        if !draft.nodes[node].entry.has_endpoint() || draft.nodes[node].is_left_out {
             continue;
         }
         let given = draft.nodes[node].fields.take("endpoint");

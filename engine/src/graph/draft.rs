@@ -82,6 +82,8 @@ pub(super) struct DraftNode {
     pub clock: Option<usize>,
     /// Among the devices of the selected endpoints.
     pub device: Option<usize>,
+    /// It is there with another set of endpoints only.
+    pub is_left_out: bool,
     /// Something about it was reported; what would follow from that is not.
     pub broken: bool,
 }
@@ -130,6 +132,8 @@ pub(super) struct Scope {
     pub inputs: HashMap<String, Option<Value>>,
     /// Values of the template's settings; `None` where reported.
     pub settings: HashMap<String, Option<Value>>,
+    /// Its nodes are there with another set of endpoints only.
+    pub is_left_out: bool,
 }
 
 /// What a name stands for.

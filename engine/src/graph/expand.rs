@@ -5,7 +5,7 @@ use super::values::{Parameters, Place, suggest};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::NodeEntry;
-use crate::settings::Fields;
+use crate::settings::{Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
 /// More nodes than this are refused: templates that use templates can ask for any number.
@@ -14,8 +14,9 @@ const MAX_NODES: usize = 100_000;
 const MAX_NESTING: usize = 64;
 
 /// All nodes of the graph. Nodes of unknown kinds are reported and left out.
-pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters) -> Draft {
+pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoints: &str) -> Draft {
     let mut expansion = Expansion {
+        endpoints,
         templates: HashMap::new(),
         parameters,
         draft: Draft {
@@ -62,6 +63,8 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft) {
 }
 
 struct Expansion<'a> {
+    /// The set of endpoints that is selected.
+    endpoints: &'a str,
     templates: HashMap<String, usize>,
     parameters: &'a mut Parameters,
     draft: Draft,
@@ -161,7 +164,8 @@ impl Expansion<'_> {
         entry: NodeEntry,
     ) -> Target {
         let mut uses = Vec::new();
-        let fields = self.fields(cx, scope, kind, entries, &mut uses);
+        let mut fields = self.fields(cx, scope, kind, entries, &mut uses);
+        let is_left_out = self.is_left_out(cx, scope, &mut fields);
         let path = format!("{}{}", self.draft.scopes[scope].prefix, name.text);
         self.draft.nodes.push(DraftNode {
             path,
@@ -174,6 +178,7 @@ impl Expansion<'_> {
             outputs: vec![Default::default(); entry.spec.outputs.len()],
             clock: None,
             device: None,
+            is_left_out,
             broken: false,
         });
         Target::Node(self.draft.nodes.len() - 1)
@@ -209,6 +214,19 @@ impl Expansion<'_> {
         fields
     }
 
+    /// Is a node, or the use of a template, there with another set of endpoints only?
+    fn is_left_out(&self, cx: &mut Context<'_>, scope: usize, fields: &mut Fields) -> bool {
+        let given = fields.take("only");
+        let set = given
+            .as_ref()
+            .and_then(|value| Some((value.span, cx.reading(|reading| String::read(value, reading))?)));
+        let Some((span, set)) = set else {
+            return self.draft.scopes[scope].is_left_out;
+        };
+        refuse_unknown_set(cx, &set, span);
+        self.draft.scopes[scope].is_left_out || set != self.endpoints
+    }
+
     /// The scope of one use of a template, its nodes not yet in it.
     fn instance(
         &mut self,
@@ -227,6 +245,7 @@ impl Expansion<'_> {
             prefix: format!("{}{}/", self.draft.scopes[outer].prefix, name.text),
             template: Some((template, kind.span)),
             outer,
+            is_left_out: self.is_left_out(cx, outer, &mut fields),
             ..Scope::default()
         };
         for input in &declared.inputs {
@@ -261,6 +280,18 @@ impl Expansion<'_> {
         cx.reading(|reading| fields.finish(reading));
         self.draft.scopes.push(scope);
         self.draft.scopes.len() - 1
+    }
+}
+
+/// Reports a set of endpoints that the graph does not have.
+pub(super) fn refuse_unknown_set(cx: &mut Context<'_>, set: &str, span: Span) {
+    let document = cx.document;
+    let declared = || document.endpoints.iter().map(|(name, _)| name.text.as_str());
+    if declared().all(|known| known != set) {
+        let message = format!("the graph has no set of endpoints `{set}`");
+        let diagnostic = Diagnostic::error("E0210", span, message).label("unknown set of endpoints");
+        let diagnostic = suggest(cx, diagnostic, set, declared(), "its sets are", "it has none");
+        cx.report(diagnostic);
     }
 }
 

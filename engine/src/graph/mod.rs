@@ -12,6 +12,7 @@ mod draft;
 mod expand;
 pub(crate) mod fingerprint;
 mod latency;
+mod left_out;
 mod memory;
 mod nodes;
 mod types;

@@ -1,6 +1,7 @@
 //! Parameters of the graph and settings of templates, put in place of their names.
 
 use super::draft::Context;
+use super::expand::refuse_unknown_set;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::text;
 use crate::document::value::{Body, Shape, Tagged, Value};
@@ -33,13 +34,40 @@ pub(super) enum Place<'a> {
     Template(&'a HashMap<String, Option<Value>>),
 }
 
+/// Reports a parameter that the graph does not have.
+fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
+    let message = format!("the graph has no parameter `{name}`");
+    let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
+    let diagnostic = Diagnostic::error("E0209", span, message).label("unknown parameter");
+    let diagnostic = suggest(
+        cx,
+        diagnostic,
+        name,
+        known,
+        "its parameters are",
+        "it has no parameters",
+    );
+    cx.report(diagnostic);
+}
+
 impl Parameters {
-    /// The defaults, replaced by what the command line sets.
-    pub fn read(cx: &mut Context<'_>, set: &[(String, String)]) -> Self {
+    /// The defaults, replaced by those that go with a set of endpoints, and these by what the command line sets.
+    pub fn read(cx: &mut Context<'_>, endpoints: &str, set: &[(String, String)]) -> Self {
         let mut values: HashMap<String, Parameter> = HashMap::new();
         for (name, value) in &cx.document.parameters {
             let value = value.clone();
             values.insert(name.text.clone(), Parameter { value, used: false });
+        }
+        let document = cx.document;
+        for (of, defaults) in &document.defaults {
+            refuse_unknown_set(cx, &of.text, of.span);
+            for (name, value) in defaults {
+                match values.get_mut(&name.text) {
+                    Some(parameter) if of.text == endpoints => parameter.value = value.clone(),
+                    Some(_) => {}
+                    None => unknown(cx, &name.text, name.span),
+                }
+            }
         }
         for (name, written) in set {
             let line = format!("{name}={written}");
@@ -50,19 +78,7 @@ impl Parameters {
                 end,
             };
             let Some(parameter) = values.get_mut(name) else {
-                let message = format!("the graph has no parameter `{name}`");
-                let known = cx.document.parameters.iter().map(|(name, _)| name.text.as_str());
-                let diagnostic =
-                    Diagnostic::error("E0209", at(0, name.len()), message).label("unknown parameter");
-                let diagnostic = suggest(
-                    cx,
-                    diagnostic,
-                    name,
-                    known,
-                    "its parameters are",
-                    "it has no parameters",
-                );
-                cx.report(diagnostic);
+                unknown(cx, name, at(0, name.len()));
                 continue;
             };
             // Blanks in place of the name keep the places of what follows.
