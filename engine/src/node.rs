@@ -492,8 +492,8 @@ pub(crate) enum Build {
     Processor(Read<BuildContext, Measured>),
     Actuator(Read<(), (f64, Limit)>),
     File(Read<FileContext, Box<dyn FileSink>>),
-    /// Reads a device; its outputs are the device's channels of the same names.
-    Source,
+    /// Reads a device; its outputs are the device's channels of the same names. What it is given reads its settings.
+    Source(fn(&mut Fields, &mut Reading<'_>) -> bool),
 }
 
 /// The first half of building: fields to settings.
@@ -557,7 +557,16 @@ impl NodeEntry {
         Self {
             spec,
             settings: Vec::new,
-            build: Build::Source,
+            build: Build::Source(|_, _| true),
+        }
+    }
+
+    /// A source that reads a device and has settings, such as the quantity of what it reads.
+    pub fn source_with<S: Settings>(spec: &'static NodeSpec) -> Self {
+        Self {
+            spec,
+            settings: S::specs,
+            build: Build::Source(|fields, reading| S::take_from(fields, reading).is_some()),
         }
     }
 
@@ -568,7 +577,7 @@ impl NodeEntry {
 
     /// Is it bound to a device by an `endpoint` field?
     pub fn has_endpoint(&self) -> bool {
-        matches!(self.build, Build::Actuator(_) | Build::Source)
+        matches!(self.build, Build::Actuator(_) | Build::Source(_))
     }
 
     /// Is it an actuator sink?

@@ -1,10 +1,12 @@
 //! Devices beyond a network: a program that owns a real arm, sensor or tablet sends what it senses and gets back what
-//! to drive, by haptograph's own protocol ([`protocol`]) or by Open Sound Control.
+//! to drive, by haptograph's own protocol ([`protocol`]) or by Open Sound Control; and inputs of one number each
+//! ([`inputs`]).
 //!
 //! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
 
 mod control;
 mod evdev;
+pub mod inputs;
 mod link;
 mod osc;
 pub mod protocol;
@@ -44,6 +46,19 @@ pub enum NetworkError {
         /// What is wrong.
         error: std::io::Error,
     },
+    /// An input cannot be heard.
+    #[error("input `{device}` cannot be heard at {place}: {error}")]
+    Place {
+        /// Name of the endpoint.
+        device: String,
+        /// An address, a serial port or a MIDI port.
+        place: String,
+        /// What is wrong.
+        error: std::io::Error,
+    },
+    /// An input at a serial port that is read at another rate.
+    #[error("input `{0}` reads {1} at another rate than others do; give all of them the same `baud`")]
+    Differ(String, String),
     /// Two endpoints would listen at the same place.
     #[error("devices `{0}` and `{1}` both listen at {2}; give each a port of its own")]
     Shared(String, String, SocketAddr),

@@ -11,6 +11,7 @@ pub mod ground;
 pub mod habit;
 pub mod hand;
 pub mod haptuator;
+pub mod input;
 pub mod knock;
 pub mod material;
 pub mod omni;

@@ -20,6 +20,9 @@ pub enum Refusal {
         /// What it is.
         found: &'static str,
     },
+    /// Anything but a serial port or another terminal.
+    #[error("it is not a serial port")]
+    NotTerminal,
     /// Longer than it may be, whatever the file system says of its length.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
@@ -38,7 +41,7 @@ impl Refusal {
 impl From<Refusal> for io::Error {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
-            Refusal::NotRegular { .. } => io::ErrorKind::InvalidInput,
+            Refusal::NotRegular { .. } | Refusal::NotTerminal => io::ErrorKind::InvalidInput,
             Refusal::TooLong { .. } => io::ErrorKind::FileTooLarge,
         };
         Self::new(kind, refusal)
@@ -98,6 +101,21 @@ pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
 /// Those of the file system, and [`Refusal::NotRegular`].
 pub fn open_to_change(path: &Path) -> io::Result<File> {
     open_regular(path, File::options().read(true).write(true))
+}
+
+/// Opens a serial port or another terminal to read it. Waits neither here nor when it is read.
+///
+/// # Errors
+/// Those of the file system, and [`Refusal::NotTerminal`].
+#[cfg(unix)]
+pub fn open_terminal(path: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK | libc::O_NOCTTY);
+    let opened = options.read(true).open(path)?;
+    match io::IsTerminal::is_terminal(&opened) {
+        true => Ok(opened),
+        false => Err(Refusal::NotTerminal.into()),
+    }
 }
 
 fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {

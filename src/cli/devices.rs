@@ -1,12 +1,14 @@
-//! `haptograph devices`: the soundcards of this machine.
+//! `haptograph devices`: what of this machine a graph can be connected to.
 
 use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
+use crate::nodes::network::inputs::midi_ports;
 use crate::nodes::soundcard::{Ability, Listed, list};
 use serde_json::{Value, json};
 use std::fmt::Write;
+use std::path::Path;
 
-/// List the soundcards of this machine
+/// List the soundcards, tablets, mice, serial ports and MIDI ports of this machine
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Also say in which forms of samples each plays and listens
@@ -19,15 +21,29 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let found = list().map_err(|error| Failure::Message(error.to_string()))?;
+    let pointers = paths("/dev/input/by-id", "-event-mouse");
+    let (serial, midi) = (paths("/dev/serial/by-id", ""), midi_ports());
+    if arguments.json {
+        let soundcards: Vec<Value> = found.iter().map(as_json).collect();
+        return say_json(
+            &json!({ "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi }),
+        );
+    }
+    let others = [
+        ("tablets and mice, for `EvdevDevice`", pointers),
+        ("serial ports, for `SerialInput`", serial),
+        ("MIDI ports, for `MidiInput`", midi),
+    ];
+    let mut text: String = found.iter().map(|card| shown(card, arguments.formats)).collect();
+    for (what, names) in others.iter().filter(|(_, names)| !names.is_empty()) {
+        let _ = writeln!(text, "{what}:\n  {}", names.join("\n  "));
+    }
     if found.is_empty() {
+        say(&text)?;
         return Err(Failure::Message(
             "there is no soundcard; `haptograph doctor` says what this machine has".to_owned(),
         ));
     }
-    if arguments.json {
-        return say_json(&found.iter().map(as_json).collect::<Vec<_>>());
-    }
-    let text: String = found.iter().map(|card| shown(card, arguments.formats)).collect();
     say(&text)
 }
 
@@ -37,6 +53,18 @@ fn as_json(card: &Listed) -> Value {
         ability.map(|ability| json!({ "default": ability.default, "formats": ability.formats }))
     };
     json!({ "name": card.name, "about": card.about, "plays": ability(&card.plays), "listens": ability(&card.listens) })
+}
+
+/// What a folder of device links holds, where there is one.
+fn paths(folder: &str, ending: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(Path::new(folder))
+        .into_iter()
+        .flatten()
+        .flatten();
+    let paths = entries.map(|entry| entry.path().display().to_string());
+    let mut paths: Vec<String> = paths.filter(|path| path.ends_with(ending)).collect();
+    paths.sort();
+    paths
 }
 
 fn shown(card: &Listed, formats: bool) -> String {

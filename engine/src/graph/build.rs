@@ -196,13 +196,20 @@ fn work(
                 _ => None,
             }
         }
-        Build::Source => target.device.filter(|_| sound).and_then(|device| {
-            let senses = &devices[device].senses;
-            let outputs = target.entry.spec.outputs.iter();
-            let channels = outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
-            let channels = channels.collect::<Option<_>>()?;
-            Some(Work::Source { device, channels })
-        }),
+        Build::Source(read) => {
+            let has_settings = cx.reading(|reading| read(&mut fields, reading));
+            target
+                .device
+                .filter(|_| sound && has_settings)
+                .and_then(|device| {
+                    let senses = &devices[device].senses;
+                    let outputs = target.entry.spec.outputs.iter();
+                    let channels =
+                        outputs.map(|port| senses.iter().position(|channel| channel.name == port.name));
+                    let channels = channels.collect::<Option<_>>()?;
+                    Some(Work::Source { device, channels })
+                })
+        }
     };
     cx.reading(|reading| fields.finish(reading));
     explain(cx, before, &target.uses);

@@ -10,6 +10,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Name, Value};
 use crate::node::{KindRule, QuantityRule};
 use crate::settings::{Fields, Setting};
+use haptograph_signal::quantity::Quantity;
 use std::collections::HashMap;
 
 /// A device as declared.
@@ -420,12 +421,12 @@ fn channels(draft: &Draft, node: usize, device: &DraftDevice) -> Vec<Diagnostic>
                 break;
             }
             Some(channel) => {
-                found.extend(channel_mismatch(
-                    target,
-                    type_of(port.kind, port.quantity, Some(*carried)),
-                    channel,
-                    device,
-                ));
+                let mut carried = type_of(port.kind, port.quantity, Some(*carried));
+                // What a bare number stands for is said by the node.
+                if channel.quantity == Quantity::NUMBER && matches!(port.quantity, QuantityRule::Setting(_)) {
+                    carried.quantity = None;
+                }
+                found.extend(channel_mismatch(target, carried, channel, device));
             }
         }
     }

@@ -104,8 +104,8 @@ pub fn node_from_example(
             let sink = finish(&cx).map_err(|error| error.to_string())?;
             Ok(Built::File(sink, streams))
         }
-        Build::Source => {
-            example.read(|_, _| Some(()))?;
+        Build::Source(read) => {
+            example.read(|fields, reading| read(fields, reading).then_some(()))?;
             Ok(Built::Source)
         }
     }

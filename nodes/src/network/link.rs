@@ -1,10 +1,11 @@
 //! What a network thread and a ticking thread share: the latest news each way, without locks or waiting.
 
 use haptograph_engine::run::AgeMeter;
-use haptograph_engine::silence::InputCell;
+use haptograph_engine::silence::{InputCell, InputState};
+use haptograph_signal::time::Rate;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The latest of something that is N numbers: one thread puts, others look. A look that meets a put is told nothing.
 #[derive(Debug)]
@@ -117,6 +118,13 @@ impl Link {
         self.ages.news(Instant::now());
     }
 
+    /// News of an input that senses one number.
+    pub fn tell_number(&self, number: f64) {
+        let mut sensed = [0.0; SENSED];
+        sensed[0] = number;
+        self.tell(&sensed);
+    }
+
     pub fn count(&self, what: Count, times: u64) {
         self.counts[what as usize].fetch_add(times, Ordering::Relaxed);
     }
@@ -142,6 +150,106 @@ impl Link {
             strangers,
             jumps,
         }
+    }
+}
+
+/// What a ticking thread takes of a link, and how fresh that is.
+#[derive(Debug, Clone)]
+pub(super) struct Reader {
+    pub link: Arc<Link>,
+    period_s: f64,
+    /// News older than this are no news.
+    timeout_ticks: u64,
+    /// Version of the latest news that were taken.
+    seen: u64,
+    /// Ticks since.
+    age: u64,
+    /// When the driver of a live run woke.
+    pub woke: Option<Instant>,
+}
+
+/// What has arrived since it was last looked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct News {
+    pub sensed: [f64; SENSED],
+    version: u64,
+    age: u64,
+}
+
+impl Reader {
+    /// A reader that ticks at a rate, to which news of some age are none.
+    pub fn new(link: &Arc<Link>, rate: Rate, timeout: Duration) -> Self {
+        let period_s = rate.period_s();
+        Self {
+            link: Arc::clone(link),
+            period_s,
+            timeout_ticks: (timeout.as_secs_f64() / period_s).ceil() as u64,
+            seen: 0,
+            age: 0,
+            woke: None,
+        }
+    }
+
+    /// A tick passes: what is new, to be [taken](Self::take).
+    pub fn advance(&mut self) -> Option<News> {
+        self.age = self.age.saturating_add(1);
+        let (version, sensed) = self.link.sensed.look()?;
+        if version == self.seen {
+            return None;
+        }
+        let age = self.age_of_news()?;
+        Some(News { sensed, version, age })
+    }
+
+    /// From now on these are the latest.
+    pub fn take(&mut self, news: &News) {
+        (self.seen, self.age) = (news.version, news.age);
+    }
+
+    /// Measures how old the latest news are when they are read.
+    pub fn measure_age(&self) {
+        if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
+            self.link.ages.read(woke, 0.0);
+        }
+    }
+
+    /// Was it ever heard?
+    pub fn was_heard(&self) -> bool {
+        self.seen > 0
+    }
+
+    /// Was nothing heard for as long as makes a silence?
+    pub fn is_silent(&self) -> bool {
+        self.seen == 0 || self.age > self.timeout_ticks
+    }
+
+    /// Never, silent or heard.
+    pub fn state(&self) -> InputState {
+        match () {
+            () if !self.was_heard() => InputState::Never,
+            () if self.is_silent() => InputState::Silent,
+            () => InputState::Heard,
+        }
+    }
+
+    /// Time since the latest news, s.
+    pub fn age_s(&self) -> f64 {
+        self.age as f64 * self.period_s
+    }
+
+    /// Ticks that make a silence.
+    pub fn timeout_ticks(&self) -> u64 {
+        self.timeout_ticks
+    }
+
+    /// How old news are, in ticks; none if they came before this reader was there and are too old to be news.
+    fn age_of_news(&self) -> Option<u64> {
+        let Some(woke) = self.woke.filter(|_| self.seen == 0) else {
+            return Some(0);
+        };
+        let age_s = self.link.ages.newest(woke).as_secs_f64();
+        let ticks = (age_s / self.period_s) as u64;
+        (ticks <= self.timeout_ticks).then_some(ticks)
     }
 }
 

@@ -2,7 +2,7 @@
 //! others are driven by while they are not is the engine's business.
 
 use super::evdev::Input;
-use super::link::{Count, DRIVEN, Link, SENSED};
+use super::link::{Count, DRIVEN, Link, Reader, SENSED};
 use super::socket::{Codec, Plug};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
@@ -187,97 +187,65 @@ pub(super) struct Watch {
 #[derive(Debug, Clone)]
 pub(super) struct Remote {
     pub way: Way,
-    link: Arc<Link>,
+    reader: Reader,
     period_s: f64,
-    timeout_ticks: u64,
     watch: Watch,
-    /// Version of the latest news that were taken.
-    seen: u64,
+    /// What was sensed last.
     latest: [f64; SENSED],
-    /// Ticks since.
-    age: u64,
     /// Ticks for which it is held back after a jump.
     held: u64,
     /// How much of a force passes.
     reach: f64,
     driven: [f64; DRIVEN],
-    /// When the driver of a live run woke.
-    woke: Option<Instant>,
 }
 
 impl Remote {
     pub fn new(way: Way, watch: Watch, cx: &BuildContext) -> Self {
-        let period_s = cx.rate.period_s();
         let link = match &way {
-            Way::Socket(plug) => Arc::clone(&plug.link),
-            Way::Input(input) => Arc::clone(&input.link),
+            Way::Socket(plug) => &plug.link,
+            Way::Input(input) => &input.link,
         };
         Self {
-            timeout_ticks: (watch.timeout.as_secs_f64() / period_s).ceil() as u64,
+            reader: Reader::new(link, cx.rate, watch.timeout),
             way,
-            link,
-            period_s,
+            period_s: cx.rate.period_s(),
             watch,
-            seen: 0,
             latest: [0.0; SENSED],
-            age: 0,
             held: 0,
             reach: 0.0,
             driven: [0.0; DRIVEN],
-            woke: None,
         }
-    }
-
-    fn is_silent(&self) -> bool {
-        self.seen == 0 || self.age > self.timeout_ticks
     }
 
     fn state(&self) -> InputState {
-        match () {
-            () if self.seen == 0 => InputState::Never,
-            () if self.is_silent() => InputState::Silent,
-            () if self.held > 0 => InputState::Jumped,
-            () => InputState::Heard,
+        match self.reader.state() {
+            InputState::Heard if self.held > 0 => InputState::Jumped,
+            state => state,
         }
-    }
-
-    /// How old news are, in ticks; none if they came before this device was there and are too old to be news.
-    fn age_of_news(&self) -> Option<u64> {
-        let Some(woke) = self.woke.filter(|_| self.seen == 0) else {
-            return Some(0);
-        };
-        let age_s = self.link.ages.newest(woke).as_secs_f64();
-        let ticks = (age_s / self.period_s) as u64;
-        (ticks <= self.timeout_ticks).then_some(ticks)
     }
 
     /// Has the tip moved as no hand moves it?
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
-        let time_s = self.age as f64 * self.period_s + BUNCHING_S;
+        let time_s = self.reader.age_s() + BUNCHING_S;
         moved.sqrt() > self.watch.fastest_m_s * time_s
     }
 }
 
 impl Device for Remote {
     fn advance(&mut self) {
-        self.age = self.age.saturating_add(1);
         self.held = self.held.saturating_sub(1);
-        if let Some((version, sensed)) = self.link.sensed.look()
-            && version != self.seen
-            && let Some(age) = self.age_of_news()
-        {
-            if !self.is_silent() && self.jumps_to(&sensed) {
-                self.held = self.timeout_ticks;
-                self.link.count(Count::Jumps, 1);
+        if let Some(news) = self.reader.advance() {
+            if !self.reader.is_silent() && self.jumps_to(&news.sensed) {
+                self.held = self.reader.timeout_ticks();
+                self.reader.link.count(Count::Jumps, 1);
             }
-            (self.seen, self.latest, self.age) = (version, sensed, age);
+            self.latest = news.sensed;
+            self.reader.take(&news);
         }
-        if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
-            self.link.ages.read(woke, 0.0);
-        }
+        self.reader.measure_age();
         let state = self.state();
-        self.link.input.set(state);
+        self.reader.link.input.set(state);
         let step = match state {
             InputState::Heard => self.period_s / RAMP_S,
             InputState::Silent if self.watch.holds => 0.0,
@@ -306,20 +274,20 @@ impl Device for Remote {
         for (driven, given) in self.driven[first..].iter_mut().zip(frame) {
             *driven = *given;
         }
-        self.link.driven.put(&self.driven);
+        self.reader.link.driven.put(&self.driven);
     }
 
     fn look(&mut self, now: Instant) {
-        self.woke = Some(now);
+        self.reader.woke = Some(now);
     }
 
     fn ages(&self) -> Option<Arc<AgeMeter>> {
-        Some(Arc::clone(&self.link.ages))
+        Some(Arc::clone(&self.reader.link.ages))
     }
 
     fn live_input(&self) -> Option<LiveInput> {
         Some(LiveInput {
-            cell: Arc::clone(&self.link.input),
+            cell: Arc::clone(&self.reader.link.input),
             holds: self.watch.holds,
             timeout_s: self.watch.timeout.as_secs_f64(),
         })
@@ -359,7 +327,7 @@ mod tests {
     fn news(remote: &mut Remote, x_m: f64) {
         let mut sensed = [0.0; SENSED];
         (sensed[0], sensed[8]) = (x_m, 1.5);
-        remote.link.tell(&sensed);
+        remote.reader.link.tell(&sensed);
         remote.advance();
     }
 
@@ -396,7 +364,7 @@ mod tests {
         // An edit makes another device of the same address.
         let another = |ms: u64| {
             let mut another = remote(false);
-            another.link = Arc::clone(&first.link);
+            another.reader.link = Arc::clone(&first.reader.link);
             another.look(told + Duration::from_millis(ms));
             another.advance();
             another
@@ -407,7 +375,7 @@ mod tests {
         assert_eq!(state(&fresh), InputState::Silent, "20 ms after it was told");
         let mut late = another(30);
         assert_eq!((state(&late), force(&mut late)), (InputState::Never, 0.0));
-        late.woke = Some(Instant::now());
+        late.reader.woke = Some(Instant::now());
         news(&mut late, 0.02);
         assert_eq!(state(&late), InputState::Heard);
     }
@@ -416,7 +384,7 @@ mod tests {
     fn what_it_is_driven_by_is_what_was_delivered() {
         let mut remote = remote(false);
         remote.write(0, &[2.0, 0.0, 0.0]);
-        assert_eq!(remote.link.driven.look().unwrap().1[0], 2.0);
+        assert_eq!(remote.reader.link.driven.look().unwrap().1[0], 2.0);
     }
 
     #[test]
@@ -461,7 +429,7 @@ mod tests {
         }
         assert_eq!(state(&remote), InputState::Jumped);
         assert!(force(&mut remote) < 1e-9);
-        assert_eq!(remote.link.counts().jumps, 1);
+        assert_eq!(remote.reader.link.counts().jumps, 1);
         (0..30).for_each(|_| news(&mut remote, 0.5));
         assert_eq!(state(&remote), InputState::Heard);
     }

@@ -2,6 +2,7 @@
 
 use super::NetworkError;
 use super::evdev::{self, Input};
+use super::inputs::{Hub, NumberInput};
 use super::link::{Count, Counts, DRIVEN, Link, SENSED};
 use super::osc::{Addresses, Teller};
 use super::protocol::{Command, PacketError, State};
@@ -65,7 +66,8 @@ const MAX_BYTES: usize = 65_536;
 pub struct Connections {
     list: Vec<Connection>,
     inputs: Vec<Reading>,
-    /// All of them.
+    hubs: Vec<Hub>,
+    /// All devices that are heard by one of them.
     heard: Vec<Listening>,
 }
 
@@ -107,6 +109,7 @@ struct Connection {
 pub struct Connected {
     list: usize,
     inputs: usize,
+    hubs: usize,
     heard: usize,
 }
 
@@ -120,6 +123,7 @@ impl Connections {
         let before = Connected {
             list: self.list.len(),
             inputs: self.inputs.len(),
+            hubs: self.hubs.len(),
             heard: self.heard.len(),
         };
         if let Err(error) = self.open(graph) {
@@ -133,7 +137,11 @@ impl Connections {
     pub fn let_go(&mut self, before: Connected) {
         self.list.truncate(before.list);
         self.inputs.truncate(before.inputs);
+        self.hubs.truncate(before.hubs);
         self.heard.truncate(before.heard);
+        for hub in &self.hubs {
+            hub.retain(|link| self.heard.iter().any(|known| Arc::ptr_eq(&known.link, link)));
+        }
     }
 
     /// Takes over the names and settings that the graph, which runs, has for its devices. Packets of devices that it does
@@ -157,9 +165,16 @@ impl Connections {
                     &input.link
                 }
             };
-            if let Some(known) = self.heard.iter_mut().find(|known| Arc::ptr_eq(&known.link, link)) {
-                device.clone_into(&mut known.device);
-            }
+            self.rename(device, link);
+        }
+        for (device, input) in number_inputs(graph) {
+            self.rename(device, &input.route.link);
+        }
+    }
+
+    fn rename(&mut self, device: &str, link: &Arc<Link>) {
+        if let Some(known) = self.heard.iter_mut().find(|known| Arc::ptr_eq(&known.link, link)) {
+            device.clone_into(&mut known.device);
         }
     }
 
@@ -197,6 +212,28 @@ impl Connections {
                 self.listen(device, place, &plug.link);
             }
         }
+        number_inputs(graph).try_for_each(|(device, input)| self.open_input(device, input))
+    }
+
+    fn open_input(&mut self, device: &str, input: &NumberInput) -> Result<(), NetworkError> {
+        let (place, route) = (&input.place, &input.route);
+        let device = || device.to_owned();
+        let hub = match self.hubs.iter().position(|hub| hub.is_at(place)) {
+            Some(known) if self.hubs[known].is_as(place) => known,
+            Some(_) => return Err(NetworkError::Differ(device(), place.to_string())),
+            None => {
+                let failed = |error| NetworkError::Place {
+                    device: device(),
+                    place: place.to_string(),
+                    error,
+                };
+                self.hubs.push(Hub::open(place).map_err(failed)?);
+                self.hubs.len() - 1
+            }
+        };
+        if self.hubs[hub].add(route) {
+            self.listen(&device(), format!("{place} {}", route.selector), &route.link);
+        }
         Ok(())
     }
 
@@ -230,6 +267,12 @@ fn remotes(graph: &Graph) -> impl Iterator<Item = (&str, &Way)> {
         let remote = device.device().as_any().downcast_ref::<Remote>()?;
         Some((&*device.name, &remote.way))
     })
+}
+
+/// The inputs of a graph that are one number each.
+fn number_inputs(graph: &Graph) -> impl Iterator<Item = (&str, &NumberInput)> {
+    let devices = graph.devices().iter();
+    devices.filter_map(|device| Some((&*device.name, device.device().as_any().downcast_ref()?)))
 }
 
 impl Reading {
@@ -279,7 +322,7 @@ impl Drop for Reading {
 }
 
 /// Lets a thread come to its end.
-fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
+pub(super) fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
     stop.store(true, Ordering::Relaxed);
     if let Some(thread) = thread.take() {
         // It cannot have panicked in a way that matters here: what it owned is gone either way.

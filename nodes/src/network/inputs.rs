@@ -1,0 +1,243 @@
+//! Inputs of one number each: a fader, a key, a sensor on a serial line. Whatever they are told, a graph gets numbers in
+//! the range that it names.
+//!
+//! Inputs at one place (an address, a port) share the thread that listens there, a [`hub::Hub`].
+
+mod hub;
+mod midi;
+mod osc;
+mod serial;
+
+pub use midi::{MidiInput, MidiInputSettings, MidiMessage, midi_ports};
+pub use osc::{OscInput, OscInputSettings};
+pub use serial::{SerialInput, SerialInputSettings};
+
+pub(super) use hub::{Hub, Place, Route, Selector};
+
+use super::link::{Link, Reader};
+use haptograph_engine::device::{Channel, Device};
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{BuildContext, BuildError, KindRule, NodeSpec, OutputSpec, QuantityRule};
+use haptograph_engine::run::AgeMeter;
+use haptograph_engine::silence::{LiveInput, OnSilence};
+use haptograph_signal::quantity::Quantity;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+haptograph_engine::settings! {
+    /// Settings of `LiveInput`.
+    pub struct LiveInputSettings {
+        /// What the number is, by name: `"frequency"`, `"force"`. The endpoint gives it in that quantity's SI unit.
+        quantity: String = "number".to_owned();
+    }
+}
+
+/// Reads one number.
+pub const LIVE_INPUT: NodeSpec = NodeSpec {
+    name: "LiveInput",
+    group: "sources",
+    doc: "One number from outside: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`, \
+          a `SerialInput` or a `SimulatedInput`, which says in which range the number is. Three make a vector by `Pack`.",
+    source: "",
+    inputs: &[],
+    outputs: &[OutputSpec {
+        name: "value",
+        kind: KindRule::Is(Kind::Scalar),
+        quantity: QuantityRule::Setting("quantity"),
+        doc: "The number, in the SI unit of `quantity`; it holds while the input is silent.",
+    }],
+    example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#,
+};
+
+/// What such an endpoint senses.
+pub(crate) const VALUE: &[Channel] = &[Channel {
+    name: "value",
+    kind: Kind::Scalar,
+    quantity: Quantity::NUMBER,
+    doc: "The number, in the SI unit of the quantity that the `LiveInput` names.",
+}];
+
+/// The largest magnitude that a number may be mapped to, in its SI unit.
+const LARGEST: f64 = 1e6;
+/// The same of what it is mapped from.
+const LARGEST_FROM: f64 = 1e9;
+
+/// What is heard, and what becomes of it: a straight line between two pairs of numbers, and never beyond them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Mapping {
+    from: [f64; 2],
+    to: [f64; 2],
+}
+
+impl Mapping {
+    /// From one pair to another.
+    pub fn new(from: [f64; 2], to: [f64; 2]) -> Result<Self, BuildError> {
+        if from[0] == from[1] {
+            let message = format!("`from` begins and ends at {}", from[0]);
+            return Err(BuildError::at("from", message)
+                .help("give the smallest and the largest number that is heard"));
+        }
+        for (field, pair, largest) in [("from", from, LARGEST_FROM), ("to", to, LARGEST)] {
+            if let Some(far) = pair.iter().find(|end| end.abs() > largest) {
+                return Err(BuildError::at(field, format!("{far} is beyond ±{largest:e}")));
+            }
+        }
+        Ok(Self { from, to })
+    }
+
+    /// What a finite number becomes.
+    pub fn of(&self, heard: f64) -> f64 {
+        let [[from, last], [low, high]] = [self.from, self.to];
+        let share = ((heard - from) / (last - from)).clamp(0.0, 1.0);
+        // The line itself may miss its end by a rounding.
+        (low + share * (high - low)).clamp(low.min(high), low.max(high))
+    }
+}
+
+/// An input as ticks see it.
+#[derive(Debug, Clone)]
+pub(super) struct NumberInput {
+    /// Where it is heard, and which number there.
+    pub place: Place,
+    pub route: Route,
+    reader: Reader,
+    mapping: Mapping,
+    timeout: Duration,
+    holds: bool,
+    value: f64,
+}
+
+impl NumberInput {
+    fn device(
+        place: Place,
+        selector: Selector,
+        mapping: Mapping,
+        (timeout, on_silence): (Duration, OnSilence),
+        cx: &BuildContext,
+    ) -> Box<dyn Device> {
+        let link = super::remote::link_at(&format!("{place} {selector}"));
+        Box::new(Self {
+            reader: Reader::new(&link, cx.rate, timeout),
+            place,
+            route: Route { selector, link },
+            value: mapping.to[0],
+            mapping,
+            timeout,
+            holds: on_silence == OnSilence::Hold,
+        })
+    }
+
+    fn link(&self) -> &Arc<Link> {
+        &self.route.link
+    }
+}
+
+impl Device for NumberInput {
+    fn advance(&mut self) {
+        if let Some(news) = self.reader.advance() {
+            self.value = self.mapping.of(news.sensed[0]);
+            self.reader.take(&news);
+        }
+        self.reader.measure_age();
+        self.link().input.set(self.reader.state());
+    }
+
+    fn read(&mut self, _: usize, frame: &mut [f64]) {
+        frame.fill(self.value);
+    }
+
+    fn write(&mut self, _: usize, _: &[f64]) {}
+
+    fn look(&mut self, now: Instant) {
+        self.reader.woke = Some(now);
+    }
+
+    fn ages(&self) -> Option<Arc<AgeMeter>> {
+        Some(Arc::clone(&self.link().ages))
+    }
+
+    fn live_input(&self) -> Option<LiveInput> {
+        Some(LiveInput {
+            cell: Arc::clone(&self.link().input),
+            holds: self.holds,
+            timeout_s: self.timeout.as_secs_f64(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::silence::InputState;
+    use haptograph_signal::time::Rate;
+    use proptest::prelude::*;
+
+    fn input(on_silence: OnSilence) -> NumberInput {
+        let cx = BuildContext {
+            path: "knob".to_owned(),
+            rate: Rate::new(1000, 1).unwrap(),
+            max_frames: 1,
+            seed: 1,
+            input_widths: Vec::new(),
+        };
+        let link = Arc::new(Link::new());
+        let timeout = Duration::from_millis(20);
+        NumberInput {
+            reader: Reader::new(&link, cx.rate, timeout),
+            place: Place::Midi("none".to_owned()),
+            route: Route {
+                selector: Selector::Column(1),
+                link,
+            },
+            mapping: Mapping::new([0.0, 10.0], [100.0, 200.0]).unwrap(),
+            timeout,
+            holds: on_silence == OnSilence::Hold,
+            value: 100.0,
+        }
+    }
+
+    fn read(input: &mut NumberInput) -> (f64, InputState) {
+        input.advance();
+        let mut frame = [0.0];
+        input.read(0, &mut frame);
+        (frame[0], input.live_input().unwrap().cell.get())
+    }
+
+    #[test]
+    fn a_number_holds_while_its_sender_is_silent() {
+        let mut knob = input(OnSilence::Zero);
+        assert_eq!(read(&mut knob), (100.0, InputState::Never));
+        knob.route.link.tell_number(5.0);
+        assert_eq!(read(&mut knob), (150.0, InputState::Heard));
+        (0..30).for_each(|_| knob.advance());
+        assert_eq!(read(&mut knob), (150.0, InputState::Silent));
+        assert!(!knob.live_input().unwrap().holds && input(OnSilence::Hold).live_input().unwrap().holds);
+    }
+
+    #[test]
+    fn the_ends_of_a_range_are_met_and_it_may_run_backwards() {
+        let mapping = Mapping::new([1023.0, 0.0], [-0.3, 0.7]).unwrap();
+        assert_eq!((mapping.of(1023.0), mapping.of(0.0)), (-0.3, 0.7));
+        assert!((mapping.of(511.5) - 0.2).abs() < 1e-15);
+        assert_eq!(
+            Mapping::new([3.0, 3.0], [0.0, 1.0]).unwrap_err().field,
+            Some("from")
+        );
+        assert_eq!(
+            Mapping::new([0.0, 1.0], [0.0, 2e6]).unwrap_err().field,
+            Some("to")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_leaves_the_range(
+            heard in any::<f64>().prop_filter("finite", |x| x.is_finite()),
+            from in prop::array::uniform2(-1e9..1e9), to in prop::array::uniform2(-1e6..1e6),
+        ) {
+            prop_assume!(from[0] != from[1]);
+            let value = Mapping::new(from, to).unwrap().of(heard);
+            prop_assert!(value >= to[0].min(to[1]) && value <= to[0].max(to[1]));
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The bytes of MIDI messages.
+
+use super::{Message, MidiSelector};
+
+/// A message that carries a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Event {
+    channel: u32,
+    said: Said,
+    /// From 0 to 1.
+    share: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Said {
+    Of(Message),
+    /// All keys are up.
+    AllNotes,
+}
+
+impl Event {
+    /// What a message of bytes says; nothing where it is of another kind, cut short, or wrong.
+    pub fn understand(bytes: &[u8]) -> Option<Self> {
+        let (&status, data) = bytes.split_first()?;
+        let &[first, second] = data else { return None };
+        if first > 127 || second > 127 {
+            return None;
+        }
+        let (number, value) = (u32::from(first), f64::from(second) / 127.0);
+        let (said, share) = match status & 0xf0 {
+            0x80 => (Said::Of(Message::Note(number)), 0.0),
+            0x90 => (Said::Of(Message::Note(number)), value),
+            // All sound off, all notes off.
+            0xb0 if first == 120 || first == 123 => (Said::AllNotes, 0.0),
+            0xb0 => (Said::Of(Message::Control(number)), value),
+            0xe0 => (
+                Said::Of(Message::PitchBend),
+                bend(u16::from(first) | u16::from(second) << 7),
+            ),
+            _ => return None,
+        };
+        let channel = 1 + u32::from(status & 0x0f);
+        Some(Self { channel, said, share })
+    }
+
+    /// The number that it has for a selector, if it is meant.
+    pub fn number(&self, selector: &MidiSelector) -> Option<f64> {
+        let is_channel = selector.channel.is_none_or(|channel| channel == self.channel);
+        let is_meant = match self.said {
+            Said::AllNotes => matches!(selector.message, Message::Note(_)),
+            Said::Of(message) => message == selector.message,
+        };
+        (is_channel && is_meant).then_some(self.share)
+    }
+}
+
+/// The share of a pitch wheel's way, whose middle is half of it.
+fn bend(position: u16) -> f64 {
+    const MIDDLE: f64 = 8192.0;
+    let off = f64::from(position) - MIDDLE;
+    let most = if off < 0.0 { MIDDLE } else { MIDDLE - 1.0 };
+    0.5 + 0.5 * off / most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn heard(bytes: &[u8], message: Message, channel: Option<u32>) -> Option<f64> {
+        Event::understand(bytes)?.number(&MidiSelector { message, channel })
+    }
+
+    #[test]
+    fn controllers_keys_and_wheels_are_understood() {
+        assert_eq!(heard(&[0xb0, 7, 127], Message::Control(7), None), Some(1.0));
+        assert_eq!(heard(&[0xb0, 7, 127], Message::Control(8), None), None);
+        assert_eq!(heard(&[0xb2, 7, 0], Message::Control(7), Some(3)), Some(0.0));
+        assert_eq!(heard(&[0xb2, 7, 0], Message::Control(7), Some(1)), None);
+        assert_eq!(heard(&[0x90, 60, 127], Message::Note(60), None), Some(1.0));
+        assert_eq!(
+            heard(&[0x90, 60, 0], Message::Note(60), None),
+            Some(0.0),
+            "struck with 0 is let go"
+        );
+        assert_eq!(heard(&[0x80, 60, 64], Message::Note(60), None), Some(0.0));
+        assert_eq!(heard(&[0xb0, 123, 0], Message::Note(60), None), Some(0.0));
+        let wheel = |low, high| heard(&[0xe0, low, high], Message::PitchBend, None);
+        assert_eq!(
+            (wheel(0, 0), wheel(0, 64), wheel(127, 127)),
+            (Some(0.0), Some(0.5), Some(1.0))
+        );
+    }
+
+    #[test]
+    fn what_is_cut_short_or_wrong_says_nothing() {
+        for bytes in [
+            &[][..],
+            &[0xb0],
+            &[0xb0, 7],
+            &[0xb0, 7, 128],
+            &[0xb0, 7, 1, 1],
+            &[0xf8],
+            &[7, 7, 7],
+        ] {
+            assert_eq!(Event::understand(bytes), None, "{bytes:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_within_the_range(bytes in prop::collection::vec(any::<u8>(), 0..5)) {
+            let share = Event::understand(&bytes).map_or(0.0, |event| event.share);
+            prop_assert!((0.0..=1.0).contains(&share));
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! MIDI ports of this machine, and the thread that listens to one.
+
+use super::super::hub::{Routes, Selector};
+use super::event::Event;
+use midir::{Ignore, MidiInput, MidiInputConnection};
+use std::io::{Error, Result};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How this program is called among the clients of the system.
+const CLIENT: &str = "haptograph";
+/// How often a port is said to be there: five times in the silence that counts as gone.
+const ALIVE: Duration = Duration::from_millis(10);
+/// How often it is looked for.
+const LOOK: Duration = Duration::from_millis(500);
+/// Messages that wait; more are lost, as after them the same is said again.
+const MOST_WAITING: usize = 1024;
+
+/// Names of the ports that can be listened to.
+///
+/// # Errors
+/// What the system says where it has no MIDI.
+pub fn names() -> Result<Vec<String>> {
+    let input = MidiInput::new(CLIENT).map_err(Error::other)?;
+    let ports = input.ports();
+    Ok(ports
+        .iter()
+        .filter_map(|port| input.port_name(port).ok())
+        .collect())
+}
+
+/// Opens the first port whose name has `part` in it.
+fn open(part: &str, events: SyncSender<Event>) -> Result<MidiInputConnection<()>> {
+    let mut input = MidiInput::new(CLIENT).map_err(Error::other)?;
+    input.ignore(Ignore::All);
+    let ports = input.ports();
+    let is_it = |port: &&midir::MidiInputPort| input.port_name(port).is_ok_and(|name| name.contains(part));
+    let Some(port) = ports.iter().find(is_it).cloned() else {
+        let found = match names()?.join("`, `") {
+            none if none.is_empty() => "there is none".to_owned(),
+            names => format!("there are `{names}`"),
+        };
+        return Err(Error::other(format!(
+            "no MIDI port has `{part}` in its name; {found}"
+        )));
+    };
+    let hear = move |_: u64, bytes: &[u8], (): &mut ()| {
+        if let Some(event) = Event::understand(bytes) {
+            // A flood is not waited for.
+            let _ = events.try_send(event);
+        }
+    };
+    input
+        .connect(&port, CLIENT, hear, ())
+        .map_err(|error| Error::other(error.to_string()))
+}
+
+/// Listens to a port until `stop`, on a thread of its own; one that is pulled out is looked for.
+pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
+    let (events, arrived) = sync_channel(MOST_WAITING);
+    let (opened, outcome) = sync_channel(1);
+    let part = part.to_owned();
+    let thread = std::thread::Builder::new()
+        .name(format!("input {part}"))
+        .spawn(move || {
+            let first = open(&part, events.clone());
+            let connection = match first {
+                Ok(connection) => {
+                    let _ = opened.send(Ok(()));
+                    connection
+                }
+                Err(error) => {
+                    let _ = opened.send(Err(error));
+                    return;
+                }
+            };
+            attend(&part, (connection, events), &arrived, &routes, &stop);
+        })?;
+    outcome.recv().map_err(Error::other)??;
+    Ok(thread)
+}
+
+/// Takes what arrives, says that the port is there, and looks for one that is gone.
+fn attend(
+    part: &str,
+    (connection, events): (MidiInputConnection<()>, SyncSender<Event>),
+    arrived: &Receiver<Event>,
+    routes: &Routes,
+    stop: &AtomicBool,
+) {
+    let mut connection = Some(connection);
+    let mut looked = Instant::now();
+    while !stop.load(Relaxed) {
+        let first = arrived.recv_timeout(ALIVE).ok();
+        first
+            .into_iter()
+            .chain(arrived.try_iter())
+            .for_each(|event| take(event, routes));
+        if connection.is_some() {
+            stay(routes);
+        }
+        if looked.elapsed() >= LOOK {
+            looked = Instant::now();
+            let is_there = names().is_ok_and(|names| names.iter().any(|name| name.contains(part)));
+            connection = connection
+                .filter(|_| is_there)
+                .or_else(|| open(part, events.clone()).ok());
+        }
+    }
+}
+
+fn take(event: Event, routes: &Routes) {
+    for route in &*routes.list() {
+        let Selector::Midi(selector) = &route.selector else {
+            continue;
+        };
+        if let Some(share) = event.number(selector) {
+            route.link.tell_number(share);
+        }
+    }
+}
+
+/// What was heard once holds while the port is there.
+fn stay(routes: &Routes) {
+    for route in &*routes.list() {
+        if let Some((1.., sensed)) = route.link.sensed.look() {
+            route.link.tell_number(sensed[0]);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! A serial port of this machine, and the thread that reads it.
+
+use super::super::hub::Routes;
+use super::RATES;
+use super::lines::{Lines, tell};
+use haptograph_signal::files;
+use nix::sys::termios::{self, BaudRate, ControlFlags, FlushArg, SetArg, SpecialCharacterIndices};
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// How often a port is looked at.
+const PAUSE: Duration = Duration::from_millis(1);
+/// How often one that is gone is looked for.
+const RETRY: Duration = Duration::from_millis(500);
+
+/// The system's names of [`RATES`].
+const NAMES: [BaudRate; RATES.len()] = [
+    BaudRate::B2400,
+    BaudRate::B4800,
+    BaudRate::B9600,
+    BaudRate::B19200,
+    BaudRate::B38400,
+    BaudRate::B57600,
+    BaudRate::B115200,
+    BaudRate::B230400,
+];
+
+/// Opens a port that hands over bytes as they come, at a rate.
+fn open(path: &Path, baud: u32) -> Result<File> {
+    let port = files::open_terminal(path)?;
+    let rate = RATES
+        .iter()
+        .position(|rate| *rate == baud)
+        .map(|place| NAMES[place]);
+    let mut settings = termios::tcgetattr(&port)?;
+    termios::cfmakeraw(&mut settings);
+    settings.control_flags |= ControlFlags::CLOCAL | ControlFlags::CREAD;
+    settings.control_chars[SpecialCharacterIndices::VMIN as usize] = 1;
+    settings.control_chars[SpecialCharacterIndices::VTIME as usize] = 0;
+    termios::cfsetspeed(&mut settings, rate.ok_or(ErrorKind::InvalidInput)?)?;
+    termios::tcsetattr(&port, SetArg::TCSANOW, &settings)?;
+    termios::tcflush(&port, FlushArg::TCIFLUSH)?;
+    Ok(port)
+}
+
+/// Reads a port until `stop`, on a thread of its own; one that is pulled out is looked for.
+pub(in super::super) fn listen(
+    path: &Path,
+    baud: u32,
+    routes: Routes,
+    stop: Arc<AtomicBool>,
+) -> Result<JoinHandle<()>> {
+    let mut port = Some((open(path, baud)?, Lines::new()));
+    let path = path.to_owned();
+    std::thread::Builder::new()
+        .name(format!("input {}", path.display()))
+        .spawn(move || {
+            while !stop.load(Relaxed) {
+                let Some((file, lines)) = &mut port else {
+                    std::thread::sleep(RETRY);
+                    port = open(&path, baud).ok().map(|file| (file, Lines::new()));
+                    continue;
+                };
+                match read(file, lines, &routes) {
+                    Ok(true) => {}
+                    Ok(false) => std::thread::sleep(PAUSE),
+                    Err(_) => port = None,
+                }
+            }
+        })
+}
+
+/// Takes what has come. Has anything?
+fn read(port: &mut File, lines: &mut Lines, routes: &Routes) -> Result<bool> {
+    let mut bytes = [0; 4096];
+    match port.read(&mut bytes) {
+        // The other end hung up.
+        Ok(0) => Err(Error::from(ErrorKind::UnexpectedEof)),
+        Ok(count) => {
+            lines.take(&bytes[..count], |line| tell(line, routes));
+            Ok(true)
+        }
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::hub::{Hub, Place, Route, Selector};
+    use crate::network::link::Link;
+    use nix::pty::{OpenptyResult, openpty};
+    use std::fs::File;
+    use std::io::Write;
+    use std::path::PathBuf;
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    /// A pseudo terminal: what is written to the first is read at the path.
+    fn terminal() -> (File, File, PathBuf) {
+        let OpenptyResult { master, slave } = openpty(None, None).unwrap();
+        let path = nix::unistd::ttyname(&slave).unwrap();
+        (File::from(master), File::from(slave), path)
+    }
+
+    /// Waits until a number is heard.
+    fn hears(link: &Link, number: f64) -> bool {
+        (0..5000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            link.sensed
+                .look()
+                .is_some_and(|(version, sensed)| version > 0 && sensed[0] == number)
+        })
+    }
+
+    #[test]
+    fn a_port_is_read_and_read_again_after_it_was_gone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let (mut far, near, device) = terminal();
+        std::os::unix::fs::symlink(&device, &path).unwrap();
+        let place = Place::Serial {
+            path: path.clone(),
+            baud: 9600,
+        };
+        let hub = Hub::open(&place).unwrap();
+        let link = Arc::new(Link::new());
+        let route = Route {
+            selector: Selector::Column(2),
+            link: Arc::clone(&link),
+        };
+        assert!(hub.add(&route) && !hub.add(&route));
+        far.write_all(b"\n1 2\n").unwrap();
+        assert!(hears(&link, 2.0));
+
+        // Unplugged, and another time plugged in.
+        drop((far, near));
+        let (mut far, _near, device) = terminal();
+        std::fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink(&device, &path).unwrap();
+        let heard = (0..100).any(|_| {
+            far.write_all(b"\n3 4\n").unwrap();
+            std::thread::sleep(Duration::from_millis(50));
+            link.sensed.look().is_some_and(|(_, sensed)| sensed[0] == 4.0)
+        });
+        assert!(heard);
+    }
+
+    #[test]
+    fn what_is_no_port_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let place = Place::Serial {
+            path: file.path().to_owned(),
+            baud: 9600,
+        };
+        assert!(Hub::open(&place).is_err());
+    }
+}
