@@ -4,6 +4,7 @@
 //!
 //! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
 
+mod conditioner;
 mod control;
 mod evdev;
 pub mod inputs;

@@ -1,6 +1,7 @@
 //! The device at the other end, as ticks see it: its latest news while they are fresh, and whether they are. What it and
 //! others are driven by while they are not is the engine's business.
 
+use super::conditioner::Conditioner;
 use super::evdev::Input;
 use super::link::{Count, DRIVEN, Link, Reader, SENSED};
 use super::socket::{Codec, Plug};
@@ -16,6 +17,8 @@ use std::time::{Duration, Instant};
 
 /// What it senses of force falls to zero in this time when the device is silent or jumps, and rises in it after, s.
 const RAMP_S: f64 = 0.01;
+/// Where force and torque begin among what is sensed.
+const WRENCH: usize = 6;
 /// News may come in bunches: this much more time is granted before a movement counts as a jump, s.
 const BUNCHING_S: f64 = 0.002;
 
@@ -32,6 +35,11 @@ haptograph_engine::settings! {
         on_silence: OnSilence = OnSilence::Zero;
         /// A tip that seems to move faster has jumped, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
+        /// Zero of the force and torque: their mean over so long from when the device is first heard, untouched, s. Until
+        /// then they read zero. 0: the device has taken its zero off.
+        zero_s: f64 = 0.0, in 0.0..=60.0;
+        /// Cut-off of a second-order low-pass on force and torque, below half the rate; none: as they come.
+        wrench_cutoff_hz: Option<f64> = None, in 1e-3..=1e6;
     }
 }
 
@@ -108,7 +116,7 @@ impl DeviceKind for UdpDevice {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "UdpDevice",
         doc: "A device that another program owns, by the device protocol over UDP: where OpenHaptics or CHAI3D programs \
-              plug in. It is reached in live runs only. While it is silent or jumps, its drives are at zero; while it is \
+              plug in, and sensors of force and torque, whose zero and noise it takes off (`zero_s`, `wrench_cutoff_hz`). It is reached in live runs only. While it is silent or jumps, its drives are at zero; while it is \
               silent, so is every actuator that depends on it, unless `on_silence` is `Hold`.",
         source: "",
         simulated: false,
@@ -131,7 +139,12 @@ impl DeviceKind for UdpDevice {
             fastest_m_s: settings.fastest_mm_s * 1e-3,
             holds: settings.on_silence == OnSilence::Hold,
         };
-        Ok(Box::new(Remote::new(Way::Socket(plug), watch, cx)))
+        let conditioner = Conditioner::new(settings.zero_s, settings.wrench_cutoff_hz, cx.rate)?;
+        let remote = Remote::new(Way::Socket(plug), watch, cx);
+        Ok(Box::new(Remote {
+            conditioner: Some(conditioner),
+            ..remote
+        }))
     }
 }
 
@@ -188,6 +201,8 @@ pub(super) struct Watch {
 pub(super) struct Remote {
     pub way: Way,
     reader: Reader,
+    /// What is made of its force and torque, if anything.
+    conditioner: Option<Conditioner>,
     period_s: f64,
     watch: Watch,
     /// What was sensed last.
@@ -208,6 +223,7 @@ impl Remote {
         Self {
             reader: Reader::new(link, cx.rate, watch.timeout),
             way,
+            conditioner: None,
             period_s: cx.rate.period_s(),
             watch,
             latest: [0.0; SENSED],
@@ -246,6 +262,10 @@ impl Device for Remote {
         self.reader.measure_age();
         let state = self.state();
         self.reader.link.input.set(state);
+        if let Some(conditioner) = &mut self.conditioner {
+            let measured = std::array::from_fn(|lane| self.latest[WRENCH + lane]);
+            conditioner.advance(measured, state == InputState::Heard);
+        }
         let step = match state {
             InputState::Heard => self.period_s / RAMP_S,
             InputState::Silent if self.watch.holds => 0.0,
@@ -255,12 +275,16 @@ impl Device for Remote {
     }
 
     fn read(&mut self, channel: usize, frame: &mut [f64]) {
-        let normal_n = self.latest[8].max(0.0) * self.reach;
+        let wrench: &[f64] = match &self.conditioner {
+            Some(conditioner) => conditioner.wrench(),
+            None => &self.latest[WRENCH..],
+        };
+        let normal_n = wrench[2].max(0.0) * self.reach;
         match (channel, frame) {
             (0, frame) => frame.copy_from_slice(&self.latest[..3]),
             (1, frame) => frame.copy_from_slice(&self.latest[3..6]),
             (2, frame) => {
-                for (lane, sensed) in frame.iter_mut().zip(&self.latest[6..]) {
+                for (lane, sensed) in frame.iter_mut().zip(wrench) {
                     *lane = sensed * self.reach;
                 }
             }
@@ -275,6 +299,13 @@ impl Device for Remote {
             *driven = *given;
         }
         self.reader.link.driven.put(&self.driven);
+    }
+
+    fn group_delay_s(&self, channel: usize) -> f64 {
+        match &self.conditioner {
+            Some(conditioner) if channel >= 2 => conditioner.group_delay_s(),
+            _ => 0.0,
+        }
     }
 
     fn look(&mut self, now: Instant) {
