@@ -10,6 +10,7 @@ use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
 use std::any::Any;
 use std::path::Path;
+use std::sync::Arc;
 
 pub use crate::io::{Held, Io};
 pub use crate::limiter::Limit;
@@ -325,6 +326,16 @@ pub trait FileSink: Send + Sync {
     /// # Errors
     /// What the file system says.
     fn open(&self, path: &Path, streams: &[Stream]) -> std::io::Result<Box<dyn FrameWriter>>;
+    /// What there is to be shown of the file while it is written, if anything.
+    fn progress(&self) -> Option<Arc<dyn FileProgress>> {
+        None
+    }
+}
+
+/// How a file that is being written is getting on.
+pub trait FileProgress: Send + Sync {
+    /// Lines to show: the first says it all, others show it.
+    fn lines(&self) -> Vec<String>;
 }
 
 /// Writes frames to a file, away from the real-time threads.

@@ -166,6 +166,7 @@ fn touch(all: &mut Registry) {
 
 fn recording(all: &mut Registry) {
     all.add(NodeEntry::source(&simulated::recorder::RECORDING_TOOL))
+        .add(NodeEntry::source(&simulated::recorder::TRACKER))
         .add(NodeEntry::processor::<simulated::sensor_models::AccelerometerModel>())
         .add(NodeEntry::processor::<simulated::sensor_models::TrackerModel>())
         .add(NodeEntry::processor::<simulated::sensor_models::ForceSensorModel>())

@@ -6,6 +6,7 @@ mod note;
 pub mod plots;
 pub mod recording;
 mod sync;
+mod visits;
 pub mod wav;
 
 use haptograph_engine::node::BuildError;

@@ -27,12 +27,13 @@ pub use nodes::{Connection, NodeId, Nodes};
 use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
 use crate::frame::Kind;
-use crate::node::{AfterData, DataEnd, FileSink, Limit, NodeEntry, Processor};
+use crate::node::{AfterData, DataEnd, FileProgress, FileSink, Limit, NodeEntry, Processor};
 use crate::settings::SettingSpec;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::{Rate, TimeBase};
 use petgraph::graph::DiGraph;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A sound graph.
 pub struct Graph {
@@ -282,6 +283,14 @@ impl Graph {
                 Work::File(sink) => Some((NodeId(index), sink.file_name())),
                 _ => None,
             })
+    }
+
+    /// What its file sinks show of themselves while they are written, by the paths of their nodes.
+    pub fn file_progress(&self) -> impl Iterator<Item = (&str, Arc<dyn FileProgress>)> {
+        self.nodes.node_weights().filter_map(|node| match &node.work {
+            Work::File(sink) => Some((&*node.path, sink.progress()?)),
+            _ => None,
+        })
     }
 
     /// The sources whose data end.

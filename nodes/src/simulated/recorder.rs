@@ -35,6 +35,20 @@ pub const RECORDING_TOOL: NodeSpec = NodeSpec {
     example: r#""tool": RecordingTool(clock: "daq", endpoint: "tool")"#,
 };
 
+/// Reads a tracker.
+pub const TRACKER: NodeSpec = NodeSpec {
+    name: "Tracker",
+    group: "sources",
+    doc: "A tracker on a tool: where its sensor is and how it is turned.",
+    source: "2.2.1",
+    inputs: &[],
+    outputs: &[
+        output("position", Kind::Vector, Quantity::LENGTH, POSITION),
+        output("orientation", Kind::Vector, Quantity::ANGLE, ORIENTATION),
+    ],
+    example: r#""tracker": Tracker(clock: "tracker", endpoint: "tool")"#,
+};
+
 haptograph_engine::settings! {
     /// Settings of [`SimulatedRecordingTool`].
     pub struct SimulatedRecordingToolSettings {

@@ -1,10 +1,11 @@
 //! Writing what a recording tool felt to one file, from which surfaces are learned.
 
+use super::visits::{Visited, Visits};
 use super::{inside_the_run, sync};
 use crate::simulated::orientation::{from_rotation_vector, rotation_of_deg};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
-    BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, input,
+    BuildError, FileContext, FileKind, FileProgress, FileSink, FrameWriter, NodeSpec, Stream, input,
 };
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::recording::{Calibration, Gesture, Member, Pose, RawHead, RawTable, Spool, Wrench};
@@ -13,6 +14,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 haptograph_engine::choices! {
@@ -74,7 +76,8 @@ impl FileKind for RecordingSink {
         doc: "Writes what a recording tool felt to one file, each sensor at its own rate, with the calibration that makes physical \
               quantities of the readings, and where it came from. While the run goes on the readings are written to a folder `<file>.part`, \
               at least once a second; the file is made of it at the end. A table is written as it goes, calibrated. Surfaces are \
-              learned from both.",
+              learned from both. While a Drag is recorded, the terminal shows how much of the plane of speed and force was \
+              visited, and what to record next.",
         source: "2.2",
         inputs: &[
             input(
@@ -141,6 +144,7 @@ impl FileKind for RecordingSink {
             calibration,
             gesture: settings.motion.gesture(),
             provenance,
+            visits: Arc::default(),
         }))
     }
 }
@@ -151,6 +155,7 @@ struct Session {
     calibration: Calibration,
     gesture: Gesture,
     provenance: Provenance,
+    visits: Arc<Visited>,
 }
 
 impl FileSink for Session {
@@ -177,12 +182,21 @@ impl FileSink for Session {
         Ok(Box::new(Writer {
             path: path.to_owned(),
             tape,
+            visits: (self.gesture == Gesture::Drag).then(|| {
+                let tip_m = self.calibration.tracker_to_tip_m;
+                Visits::new(Arc::clone(&self.visits), tip_m, position.rate.hz())
+            }),
             position: VecDeque::new(),
             turned: VecDeque::new(),
             second: 3 * voltage.rate.hz() as u64,
             since: 0,
             flushed_at: Instant::now(),
         }))
+    }
+
+    fn progress(&self) -> Option<Arc<dyn FileProgress>> {
+        let visits: Arc<dyn FileProgress> = Arc::clone(&self.visits) as _;
+        (self.gesture == Gesture::Drag).then_some(visits)
     }
 }
 
@@ -201,6 +215,7 @@ enum Tape {
 struct Writer {
     path: PathBuf,
     tape: Tape,
+    visits: Option<Visits>,
     /// Halves of poses, for a table.
     position: VecDeque<[f64; 3]>,
     turned: VecDeque<[f64; 4]>,
@@ -283,6 +298,9 @@ impl FrameWriter for Writer {
         match &mut self.tape {
             Tape::Spool(parts) => spool(parts, stream, frames)?,
             Tape::Table(_) => self.tabulate(stream, frames)?,
+        }
+        if let Some(visits) = &mut self.visits {
+            visits.take(stream, frames);
         }
         self.since += if stream == 3 { frames.len() as u64 } else { 0 };
         if self.since >= self.second || self.flushed_at.elapsed() >= PACE {

@@ -3,7 +3,7 @@
 use super::super::remark;
 use super::super::table::{facts, significant};
 use crate::surfaces::learning::LearningReport;
-use crate::surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BANDS_M_S};
+use crate::surfaces::learning::coverage::Coverage;
 use crate::surfaces::learning::taps::TapReport;
 use crate::surfaces::learning::texture::{Fate, TextureReport};
 use crate::surfaces::{Surface, Taps, TextureModel};
@@ -11,32 +11,15 @@ use std::path::Path;
 
 /// How much of the plane of force and speed was visited, and what to record next.
 fn verdict(coverage: &Coverage) -> String {
-    let missing = coverage.missing();
-    let mut text = format!(
+    let text = format!(
         "{} of 9 areas of speed and force, {} s used",
-        9 - missing.len(),
+        9 - coverage.missing().len(),
         significant(coverage.used_s, 3)
     );
-    let area = |&(speed, force): &(usize, usize)| {
-        let (slow, fast) = SPEED_BANDS_M_S[speed];
-        let (light, firm) = FORCE_BANDS_N[force];
-        format!(
-            "{:.0} to {:.0} mm/s at {light} to {firm} N",
-            slow * 1000.0,
-            fast * 1000.0
-        )
-    };
-    if !missing.is_empty() {
-        let some: Vec<_> = missing.iter().take(3).map(area).collect();
-        text += &format!("; record next: {}", some.join(", "));
-        let more = missing.len().saturating_sub(3);
-        text += &if more > 0 {
-            format!(", and {more} more")
-        } else {
-            String::new()
-        };
+    match coverage.next_to_record() {
+        Some(next) => format!("{text}; record next: {next}"),
+        None => text,
     }
-    text
 }
 
 /// Too little to trust is learned from, and said.

@@ -13,7 +13,7 @@ const SHORTEST_S: f64 = 3.0;
 const FEWEST_SEGMENTS: usize = 3;
 
 /// Where in the plane the segments of a texture lie.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Coverage {
     /// Length of the segments that were used, s.
     pub used_s: f64,
@@ -26,29 +26,27 @@ pub struct Coverage {
 impl Coverage {
     /// Of segments of recordings at `rate_hz`.
     pub fn of(segments: &[SegmentReport], rate_hz: f64) -> Self {
-        let mut coverage = Self {
-            used_s: 0.0,
-            segments: 0,
-            cells_s: [[0.0; 3]; 3],
-        };
+        let mut coverage = Self::default();
+        for segment in segments.iter().filter(|segment| segment.fate == Fate::Kept) {
+            let length_s = segment.samples.len() as f64 / rate_hz;
+            coverage.add(segment.speed_m_s, segment.force_n, length_s);
+        }
+        coverage
+    }
+
+    /// Adds a stretch at one speed and force.
+    pub fn add(&mut self, speed_m_s: f64, force_n: f64, length_s: f64) {
         let band = |bands: &[(f64, f64); 3], value: f64| {
             bands
                 .iter()
                 .position(|(low, high)| (*low..*high).contains(&value))
         };
-        for segment in segments.iter().filter(|segment| segment.fate == Fate::Kept) {
-            let length_s = segment.samples.len() as f64 / rate_hz;
-            coverage.used_s += length_s;
-            coverage.segments += 1;
-            let (speed, force) = (
-                band(&SPEED_BANDS_M_S, segment.speed_m_s),
-                band(&FORCE_BANDS_N, segment.force_n),
-            );
-            if let (Some(speed), Some(force)) = (speed, force) {
-                coverage.cells_s[speed][force] += length_s;
-            }
+        self.used_s += length_s;
+        self.segments += 1;
+        if let (Some(speed), Some(force)) = (band(&SPEED_BANDS_M_S, speed_m_s), band(&FORCE_BANDS_N, force_n))
+        {
+            self.cells_s[speed][force] += length_s;
         }
-        coverage
     }
 
     /// Whether there is too little to trust.
@@ -62,6 +60,30 @@ impl Coverage {
         all.filter(|&(speed, force)| self.cells_s[speed][force] < ENOUGH_S)
             .collect()
     }
+
+    /// The first few of those in words; nothing where none is missing.
+    pub fn next_to_record(&self) -> Option<String> {
+        let missing = self.missing();
+        let some: Vec<String> = missing.iter().take(MOST_NAMED).map(area).collect();
+        let more = match missing.len().saturating_sub(MOST_NAMED) {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
+        (!missing.is_empty()).then(|| some.join(", ") + &more)
+    }
+}
+
+/// Cells that are named at once.
+const MOST_NAMED: usize = 3;
+
+fn area(&(speed, force): &(usize, usize)) -> String {
+    let (slow, fast) = SPEED_BANDS_M_S[speed];
+    let (light, firm) = FORCE_BANDS_N[force];
+    format!(
+        "{:.0} to {:.0} mm/s at {light} to {firm} N",
+        slow * 1000.0,
+        fast * 1000.0
+    )
 }
 
 #[cfg(test)]
@@ -88,5 +110,11 @@ mod tests {
             .collect();
         let all = coverage(&everywhere);
         assert_eq!((all.missing(), all.is_short()), (vec![], false));
+        assert_eq!(all.next_to_record(), None);
+        let next = one.next_to_record().expect("eight are missing");
+        assert!(
+            next.starts_with("20 to 60 mm/s at 0.2 to 0.7 N, ") && next.ends_with(", and 5 more"),
+            "{next}"
+        );
     }
 }
