@@ -183,6 +183,8 @@ impl ActuatorPlan {
 pub(crate) struct Delivered {
     largest: AtomicU64,
     at_zero: AtomicBool,
+    level: AtomicU64,
+    peak: AtomicU64,
 }
 
 impl Delivered {
@@ -196,6 +198,19 @@ impl Delivered {
     pub fn get(&self) -> (f64, bool) {
         let largest = f64::from_bits(self.largest.load(Relaxed));
         (largest, self.at_zero.load(Relaxed))
+    }
+
+    /// Writes the present level, and the largest magnitude since it was written before.
+    pub fn put_level(&self, level: f64, peak: f64) {
+        self.level.store(level.to_bits(), Relaxed);
+        // Numbers that are not negative are in the order of their bits.
+        self.peak.fetch_max(peak.to_bits(), Relaxed);
+    }
+
+    /// The present level, and the largest magnitude since this was asked before.
+    pub fn take_level(&self) -> (f64, f64) {
+        let level = f64::from_bits(self.level.load(Relaxed));
+        (level, f64::from_bits(self.peak.swap(0, Relaxed)))
     }
 }
 

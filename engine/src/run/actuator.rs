@@ -21,6 +21,52 @@ pub(super) struct ActuatorState {
     /// Closes while a live input that it depends on is silent.
     pub gate: SilenceGate,
     pub role: Role,
+    /// What it is given, for whoever watches.
+    pub level: Level,
+}
+
+/// How much an actuator is given: a moving mean square, and the largest magnitude since it was published.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Level {
+    mean_square: f64,
+    largest_square: f64,
+    /// The share of the mean that a frame renews.
+    a_frame: f64,
+}
+
+/// Time constant of the moving mean, s.
+const LEVEL_S: f64 = 0.3;
+
+impl Level {
+    fn new(rate_hz: f64) -> Self {
+        Self {
+            mean_square: 0.0,
+            largest_square: 0.0,
+            a_frame: 1.0 / (LEVEL_S * rate_hz),
+        }
+    }
+
+    /// Takes frames that were given.
+    fn take(&mut self, given: &[f64], width: usize) {
+        let frames = given.chunks_exact(width.max(1));
+        let count = frames.len() as f64;
+        let (mut sum, mut largest) = (0.0, self.largest_square);
+        for frame in frames {
+            let square: f64 = frame.iter().map(|y| y * y).sum();
+            sum += square;
+            largest = f64::max(largest, square);
+        }
+        self.largest_square = largest;
+        if count > 0.0 {
+            self.mean_square += (sum / count - self.mean_square) * (count * self.a_frame).min(1.0);
+        }
+    }
+
+    /// The root of the mean, and the largest magnitude since this was asked before.
+    pub(super) fn read(&mut self) -> (f64, f64) {
+        let largest = std::mem::take(&mut self.largest_square);
+        (self.mean_square.sqrt(), largest.sqrt())
+    }
 }
 
 /// Whose wish the limiter is given.
@@ -90,6 +136,7 @@ impl ActuatorState {
             limiter: AnyLimiter::new(plan),
             gate: SilenceGate::new(true),
             role: Role::Alone,
+            level: Level::new(plan.rate.hz()),
         }
     }
 
@@ -122,6 +169,7 @@ impl ActuatorState {
                     .apply(&mixed[..width], y, |_| when.drive.factor(when.time(0)));
             }
         }
+        self.level.take(y, self.limiter.width());
         self.limiter.counts().fault - faults
     }
 }
@@ -153,6 +201,15 @@ impl AnyLimiter {
     /// Frames of a request, each times a factor, to frames that keep the limit.
     fn apply(&mut self, x: &[f64], y: &mut [f64], factor: impl Fn(usize) -> f64) {
         any!(self, limiter => limit_frames(limiter, x, y, factor), closed: y.fill(0.0));
+    }
+
+    /// Axes of a frame.
+    fn width(&self) -> usize {
+        match self {
+            Self::One(_) | Self::Closed => 1,
+            Self::Three(_) => 3,
+            Self::Six(_) => 6,
+        }
     }
 
     /// Goes on for another limiter of the same actuator.

@@ -42,7 +42,7 @@ pub use offline::{Offline, OfflineError, Outcome, RingReport};
 pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
-pub use silence::{ActuatorStatus, InputStatus};
+pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::AtZero;
 pub use timer::{Timer, TimerNotes, TimerThread};
 

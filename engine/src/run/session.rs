@@ -12,7 +12,7 @@ use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
 use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
-use super::silence::{self, InputStatus};
+use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::node::Stream;
@@ -213,6 +213,12 @@ impl Session {
     /// The live inputs and the actuators that depend on them, as they are now.
     pub fn live_inputs(&self) -> Vec<InputStatus> {
         silence::statuses(self.controls.iter().map(|control| &**control.plan()))
+    }
+
+    /// How much each actuator is given now, and at most since this was asked before.
+    pub fn actuator_levels(&self) -> Vec<ActuatorLevel> {
+        let plans = self.controls.iter().map(|control| &**control.plan());
+        plans.flat_map(silence::levels).collect()
     }
 
     /// Fades out and stops, whatever else is under way.

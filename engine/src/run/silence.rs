@@ -2,6 +2,7 @@
 
 use super::Run;
 use super::device::DeviceState;
+use crate::limiter::Limit;
 use crate::plan::{ActuatorPlan, Plan};
 use crate::silence::InputState;
 
@@ -83,6 +84,35 @@ pub struct ActuatorStatus {
     pub at_zero: bool,
 }
 
+/// How much an actuator of a run is given, beside its limit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActuatorLevel {
+    /// Path of the sink.
+    pub path: String,
+    /// Unit of what follows.
+    pub unit: String,
+    /// Root mean square over the last third of a second or so; of a vector, of its length.
+    pub rms: f64,
+    /// The largest magnitude since this was asked before.
+    pub peak: f64,
+    /// What it is never given more than.
+    pub limit: Limit,
+}
+
+pub(super) fn levels(plan: &Plan) -> impl Iterator<Item = ActuatorLevel> {
+    let actuators = plan.actuators.iter().zip(&*plan.delivered);
+    actuators.map(|(actuator, delivered)| {
+        let (rms, peak) = delivered.take_level();
+        ActuatorLevel {
+            path: actuator.path.clone(),
+            unit: actuator.unit.clone(),
+            rms,
+            peak,
+            limit: actuator.limit,
+        }
+    })
+}
+
 /// The live inputs of the plans of a graph's drivers.
 pub(super) fn statuses<'p>(plans: impl Iterator<Item = &'p Plan> + Clone) -> Vec<InputStatus> {
     let Some(first) = plans.clone().next() else {
@@ -153,9 +183,11 @@ impl Run {
     }
 
     /// Lets others know what each actuator was given last.
-    pub(crate) fn publish_delivered(&self) {
+    pub(crate) fn publish_delivered(&mut self) {
         let time = self.state.windows.block().1;
-        for (actuator, delivered) in self.state.actuators.iter().zip(&*self.plan.delivered) {
+        for (actuator, delivered) in self.state.actuators.iter_mut().zip(&*self.plan.delivered) {
+            let (level, peak) = actuator.level.read();
+            delivered.put_level(level, peak);
             let output = actuator.limiter.output();
             let largest = output.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
             delivered.put(largest, largest == 0.0 && actuator.gate.is_closed_from(time));
