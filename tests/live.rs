@@ -14,6 +14,8 @@ mod afar;
 mod reloads;
 #[path = "live/replays.rs"]
 mod replays;
+#[path = "live/terminal.rs"]
+mod terminal;
 
 fn shipped(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs").join(name);

@@ -1,8 +1,9 @@
-//! What is said on standard error.
+//! What is said on standard error, and what is shown there of a run that goes on.
 //!
 //! A command that hears ctrl-C waits for no reader of it: a thread of its own writes, so that a full pipe or a terminal
 //! that was held with ctrl-S holds up no stop.
 
+use super::screen::Screen;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -19,9 +20,21 @@ static QUEUE: OnceLock<Queue> = OnceLock::new();
 
 #[derive(Debug)]
 struct Queue {
-    remarks: SyncSender<String>,
+    remarks: SyncSender<Said>,
     counts: Arc<Counts>,
     stop: Arc<AtomicBool>,
+}
+
+/// What waits to be written.
+#[derive(Debug)]
+enum Said {
+    Text(String),
+    /// Lines that stay at the lower end of the terminal, in place of those before.
+    Block(Vec<String>),
+    /// What is typed has changed.
+    Typed,
+    /// Nothing stays there any more.
+    Close,
 }
 
 #[derive(Debug, Default)]
@@ -34,8 +47,29 @@ struct Counts {
 /// Says something on standard error that is no failure.
 pub fn remark(text: &str) {
     match QUEUE.get() {
-        Some(queue) => queue.put(text),
+        Some(queue) => queue.put(Said::Text(text.to_owned())),
         None => write(text),
+    }
+}
+
+/// Shows lines at the lower end of the terminal, in place of those before.
+pub fn show(block: Vec<String>) {
+    put(Said::Block(block));
+}
+
+/// Shows what is typed now.
+pub fn typed() {
+    put(Said::Typed);
+}
+
+/// Takes away what is shown at the lower end of the terminal.
+pub fn close() {
+    put(Said::Close);
+}
+
+fn put(said: Said) {
+    if let Some(queue) = QUEUE.get() {
+        queue.put(said);
     }
 }
 
@@ -81,33 +115,51 @@ pub fn settle() {
 }
 
 impl Queue {
-    fn put(&self, text: &str) {
+    fn put(&self, said: Said) {
         self.counts.taken.fetch_add(1, Ordering::AcqRel);
-        match self.remarks.try_send(text.to_owned()) {
-            Ok(()) => {}
-            Err(TrySendError::Full(_)) => {
-                self.counts.taken.fetch_sub(1, Ordering::AcqRel);
+        let Err(error) = self.remarks.try_send(said) else {
+            return;
+        };
+        self.counts.taken.fetch_sub(1, Ordering::AcqRel);
+        match error {
+            TrySendError::Full(Said::Text(_)) => {
                 self.counts.lost.fetch_add(1, Ordering::AcqRel);
             }
-            Err(TrySendError::Disconnected(text)) => {
-                self.counts.taken.fetch_sub(1, Ordering::AcqRel);
-                write(&text);
-            }
+            TrySendError::Disconnected(Said::Text(text)) => write(&text),
+            // What is shown is soon shown again.
+            TrySendError::Full(_) | TrySendError::Disconnected(_) => {}
         }
     }
 }
 
-fn write_all(waiting: &Receiver<String>, counts: &Counts) {
-    for text in waiting {
-        write(&text);
+fn write_all(waiting: &Receiver<Said>, counts: &Counts) {
+    let mut screen = None;
+    for said in waiting {
+        write_one(said, &mut screen);
         let lost = counts.lost.swap(0, Ordering::AcqRel);
         if lost > 0 {
-            write(&format!(
-                "note: {lost} more messages are lost, as standard error was not read\n"
-            ));
+            let text = format!("note: {lost} more messages are lost, as standard error was not read\n");
+            write_one(Said::Text(text), &mut screen);
         }
         counts.written.fetch_add(1, Ordering::AcqRel);
     }
+}
+
+fn write_one(said: Said, screen: &mut Option<Screen>) {
+    let mut out = std::io::stderr().lock();
+    // A remark that nobody can read is no reason to stop.
+    let _ = match (said, &mut *screen) {
+        (Said::Text(text), None) => out.write_all(text.as_bytes()),
+        (Said::Text(text), Some(screen)) => screen.above(&text, &mut out),
+        (Said::Block(block), screen) => screen.get_or_insert_default().show(block, &mut out),
+        (Said::Typed, Some(screen)) => screen.redraw(&mut out),
+        (Said::Close, Some(shown)) => {
+            let closed = shown.close(&mut out);
+            *screen = None;
+            closed
+        }
+        (Said::Typed | Said::Close, None) => Ok(()),
+    };
 }
 
 fn write(text: &str) {

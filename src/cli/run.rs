@@ -20,12 +20,13 @@ pub mod present;
 mod replay;
 mod shown;
 mod silence;
+mod status;
 pub mod summary;
 mod watch;
 
 use super::output::{self, Force};
 use super::terminal::is_animated;
-use super::{Failure, GraphArguments, remark, remarks, say};
+use super::{Failure, GraphArguments, keys, remark, remarks, say};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
@@ -320,6 +321,7 @@ pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
+            keys::restore();
             std::process::exit(130);
         }
     })

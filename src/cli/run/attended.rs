@@ -6,17 +6,18 @@ use super::super::terminal::is_coloured;
 use super::super::{GraphArguments, fault, remark};
 use super::Arguments;
 use super::afar;
-use super::console::{Asked, HELP, Typed};
+use super::console::{Asked, HELP, HELP_LINES, Typed};
 use super::drivers::Drivers;
 use super::endpoints::Endpoints;
 use super::guards::Guards;
 use super::history::{History, Notes};
 use super::loading::{self, Job, Loader, Loading, Saved, texts};
 use super::silence::SilenceMonitor;
+use super::status::{self, Status};
 use super::watch::Watch;
 use crate::engine::diagnostic::{Diagnostics, render};
 use crate::engine::graph::Graph;
-use crate::engine::run::{RingReport, Session};
+use crate::engine::run::Session;
 use crate::engine::settings::closest;
 use crate::nodes::network::{Connections, Told};
 use crate::nodes::soundcard::CardNote;
@@ -29,9 +30,8 @@ use std::time::{Duration, Instant};
 
 /// Where graphs that were saved while it ran are kept, in the run's folder.
 pub const CHANGES: &str = "changes";
-/// How often the run is looked after, and how often its status is shown.
+/// How often the run is looked after.
 const PAUSE: Duration = Duration::from_millis(50);
-const STATUS: Duration = Duration::from_secs(1);
 /// The same while something loads.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -98,6 +98,7 @@ pub struct Attended {
     pub session: Session,
     pub network: Connections,
     pub silence: SilenceMonitor,
+    status: Status,
     start: Instant,
     /// Graphs that were put in place, and those of them that differed in more than live settings.
     pub changes: u32,
@@ -128,8 +129,13 @@ impl Attended {
         folder: &Path,
         (session, network): (Session, Connections),
         (watch, parameters, loader): (Option<Watch>, loading::Typed, Loader),
+        keys: bool,
     ) -> Self {
+        let progress = graph
+            .file_progress()
+            .map(|(sink, progress)| (sink.to_owned(), progress));
         Self {
+            status: Status::new(Instant::now(), progress.collect(), keys),
             given: arguments.graph.set.clone(),
             typed: Vec::new(),
             parameters,
@@ -165,7 +171,7 @@ impl Attended {
         asked: &Receiver<Asked>,
         (stop, each): (&AtomicBool, fn()),
     ) -> Vec<String> {
-        let (mut shown, mut stopping, mut notes) = (self.start, false, Notes::default());
+        let (mut stopping, mut notes) = (false, Notes::default());
         while !driver.is_finished(stopping) {
             each();
             let pause = if self.loading.is_some() { LOOK } else { PAUSE };
@@ -181,18 +187,12 @@ impl Attended {
             for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
                 notes.turn(note);
             }
-            let status = status(&mut self.session, driver.rings());
             for failed in self.session.failing_files() {
                 remark(&format!(
                     "warning: {failed}; it is complete up to here, and the run goes on without it\n"
                 ));
             }
-            if shown.elapsed() >= STATUS {
-                shown += STATUS;
-                let seconds = self.start.elapsed().as_secs_f64();
-                let (driver, silent) = (driver.status(), self.silence.status());
-                remark(&format!("{seconds:.0} s: {status}{driver}{silent}\n"));
-            }
+            self.show_status(driver);
             if driver.is_torn() {
                 stop.store(true, Ordering::Relaxed);
             }
@@ -212,6 +212,18 @@ impl Attended {
         notes.counted()
     }
 
+    /// Shows how the run is, when it is time for that.
+    fn show_status(&mut self, drivers: &Drivers) {
+        let facts = status::Facts {
+            session: &mut self.session,
+            drivers,
+            network: &self.network,
+            silence: &self.silence,
+            set: self.history.last().map(str::to_owned),
+        };
+        self.status.show(facts);
+    }
+
     /// Says what panicked meanwhile.
     pub fn tell_panics(&mut self) {
         for text in fault::untold() {
@@ -227,6 +239,8 @@ impl Attended {
             match asked {
                 Asked::Typed(Typed::Set { name, value }) => self.wish(name, value, By::Keyboard),
                 Asked::Typed(Typed::List) => self.list(),
+                Asked::Typed(Typed::History) => remark(&self.history.lines()),
+                Asked::Typed(Typed::Help) => remark(HELP_LINES),
                 // Acted on where it is read.
                 Asked::Typed(Typed::Stop) => {}
                 Asked::Typed(Typed::Unknown(line)) => {
@@ -376,32 +390,15 @@ impl Attended {
     }
 
     fn list(&mut self) {
+        for (name, default) in &self.parameters {
+            let set = self.arguments.set.iter().find(|(known, _)| known == name);
+            let value = set.map(|(_, value)| value).or(default.as_ref());
+            remark(&format!("{name} = {}\n", value.map_or("?", String::as_str)));
+        }
         for live in self.session.settings() {
             remark(&format!("{} = {}\n", live.name(), live.value));
         }
     }
-}
-
-/// How time is kept, by driver where there are several, and how the rings between them are.
-fn status(session: &mut Session, heard: impl Iterator<Item = RingReport>) -> String {
-    let mut parts: Vec<String> = match &session.poll()[..] {
-        [(_, meters)] => vec![meters.to_string()],
-        several => several
-            .iter()
-            .map(|(name, meters)| format!("{name}: {meters}"))
-            .collect(),
-    };
-    parts.extend(session.rings().chain(heard).map(|ring| {
-        let counts = ring.counts;
-        let fill = counts
-            .fill_s
-            .map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
-        format!(
-            "ring {}: {fill}, {:+.0} ppm, {} underruns, {} overruns",
-            ring.name, counts.correction_ppm, counts.underruns, counts.overruns
-        )
-    }));
-    parts.join("; ")
 }
 
 fn show(findings: &Diagnostics, says: Says) {

@@ -1,7 +1,10 @@
 //! What is typed while a graph runs, or told by Open Sound Control.
 
+use super::super::keys::Editor;
+use super::super::{remark, remarks, screen};
 use crate::nodes::network::Told;
 use crate::signal::files::{self, Refusal};
+use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
@@ -13,13 +16,25 @@ pub enum Typed {
     Set { name: String, value: String },
     /// Shows what can be set.
     List,
+    /// Shows what was set, and by whom.
+    History,
+    /// Shows what can be typed.
+    Help,
     /// Ends the run.
     Stop,
     /// Anything else, with what could have been meant.
     Unknown(String),
 }
 
-pub const HELP: &str = "set NAME=VALUE, list, stop";
+pub const HELP: &str = "set NAME=VALUE, list, history, help, stop";
+/// The same at length.
+pub const HELP_LINES: &str = "\
+set NAME=VALUE   gives a parameter (gain) or a live setting of a node (out.gain) another value
+list             shows the parameters and the live settings, with their values
+history          shows what was set, when and by whom
+help             shows this
+stop             ends the run, like ctrl-C
+";
 
 impl Typed {
     fn parse(line: &str) -> Option<Self> {
@@ -32,6 +47,8 @@ impl Typed {
                 value: value.trim().to_owned(),
             }),
             ("list", None) if rest.is_empty() => Some(Self::List),
+            ("history", None) if rest.is_empty() => Some(Self::History),
+            ("help" | "?", None) if rest.is_empty() => Some(Self::Help),
             ("stop" | "quit" | "exit", None) if rest.is_empty() => Some(Self::Stop),
             _ => Some(Self::Unknown(line.to_owned())),
         }
@@ -46,27 +63,50 @@ pub enum Asked {
 }
 
 /// Listens on standard input, on a thread of its own that waits while too much is asked. The end of the input ends
-/// nothing.
-pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>) {
-    std::thread::spawn(move || {
-        for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
-            let typed = match line {
-                // What is no text is told of like any other line that is not understood.
-                Ok(line) => Typed::parse(&String::from_utf8_lossy(&line)),
-                Err(error) if Refusal::of(&error).is_some() => {
-                    Some(Typed::Unknown(format!("a line: {error}")))
-                }
-                Err(_) => break,
-            };
-            let Some(typed) = typed else { continue };
-            // A stop waits for nobody.
-            if typed == Typed::Stop {
-                stop.store(true, Ordering::Relaxed);
-            } else if asked.send(Asked::Typed(typed)).is_err() {
-                break;
-            }
+/// nothing. With `keys` each key is shown by this program.
+pub fn listen(asked: SyncSender<Asked>, stop: Arc<AtomicBool>, keys: bool) {
+    let mut hear = move |typed: Typed| {
+        // A stop waits for nobody.
+        if typed == Typed::Stop {
+            stop.store(true, Ordering::Relaxed);
+            return true;
         }
+        asked.send(Asked::Typed(typed)).is_ok()
+    };
+    std::thread::spawn(move || match keys {
+        true => listen_to_keys(&mut hear),
+        false => listen_to_lines(&mut hear),
     });
+}
+
+fn listen_to_lines(hear: &mut impl FnMut(Typed) -> bool) {
+    for line in files::lines(std::io::stdin().lock(), files::MAX_LINE_BYTES) {
+        let typed = match line {
+            // What is no text is told of like any other line that is not understood.
+            Ok(line) => Typed::parse(&String::from_utf8_lossy(&line)),
+            Err(error) if Refusal::of(&error).is_some() => Some(Typed::Unknown(format!("a line: {error}"))),
+            Err(_) => break,
+        };
+        if typed.is_some_and(|typed| !hear(typed)) {
+            break;
+        }
+    }
+}
+
+fn listen_to_keys(hear: &mut impl FnMut(Typed) -> bool) {
+    let mut editor = Editor::default();
+    screen::type_in(Some(editor.prompt()));
+    for byte in std::io::stdin().lock().bytes() {
+        let Ok(byte) = byte else { break };
+        let line = editor.take(byte);
+        screen::type_in(Some(editor.prompt()));
+        remarks::typed();
+        let Some(line) = line else { continue };
+        remark(&format!("> {line}\n"));
+        if Typed::parse(&line).is_some_and(|typed| !hear(typed)) {
+            break;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -88,6 +128,8 @@ mod tests {
             ("set =1", Some(Typed::Unknown("set =1".into()))),
             ("list", Some(Typed::List)),
             ("stop", Some(Typed::Stop)),
+            ("help", Some(Typed::Help)),
+            (" history", Some(Typed::History)),
             ("stop it", Some(Typed::Unknown("stop it".into()))),
         ] {
             assert_eq!(Typed::parse(line), typed, "{line}");

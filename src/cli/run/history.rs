@@ -60,6 +60,23 @@ impl History {
         }
     }
 
+    /// What was set last.
+    pub fn last(&self) -> Option<&str> {
+        self.list.last().map(String::as_str)
+    }
+
+    /// All that is known, a line each.
+    pub fn lines(&self) -> String {
+        let more = match self.more {
+            0 => String::new(),
+            more => format!("and {more} more\n"),
+        };
+        match &self.list[..] {
+            [] => "nothing was set yet\n".to_owned(),
+            list => list.join("\n") + "\n" + &more,
+        }
+    }
+
     pub fn into_json(mut self) -> Value {
         if self.more > 0 {
             self.list.push(format!("and {} more", self.more));

@@ -1,7 +1,8 @@
 //! `haptograph run --live`: the graph runs against the clock, can be changed while it runs, and leaves what an
 //! offline run leaves.
 
-use super::super::{Failure, fault, remark, warn};
+use super::super::keys::RawMode;
+use super::super::{Failure, fault, remark, remarks, screen, warn};
 use super::attended::{Attended, MOST_ASKED};
 use super::console::{self, Asked, HELP};
 use super::drivers::Drivers;
@@ -74,7 +75,8 @@ fn run_with(
     notes.iter().for_each(|note| remark(&format!("note: {note}\n")));
     introduce(&arguments, &driver, &network, osc.as_ref());
     tell_unrested(&unrested);
-    console::listen(asking.clone(), Arc::clone(&stop));
+    let keys = RawMode::begin();
+    console::listen(asking.clone(), Arc::clone(&stop), keys.is_some());
     let folder = made.kept.folder.path();
     let mut attended = Attended::begin(
         &arguments,
@@ -82,6 +84,7 @@ fn run_with(
         folder,
         (session, network),
         (watch, parameters, loader),
+        keys.is_some(),
     );
     let attending = AssertUnwindSafe(|| attended.attend(&mut driver, &asked, (&stop, each)));
     let panicked = match catch_unwind(attending) {
@@ -96,6 +99,9 @@ fn run_with(
         }
     };
     attended.tell_panics();
+    screen::type_in(None);
+    remarks::close();
+    drop(keys);
     // Until here somebody asks, if only this one, so that waiting for it is waiting.
     drop(asking);
     let mut facts = driver.facts();

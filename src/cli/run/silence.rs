@@ -106,6 +106,15 @@ impl SilenceMonitor {
             .collect()
     }
 
+    /// How long an input has not been heard, beyond its timeout.
+    pub fn silent_for(&self, device: &str, now: Instant) -> Option<Duration> {
+        let known = self
+            .known
+            .iter()
+            .find(|known| known.device == device && !known.is_heard)?;
+        Some(now.saturating_duration_since(known.since))
+    }
+
     /// What is left to say at the end of a run: which inputs sent nothing at all.
     pub fn warnings(&self, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
         let never = inputs.iter().filter(|input| input.state == InputState::Never);

@@ -1,0 +1,285 @@
+//! A line that is typed while something is shown: keys become lines, with the lines before at the arrow keys.
+
+use super::screen::Prompt;
+
+/// The longest line that is typed, characters.
+const MOST_LETTERS: usize = 4096;
+/// Lines that are remembered.
+const MOST_LINES: usize = 1000;
+
+/// A line while it is typed.
+#[derive(Debug, Default)]
+pub struct Editor {
+    line: Vec<char>,
+    cursor: usize,
+    history: Vec<String>,
+    /// The line of the history that is shown, and what was typed before.
+    recalled: Option<(usize, Vec<char>)>,
+    /// What has come of an escape sequence or of a letter of several bytes.
+    begun: Vec<u8>,
+}
+
+impl Editor {
+    /// Takes a byte of the keyboard; a line that it completes.
+    pub fn take(&mut self, byte: u8) -> Option<String> {
+        if !self.begun.is_empty() || byte == 0x1b || byte >= 0x80 {
+            self.begun.push(byte);
+            self.go_on();
+            return None;
+        }
+        match byte {
+            b'\r' | b'\n' => return Some(self.enter()),
+            0x7f | 0x08 => self.delete(self.cursor.checked_sub(1)),
+            0x01 => self.cursor = 0,
+            0x05 => self.cursor = self.line.len(),
+            0x0b => self.line.truncate(self.cursor),
+            0x15 => self.cut(0),
+            0x17 => self.cut(self.word()),
+            b' '..=b'~' => self.insert(char::from(byte)),
+            _ => {}
+        }
+        None
+    }
+
+    /// What is to be shown.
+    pub fn prompt(&self) -> Prompt {
+        Prompt {
+            text: self.line.iter().collect(),
+            cursor: self.cursor,
+        }
+    }
+
+    /// Goes on with an escape sequence or a letter of several bytes, which ends after a few.
+    fn go_on(&mut self) {
+        match self.begun[..] {
+            [0x1b] | [0x1b, b'[' | b'O'] | [0x1b, b'[', b'0'..=b'9'] => return,
+            [0x1b, b'[' | b'O', key] => self.arrow(key),
+            [0x1b, b'[', digit, b'~'] => match digit {
+                b'1' | b'7' => self.cursor = 0,
+                b'4' | b'8' => self.cursor = self.line.len(),
+                b'3' => self.delete((self.cursor < self.line.len()).then_some(self.cursor)),
+                _ => {}
+            },
+            [0x1b, ..] => {}
+            _ => match std::str::from_utf8(&self.begun) {
+                Ok(text) => text.to_owned().chars().for_each(|letter| self.insert(letter)),
+                Err(error) if error.error_len().is_none() => return,
+                Err(_) => {}
+            },
+        }
+        self.begun.clear();
+    }
+
+    fn arrow(&mut self, key: u8) {
+        match key {
+            b'A' => self.recall(-1),
+            b'B' => self.recall(1),
+            b'C' => self.cursor = (self.cursor + 1).min(self.line.len()),
+            b'D' => self.cursor = self.cursor.saturating_sub(1),
+            b'H' => self.cursor = 0,
+            b'F' => self.cursor = self.line.len(),
+            _ => {}
+        }
+    }
+
+    /// Shows a line of the history, `by` lines from the present one.
+    fn recall(&mut self, by: isize) {
+        let (at, typed) = match self.recalled.take() {
+            Some((at, typed)) => (at, typed),
+            None => (self.history.len(), self.line.clone()),
+        };
+        let wanted = at.saturating_add_signed(by).min(self.history.len());
+        self.line = match self.history.get(wanted) {
+            Some(line) => line.chars().collect(),
+            None => typed.clone(),
+        };
+        self.recalled = (wanted < self.history.len()).then_some((wanted, typed));
+        self.cursor = self.line.len();
+    }
+
+    fn enter(&mut self) -> String {
+        let line: String = std::mem::take(&mut self.line).into_iter().collect();
+        (self.cursor, self.recalled) = (0, None);
+        if !line.trim().is_empty() && self.history.last() != Some(&line) {
+            self.history.push(line.clone());
+        }
+        if self.history.len() > MOST_LINES {
+            self.history.remove(0);
+        }
+        line
+    }
+
+    fn insert(&mut self, letter: char) {
+        if self.line.len() < MOST_LETTERS && !letter.is_control() {
+            self.line.insert(self.cursor, letter);
+            self.cursor += 1;
+        }
+    }
+
+    fn delete(&mut self, at: Option<usize>) {
+        if let Some(at) = at {
+            self.line.remove(at);
+            self.cursor = at;
+        }
+    }
+
+    /// Removes what lies between a place and the cursor.
+    fn cut(&mut self, from: usize) {
+        self.line.drain(from..self.cursor);
+        self.cursor = from;
+    }
+
+    /// Where the word before the cursor begins.
+    fn word(&self) -> usize {
+        let before = &self.line[..self.cursor];
+        let end = before
+            .iter()
+            .rposition(|letter| *letter != ' ')
+            .map_or(0, |last| last + 1);
+        before[..end]
+            .iter()
+            .rposition(|letter| *letter == ' ')
+            .map_or(0, |space| space + 1)
+    }
+}
+
+#[cfg(unix)]
+pub use raw::{RawMode, restore};
+
+/// A terminal that hands over every key.
+#[cfg(unix)]
+mod raw {
+    use nix::sys::termios::{LocalFlags, SetArg, SpecialCharacterIndices, Termios, tcgetattr, tcsetattr};
+    use std::io::{IsTerminal, stderr, stdin};
+    use std::sync::Mutex;
+
+    /// How the terminal was before.
+    static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
+
+    /// Hands over every key until it is dropped. Ctrl-C stays what it is.
+    #[derive(Debug)]
+    pub struct RawMode(());
+
+    impl RawMode {
+        /// Nothing where people do not type, or where the terminal cannot do it.
+        pub fn begin() -> Option<Self> {
+            let is_dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb");
+            if is_dumb || !stdin().is_terminal() || !stderr().is_terminal() || !is_in_front() {
+                return None;
+            }
+            let before = tcgetattr(stdin()).ok()?;
+            let mut keys = before.clone();
+            keys.local_flags.remove(LocalFlags::ICANON | LocalFlags::ECHO);
+            keys.control_chars[SpecialCharacterIndices::VMIN as usize] = 1;
+            keys.control_chars[SpecialCharacterIndices::VTIME as usize] = 0;
+            *BEFORE.lock().ok()? = Some(before);
+            tcsetattr(stdin(), SetArg::TCSANOW, &keys).ok()?;
+            Some(Self(()))
+        }
+    }
+
+    impl Drop for RawMode {
+        fn drop(&mut self) {
+            restore();
+        }
+    }
+
+    /// Is this what the terminal's keys go to? What runs behind would be stopped for changing it.
+    fn is_in_front() -> bool {
+        nix::unistd::tcgetpgrp(stdin()).is_ok_and(|front| front == nix::unistd::getpgrp())
+    }
+
+    /// Makes the terminal what it was.
+    pub fn restore() {
+        let before = BEFORE.lock().ok().and_then(|mut before| before.take());
+        if let Some(before) = before {
+            // A terminal that is gone needs nothing.
+            let _ = tcsetattr(stdin(), SetArg::TCSANOW, &before);
+        }
+    }
+}
+
+/// Elsewhere the terminal stays as it is, and lines come whole.
+#[cfg(not(unix))]
+#[derive(Debug)]
+pub struct RawMode(());
+
+#[cfg(not(unix))]
+impl RawMode {
+    /// Nothing.
+    pub fn begin() -> Option<Self> {
+        None
+    }
+}
+
+#[cfg(not(unix))]
+pub fn restore() {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn typed(editor: &mut Editor, keys: &str) -> Vec<String> {
+        keys.bytes().filter_map(|byte| editor.take(byte)).collect()
+    }
+
+    #[test]
+    fn lines_are_edited_and_recalled() {
+        let mut editor = Editor::default();
+        assert_eq!(
+            typed(&mut editor, "set gain=0.5\rlisd\x7ft\r"),
+            ["set gain=0.5", "list"]
+        );
+        let up = "\x1b[A";
+        assert_eq!(typed(&mut editor, &format!("st{up}{up}")), [""; 0]);
+        assert_eq!(
+            editor.prompt(),
+            Prompt {
+                text: "set gain=0.5".to_owned(),
+                cursor: 12
+            }
+        );
+        assert_eq!(typed(&mut editor, "\x1b[B\x1b[B"), [""; 0]);
+        assert_eq!(editor.prompt().text, "st", "what was typed comes back");
+        assert_eq!(
+            typed(&mut editor, &format!("{up}{up}{up}{up}\x7f7\r")),
+            ["set gain=0.7"]
+        );
+    }
+
+    #[test]
+    fn the_cursor_moves_and_words_are_cut() {
+        let mut editor = Editor::default();
+        typed(&mut editor, "stop now");
+        typed(&mut editor, "\x17");
+        assert_eq!(editor.prompt().text, "stop ");
+        typed(&mut editor, "\x1b[D\x1b[D\x1b[3~\x01x");
+        assert_eq!(
+            editor.prompt(),
+            Prompt {
+                text: "xsto ".to_owned(),
+                cursor: 1
+            }
+        );
+        typed(&mut editor, "\x05\x15é\x1bOHü");
+        assert_eq!(
+            editor.prompt(),
+            Prompt {
+                text: "üé".to_owned(),
+                cursor: 1
+            }
+        );
+    }
+
+    #[test]
+    fn any_bytes_are_survived_and_no_line_grows_without_bound() {
+        let mut editor = Editor::default();
+        for round in 0..20_000_u32 {
+            let byte = (round.wrapping_mul(2_654_435_761) >> 13) as u8;
+            let _ = editor.take(byte);
+        }
+        typed(&mut editor, "\x15");
+        (0..2 * MOST_LETTERS).for_each(|_| assert_eq!(editor.take(b'a'), None));
+        assert!(editor.prompt().text.chars().count() <= MOST_LETTERS);
+    }
+}

@@ -1,0 +1,266 @@
+//! How a live run is: a line a second, or on a terminal a block of lines that stays in place.
+
+use super::super::{remark, remarks};
+use super::drivers::Drivers;
+use super::silence::SilenceMonitor;
+use crate::engine::node::FileProgress;
+use crate::engine::run::{ActuatorLevel, InputStatus, Meters, RingReport, Session};
+use crate::engine::silence::InputState;
+use crate::nodes::network::Connections;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How often a line is said, or a block drawn.
+const LINE: Duration = Duration::from_secs(1);
+const BLOCK: Duration = Duration::from_millis(200);
+/// How often rates of inputs are counted.
+const RATE: Duration = Duration::from_secs(1);
+/// Columns of a level.
+const BAR: usize = 24;
+
+/// What the status is made of.
+pub struct Facts<'a> {
+    pub session: &'a mut Session,
+    pub drivers: &'a Drivers,
+    pub network: &'a Connections,
+    pub silence: &'a SilenceMonitor,
+    /// What was set last, and by whom.
+    pub set: Option<String>,
+}
+
+/// Files that say how they are getting on, by the paths of their sinks.
+pub type Progress = Vec<(String, Arc<dyn FileProgress>)>;
+
+/// Follows a run.
+pub struct Status {
+    start: Instant,
+    /// Is there a terminal for a block?
+    block: bool,
+    shown: Instant,
+    progress: Progress,
+    /// Packets of each input by its name, when they were counted, and their rate.
+    inputs: Vec<(String, u64, f64)>,
+    counted: Instant,
+}
+
+impl Status {
+    /// Of a run that begins now.
+    pub fn new(start: Instant, progress: Progress, block: bool) -> Self {
+        Self {
+            start,
+            block,
+            shown: start,
+            progress,
+            inputs: Vec::new(),
+            counted: start,
+        }
+    }
+
+    /// Shows how the run is, when it is time for that.
+    pub fn show(&mut self, mut facts: Facts<'_>) {
+        let every = if self.block { BLOCK } else { LINE };
+        if self.shown.elapsed() < every {
+            // What the drivers report is taken in all the same.
+            facts.session.poll();
+            return;
+        }
+        self.shown += every;
+        match self.block {
+            true => remarks::show(self.lines(facts)),
+            false => remark(&self.line(facts)),
+        }
+    }
+
+    /// A line.
+    fn line(&self, mut facts: Facts<'_>) -> String {
+        let seconds = self.start.elapsed().as_secs_f64();
+        let mut parts: Vec<String> = match &facts.session.poll()[..] {
+            [(_, meters)] => vec![meters.to_string()],
+            several => several
+                .iter()
+                .map(|(name, meters)| format!("{name}: {meters}"))
+                .collect(),
+        };
+        parts.extend(
+            facts
+                .session
+                .rings()
+                .chain(facts.drivers.rings())
+                .map(|ring| ring_line(&ring)),
+        );
+        parts.extend(
+            self.progress
+                .iter()
+                .filter_map(|(sink, progress)| Some(format!("{sink}: {}", progress.lines().first()?))),
+        );
+        let (status, silent) = (facts.drivers.status(), facts.silence.status());
+        format!("{seconds:.0} s: {}{status}{silent}\n", parts.join("; "))
+    }
+
+    /// A block of lines.
+    fn lines(&mut self, mut facts: Facts<'_>) -> Vec<String> {
+        let now = Instant::now();
+        let seconds = self.start.elapsed().as_secs_f64();
+        let mut lines = Vec::new();
+        for (name, meters) in facts.session.poll() {
+            lines.push(format!(
+                "{seconds:7.1} s  {name}  {}{}",
+                lateness(meters),
+                facts.drivers.status()
+            ));
+        }
+        let rings = facts.session.rings().chain(facts.drivers.rings());
+        lines.extend(rings.map(|ring| format!("           {}", ring_line(&ring))));
+        let levels = facts.session.actuator_levels();
+        let inputs = facts.session.live_inputs();
+        self.count(now, facts.network);
+        let names = levels
+            .iter()
+            .map(|level| &level.path)
+            .chain(inputs.iter().map(|input| &input.device));
+        let width = names.map(|name| name.chars().count()).max().unwrap_or(0);
+        lines.extend(
+            levels
+                .iter()
+                .map(|level| format!("{:<width$}  {}", level.path, shown_level(level))),
+        );
+        lines.extend(inputs.iter().map(|input| {
+            format!(
+                "{:<width$}  {}",
+                input.device,
+                self.shown_input(input, &facts, now)
+            )
+        }));
+        for (sink, progress) in &self.progress {
+            let mut shown = progress.lines().into_iter();
+            lines.extend(shown.next().map(|first| format!("{sink}  {first}")));
+            lines.extend(shown);
+        }
+        lines.extend(facts.set.map(|set| format!("set last: {set}")));
+        lines
+    }
+
+    /// Takes in how many packets have come.
+    fn count(&mut self, now: Instant, network: &Connections) {
+        let lasts = now.saturating_duration_since(self.counted);
+        if !self.inputs.is_empty() && lasts < RATE {
+            return;
+        }
+        let before = std::mem::take(&mut self.inputs);
+        self.inputs = network
+            .counts()
+            .map(|(device, counts)| {
+                let known = before.iter().find(|(name, ..)| name == device);
+                let come = known.map_or(0, |(_, before, _)| counts.accepted.saturating_sub(*before));
+                (
+                    device.to_owned(),
+                    counts.accepted,
+                    come as f64 / lasts.as_secs_f64().max(1e-3),
+                )
+            })
+            .collect();
+        self.counted = now;
+    }
+
+    fn shown_input(&self, input: &InputStatus, facts: &Facts<'_>, now: Instant) -> String {
+        let rate = self.inputs.iter().find(|(name, ..)| *name == input.device);
+        let rate = rate.map_or_else(|| "heard".to_owned(), |(_, _, hz)| format!("{hz:.0} a second"));
+        let silent_s = facts
+            .silence
+            .silent_for(&input.device, now)
+            .map_or(0.0, |lasts| lasts.as_secs_f64());
+        match input.state {
+            InputState::Never => {
+                let mut places = facts.network.places();
+                let place = places.find(|(device, _)| *device == input.device);
+                let place = place.map_or_else(String::new, |(_, place)| format!(" at {place}"));
+                format!("nothing heard yet{place}")
+            }
+            InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
+            InputState::Jumped => format!("{rate}, jumped: held back"),
+            InputState::Heard => rate,
+        }
+    }
+}
+
+fn ring_line(ring: &RingReport) -> String {
+    let counts = ring.counts;
+    let fill = counts
+        .fill_s
+        .map_or_else(|| "empty".to_owned(), |fill_s| format!("{:.2} ms", fill_s * 1e3));
+    format!(
+        "ring {}: {fill}, {:+.0} ppm, {} underruns, {} overruns",
+        ring.name, counts.correction_ppm, counts.underruns, counts.overruns
+    )
+}
+
+/// How a driver keeps time.
+fn lateness(meters: &Meters) -> String {
+    let ms = |ns: u64| ns as f64 / 1e6;
+    let (late, work) = (&meters.lateness, &meters.work);
+    format!(
+        "late {:.2} ms p99, {:.2} max; work {:.2} ms p99; {} overruns, {} stalls",
+        ms(late.quantile_ns(0.99)),
+        ms(late.max_ns()),
+        ms(work.quantile_ns(0.99)),
+        meters.overruns,
+        meters.stalls
+    )
+}
+
+/// A bar of what an actuator is given, up to its peak limit, and both numbers with their limits.
+fn shown_level(level: &ActuatorLevel) -> String {
+    let ActuatorLevel {
+        rms,
+        peak,
+        limit,
+        unit,
+        ..
+    } = level;
+    let columns = |value: f64| ((value / limit.peak * BAR as f64).ceil().max(0.0) as usize).min(BAR);
+    let bar: String = (0..BAR)
+        .map(|column| match column {
+            column if column < columns(*rms) => '#',
+            column if column < columns(*peak) => '-',
+            _ => ' ',
+        })
+        .collect();
+    format!(
+        "[{bar}] {rms:.3} {unit} rms of {}, peak {peak:.3} of {}",
+        limit.continuous, limit.peak
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::node::Limit;
+
+    #[test]
+    fn a_level_is_shown_against_its_limits() {
+        let limit = Limit {
+            peak: 0.5,
+            continuous: 0.25,
+            window_s: 10.0,
+            slew_per_s: None,
+        };
+        let level = ActuatorLevel {
+            path: "out".to_owned(),
+            unit: "A".to_owned(),
+            rms: 0.125,
+            peak: 0.25,
+            limit,
+        };
+        let shown = shown_level(&level);
+        assert!(
+            shown.starts_with("[######------            ] 0.125 A rms of 0.25, peak 0.250 of 0.5"),
+            "{shown}"
+        );
+        let most = shown_level(&ActuatorLevel {
+            rms: 0.25,
+            peak: 0.5,
+            ..level
+        });
+        assert!(most.starts_with("[############------------]"), "{most}");
+    }
+}
