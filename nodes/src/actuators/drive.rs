@@ -71,7 +71,29 @@ impl NodeKind for DynamicCompensator {
         })?;
         Ok(Box::new(Compensating { compensator }))
     }
+
+    fn advice(_: &DynamicCompensatorSettings, cx: &BuildContext) -> Vec<BuildError> {
+        let rate_hz = cx.rate.hz();
+        if rate_hz >= 2.0 * FELT_TO_HZ {
+            return Vec::new();
+        }
+        let message = format!(
+            "a clock of {rate_hz} Hz plays nothing above {} Hz, and vibrations are felt up to {FELT_TO_HZ} Hz",
+            0.5 * rate_hz
+        );
+        vec![BuildError {
+            field: None,
+            message,
+            help: Some(format!(
+                "run it on a clock of {} Hz or more, such as a soundcard's",
+                2.0 * FELT_TO_HZ
+            )),
+        }]
+    }
 }
+
+/// Up to here fingers feel vibrations, Hz.
+const FELT_TO_HZ: f64 = 1000.0;
 
 #[derive(Debug, Clone)]
 struct Compensating {
