@@ -1,5 +1,12 @@
 //! A graph that runs live with a device in another process: the C client, compiled and run, and the one in Python.
 
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
+
+#[path = "network/inputs.rs"]
+mod inputs;
+#[path = "network/shipped.rs"]
+mod shipped;
+
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;

@@ -14,7 +14,18 @@ fn config(folder: &Path) -> PathBuf {
 
 fn live(folder: &Path, name: &str, more: &[&str]) -> Option<String> {
     let graph = shipped("texturepad.ron");
-    let arguments = [&["run", &graph, "--live", "--for", "0.5", "--out", name], more].concat();
+    let common = [
+        "run",
+        &graph,
+        "--live",
+        "--endpoints",
+        "soundcard",
+        "--for",
+        "0.5",
+        "--out",
+        name,
+    ];
+    let arguments = [&common[..], more].concat();
     let output = command(folder, &arguments)
         .env("ALSA_CONFIG_PATH", config(folder))
         .output()
@@ -42,7 +53,7 @@ fn what_arrives_equals_the_offline_rendering() {
         "--for",
         "0.5",
         "--endpoints",
-        "live",
+        "soundcard",
         "--out",
         "offline",
     ];
@@ -77,7 +88,7 @@ fn raw_channels(told: &str) -> usize {
 fn a_card_and_a_timer_are_repeated_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let graph = shipped("two-drivers.ron");
-    let common = ["run", &graph, "--endpoints", "live"];
+    let common = ["run", &graph, "--endpoints", "soundcard"];
     let arguments = [&common[..], &["--live", "--for", "0.5", "--out", "live"]].concat();
     let output = command(folder.path(), &arguments)
         .env("ALSA_CONFIG_PATH", config(folder.path()))
@@ -120,7 +131,16 @@ fn a_card_that_is_not_there_is_named() {
         .replace("\"parts/", &format!("\"{}/", shipped("parts")))
         .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
     fs::write(folder.path().join("g.ron"), graph).unwrap();
-    let output = command(folder.path(), &["run", "g.ron", "--live", "--for", "0.1"])
+    let run = [
+        "run",
+        "g.ron",
+        "--live",
+        "--endpoints",
+        "soundcard",
+        "--for",
+        "0.1",
+    ];
+    let output = command(folder.path(), &run)
         .env("ALSA_CONFIG_PATH", config(folder.path()))
         .output()
         .unwrap();
