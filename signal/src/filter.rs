@@ -1,11 +1,13 @@
 //! Filters as cascades of second-order sections: what they are, how they answer, and how they run.
 
 mod design;
+mod lanes;
 
 pub use design::{
     DesignError, MAX_ORDER, bessel_lowpass, butterworth_bandpass, butterworth_highpass, butterworth_lowpass,
     double_pole,
 };
+pub use lanes::SectionLanes;
 
 use crate::Complex64;
 

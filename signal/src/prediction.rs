@@ -239,6 +239,36 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
     Ok(())
 }
 
+/// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same bits.
+///
+/// Whether all are stable; if not, the rows are of no meaning.
+#[inline(always)]
+#[must_use]
+pub(crate) fn step_down_lanes<const L: usize>(rows: &mut [[f64; L]]) -> bool {
+    let mut unstable = [0.0; L];
+    for order in (1..=rows.len()).rev() {
+        let lower = order - 1;
+        let (k, mut scale) = (rows[lower], [0.0; L]);
+        for l in 0..L {
+            unstable[l] += if k[l].abs() < 1.0 { 0.0 } else { 1.0 };
+            scale[l] = 1.0 / (1.0 - k[l] * k[l]);
+        }
+        for i in 0..lower / 2 {
+            let (near, far) = (rows[i], rows[lower - 1 - i]);
+            for l in 0..L {
+                rows[i][l] = (near[l] - k[l] * far[l]) * scale[l];
+                rows[lower - 1 - i][l] = (far[l] - k[l] * near[l]) * scale[l];
+            }
+        }
+        if lower % 2 == 1 {
+            for (middle, k) in rows[lower / 2].iter_mut().zip(k) {
+                *middle /= 1.0 + k;
+            }
+        }
+    }
+    unstable == [0.0; L]
+}
+
 /// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and the
 /// taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
 pub(crate) fn ladder(

@@ -1,9 +1,13 @@
 //! Warped lattices in lanes.
 
+mod solve;
+
 use super::{Frames, Group};
 use crate::arma::warped::Stages;
 use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over};
+use crate::warped::first_error;
 use pulp::Arch;
+use solve::SetAll;
 
 /// Voices in a group: two of the widest vectors, as every stage waits for its neighbour.
 const LANES: usize = 16;
@@ -117,14 +121,36 @@ impl WarpedGroup {
             self.turned[m][lane] = stages.turned[m];
             self.share[m][lane] = turn * stages.alpha[m];
         }
-        self.silence(lane, ar.len().min(self.order[lane]));
+        self.begin(lane, ar.len(), warping);
+        self.out_scale[lane] = stages.out_scale * turn.sqrt();
+        Ok(())
+    }
+
+    /// See [`WarpedBank::set_group`](super::WarpedBank::set_group).
+    pub fn set_all(&mut self, ar: &[Lanes], warping: f64, gain: &Lanes) -> Result<(), (usize, ArmaError)> {
+        let (arch, group) = (self.arch, self);
+        let is_set = arch.dispatch(SetAll {
+            group,
+            ar,
+            warping,
+            gain,
+        });
+        let wrong = |lane: usize, ar: &[f64]| Stages::new(arch, ar, warping, gain[lane]).map(drop);
+        is_set.then_some(()).ok_or_else(|| first_error(ar, wrong))
+    }
+
+    /// Takes a voice to another order and warping factor: signals of stages that are gone must not come back with them.
+    #[inline(always)]
+    fn begin(&mut self, lane: usize, order: usize, warping: f64) {
+        if order != self.order[lane] {
+            self.silence(lane, order.min(self.order[lane]));
+        }
+        let turn = 1.0 - warping * warping;
         if warping != self.warping[lane] {
             let scale = (turn / self.turn[lane]).sqrt();
             self.state.iter_mut().for_each(|row| row[lane] *= scale);
         }
-        (self.order[lane], self.warping[lane], self.turn[lane]) = (ar.len(), warping, turn);
-        self.out_scale[lane] = stages.out_scale * turn.sqrt();
-        Ok(())
+        (self.order[lane], self.warping[lane], self.turn[lane]) = (order, warping, turn);
     }
 
     /// Puts the stages of a voice from `first` on to rest.
