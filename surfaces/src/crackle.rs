@@ -4,6 +4,10 @@
 //! Gaussian process of variance 1 that forgets exponentially. The mean of `v` is 1, so that power and spectrum stay what the
 //! map says; only the distribution changes: its excess kurtosis is `3 (exp(s^2) - 1)`.
 
+mod lanes;
+
+pub(crate) use lanes::CrackleLanes;
+
 use crate::TextureError;
 use haptograph_signal::noise::Gaussian;
 

@@ -153,6 +153,16 @@ impl Interpolator {
         };
     }
 
+    /// The mix at a spot as it is before it is converted, into a lane of `rows`: line spectral frequencies of the AR and the MA
+    /// polynomial, gain, and variance (of warped models the root of their power).
+    pub(crate) fn mix_into<const L: usize>(&self, spot: &Spot, lane: usize, rows: &mut [[f64; L]]) {
+        let mut mix = [0.0; MAX_ROW];
+        self.mix(spot.vertices, spot.weights, &mut mix);
+        for (row, mixed) in rows.iter_mut().zip(&mix) {
+            row[lane] = *mixed;
+        }
+    }
+
     /// The triangle and weights at a speed in m/s and a force in N, saturated.
     pub fn locate(&mut self, speed_m_s: f64, force_n: f64) -> Spot {
         let (speed_m_s, force_n) = self.map.saturate(speed_m_s, force_n);

@@ -7,6 +7,7 @@
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
 //! - [`mod@leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
 //! - [`synthesis`]: the vibration of a texture along a trajectory of speed and force.
+//! - [`voices`]: the vibrations of many textures at once.
 //! - [`scaling`], [`clusters`]: the statistics behind the map.
 
 pub mod clusters;
@@ -18,6 +19,7 @@ pub mod scaling;
 pub mod study;
 pub mod synthesis;
 pub mod tables;
+pub mod voices;
 
 pub use clusters::{Merge, cut_tree, hierarchical, k_means, purity};
 pub use conditions::{Condition, centre_for};
@@ -28,3 +30,4 @@ pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};
 pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
 pub use tables::{DifferenceTable, TableError, TableSettings, TestSet, spectral_differences};
+pub use voices::{Voice, VoiceError, synthesise_many};

@@ -165,28 +165,12 @@ pub fn synthesise(
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<Vec<f64>, SynthesisError> {
+    check(texture, trajectory, settings)?;
     let Trajectory {
         rate_hz,
         speed_m_s,
         force_n,
     } = trajectory;
-    if texture.rate_hz() != *rate_hz {
-        return Err(SynthesisError::Rates {
-            texture_hz: texture.rate_hz(),
-            trajectory_hz: *rate_hz,
-        });
-    }
-    if speed_m_s.len() != force_n.len() {
-        return Err(SynthesisError::Lengths {
-            speeds: speed_m_s.len(),
-            forces: force_n.len(),
-        });
-    }
-    if !(settings.update_hz.is_finite() && settings.update_hz > 0.0) {
-        return Err(SynthesisError::UpdateRate {
-            update_hz: settings.update_hz,
-        });
-    }
     let mut interpolator = Interpolator::new(texture);
     let mut coefficients = Coefficients::SILENCE;
     let mut filter = ArmaFilter::new(Form::Lattice);
@@ -235,6 +219,30 @@ pub fn synthesise(
         lines.add_to(&mut vibration[samples]);
     }
     Ok(vibration)
+}
+
+/// Refuses what does not fit together.
+pub(super) fn check(
+    texture: &TextureModel,
+    trajectory: &Trajectory,
+    settings: &SynthesisSettings,
+) -> Result<(), SynthesisError> {
+    let (texture_hz, trajectory_hz) = (texture.rate_hz(), trajectory.rate_hz);
+    if texture_hz != trajectory_hz {
+        return Err(SynthesisError::Rates {
+            texture_hz,
+            trajectory_hz,
+        });
+    }
+    let (speeds, forces) = (trajectory.speed_m_s.len(), trajectory.force_n.len());
+    if speeds != forces {
+        return Err(SynthesisError::Lengths { speeds, forces });
+    }
+    let update_hz = settings.update_hz;
+    if !(update_hz.is_finite() && update_hz > 0.0) {
+        return Err(SynthesisError::UpdateRate { update_hz });
+    }
+    Ok(())
 }
 
 /// The updates of a filter as a graph's clocks make them: at which sample speed and force are taken, and for which samples

@@ -11,42 +11,57 @@ const MAX_FACTORS: usize = MAX_ORDER / 2;
 /// # Panics
 /// If the slices' lengths differ or exceed [`MAX_ORDER`].
 pub fn lsf_to_ar(lsf: &[f64], ar: &mut [f64]) {
+    lsf_to_ar_lanes(lsf.as_chunks::<1>().0, ar.as_chunks_mut::<1>().0);
+}
+
+/// [`lsf_to_ar`] of as many polynomials as there are lanes, row k the k-th number of all, with the same bits.
+///
+/// # Panics
+/// As there.
+#[inline(always)]
+pub(crate) fn lsf_to_ar_lanes<const L: usize>(lsf: &[[f64; L]], ar: &mut [[f64; L]]) {
     let order = lsf.len();
     assert!(
         order == ar.len() && order <= MAX_ORDER,
         "one coefficient per LSF, at most {MAX_ORDER}"
     );
-    let mut b = [0.0; MAX_ORDER];
-    for (b, &frequency) in b.iter_mut().zip(lsf) {
-        *b = -2.0 * cos(frequency);
+    let mut b = [[0.0; L]; MAX_ORDER];
+    for (b, frequencies) in b.iter_mut().zip(lsf) {
+        *b = std::array::from_fn(|l| -2.0 * cos(frequencies[l]));
     }
     // Either polynomial is palindromic once rid of its zeros at z = 1 and z = -1: the first half is enough. Both are
     // multiplied up side by side, [sum, difference].
     let pairs = order / 2;
-    let mut half = [[0.0; 2]; MAX_FACTORS + 1];
-    half[0] = [1.0; 2];
+    let mut half = [[[0.0; L]; 2]; MAX_FACTORS + 1];
+    half[0] = [[1.0; L]; 2];
     for (factors, &pair) in SPREAD[pairs][..pairs].iter().enumerate() {
         multiply(&mut half, factors, &b.as_chunks::<2>().0[pair as usize]);
     }
+    // A = (P + Q) / 2, of which P is a palindrome and Q one but for its sign.
+    let mut put = |k: usize, p: [f64; L], q: [f64; L]| {
+        ar[k - 1] = std::array::from_fn(|l| 0.5 * (p[l] + q[l]));
+        ar[order - k] = std::array::from_fn(|l| 0.5 * (p[l] - q[l]));
+    };
     if order.is_multiple_of(2) {
         // P = sum (1 + 1/z), Q = difference (1 - 1/z).
         for k in 1..=pairs {
-            let p = half[k][0] + half[k - 1][0];
-            let q = half[k][1] - half[k - 1][1];
-            ar[k - 1] = 0.5 * (p + q);
-            ar[order - k] = 0.5 * (p - q);
+            let p = std::array::from_fn(|l| half[k][0][l] + half[k - 1][0][l]);
+            let q = std::array::from_fn(|l| half[k][1][l] - half[k - 1][1][l]);
+            put(k, p, q);
         }
     } else {
         // P has one factor more, Q = difference (1 - 1/z²), of which the middle coefficient is zero.
         let difference = half;
-        multiply(&mut half, pairs, &[b[order - 1], 0.0]);
+        multiply(&mut half, pairs, &[b[order - 1], [0.0; L]]);
         for k in 1..=pairs {
-            let p = half[k][0];
-            let q = difference[k][1] - if k >= 2 { difference[k - 2][1] } else { 0.0 };
-            ar[k - 1] = 0.5 * (p + q);
-            ar[order - k] = 0.5 * (p - q);
+            let before = if k >= 2 { difference[k - 2][1] } else { [0.0; L] };
+            put(
+                k,
+                half[k][0],
+                std::array::from_fn(|l| difference[k][1][l] - before[l]),
+            );
         }
-        ar[pairs] = 0.5 * half[pairs + 1][0];
+        ar[pairs] = half[pairs + 1][0].map(|p| 0.5 * p);
     }
 }
 
@@ -72,24 +87,37 @@ const SPREAD: [[u8; MAX_FACTORS]; MAX_FACTORS + 1] = {
     orders
 };
 
+/// The sum and the difference polynomial of as many voices as there are lanes: a coefficient of each.
+type Pair<const L: usize> = [[f64; L]; 2];
+
+/// A number of each polynomial and lane.
+#[inline(always)]
+fn each<const L: usize>(f: impl Fn(usize, usize) -> f64) -> Pair<L> {
+    std::array::from_fn(|i| std::array::from_fn(|l| f(i, l)))
+}
+
 /// Multiplies palindromes of `factors` quadratic factors, of which `half` holds coefficients 0 to `factors`, by
 /// 1 + b z⁻¹ + z⁻².
-#[inline]
-fn multiply(half: &mut [[f64; 2]; MAX_FACTORS + 1], factors: usize, b: &[f64; 2]) {
+#[inline(always)]
+fn multiply<const L: usize>(half: &mut [Pair<L>; MAX_FACTORS + 1], factors: usize, b: &Pair<L>) {
     // A palindrome's coefficient after the middle one is the one before it.
-    let beyond = if factors >= 1 { half[factors - 1] } else { [0.0; 2] };
-    half[factors + 1] = std::array::from_fn(|i| b[i] * half[factors][i] + 2.0 * beyond[i]);
+    let beyond = if factors >= 1 {
+        half[factors - 1]
+    } else {
+        [[0.0; L]; 2]
+    };
+    half[factors + 1] = each(|i, l| b[i][l] * half[factors][i][l] + 2.0 * beyond[i][l]);
     for k in (2..=factors).rev() {
-        half[k] = std::array::from_fn(|i| half[k][i] + b[i] * half[k - 1][i] + half[k - 2][i]);
+        half[k] = each(|i, l| half[k][i][l] + b[i][l] * half[k - 1][i][l] + half[k - 2][i][l]);
     }
     if factors >= 1 {
-        half[1] = std::array::from_fn(|i| half[1][i] + b[i]);
+        half[1] = each(|i, l| half[1][i][l] + b[i][l]);
     }
 }
 
 /// Cosine on [0, π] to within two units in the last place of 1, by a Chebyshev fit of the sine about π/2: without the
 /// system library's branches, so that several go side by side.
-#[inline]
+#[inline(always)]
 fn cos(x: f64) -> f64 {
     const FRAC_PI_2_LOW: f64 = 6.123233995736766e-17;
     const SINE: [f64; 9] = [

@@ -9,6 +9,7 @@ mod from_lsf;
 mod to_lsf;
 
 pub use from_lsf::lsf_to_ar;
+pub(crate) use from_lsf::lsf_to_ar_lanes;
 pub use to_lsf::ar_to_lsf;
 
 /// Highest order of a polynomial that is converted.

@@ -8,9 +8,12 @@ use crate::metrics::{BandErrors, BandPowers, Bands, WindowSettings, compare, log
 use crate::recording::ProcessedRecording;
 use crate::statistics::mean;
 use haptograph_signal::noise::Gaussian;
+use std::collections::VecDeque;
 
 /// How many pairs of stationary takes tell the estimator's own distance.
 const STATIONARY: u64 = 8;
+/// Samples that are played ahead, where one seed is not longer: 128 MiB.
+const MAX_SAMPLES: usize = 16 << 20;
 
 /// How far a method is from the test part. What is played is Gaussian noise of several seeds: their powers are averaged.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,6 +131,25 @@ fn kurtosis<'a>(pieces: impl Iterator<Item = &'a [f64]>) -> f64 {
     sum / samples.max(1) as f64
 }
 
+/// The vibrations of a seed along each trajectory, and of the seeds that follow, as many as fit into a bank and into memory.
+fn play_seeds(
+    player: &Player,
+    trajectories: &[Trajectory],
+    settings: &HoldoutSettings,
+    first: u64,
+) -> Result<VecDeque<Vec<f64>>, SynthesisError> {
+    let samples: usize = trajectories.iter().map(|along| along.speed_m_s.len()).sum();
+    let at_once = (MAX_SAMPLES / samples.max(1)).clamp(1, 16) as u64;
+    let seeds = first..settings.seeds.max(1).min(first + at_once);
+    // Pieces are excited by noise of their own.
+    let seeded = |seed: u64| {
+        let pieces = trajectories.iter().zip(0..);
+        pieces.map(move |(along, piece)| (along, settings.seed.wrapping_add(seed + 1000 * piece)))
+    };
+    let each: Vec<(&Trajectory, u64)> = seeds.flat_map(seeded).collect();
+    Ok(player.play(&each)?.into())
+}
+
 /// Plays what was learned along the test part and compares.
 pub fn measured(
     player: &Player,
@@ -141,13 +163,12 @@ pub fn measured(
     let (mut powers, mut kurtoses, mut envelopes, mut floors) = (vec![], vec![], vec![], vec![]);
     let mut last: Option<Vec<Vec<f64>>> = None;
     let mut nse_pe = None;
+    let mut ahead = VecDeque::new();
     for seed in 0..settings.seeds.max(1) {
-        let played = trajectories
-            .iter()
-            .zip(0..)
-            // Pieces are excited by noise of their own.
-            .map(|(along, piece)| player.play(along, settings.seed.wrapping_add(seed + 1000 * piece)))
-            .collect::<Result<Vec<_>, _>>()?;
+        if ahead.is_empty() {
+            ahead = play_seeds(player, &trajectories, settings, seed)?;
+        }
+        let played: Vec<Vec<f64>> = ahead.drain(..trajectories.len()).collect();
         let pieces = || played.iter().map(Vec::as_slice);
         powers.push(target.bands.of_signal(pieces(), target.rate_hz));
         kurtoses.push(kurtosis(pieces()));

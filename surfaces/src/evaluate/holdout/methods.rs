@@ -1,6 +1,7 @@
 //! What is compared: the floor, ways to learn a texture, and plain baselines that any texture has to beat.
 
-use super::super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, synthesise, updates};
+use super::super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, updates};
+use super::super::voices::{Voice, synthesise_many};
 use crate::learning::TextureMethod;
 use crate::learning::texture::LearnTextureError;
 use crate::recording::ProcessedRecording;
@@ -108,19 +109,32 @@ impl Player {
         }
     }
 
-    /// The vibration along a trajectory.
+    /// The vibrations along trajectories, each with its seed.
     ///
     /// # Errors
     /// [`SynthesisError`].
-    pub fn play(&self, along: &Trajectory, seed: u64) -> Result<Vec<f64>, SynthesisError> {
-        let settings = SynthesisSettings {
+    pub fn play(&self, along: &[(&Trajectory, u64)]) -> Result<Vec<Vec<f64>>, SynthesisError> {
+        let settings = |seed: u64| SynthesisSettings {
             seed,
             lines_seed: seed,
             ..SynthesisSettings::default()
         };
         match self {
-            Self::Texture(texture) => synthesise(texture, along, &settings),
-            Self::Nearest { models, scales, .. } => play_nearest(models, *scales, along, &settings),
+            Self::Texture(texture) => {
+                let voices: Vec<Voice<'_>> = along
+                    .iter()
+                    .map(|(trajectory, seed)| Voice {
+                        texture,
+                        trajectory,
+                        settings: settings(*seed),
+                    })
+                    .collect();
+                synthesise_many(&voices, 1).map_err(|error| error.source)
+            }
+            Self::Nearest { models, scales, .. } => along
+                .iter()
+                .map(|(along, seed)| play_nearest(models, *scales, along, &settings(*seed)))
+                .collect(),
         }
     }
 }

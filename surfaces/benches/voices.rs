@@ -1,0 +1,121 @@
+//! Many textures at once beside one after the other, and beside what the processor can do at most.
+//!
+//! `cargo bench -p haptograph-surfaces --bench voices`. For NumPy and SciPy see `benches/many_voices`.
+
+#[path = "../../benches/contest/mod.rs"]
+mod contest;
+
+use contest::Work;
+use haptograph_surfaces::TextureModel;
+use haptograph_surfaces::evaluate::{
+    RandomWalk, SynthesisSettings, Trajectory, Voice, synthesise, synthesise_many,
+};
+use haptograph_surfaces::files;
+use pulp::{Arch, Simd, WithSimd};
+use std::hint::black_box;
+use std::path::Path;
+
+const VOICES: usize = 64;
+const SECONDS: f64 = 1.0;
+/// Multiplications and multiply-adds of a warped lattice, a stage and sample: see the bank of `haptograph_signal::arma`.
+const OPERATIONS: usize = 8;
+
+fn main() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/surfaces/t2-canvas.ron");
+    let surface = files::load(&path).expect("the shipped surface");
+    let whole = surface.texture.expect("it has a texture");
+    let bare = whole
+        .clone()
+        .with_crackle(None)
+        .with_highpass_hz(None)
+        .expect("less is sound");
+    for (name, texture) in [
+        ("with its crackle and high-pass", &whole),
+        ("the map alone", &bare),
+    ] {
+        voices(name, texture);
+    }
+    bound(whole.ar_order());
+}
+
+fn voices(name: &str, texture: &TextureModel) {
+    let walk = |seed: u64| {
+        RandomWalk {
+            seconds: SECONDS,
+            seed,
+            ..RandomWalk::default()
+        }
+        .trajectory()
+    };
+    let walks: Vec<Trajectory> = (0..VOICES as u64).map(walk).collect();
+    let settings = |seed: u64| SynthesisSettings {
+        seed,
+        ..SynthesisSettings::default()
+    };
+    let voice = |(trajectory, seed)| Voice {
+        texture,
+        trajectory,
+        settings: settings(seed),
+    };
+    let voices: Vec<Voice<'_>> = walks.iter().zip(0..).map(voice).collect();
+    let mut alone = || {
+        for voice in &voices {
+            let _ = black_box(synthesise(voice.texture, voice.trajectory, &voice.settings));
+        }
+    };
+    let in_banks = |size: usize| {
+        for bank in voices.chunks(size) {
+            let _ = black_box(synthesise_many(bank, 1));
+        }
+    };
+    let work = Work {
+        title: &format!(
+            "{VOICES} voices of order {} at 10 kHz, {name}, new coefficients at 240 Hz",
+            texture.ar_order()
+        ),
+        unit: "voice and sample",
+        units: VOICES * (SECONDS * texture.rate_hz()) as usize,
+        turns: 7,
+    };
+    let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
+        ("synthesise", &mut alone),
+        ("synthesise_many, banks of 1", &mut || in_banks(1)),
+        ("synthesise_many, banks of 16", &mut || in_banks(16)),
+        ("synthesise_many, banks of 64", &mut || in_banks(64)),
+    ];
+    contest::compare(work, contenders);
+}
+
+/// Multiply-adds that wait for nothing but the units.
+struct Peak<'a>(&'a mut [[f64; 16]; 8], usize);
+
+impl WithSimd for Peak<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let mut sums = *self.0;
+        for _ in 0..self.1 {
+            for sum in &mut sums {
+                for x in sum {
+                    *x = x.mul_add(0.999, 0.001);
+                }
+            }
+        }
+        *self.0 = sums;
+    }
+}
+
+fn bound(order: usize) {
+    const ROUNDS: usize = 100_000;
+    let mut sums = [[0.5; 16]; 8];
+    let mut run = || Arch::new().dispatch(Peak(black_box(&mut sums), ROUNDS));
+    let per_sample = OPERATIONS * order;
+    let work = Work {
+        title: &format!("the {per_sample} operations of a sample, where they wait for nothing"),
+        unit: "voice and sample",
+        units: ROUNDS * 16 * 8 / per_sample,
+        turns: 21,
+    };
+    contest::compare(work, &mut [("multiply-adds", &mut run)]);
+}

@@ -1,0 +1,115 @@
+//! The vibrations of many textures at once: side by side in SIMD lanes, each the same to the bit whatever the others.
+
+mod group;
+
+use super::synthesis::{SynthesisError, SynthesisSettings, Trajectory, check};
+use crate::TextureModel;
+use group::{Group, LANES};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A vibration that is wanted: see [`synthesise`](super::synthesise).
+#[derive(Debug, Clone, Copy)]
+pub struct Voice<'a> {
+    /// What sounds.
+    pub texture: &'a TextureModel,
+    /// Along what.
+    pub trajectory: &'a Trajectory,
+    /// And how.
+    pub settings: SynthesisSettings,
+}
+
+/// Why nothing was synthesised.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("voice {voice} (from 0): {source}")]
+pub struct VoiceError {
+    /// The voice's number, from 0.
+    pub voice: usize,
+    /// What is wrong with it.
+    pub source: SynthesisError,
+}
+
+/// What voices have in common that share lanes: then no operation is done for the sake of a neighbour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Shape {
+    /// Rate, updates a second and warping factor, as bits.
+    numbers: [u64; 3],
+    orders: [usize; 2],
+    crackles: bool,
+    has_highpass: bool,
+}
+
+impl Shape {
+    fn of(voice: &Voice<'_>) -> Self {
+        let Voice {
+            texture, settings, ..
+        } = voice;
+        Self {
+            numbers: [texture.rate_hz(), settings.update_hz, texture.warping()].map(f64::to_bits),
+            orders: [texture.ar_order(), texture.ma_order()],
+            crackles: texture.crackle().is_some(),
+            has_highpass: texture.highpass_hz().is_some(),
+        }
+    }
+}
+
+/// The acceleration, m/s², of each voice, on so many threads.
+///
+/// A voice has the same bits in any company and on any number of threads, and those of [`synthesise`](super::synthesise) but for rounding. Memory is
+/// that of the vibrations. Voices of one order and rate fill the lanes best, sixteen at a time.
+///
+/// # Errors
+/// What [`synthesise`](super::synthesise) says of a voice that it would refuse.
+pub fn synthesise_many(voices: &[Voice<'_>], threads: usize) -> Result<Vec<Vec<f64>>, VoiceError> {
+    let groups = groups(voices)?;
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mine = std::iter::from_fn(|| groups.get(next.fetch_add(1, Ordering::Relaxed)));
+        mine.map(|group| play(voices, group))
+            .collect::<Result<Vec<_>, _>>()
+    };
+    let played = match threads.min(groups.len()) {
+        0 | 1 => vec![work()],
+        threads => std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+            let ended = workers.into_iter().map(|worker| worker.join());
+            ended
+                .map(|ended| ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect()
+        }),
+    };
+    let mut vibrations = vec![vec![]; voices.len()];
+    for group in played {
+        for (number, vibration) in group?.into_iter().flatten() {
+            vibrations[number] = vibration;
+        }
+    }
+    Ok(vibrations)
+}
+
+/// The numbers of voices that share lanes.
+fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
+    let mut shapes: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
+    for (number, voice) in voices.iter().enumerate() {
+        check(voice.texture, voice.trajectory, &voice.settings).map_err(|source| VoiceError {
+            voice: number,
+            source,
+        })?;
+        shapes.entry(Shape::of(voice)).or_default().push(number);
+    }
+    let groups = shapes.values().flat_map(|numbers| numbers.chunks(LANES));
+    Ok(groups.map(<[usize]>::to_vec).collect())
+}
+
+/// The vibrations of a group, by number.
+fn play(voices: &[Voice<'_>], numbers: &[usize]) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
+    let members: Vec<&Voice<'_>> = numbers.iter().map(|number| &voices[*number]).collect();
+    let played = Group::new(&members).play().map_err(|(lane, source)| VoiceError {
+        voice: numbers.get(lane).copied().unwrap_or_default(),
+        source,
+    })?;
+    Ok(numbers.iter().copied().zip(played).collect())
+}
+
+#[cfg(test)]
+mod tests;
