@@ -5,6 +5,7 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
 //! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
 
+pub mod batch;
 pub mod crackle;
 pub mod evaluate;
 pub mod files;
@@ -15,6 +16,7 @@ pub mod lines;
 pub mod lsf;
 pub mod metrics;
 pub mod model;
+mod npz;
 pub mod provenance;
 pub mod recording;
 pub mod resampling;

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 pub use hatt::{HattProblem, HattWriteError};
 pub use write::write_atomically;
+pub(crate) use write::{TEMPORARY, write_atomically_by};
 
 /// More models than this in one texture, or samples in one tap, are refused when reading a file.
 pub const MAX_MODELS: usize = 1024;
@@ -199,7 +200,7 @@ pub struct Place {
 
 impl Place {
     /// The place that follows `before`.
-    fn after(before: &str) -> Place {
+    pub(crate) fn after(before: &str) -> Place {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place {
             line: before.bytes().filter(|&byte| byte == b'\n').count() + 1,

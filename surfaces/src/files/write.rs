@@ -5,35 +5,39 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// How the names of temporary files end: a killed process leaves one.
+pub(crate) const TEMPORARY: &str = ".tmp";
+
 /// Writes `bytes` to `path`, replacing what was there only once all is on disk: through a temporary file beside it.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_atomically_by(path, |file| file.write_all(bytes))
+}
+
+/// The same for what `fill` writes.
+pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
     static WRITES: AtomicU64 = AtomicU64::new(0);
     let name = path
         .file_name()
         .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
     let mut temporary = name.to_owned();
     temporary.push(format!(
-        ".{}-{}.tmp",
+        ".{}-{}{TEMPORARY}",
         std::process::id(),
         WRITES.fetch_add(1, Ordering::Relaxed)
     ));
     let temporary = path.with_file_name(temporary);
-    let written = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(&temporary)
-        .and_then(|file| fill(file, bytes));
-    let moved = written.and_then(|()| std::fs::rename(&temporary, path));
+    let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
+    let written = file.and_then(|mut file| {
+        let filled = fill(&mut file)?;
+        file.sync_all()?;
+        Ok(filled)
+    });
+    let moved = written.and_then(|filled| std::fs::rename(&temporary, path).map(|()| filled));
     if moved.is_err() {
         // The first error is the one to report.
         let _ = std::fs::remove_file(&temporary);
     }
     moved
-}
-
-fn fill(mut file: File, bytes: &[u8]) -> io::Result<()> {
-    file.write_all(bytes)?;
-    file.sync_all()
 }
 
 #[cfg(test)]

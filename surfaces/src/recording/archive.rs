@@ -16,22 +16,19 @@ use super::ReadError;
 use super::{
     AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
 };
+use crate::npz::{array_header, begin, put_rows};
 use crate::{Origin, Provenance};
-use npyz::{NpyHeader, Order, WriterBuilder};
+use npyz::Order;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Cursor, Read, Seek, Write};
-use zip::write::{SimpleFileOptions, ZipWriter};
+use std::io::{Cursor, Read, Seek, Write};
+use zip::write::ZipWriter;
 use zip::{CompressionMethod, ZipArchive};
 
 /// The format's number in the head. A reader refuses others.
 const FORMAT: u32 = 1;
 /// The most a head may hold, bytes.
 pub(super) const MAX_HEAD_BYTES: u64 = 1 << 20;
-/// Members of more bytes need the large form of an archive; what an array's header takes is left to them.
-const MAX_SMALL_BYTES: u64 = 0xffff_0000;
-/// The most an array's own header may hold, bytes. NumPy writes 128.
-const MAX_ARRAY_HEADER_BYTES: usize = 4096;
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename = "Recording", deny_unknown_fields)]
@@ -249,19 +246,6 @@ fn text_of(head: &Head) -> std::io::Result<String> {
     ron::ser::to_string_pretty(head, pretty).map_err(std::io::Error::other)
 }
 
-/// Begins a member of so many bytes.
-pub(super) fn begin<W: Write + Seek>(
-    archive: &mut ZipWriter<W>,
-    name: &str,
-    bytes: u64,
-) -> std::io::Result<()> {
-    // Stored, so that reading costs no more memory than the file; dated 1980, so that the same recording gives the same bytes.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .large_file(bytes > MAX_SMALL_BYTES);
-    archive.start_file(name, options).map_err(std::io::Error::other)
-}
-
 /// Adds an array; `row` is the shape of one sample.
 fn put<W: Write + Seek>(
     archive: &mut ZipWriter<W>,
@@ -272,30 +256,6 @@ fn put<W: Write + Seek>(
     let values: Vec<f64> = values.collect();
     let rows = values.len() as u64 / row.iter().product::<u64>();
     put_rows(archive, name, row, rows, values.into_iter().map(Ok))
-}
-
-/// Adds an array of so many rows, in memory of a constant size.
-pub(super) fn put_rows<W: Write + Seek>(
-    archive: &mut ZipWriter<W>,
-    name: &str,
-    row: &[u64],
-    rows: u64,
-    values: impl Iterator<Item = std::io::Result<f64>>,
-) -> std::io::Result<()> {
-    let bytes = rows * row.iter().product::<u64>() * 8;
-    begin(archive, &format!("{name}.npy"), bytes)?;
-    let shape: Vec<u64> = std::iter::once(rows).chain(row.iter().copied()).collect();
-    let mut buffered = BufWriter::new(archive);
-    let mut writer = npyz::WriteOptions::new()
-        .default_dtype()
-        .shape(&shape)
-        .writer(&mut buffered)
-        .begin_nd()?;
-    for value in values {
-        writer.push(&value?)?;
-    }
-    writer.finish()?;
-    buffered.flush()
 }
 
 /// A recording from the bytes of an archive.
@@ -464,9 +424,8 @@ impl Archive<'_> {
 }
 
 fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
-    check_array_header(bytes)?;
     let mut data = bytes;
-    let header = NpyHeader::from_reader(&mut data).map_err(|e| e.to_string())?;
+    let header = array_header(&mut data)?;
     if header.shape().get(1..) != Some(row) {
         return Err(format!(
             "its shape is {:?}, expected is (n) followed by {row:?}",
@@ -499,23 +458,5 @@ fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
             data.len()
         )),
         other => Err(format!("its numbers are {other}; save little-endian doubles")),
-    }
-}
-
-/// The array's header is a Python expression of any length and depth; NumPy's own are short and shallow.
-fn check_array_header(bytes: &[u8]) -> Result<(), String> {
-    let wide = bytes.get(6).is_some_and(|&major| major > 1);
-    let length = match (wide, bytes.get(8..12)) {
-        (true, Some(&[a, b, c, d])) => u32::from_le_bytes([a, b, c, d]) as usize,
-        (false, Some(&[a, b, ..])) => usize::from(u16::from_le_bytes([a, b])),
-        _ => return Err("it is no array".to_owned()),
-    };
-    let text = bytes
-        .get(if wide { 12 } else { 10 }..)
-        .and_then(|rest| rest.get(..length));
-    let opening = |text: &[u8]| text.iter().filter(|b| matches!(b, b'(' | b'[' | b'{')).count();
-    match text {
-        Some(text) if length <= MAX_ARRAY_HEADER_BYTES && opening(text) <= 4 => Ok(()),
-        _ => Err("its header is not one that NumPy writes".to_owned()),
     }
 }

@@ -2,7 +2,8 @@
 //! file of little-endian doubles for each array, of which the archive is made at the end. What a dead process left
 //! becomes the same archive by [`assemble`].
 
-use super::archive::{MAX_HEAD_BYTES, RawHead, begin, put_rows, raw_head};
+use super::archive::{MAX_HEAD_BYTES, RawHead, raw_head};
+use crate::npz::{begin, put_rows};
 use haptograph_signal::files;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};

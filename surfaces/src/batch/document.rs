@@ -1,0 +1,200 @@
+//! A plan as it is written.
+
+use crate::evaluate::Trajectory;
+use crate::files::Place;
+use ron::extensions::Extensions;
+use ron::value::RawValue;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// A plan, field by field.
+#[derive(Debug, Deserialize)]
+#[serde(rename = "Batch", deny_unknown_fields)]
+pub struct Document {
+    pub surfaces: Vec<String>,
+    pub motions: BTreeMap<String, Motion>,
+    pub jobs: Jobs,
+    #[serde(default = "all_signals")]
+    pub write: Vec<Signal>,
+    #[serde(default)]
+    pub samples: Samples,
+    #[serde(default = "usual_update_hz")]
+    pub update_hz: f64,
+    #[serde(default = "usual_jobs_per_chunk")]
+    pub jobs_per_chunk: u64,
+}
+
+/// How a hand moves.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Motion {
+    /// A random walk through speed and force, another for each seed.
+    RandomWalk {
+        seconds: f64,
+        speed_mm_s: (f64, f64),
+        force_n: (f64, f64),
+        #[serde(default = "usual_cutoff_hz")]
+        cutoff_hz: f64,
+    },
+    /// One speed and force.
+    Constant {
+        seconds: f64,
+        speed_mm_s: f64,
+        force_n: f64,
+    },
+    /// Speed and force of a recording.
+    Recording(String),
+}
+
+/// What is rendered.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Jobs {
+    /// Every surface along every motion with every seed from the first to the last.
+    Product { seeds: (u64, u64) },
+    /// The rows of a table.
+    Table(String),
+}
+
+/// A signal of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum Signal {
+    /// Acceleration, m/s².
+    Vibration,
+    /// m/s.
+    Speed,
+    /// N.
+    Force,
+}
+
+/// How a sample is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Samples {
+    /// Rounded to single precision.
+    #[default]
+    Float32,
+    /// As it is computed.
+    Float64,
+}
+
+impl Signal {
+    /// Its samples in what a job gives.
+    pub fn of<'a>(self, trajectory: &'a Trajectory, vibration: &'a [f64]) -> &'a [f64] {
+        match self {
+            Self::Vibration => vibration,
+            Self::Speed => &trajectory.speed_m_s,
+            Self::Force => &trajectory.force_n,
+        }
+    }
+
+    /// Its name in a chunk.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vibration => "vibration_m_s2",
+            Self::Speed => "speed_m_s",
+            Self::Force => "force_n",
+        }
+    }
+}
+
+impl Samples {
+    /// NumPy's word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Float32 => "float32",
+            Self::Float64 => "float64",
+        }
+    }
+
+    /// Bytes of a sample.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Float32 => 4,
+            Self::Float64 => 8,
+        }
+    }
+}
+
+fn all_signals() -> Vec<Signal> {
+    vec![Signal::Vibration, Signal::Speed, Signal::Force]
+}
+
+fn usual_update_hz() -> f64 {
+    crate::evaluate::SynthesisSettings::default().update_hz
+}
+
+fn usual_cutoff_hz() -> f64 {
+    1.0
+}
+
+fn usual_jobs_per_chunk() -> u64 {
+    64
+}
+
+/// Where the parts of a plan stand: read only to tell where an error is.
+#[derive(Deserialize)]
+#[serde(rename = "Batch")]
+struct Places<'a> {
+    #[serde(borrow)]
+    surfaces: Vec<&'a RawValue>,
+    #[serde(borrow)]
+    motions: BTreeMap<String, &'a RawValue>,
+    #[serde(borrow)]
+    jobs: &'a RawValue,
+    #[serde(borrow, default)]
+    write: Option<&'a RawValue>,
+    #[serde(borrow, default)]
+    update_hz: Option<&'a RawValue>,
+    #[serde(borrow, default)]
+    jobs_per_chunk: Option<&'a RawValue>,
+}
+
+/// A part of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Part {
+    /// An entry of `surfaces`, from 0.
+    Surface(usize),
+    /// The motion of a name.
+    Motion(String),
+    Jobs,
+    Write,
+    UpdateHz,
+    JobsPerChunk,
+}
+
+fn options() -> ron::Options {
+    ron::Options::default()
+        .with_default_extension(Extensions::IMPLICIT_SOME)
+        .with_recursion_limit(32)
+}
+
+impl Document {
+    /// The plan in a text; or where the text is none, and why.
+    pub fn parse(text: &str) -> Result<Self, (Place, String)> {
+        options().from_str(text).map_err(|error| {
+            let start = error.span.start;
+            let place = Place {
+                line: start.line,
+                column: start.col,
+            };
+            (place, error.code.to_string())
+        })
+    }
+}
+
+/// Where a part of a plan stands in its text.
+pub fn place_of(part: &Part, text: &str) -> Option<Place> {
+    let places: Places<'_> = options().from_str(text).ok()?;
+    let raw = match part {
+        Part::Surface(number) => places.surfaces.get(*number).copied(),
+        Part::Motion(name) => places.motions.get(name).copied(),
+        Part::Jobs => Some(places.jobs),
+        Part::Write => places.write,
+        Part::UpdateHz => places.update_hz,
+        Part::JobsPerChunk => places.jobs_per_chunk,
+    };
+    let value = raw?.get_ron();
+    let begins = value.trim_start();
+    let offset = begins.as_ptr() as usize - text.as_ptr() as usize;
+    Some(Place::after(text.get(..offset)?))
+}

@@ -1,0 +1,76 @@
+//! Files named by a pattern.
+
+use super::problem::PlanProblem;
+use std::path::{Path, PathBuf};
+
+/// The files that a pattern names, in the order of their names: `*` in the last part stands for anything.
+pub fn files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
+    let path = Path::new(pattern);
+    let wanted = path.file_name().unwrap_or_default().to_string_lossy();
+    if !wanted.contains('*') {
+        return Ok(vec![path.to_owned()]);
+    }
+    let place = path.parent().unwrap_or(Path::new(""));
+    let entries = std::fs::read_dir(match folder.join(place) {
+        place if place.as_os_str().is_empty() => PathBuf::from("."),
+        place => place,
+    });
+    let names = entries
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.file_name());
+    let mut found: Vec<PathBuf> = names
+        .filter(|name| fits(&wanted, &name.to_string_lossy()))
+        .map(|name| place.join(name))
+        .collect();
+    found.sort();
+    match found.is_empty() {
+        true => Err(PlanProblem::NoMatch {
+            pattern: pattern.to_owned(),
+        }),
+        false => Ok(found),
+    }
+}
+
+/// Whether a name has the parts between the stars, in their order. Hidden names are matched by their dot alone.
+fn fits(pattern: &str, name: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let Some(mut rest) = parts.next().and_then(|first| name.strip_prefix(first)) else {
+        return false;
+    };
+    if name.starts_with('.') && !pattern.starts_with('.') {
+        return false;
+    }
+    let parts: Vec<&str> = parts.collect();
+    let Some((last, middle)) = parts.split_last() else {
+        return rest.is_empty();
+    };
+    for part in middle {
+        let Some(place) = rest.find(part) else {
+            return false;
+        };
+        rest = &rest[place + part.len()..];
+    }
+    rest.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fits;
+
+    #[test]
+    fn a_star_stands_for_anything() {
+        for (pattern, name, wanted) in [
+            ("*.ron", "a.ron", true),
+            ("*.ron", ".a.ron", false),
+            ("t*-*.ron", "t2-canvas.ron", true),
+            ("t*-*.ron", "t2canvas.ron", false),
+            ("a*a", "a", false),
+            ("a*a", "aa", true),
+            ("*", "x", true),
+        ] {
+            assert_eq!(fits(pattern, name), wanted, "{pattern} {name}");
+        }
+    }
+}

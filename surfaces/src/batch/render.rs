@@ -1,0 +1,248 @@
+//! Renders a batch, or a part of it, into a folder.
+
+use super::chunk::{Chunk, file_name, verify};
+use super::folder::{Claim, FolderError};
+use super::manifest::Manifest;
+use super::plan::Batch;
+use crate::evaluate::SynthesisError;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A part of a batch: of `of` parts of about one size the one with this number. Which chunk is in which part changes no chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    number: u64,
+    of: u64,
+}
+
+impl Shard {
+    /// Part `number`, from 1, of `of`; nothing where there is no such part.
+    pub fn new(number: u64, of: u64) -> Option<Self> {
+        (1..=of).contains(&number).then_some(Self { number, of })
+    }
+
+    /// Whether an item of this number, from 0, is in it.
+    pub fn has(&self, item: u64) -> bool {
+        item % self.of == self.number - 1
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text
+            .split_once('/')
+            .and_then(|(number, of)| Self::new(number.trim().parse().ok()?, of.trim().parse().ok()?));
+        parts.ok_or_else(|| "write it as K/N, with K from 1 to N".to_owned())
+    }
+}
+
+/// How a batch is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RenderSettings {
+    /// Which part; all of it where there is none.
+    pub shard: Option<Shard>,
+    /// Chunks that are rendered at a time. Each takes memory for itself.
+    pub threads: usize,
+}
+
+impl Default for RenderSettings {
+    /// All of it, on all cores.
+    fn default() -> Self {
+        Self {
+            shard: None,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+/// What was done.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Rendered {
+    /// Chunks of the part that was asked for.
+    pub chunks: u64,
+    /// Of these, rendered now.
+    pub rendered: u64,
+    /// Of these, there already.
+    pub kept: u64,
+    /// Files that were not the chunk that they should be, and why; they were rendered again.
+    pub replaced: Vec<(PathBuf, String)>,
+    /// Whether every chunk of the whole batch is in the folder now.
+    pub is_complete: bool,
+    /// Whether it was told to stop before the end.
+    pub was_stopped: bool,
+}
+
+/// Why a batch could not be rendered.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum RenderError {
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    #[error("job {job} cannot be rendered: {source}")]
+    Job { job: u64, source: SynthesisError },
+    #[error("cannot write {}: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+}
+
+/// What became of a chunk.
+enum Outcome {
+    Kept(String),
+    Rendered(String, Option<String>),
+    /// Of another part, and not there.
+    Absent,
+    Stopped,
+}
+
+/// Renders what is missing of a batch, or of a part of it, into a folder, and says in its manifest what is there.
+///
+/// Chunks that are there are read and their hashes compared; those that are broken are rendered again. A kill at any moment loses the chunks that
+/// are being rendered, at most. `progress` is given the part that is done, 0 to 1, from any thread. Memory is that of a chunk for each thread.
+///
+/// # Errors
+/// [`RenderError`]. What was rendered before stays.
+pub fn render(
+    batch: &Batch,
+    folder: &Path,
+    settings: &RenderSettings,
+    progress: &(dyn Fn(f64) + Sync),
+    stop: &AtomicBool,
+) -> Result<Rendered, RenderError> {
+    let _claim = Claim::of(folder, batch.identity())?;
+    let work = Work {
+        batch,
+        folder,
+        shard: settings.shard,
+        progress,
+        stop,
+        next: AtomicU64::new(0),
+        ended: AtomicU64::new(0),
+        state: Mutex::default(),
+    };
+    std::thread::scope(|scope| {
+        let threads = (settings.threads.max(1) as u64).min(batch.chunks());
+        for _ in 0..threads {
+            scope.spawn(|| work.run());
+        }
+    });
+    let State { failure, outcomes } = work.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    let (mut rendered, found) = summary(batch, folder, settings.shard, outcomes);
+    rendered.was_stopped = rendered.kept + rendered.rendered < rendered.chunks;
+    let manifest = Manifest::of(batch, &found);
+    rendered.is_complete = manifest.complete;
+    let path = folder.join(super::MANIFEST);
+    manifest
+        .write(folder)
+        .map_err(|source| RenderError::Io { path, source })?;
+    Ok(rendered)
+}
+
+/// What threads share.
+struct Work<'a> {
+    batch: &'a Batch,
+    folder: &'a Path,
+    shard: Option<Shard>,
+    progress: &'a (dyn Fn(f64) + Sync),
+    stop: &'a AtomicBool,
+    next: AtomicU64,
+    ended: AtomicU64,
+    state: Mutex<State>,
+}
+
+/// What came of it so far.
+#[derive(Default)]
+struct State {
+    failure: Option<RenderError>,
+    outcomes: BTreeMap<u64, Outcome>,
+}
+
+impl Work<'_> {
+    /// Takes chunk after chunk, until there is none left, or one fails.
+    fn run(&self) {
+        let chunks = self.batch.chunks();
+        loop {
+            let chunk = self.next.fetch_add(1, Ordering::Relaxed);
+            if chunk >= chunks || self.stop.load(Ordering::Relaxed) || self.state().failure.is_some() {
+                return;
+            }
+            let taken = self.take(chunk);
+            let mut state = self.state();
+            match taken {
+                Ok(outcome) => {
+                    state.outcomes.insert(chunk, outcome);
+                }
+                Err(error) => {
+                    state.failure.get_or_insert(error);
+                }
+            }
+            drop(state);
+            let ended = self.ended.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.progress)(ended as f64 / chunks as f64);
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sees to it that a chunk is there, if it is of this part.
+    fn take(&self, chunk: u64) -> Result<Outcome, RenderError> {
+        let path = self.folder.join(file_name(chunk));
+        let mut broken = None;
+        if path.symlink_metadata().is_ok() {
+            match verify(&path, self.batch.identity(), chunk) {
+                Ok(hash) => return Ok(Outcome::Kept(hash)),
+                Err(why) => broken = Some(why),
+            }
+        }
+        if !self.shard.is_none_or(|shard| shard.has(chunk)) {
+            return Ok(Outcome::Absent);
+        }
+        let rendered = Chunk::render(self.batch, chunk, self.stop);
+        let Some(rendered) = rendered.map_err(|(job, source)| RenderError::Job { job, source })? else {
+            return Ok(Outcome::Stopped);
+        };
+        let written = rendered.write(self.batch, &path);
+        let hash = written.map_err(|source| RenderError::Io { path, source })?;
+        Ok(Outcome::Rendered(hash, broken))
+    }
+}
+
+/// What was done, and which chunks are there.
+fn summary(
+    batch: &Batch,
+    folder: &Path,
+    shard: Option<Shard>,
+    outcomes: BTreeMap<u64, Outcome>,
+) -> (Rendered, BTreeMap<u64, String>) {
+    let is_own = |chunk: u64| shard.is_none_or(|shard| shard.has(chunk));
+    let mut done = Rendered {
+        chunks: (0..batch.chunks()).filter(|chunk| is_own(*chunk)).count() as u64,
+        ..Rendered::default()
+    };
+    let mut found = BTreeMap::new();
+    for (chunk, outcome) in outcomes {
+        match outcome {
+            Outcome::Kept(hash) => {
+                done.kept += u64::from(is_own(chunk));
+                found.insert(chunk, hash);
+            }
+            Outcome::Rendered(hash, broken) => {
+                done.rendered += 1;
+                done.replaced
+                    .extend(broken.map(|why| (folder.join(file_name(chunk)), why)));
+                found.insert(chunk, hash);
+            }
+            Outcome::Absent | Outcome::Stopped => {}
+        }
+    }
+    (done, found)
+}

@@ -1,0 +1,74 @@
+//! Jobs from a table: a CSV file with the columns `surface`, `motion` and `seed`.
+
+use super::plan::{Batch, Job};
+use super::problem::{PlanError, PlanProblem};
+use crate::files::Place;
+use csv::{ReaderBuilder, Trim};
+use haptograph_signal::files;
+use serde::Deserialize;
+use std::path::Path;
+
+/// Longer tables are not read, bytes: ten million jobs.
+const MAX_BYTES: u64 = 512 << 20;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row<'a> {
+    surface: &'a str,
+    motion: &'a str,
+    seed: u64,
+}
+
+/// The jobs of a table, and the bytes that they are from.
+pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
+    let failed = |line: Option<u64>, problem| PlanError {
+        path: path.to_owned(),
+        place: line.map(|line| Place {
+            line: line as usize,
+            column: 1,
+        }),
+        problem,
+    };
+    let bytes = files::read(path, MAX_BYTES).map_err(|error| failed(None, error.into()))?;
+    let mut reader = ReaderBuilder::new()
+        .trim(Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(&bytes[..]);
+    let unreadable = |error: csv::Error| {
+        let line = error.position().map(csv::Position::line);
+        failed(line, PlanProblem::Syntax(message(&error)))
+    };
+    let header = reader.headers().map_err(unreadable)?.clone();
+    let (mut jobs, mut record) = (vec![], csv::StringRecord::new());
+    while reader.read_record(&mut record).map_err(unreadable)? {
+        let row: Row<'_> = record.deserialize(Some(&header)).map_err(unreadable)?;
+        let line = record.position().map(csv::Position::line);
+        let surface = batch
+            .surface_of(row.surface)
+            .map_err(|problem| failed(line, problem))?;
+        let motion = batch
+            .motion_of(row.motion)
+            .map_err(|problem| failed(line, problem))?;
+        jobs.push(Job {
+            surface,
+            motion,
+            seed: row.seed,
+        });
+    }
+    Ok((jobs, bytes))
+}
+
+/// What the parser says, without the place.
+fn message(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::Deserialize { err, .. } => {
+            format!("{err}; a table of jobs has the columns surface, motion and seed")
+        }
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => {
+            format!("this row has {len} cells, the header {expected_len}")
+        }
+        _ => error.to_string(),
+    }
+}
