@@ -2,6 +2,7 @@
 //!
 //! [`main`] gives any program all of it, with the kinds of nodes and devices that the program registers.
 
+mod batch;
 mod bench;
 mod check;
 mod compare;
@@ -127,6 +128,7 @@ fn commands() -> Vec<Command> {
         Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
         Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
+        Command::new("batch", batch::run).example("batch plan.ron -o data"),
         Command::new("bench", bench::run).example("bench graphs/omni.ron"),
         Command::new("identify", identify::run).example(
             "identify out/identify/sweep.csv --magnet-g 6 --force-n-per-a 2.9 --report out/actuator",

@@ -232,7 +232,9 @@ fn every_kind_in_the_book_exists() {
     for page in pages() {
         let text = fs::read_to_string(&page).unwrap();
         let parts = |block| str::split(block, "\": ").skip(1).map(move |part| (block, part));
-        for (block, part) in blocks(&text).flat_map(parts) {
+        // Plans of data sets have motions where graphs have nodes.
+        let graphs = blocks(&text).filter(|block| !block.starts_with("Batch("));
+        for (block, part) in graphs.flat_map(parts) {
             let part = part.trim_start();
             let kind = part
                 .split(|c: char| !c.is_alphanumeric())
