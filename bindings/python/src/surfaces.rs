@@ -6,7 +6,7 @@ use crate::work::apart;
 use haptograph::report::figures::triangulation;
 use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
-use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, synthesise};
+use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, Voice, synthesise, synthesise_many};
 use haptograph::surfaces::files;
 use haptograph::surfaces::learning::law::LawSettings;
 use haptograph::surfaces::learning::processing::ProcessingSettings;
@@ -15,7 +15,7 @@ use haptograph::surfaces::learning::{self as library, LearnSettings, LearningRep
 use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
 use haptograph::surfaces::recording::AnyRecording;
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -274,6 +274,49 @@ impl Surface {
     fn page(&self) -> Option<String> {
         self.report.as_ref().map(|report| page(&self.surface, report))
     }
+}
+
+/// Many vibrations at once: a row each of surfaces, forces, speeds and seeds, of which there are as many.
+#[pyfunction]
+pub fn render<'py>(
+    py: Python<'py>,
+    surfaces: Vec<PyRef<'_, Surface>>,
+    force: PyReadonlyArray2<'_, f64>,
+    speed: PyReadonlyArray2<'_, f64>,
+    seeds: Vec<u64>,
+    update: f64,
+    threads: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let rates = surfaces.iter().map(|surface| Ok(surface.texture(py)?.rate_hz()));
+    let rates = rates.collect::<PyResult<Vec<f64>>>()?;
+    let surfaces: Vec<_> = surfaces.iter().map(|one| Arc::clone(&one.surface)).collect();
+    let (force, speed) = (force.as_array(), speed.as_array());
+    let rows = force.rows().into_iter().zip(speed.rows());
+    let along = rows.zip(rates).map(|((force, speed), rate_hz)| Trajectory {
+        rate_hz,
+        speed_m_s: speed.to_vec(),
+        force_n: force.to_vec(),
+    });
+    let along: Vec<Trajectory> = along.collect();
+    let vibrations = apart(py, (None, false), move |_| {
+        let each = surfaces.iter().zip(&along).zip(seeds);
+        let voices = each.filter_map(|((surface, trajectory), seed)| {
+            let settings = SynthesisSettings {
+                update_hz: update,
+                seed,
+                lines_seed: seed,
+            };
+            let texture = surface.texture.as_ref()?;
+            Some(Voice {
+                texture,
+                trajectory,
+                settings,
+            })
+        });
+        let voices: Vec<Voice<'_>> = voices.collect();
+        synthesise_many(&voices, threads).map_err(Failure::of)
+    })?;
+    Ok(PyArray2::from_vec2(py, &vibrations)?)
 }
 
 /// How far one vibration is from another, over the time that both cover.

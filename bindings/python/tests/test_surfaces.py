@@ -144,3 +144,37 @@ def test_many_threads_render_the_same(canvas):
     [thread.start() for thread in threads]
     [thread.join() for thread in threads]
     assert all(np.array_equal(one, wanted) for one in got)
+
+
+def test_rows_are_rendered_at_once_and_none_depends_on_the_others(graphs, canvas):
+    tile = hg.Surface.load(graphs / "surfaces/t3-tile.ron")
+    force, speed = stroke(3000, canvas.rate)
+    forces = np.stack([force * (1 + 0.01 * row) for row in range(20)])
+    surfaces = [canvas, tile] * 10
+    many = hg.render(surfaces, forces, speed, seeds=range(5, 25))
+    assert many.shape == (20, 3000)
+    for row in (0, 7, 19):
+        alone = hg.render(surfaces[row], forces[row], speed, seeds=[5 + row], threads=1)
+        assert np.array_equal(alone[0], many[row])
+        one = surfaces[row].render(forces[row], speed, seed=5 + row)
+        assert np.abs(one - many[row]).max() < 1e-9 * np.abs(one).max()
+    assert np.array_equal(hg.render(canvas, forces, speed), hg.render([canvas] * 20, forces, speed, threads=1))
+
+
+def test_hostile_rows_are_errors(canvas):
+    force, speed = stroke(100, canvas.rate)
+    for call in (
+        lambda: hg.render([], force, speed),
+        lambda: hg.render([canvas, 1], force, speed),
+        lambda: hg.render(canvas, [force] * 3, [speed] * 2),
+        lambda: hg.render(canvas, force, speed[:50]),
+        lambda: hg.render(canvas, [[force]], speed),
+        lambda: hg.render([canvas] * 2, [force] * 3, speed),
+        lambda: hg.render(canvas, [force] * 3, speed, seeds=[1, 2]),
+        lambda: hg.render(canvas, [force], speed, seeds=[-1]),
+        lambda: hg.render(canvas, [force], speed * np.nan),
+        lambda: hg.render(canvas, [force], speed, update=0),
+        lambda: hg.render(canvas, [force], speed, threads=0),
+    ):
+        with pytest.raises(hg.Error):
+            call()

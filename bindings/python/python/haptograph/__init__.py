@@ -9,13 +9,14 @@ Everything is in SI units: m, m/s, N, m/s2, s. What fails raises :class:`Error`,
 would print. Long calls let other threads run, and ctrl-C ends them.
 """
 
+from ._batch import Rendered, batch, merge
 from ._errors import Diagnostic, Error, GraphError
 from ._graph import Graph
 from ._native import __version__
 from ._player import Player
 from ._recording import Recording, read
 from ._run import Outcome, Run, Signal
-from ._surface import Comparison, Model, Surface, compare, learn
+from ._surface import Comparison, Model, Surface, compare, learn, render
 
 __all__ = [
     "Comparison",
@@ -27,11 +28,15 @@ __all__ = [
     "Outcome",
     "Player",
     "Recording",
+    "Rendered",
     "Run",
     "Signal",
     "Surface",
     "__version__",
+    "batch",
     "compare",
     "learn",
+    "merge",
     "read",
+    "render",
 ]

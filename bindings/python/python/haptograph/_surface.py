@@ -340,3 +340,59 @@ def compare(a: Any, b: Any, rate: float | None = None, window: int | None = None
     rate = number("rate", rates.pop(), 0, above=True)
     window = None if window is None else whole("window", window, 2, 2**32)
     return Comparison(**_native.compare(a, b, rate, window))
+
+
+def render(
+    surfaces: Surface | Sequence[Surface],
+    force: Any,
+    speed: Any,
+    seeds: Any = None,
+    update: float = 240.0,
+    threads: int | None = None,
+) -> np.ndarray:
+    """Many vibrations at once, side by side in the processor's lanes and on all its cores.
+
+    A row has the same bits whatever the other rows, and those of :meth:`Surface.render` but for rounding.
+
+    Parameters
+    ----------
+    surfaces : Surface or list of Surface
+        One for all rows, or one for each; of one rate.
+    force, speed : array_like
+        N and m/s, shape (rows, samples), or (samples,) for all rows.
+    seeds : sequence of int, optional
+        One for each row; 1, 2, 3, ... where they are not given.
+    update : float
+        How often the filters follow force and speed, Hz.
+    threads : int, optional
+        All cores where it is not given.
+
+    Returns
+    -------
+    ndarray
+        Acceleration, m/s2, shape (rows, samples).
+    """
+    surfaces = [surfaces] if isinstance(surfaces, Surface) else list(surfaces)
+    if not surfaces or not all(isinstance(one, Surface) for one in surfaces):
+        raise Error("give a Surface, or a list of them")
+    if len({one.rate for one in surfaces}) > 1:
+        raise Error("the surfaces have different rates: render those of one rate at once")
+    given = [np.atleast_2d(finite(name, array(name, x))) for name, x in (("force", force), ("speed", speed))]
+    seeds = None if seeds is None else [whole("seeds", seed) for seed in seeds]
+    rows = max(len(surfaces), len(seeds or ()), *(len(one) for one in given))
+    try:
+        force, speed = (np.ascontiguousarray(one) for one in np.broadcast_arrays(*given, np.empty((rows, 1)))[:2])
+    except ValueError:
+        raise Error(
+            f"force has shape {given[0].shape}, speed {given[1].shape}, for {rows} rows: give (rows, samples) of both"
+        ) from None
+    if force.ndim != 2:
+        raise Error(f"force and speed have shape {force.shape}: give (rows, samples)")
+    if len(surfaces) not in (1, rows) or (seeds is not None and len(seeds) != rows):
+        raise Error(f"{len(surfaces)} surfaces and {len(seeds or ())} seeds for {rows} rows: give one for each")
+    if force.size > _MOST_SAMPLES:
+        raise Error(f"{force.size:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
+    inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
+    seeds = list(range(1, rows + 1)) if seeds is None else seeds
+    threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
+    return _native.render(inner, force, speed, seeds, number("update", update, 0, above=True), threads)

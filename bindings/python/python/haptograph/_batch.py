@@ -1,0 +1,87 @@
+"""Data sets: many vibrations of many surfaces, rendered from a plan."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from . import _native
+from ._arrays import whole
+from ._errors import Error
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What :func:`batch` did.
+
+    Attributes
+    ----------
+    chunks : int
+        Chunks of the part that was asked for.
+    rendered, kept : int
+        Of these, rendered now, and there already.
+    replaced : list of path
+        Files that were not the chunk that they should be; they were rendered again.
+    complete : bool
+        Whether every chunk of the whole data set is in the folder.
+    """
+
+    chunks: int
+    rendered: int
+    kept: int
+    replaced: list[os.PathLike[str]]
+    complete: bool
+
+
+def _path(name: str, path: Any) -> str:
+    try:
+        return os.fsdecode(os.fspath(path))
+    except TypeError:
+        raise Error(f"`{name}` is {path!r}: give a path") from None
+
+
+def batch(
+    plan: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    shard: tuple[int, int] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Rendered:
+    """Render a data set, as ``haptograph batch`` does: what is missing or broken in the folder, and nothing else.
+
+    Parameters
+    ----------
+    plan : path
+        The plan's file.
+    folder : path
+        Where the chunks go.
+    shard : (int, int), optional
+        ``(k, n)`` renders part k, from 1, of n.
+    threads : int, optional
+        Chunks that are rendered at a time; all cores where it is not given.
+    progress : callable, optional
+        Called with the part done, 0 to 1. Ctrl-C, or what it raises, ends the call where a further one goes on.
+    """
+    if shard is not None:
+        try:
+            number, of = shard
+        except (TypeError, ValueError):
+            raise Error(f"`shard` is {shard!r}: give (k, n)") from None
+        shard = (whole("shard", number, 1), whole("shard", of, 1))
+    threads = None if threads is None else whole("threads", threads, 1, 1024)
+    return Rendered(**_native.batch(_path("plan", plan), _path("folder", folder), shard, threads, progress))
+
+
+def merge(parts: Sequence[str | os.PathLike[str]], folder: str | os.PathLike[str]) -> tuple[int, int]:
+    """Make one folder of the parts of a data set: to the bit what one call of :func:`batch` would have left.
+
+    Returns
+    -------
+    (int, int)
+        How many chunks and jobs it has.
+    """
+    if isinstance(parts, (str, bytes, os.PathLike)):
+        raise Error("give a list of the parts' folders")
+    return _native.merge([_path("parts", part) for part in parts], _path("folder", folder))

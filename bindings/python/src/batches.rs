@@ -1,0 +1,55 @@
+//! Data sets: rendered from a plan, in parts, and merged.
+
+use crate::errors::Failure;
+use crate::work::apart;
+use haptograph::surfaces::batch::{self, Batch, RenderSettings, Shard};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// Renders a plan, or a part of it, into a folder. At ctrl-C it ends where a further run goes on.
+#[pyfunction]
+pub fn batch<'py>(
+    py: Python<'py>,
+    plan: PathBuf,
+    folder: PathBuf,
+    shard: Option<(u64, u64)>,
+    threads: Option<usize>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let shard = shard.map(|(number, of)| {
+        let missing = || {
+            Failure::Message(format!(
+                "there is no part {number} of {of}: give (1, {of}) to ({of}, {of})"
+            ))
+        };
+        Shard::new(number, of).ok_or_else(|| missing().raise(py))
+    });
+    let usual = RenderSettings::default();
+    let settings = RenderSettings {
+        shard: shard.transpose()?,
+        threads: threads.unwrap_or(usual.threads),
+    };
+    let done = apart(py, (progress, true), move |progress| {
+        let batch = Batch::load(&plan).map_err(Failure::of)?;
+        let stop = &progress.stop;
+        batch::render(&batch, &folder, &settings, &|part| progress.at(part), stop).map_err(Failure::of)
+    })?;
+    let found = PyDict::new(py);
+    found.set_item("chunks", done.chunks)?;
+    found.set_item("rendered", done.rendered)?;
+    found.set_item("kept", done.kept)?;
+    let replaced: Vec<PathBuf> = done.replaced.into_iter().map(|(path, _)| path).collect();
+    found.set_item("replaced", replaced)?;
+    found.set_item("complete", done.is_complete)?;
+    Ok(found)
+}
+
+/// Makes one folder of parts; how many chunks and jobs it has.
+#[pyfunction]
+pub fn merge(py: Python<'_>, parts: Vec<PathBuf>, folder: PathBuf) -> PyResult<(u64, u64)> {
+    let merged = apart(py, (None, true), move |progress| {
+        batch::merge(&parts, &folder, &|part| progress.at(part)).map_err(Failure::of)
+    })?;
+    Ok((merged.chunks, merged.jobs))
+}
