@@ -91,11 +91,7 @@ fn a_node_of_other_endpoints_is_left_out_with_what_depends_on_it() {
         };
         let graph = check(&document, &common::registry(), &options).unwrap_or_else(|wrong| panic!("{wrong}"));
         assert!(graph.warnings().is_empty());
-        graph
-            .nodes()
-            .node_weights()
-            .map(|node| node.path.clone())
-            .collect()
+        graph.nodes().iter().map(|node| node.path.clone()).collect()
     };
     assert_eq!(paths("simulated"), ["pen", "loud", "tone", "both", "one"]);
     // A file of several signals goes on with those that are left.

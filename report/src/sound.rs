@@ -9,7 +9,6 @@ use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
-use petgraph::visit::EdgeRef;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Rate of every sound, Hz: one that all soundcards and browsers have.
@@ -29,17 +28,15 @@ const MOST_CANDIDATES: usize = 4;
 /// are written to files or plotted.
 pub fn audible(graph: &Graph) -> Vec<Watch> {
     let nodes = graph.nodes();
-    let actuators = nodes
-        .node_indices()
-        .filter(|index| nodes[*index].entry.is_actuator());
+    let actuators = nodes.ids().filter(|index| nodes[*index].entry.is_actuator());
     let delivered = actuators.filter_map(|index| watch(graph, index, 0));
-    let files = nodes.node_indices().filter(|index| {
+    let files = nodes.ids().filter(|index| {
         let entry = &nodes[*index].entry;
         entry.is_file() && entry.spec.group != PLOTS
     });
     let written = files
-        .flat_map(|index| nodes.edges_directed(index, petgraph::Incoming))
-        .filter_map(|edge| watch(graph, edge.source(), edge.weight().output));
+        .flat_map(|index| nodes.incoming(index))
+        .filter_map(|edge| watch(graph, edge.from, edge.edge.output));
     let mut found: Vec<Watch> = Vec::new();
     for candidate in delivered.chain(written) {
         let stream = &candidate.stream;

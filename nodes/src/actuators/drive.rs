@@ -82,12 +82,11 @@ impl NodeKind for DynamicCompensator {
             0.5 * rate_hz
         );
         vec![BuildError {
-            field: None,
-            message,
             help: Some(format!(
                 "run it on a clock of {} Hz or more, such as a soundcard's",
                 2.0 * FELT_TO_HZ
             )),
+            ..BuildError::of_node(message)
         }]
     }
 }

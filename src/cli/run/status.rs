@@ -57,7 +57,7 @@ impl Status {
     }
 
     /// Shows how the run is, when it is time for that.
-    pub fn show(&mut self, mut facts: Facts<'_>) {
+    pub fn show(&mut self, facts: Facts<'_>) {
         let every = if self.block { BLOCK } else { LINE };
         if self.shown.elapsed() < every {
             // What the drivers report is taken in all the same.
@@ -72,7 +72,7 @@ impl Status {
     }
 
     /// A line.
-    fn line(&self, mut facts: Facts<'_>) -> String {
+    fn line(&self, facts: Facts<'_>) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
         let mut parts: Vec<String> = match &facts.session.poll()[..] {
             [(_, meters)] => vec![meters.to_string()],
@@ -98,7 +98,7 @@ impl Status {
     }
 
     /// A block of lines.
-    fn lines(&mut self, mut facts: Facts<'_>) -> Vec<String> {
+    fn lines(&mut self, facts: Facts<'_>) -> Vec<String> {
         let now = Instant::now();
         let seconds = self.start.elapsed().as_secs_f64();
         let mut lines = Vec::new();
