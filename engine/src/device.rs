@@ -58,6 +58,8 @@ pub trait Device: CloneDevice + Send + Sync {
     fn read(&mut self, channel: usize, frame: &mut [f64]);
     /// Takes one frame of a driven channel, already limited.
     fn write(&mut self, channel: usize, frame: &[f64]);
+    /// Called before the first frame of a live run: what was queued before counts as heard.
+    fn begin(&mut self) {}
     /// Called when a driver of a live run wakes, before the frames that are due. What has arrived from outside by `now`
     /// is what they go by.
     fn look(&mut self, now: Instant) {

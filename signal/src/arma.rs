@@ -25,6 +25,17 @@ pub use warped::WarpedLattice;
 use crate::prediction::PredictionError;
 use thiserror::Error;
 
+/// `a b + c`, rounded once. WebAssembly has no instruction for that and would compute it in integers, a hundred times as
+/// slowly: there it is rounded twice.
+#[inline(always)]
+fn mul_add(a: f64, b: f64, c: f64) -> f64 {
+    if cfg!(target_family = "wasm") {
+        a * b + c
+    } else {
+        a.mul_add(b, c)
+    }
+}
+
 /// Highest order of `A(z)` and of `B(z)`.
 pub const MAX_ORDER: usize = 32;
 

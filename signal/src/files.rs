@@ -1,9 +1,15 @@
 //! Files and lines of which no more is read than is meant to be: the only place where the library opens a file to
 //! read it.
 
+#[cfg(target_family = "wasm")]
+mod memory;
+
+#[cfg(target_family = "wasm")]
+pub use memory::{File, put};
+#[cfg(not(target_family = "wasm"))]
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The longest recording or other table of samples that is read, bytes: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
@@ -84,8 +90,11 @@ impl Read for Bounded {
 /// # Errors
 /// Those of the file system, and [`Refusal`].
 pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
+    #[cfg(not(target_family = "wasm"))]
     let file = open_regular(path, File::options().read(true))?;
-    if file.metadata()?.len() > max_bytes {
+    #[cfg(target_family = "wasm")]
+    let file = File::open(path)?;
+    if length(&file)? > max_bytes {
         return Err(Refusal::TooLong { max_bytes }.into());
     }
     Ok(Bounded {
@@ -95,10 +104,51 @@ pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
     })
 }
 
+#[cfg(not(target_family = "wasm"))]
+fn length(file: &File) -> io::Result<u64> {
+    Ok(file.metadata()?.len())
+}
+
+#[cfg(target_family = "wasm")]
+fn length(file: &File) -> io::Result<u64> {
+    file.length()
+}
+
+/// Is there a regular file?
+pub fn is_file(path: &Path) -> bool {
+    #[cfg(not(target_family = "wasm"))]
+    return path.is_file();
+    #[cfg(target_family = "wasm")]
+    return memory::is_file(path);
+}
+
+/// Is there a folder?
+pub fn is_folder(path: &Path) -> bool {
+    #[cfg(not(target_family = "wasm"))]
+    return path.is_dir();
+    #[cfg(target_family = "wasm")]
+    return memory::is_folder(path);
+}
+
+/// The regular files of a folder, in no order; none where there is no such folder.
+pub fn list(folder: &Path) -> Vec<PathBuf> {
+    #[cfg(not(target_family = "wasm"))]
+    {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries
+            .map(|entry| entry.path())
+            .filter(|path| path.is_file())
+            .collect()
+    }
+    #[cfg(target_family = "wasm")]
+    memory::list(folder)
+}
+
 /// Opens a regular file that is to be changed where it is. Never waits, as [`open`].
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal::NotRegular`].
+#[cfg(not(target_family = "wasm"))]
 pub fn open_to_change(path: &Path) -> io::Result<File> {
     open_regular(path, File::options().read(true).write(true))
 }
@@ -118,6 +168,7 @@ pub fn open_terminal(path: &Path) -> io::Result<File> {
     }
 }
 
+#[cfg(not(target_family = "wasm"))]
 fn open_regular(path: &Path, options: &mut OpenOptions) -> io::Result<File> {
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NONBLOCK | libc::O_NOCTTY);
@@ -148,7 +199,7 @@ fn kind(of: std::fs::FileType) -> &'static str {
     }
 }
 
-#[cfg(not(unix))]
+#[cfg(not(any(unix, target_family = "wasm")))]
 fn kind(of: std::fs::FileType) -> &'static str {
     if of.is_dir() { "a folder" } else { "something else" }
 }
@@ -160,7 +211,7 @@ fn kind(of: std::fs::FileType) -> &'static str {
 pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut file = open(path, max_bytes)?;
     // Exact where the file says its length and does not grow.
-    let length = file.file.metadata()?.len().min(max_bytes);
+    let length = length(&file.file)?.min(max_bytes);
     let mut bytes = Vec::new();
     let reserved = bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX));
     reserved.map_err(|_| io::ErrorKind::OutOfMemory)?;

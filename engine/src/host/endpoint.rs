@@ -7,7 +7,6 @@ use crate::silence::{InputCell, InputState, LiveInput, OnSilence};
 use haptograph_signal::time::Rate;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// What a queue holds, in seconds of its channel; and in frames at least.
 const QUEUE_S: f64 = 1.0;
@@ -115,9 +114,9 @@ impl Device for HostEndpoint {
         self.take();
     }
 
-    fn look(&mut self, _: Instant) {
+    fn begin(&mut self) {
         // Tick 0 is not advanced to: what was fed before it is taken here.
-        if self.tick == 0 && !self.is_heard {
+        if !self.is_heard {
             self.take();
         }
     }

@@ -19,7 +19,6 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// How long outputs take from nothing to everything and back, unless told otherwise.
 pub const FADE_S: f64 = 0.01;
@@ -126,8 +125,11 @@ impl Live {
             return;
         }
         self.run.look();
-        self.run.look_at_devices(Instant::now());
+        // A page has neither devices of a system nor its clock.
+        #[cfg(not(target_family = "wasm"))]
+        self.run.look_at_devices(std::time::Instant::now());
         if self.frames == 0 {
+            self.run.begin_devices();
             // What was heard before the first frame is let through at once.
             self.run.meet_inputs();
         }

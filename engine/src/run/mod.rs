@@ -59,6 +59,7 @@ use profile::{Unwatched, Watch};
 use program::{Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
+#[cfg(not(target_family = "wasm"))]
 use std::time::Instant;
 use window::{Window, Windows, range_of};
 
@@ -161,7 +162,15 @@ impl Run {
         }
     }
 
+    /// Lets its devices take what was queued for them before the first frame.
+    pub(crate) fn begin_devices(&mut self) {
+        for device in self.devices_mut() {
+            device.begin();
+        }
+    }
+
     /// Lets its devices look at what has arrived for them by `now`, which the frames until the next look go by.
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn look_at_devices(&mut self, now: Instant) {
         for device in self.devices_mut() {
             device.look(now);

@@ -75,8 +75,15 @@ impl TapRings {
     }
 }
 
-/// The thread that writes files, beside the real-time threads.
+/// The thread that writes files, beside the real-time threads; there is none while there is nothing to write.
+#[derive(Default)]
 pub(super) struct WriterThread {
+    running: Option<RunningWriter>,
+    /// What there was no thread for.
+    failed: Vec<WriteError>,
+}
+
+struct RunningWriter {
     jobs: Sender<Job>,
     thread: JoinHandle<Vec<WriteError>>,
     failing: Receiver<String>,
@@ -90,10 +97,8 @@ struct Job {
     failed: Option<WriteError>,
 }
 
-impl WriterThread {
-    /// # Errors
-    /// What the system says where it gives no thread.
-    pub fn start() -> std::io::Result<Self> {
+impl RunningWriter {
+    fn start() -> std::io::Result<Self> {
         let (jobs, receiver) = channel();
         let (failed, failing) = channel();
         let thread = std::thread::Builder::new().name("haptograph-files".into());
@@ -104,33 +109,57 @@ impl WriterThread {
             failing,
         })
     }
+}
+
+impl WriterThread {
+    /// Starts it before there is anything to write.
+    ///
+    /// # Errors
+    /// What the system says where it gives no thread.
+    pub fn start(&mut self) -> std::io::Result<()> {
+        if self.running.is_none() {
+            self.running = Some(RunningWriter::start()?);
+        }
+        Ok(())
+    }
 
     /// The files that could not be written on since this was asked last, each with the reason.
     pub fn failing(&self) -> impl Iterator<Item = String> {
-        self.failing.try_iter()
+        self.running.iter().flat_map(|running| running.failing.try_iter())
     }
 
     /// Also writes this.
-    pub fn add(&self, written: Written, rings: Vec<Consumer<f64>>) {
-        // It only stops listening when this end is dropped.
-        let _ = self.jobs.send(Job {
-            writer: written.writer,
-            what: written.what,
-            rings,
-            failed: None,
-        });
+    pub fn add(&mut self, written: Written, rings: Vec<Consumer<f64>>) {
+        let path = written.what.clone();
+        if let Err(error) = self.start() {
+            return self.failed.push(WriteError { path, error });
+        }
+        if let Some(running) = &self.running {
+            // It only stops listening when this end is dropped.
+            let _ = running.jobs.send(Job {
+                writer: written.writer,
+                what: written.what,
+                rings,
+                failed: None,
+            });
+        }
     }
 
     /// Waits until everything is written. The real-time ends of all rings have to be gone.
-    pub fn finish(self) -> Vec<WriteError> {
-        drop(self.jobs);
-        self.thread.join().unwrap_or_else(|_| {
+    pub fn finish(mut self) -> Vec<WriteError> {
+        let Some(RunningWriter { jobs, thread, .. }) = self.running else {
+            return self.failed;
+        };
+        drop(jobs);
+        let written = thread.join().unwrap_or_else(|_| {
             let error = std::io::Error::other("the thread that writes files panicked");
             vec![WriteError {
                 path: PathBuf::from("the files of the run"),
                 error,
             }]
-        })
+        });
+        self.failed.extend(written);
+        self.failed
     }
 }
 

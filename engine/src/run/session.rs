@@ -114,12 +114,15 @@ impl Session {
             stop: Arc::clone(&options.stop),
             controls: Vec::new(),
             rings: Vec::new(),
-            writer: WriterThread::start()?,
+            writer: WriterThread::default(),
             block: options.block,
             entries: Vec::new(),
             taps: vec![(0, 0); outlets.taps.len()],
             handed: Vec::new(),
         };
+        if folder.is_some() || outlets.written.iter().any(|written| written.writer.is_some()) {
+            session.writer.start()?;
+        }
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();

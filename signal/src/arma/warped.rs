@@ -2,7 +2,7 @@
 
 mod step;
 
-use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over};
+use super::{ArmaError, MAX_ORDER, SETTLE, Settling, are_finite, check, in_runs, is_over, mul_add};
 use crate::warped::residual_share;
 use pulp::{Arch, Simd, WithSimd};
 pub(super) use step::Stages;
@@ -149,8 +149,8 @@ impl Run<'_> {
             let mut odd = [0.0; PADDED];
             for ([left, right], x) in columns.iter().zip(state.as_chunks::<SUMS>().0) {
                 for i in 0..PADDED {
-                    even[i] = left[i].mul_add(x[0], even[i]);
-                    odd[i] = right[i].mul_add(x[1], odd[i]);
+                    even[i] = mul_add(left[i], x[0], even[i]);
+                    odd[i] = mul_add(right[i], x[1], odd[i]);
                 }
             }
             let first = state[0];

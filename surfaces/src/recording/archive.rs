@@ -14,7 +14,7 @@
 
 use super::ReadError;
 use super::{
-    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench,
+    AnyRecording, Calibration, Gesture, Pose, ProcessedRecording, RawHead, Recording, Series, Signals, Wrench,
 };
 use crate::npz::{array_header, begin, put_rows};
 use crate::{Origin, Provenance};
@@ -207,23 +207,6 @@ impl CalibrationHead {
             tracker_to_tip_m: calibration.tracker_to_tip_m,
         }
     }
-}
-
-/// What is known of a raw recording before its first sample.
-#[derive(Debug)]
-pub struct RawHead<'a> {
-    /// Poses a second.
-    pub motion_hz: f64,
-    /// Loads a second.
-    pub wrench_hz: f64,
-    /// Accelerations a second.
-    pub acceleration_hz: f64,
-    /// What makes physical quantities of the readings.
-    pub calibration: &'a Calibration,
-    /// What the hand does.
-    pub gesture: Gesture,
-    /// Where it comes from.
-    pub provenance: &'a Provenance,
 }
 
 /// The text of that head.

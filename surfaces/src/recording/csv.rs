@@ -15,7 +15,7 @@ mod table;
 mod units;
 mod write;
 
-#[cfg(feature = "spreadsheets")]
+#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::number_of;
 pub(super) use table::{
     Cells, Fault, Lines, Table, check_mapping, not_a_number, noted_rate_hz, number, unequal,

@@ -34,6 +34,7 @@ pub enum ReadError {
     Recording(#[from] RecordingError),
 }
 
+#[cfg(not(target_family = "wasm"))]
 impl ReadError {
     pub(super) fn member(name: &str, message: impl ToString) -> Self {
         ReadError::Member {

@@ -1,7 +1,7 @@
 //! Tables that are not CSV: spreadsheets, MATLAB's files, WAV files.
 
 mod matlab;
-#[cfg(feature = "spreadsheets")]
+#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 mod spreadsheet;
 mod wav;
 
@@ -10,10 +10,10 @@ use std::io::{Read, Seek};
 pub(super) use matlab::matlab;
 pub(super) use wav::wav;
 
-#[cfg(feature = "spreadsheets")]
+#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use spreadsheet::spreadsheet;
 
-#[cfg(not(feature = "spreadsheets"))]
+#[cfg(not(all(feature = "spreadsheets", not(target_family = "wasm"))))]
 pub(super) fn spreadsheet(
     _: &[u8],
     _: &super::ImportSettings,
@@ -23,6 +23,7 @@ pub(super) fn spreadsheet(
 }
 
 /// What a ZIP archive holds besides a recording.
+#[cfg_attr(target_family = "wasm", expect(dead_code, reason = "a page has no archives"))]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Workbook {
     /// The kind that is read.
@@ -31,6 +32,7 @@ pub(super) enum Workbook {
 }
 
 /// The workbook that a ZIP archive is, if it is one.
+#[cfg(not(target_family = "wasm"))]
 pub(super) fn workbook(archive: impl Read + Seek) -> Option<Workbook> {
     let archive = zip::ZipArchive::new(archive).ok()?;
     let has = |name: &str| archive.index_for_name(name).is_some();
@@ -39,4 +41,9 @@ pub(super) fn workbook(archive: impl Read + Seek) -> Option<Workbook> {
         () if has("xl/workbook.bin") || has("content.xml") => Some(Workbook::Other),
         () => None,
     }
+}
+
+#[cfg(target_family = "wasm")]
+pub(super) fn workbook(_: impl Read + Seek) -> Option<Workbook> {
+    None
 }

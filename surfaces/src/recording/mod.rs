@@ -5,6 +5,7 @@
 //! and tangential force and speed, all at one rate. [`learning::processing`](crate::learning::processing) leads from one to the
 //! other; most public data is of the second kind.
 
+#[cfg(not(target_family = "wasm"))]
 mod archive;
 mod csv;
 mod error;
@@ -12,20 +13,27 @@ mod file;
 mod formats;
 mod hatt;
 mod import;
+#[cfg(target_family = "wasm")]
+mod no_archive;
 mod rows;
 mod series;
 mod signal;
+#[cfg(not(target_family = "wasm"))]
 mod spool;
 
-pub use archive::{RawHead, read_archive, write_archive};
+#[cfg(not(target_family = "wasm"))]
+pub use archive::{read_archive, write_archive};
 pub use csv::{COLUMNS, CsvHead, RawTable, csv_head, read_csv, write_csv};
 pub use error::ReadError;
 pub use file::{LoadError, load, load_with, save};
 pub use hatt::read_hatt;
 pub use import::{Finding, ImportSettings};
+#[cfg(target_family = "wasm")]
+pub use no_archive::{Spool, assemble, read_archive, spool_folder, write_archive};
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};
-pub use spool::{Member, Spool, assemble, spool_folder};
+#[cfg(not(target_family = "wasm"))]
+pub use spool::{Spool, assemble, spool_folder};
 
 use crate::Provenance;
 use std::sync::Arc;
@@ -41,6 +49,34 @@ pub struct Recording {
     calibration: Calibration,
     gesture: Gesture,
     provenance: Provenance,
+}
+
+/// What is known of a raw recording before its first sample.
+#[derive(Debug)]
+pub struct RawHead<'a> {
+    /// Poses a second.
+    pub motion_hz: f64,
+    /// Loads a second.
+    pub wrench_hz: f64,
+    /// Accelerations a second.
+    pub acceleration_hz: f64,
+    /// What makes physical quantities of the readings.
+    pub calibration: &'a Calibration,
+    /// What the hand does.
+    pub gesture: Gesture,
+    /// Where it comes from.
+    pub provenance: &'a Provenance,
+}
+
+/// The arrays of a raw recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // as in the archive
+pub enum Member {
+    PositionM,
+    Orientation,
+    ForceN,
+    TorqueNM,
+    AccelerationV,
 }
 
 /// Where the tracker's sensor is.

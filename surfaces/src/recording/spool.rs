@@ -2,7 +2,8 @@
 //! file of little-endian doubles for each array, of which the archive is made at the end. What a dead process left
 //! becomes the same archive by [`assemble`].
 
-use super::archive::{MAX_HEAD_BYTES, RawHead, raw_head};
+use super::archive::{MAX_HEAD_BYTES, raw_head};
+use super::{Member, RawHead};
 use crate::npz::{begin, put_rows};
 use haptograph_signal::files;
 use std::fs::{self, File};
@@ -32,17 +33,6 @@ const ARRAYS: [Array; 5] = [
     array("torque_n_m", 3, 1),
     array("acceleration_v", 3, 2),
 ];
-
-/// The arrays of a spool.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)] // as in the archive
-pub enum Member {
-    PositionM,
-    Orientation,
-    ForceN,
-    TorqueNM,
-    AccelerationV,
-}
 
 /// A recording that is being made.
 pub struct Spool {

@@ -4,7 +4,7 @@ mod solve;
 
 use super::{Frames, Group};
 use crate::arma::warped::Stages;
-use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over};
+use crate::arma::{ArmaError, MAX_ORDER, are_finite, is_over, mul_add};
 use crate::warped::first_error;
 use pulp::Arch;
 use solve::SetAll;
@@ -68,9 +68,9 @@ impl Group for WarpedGroup {
             for m in 0..order {
                 for l in 0..LANES {
                     let (x, below) = (self.state[m][l], beta[l]);
-                    entering.0[m][l] = self.turned[m][l] * (-warping[l]).mul_add(below, x);
-                    self.state[m][l] = turn[l].mul_add(below, warping[l] * x);
-                    beta[l] = self.carried[m][l].mul_add(below, self.pass[m][l] * x);
+                    entering.0[m][l] = self.turned[m][l] * mul_add(-warping[l], below, x);
+                    self.state[m][l] = mul_add(turn[l], below, warping[l] * x);
+                    beta[l] = mul_add(self.carried[m][l], below, self.pass[m][l] * x);
                 }
             }
             let mut forward: Lanes = frames.excitation(n);
@@ -78,8 +78,8 @@ impl Group for WarpedGroup {
                 let (pass, share, entering) = (&self.pass[m], &self.share[m], &entering.0[m]);
                 let state = &mut self.state[m];
                 for l in 0..LANES {
-                    forward[l] = pass[l].mul_add(forward[l], entering[l]);
-                    state[l] = share[l].mul_add(forward[l], state[l]);
+                    forward[l] = mul_add(pass[l], forward[l], entering[l]);
+                    state[l] = mul_add(share[l], forward[l], state[l]);
                 }
             }
             for (out, scale) in forward.iter_mut().zip(&self.out_scale) {

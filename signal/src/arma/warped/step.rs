@@ -1,6 +1,6 @@
 //! The step of a warped lattice as a matrix.
 
-use crate::arma::{ArmaError, MAX_ORDER, check};
+use crate::arma::{ArmaError, MAX_ORDER, check, mul_add};
 use crate::prediction::{PredictionError, step_down};
 use crate::warped::MAX_WARPING;
 use pulp::{Arch, Simd, WithSimd};
@@ -132,7 +132,7 @@ impl Solve<'_> {
         for (m, k) in reflection.iter().enumerate().take(PADDED) {
             (above[m], below[m]) = quotient;
             let (a, b) = quotient;
-            quotient = (k.mul_add(b, -(warping * a)), (-(warping * k)).mul_add(a, b));
+            quotient = (mul_add(*k, b, -(warping * a)), mul_add(-(warping * k), a, b));
             next_below[m] = quotient.1;
         }
         let mut stages = Stages {
@@ -192,7 +192,7 @@ impl Write<'_> {
         for (j, column) in step.columns[..order].iter_mut().enumerate() {
             let (here, share) = (unit::<PADDED>(j), turn * stages.alpha[j]);
             for i in 0..PADDED {
-                below[i] = below[i].mul_add(pass, here[i] * share);
+                below[i] = mul_add(below[i], pass, here[i] * share);
             }
             for i in 0..PADDED {
                 column[i] = stages.turned[j] * below[i];
@@ -209,7 +209,7 @@ impl Write<'_> {
             let (above, onwards) = (unit::<PADDED>(j + 1), -warping * stages.pass[j]);
             let entered = entering * stages.pass[j];
             for i in 0..PADDED {
-                through[i] = onwards.mul_add(through[i], entered.mul_add(above[i], column[i]));
+                through[i] = mul_add(onwards, through[i], mul_add(entered, above[i], column[i]));
             }
             column[..PADDED].copy_from_slice(&through);
             column[j] += warping;

@@ -549,7 +549,7 @@ pub(in crate::recording) fn number(cell: &[u8], scale: Scale) -> Option<f64> {
 }
 
 /// The number in a text, whatever its unit.
-#[cfg(feature = "spreadsheets")]
+#[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(in crate::recording) fn number_of(text: &str) -> Option<f64> {
     number(text.trim().as_bytes(), Scale::One)
 }
