@@ -2,13 +2,14 @@
 
 use super::pads::{FULL_N, SIZE_MM};
 use super::scope::{self, Port};
-use super::stage::Stage;
+use super::stage::{Host, Stage};
 use super::wire::VERSION;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
 use haptograph_report::{drawing, swatch};
+use haptograph_signal::files::{is_file, is_folder, list};
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -18,13 +19,14 @@ use std::time::SystemTime;
 
 /// Surfaces that are shown at most.
 const MOST_SURFACES: usize = 100;
-/// Surfaces that were drawn, and when their files were written.
-static SWATCHES: LazyLock<Mutex<HashMap<PathBuf, (SystemTime, Value)>>> = LazyLock::new(Mutex::default);
+/// Surfaces that were drawn, and when their files were written, where files have that.
+type Swatches = HashMap<PathBuf, (Option<SystemTime>, Value)>;
+static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
 /// The kind of node that looks up a texture's models.
 const LOCATOR: &str = "TriangleLocator";
 
 /// The first message.
-pub fn hello(registry: &Registry, can_save: bool) -> Value {
+pub fn hello(registry: &Registry, host: &Host) -> Value {
     let nodes = registry.nodes().iter().map(|entry| {
         let input = |port: &haptograph_engine::node::InputSpec| json!({ "name": port.name, "doc": port.doc });
         let output =
@@ -43,8 +45,8 @@ pub fn hello(registry: &Registry, can_save: bool) -> Value {
         json!({ "name": spec.name, "group": "devices", "doc": spec.doc, "inputs": [], "outputs": [], "settings": settings })
     });
     json!({
-        "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": "native",
-        "can": { "save": can_save, "record": false, "surfaces": true, "parameters": true },
+        "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": host.name,
+        "can": { "save": host.can_save, "record": true, "surfaces": host.can_learn, "parameters": true },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
     })
 }
@@ -85,12 +87,7 @@ fn unit_of(name: &str) -> &'static str {
 /// The graph that runs.
 pub fn graph(stage: &Stage) -> Value {
     let graph = &stage.loaded.graph;
-    let name = stage
-        .source
-        .path
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy();
+    let name = stage.source.name();
     let pads = stage.loaded.pads.iter();
     let pads = pads.map(
         |pad| json!({ "endpoint": pad, "width_mm": SIZE_MM.0, "height_mm": SIZE_MM.1, "force_n": FULL_N }),
@@ -153,7 +150,7 @@ fn settings(stage: &Stage) -> Vec<Value> {
 fn parameters(stage: &Stage) -> Vec<Value> {
     let is_surface = |name: &str, value: &str| {
         let path = value.trim_matches('"');
-        name.contains("surface") || stage.source.folder().join(path).is_file() && path.ends_with(".ron")
+        name.contains("surface") || is_file(&stage.source.folder().join(path)) && path.ends_with(".ron")
     };
     let each = stage.loaded.parameters.iter();
     let each = each.map(|(name, value, default)| {
@@ -201,16 +198,9 @@ fn maps(graph: &Graph) -> Vec<Value> {
 
 /// The surfaces in the folder of the graph's own, by their paths from the graph.
 fn surfaces(stage: &Stage) -> Vec<Value> {
-    let folder = surface_folder(stage.source.folder());
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron") && path.is_file());
-    paths.sort();
-    paths.truncate(MOST_SURFACES);
+    let paths = surface_files(stage.source.folder());
     let shown = paths.iter().filter_map(|path| {
-        let written = path.metadata().and_then(|found| found.modified()).ok()?;
+        let written = path.metadata().and_then(|found| found.modified()).ok();
         let mut known = SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, shown)) = known.get(path).filter(|(then, _)| *then == written) {
             return Some(shown.clone());
@@ -230,8 +220,21 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     shown.collect()
 }
 
+/// The files beside a graph that can be surfaces.
+pub fn surface_files(graph: &Path) -> Vec<PathBuf> {
+    let mut paths = list(&surface_folder(graph));
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron"));
+    paths.sort();
+    paths.truncate(MOST_SURFACES);
+    paths
+}
+
 /// Where surfaces lie, beside a graph.
 pub fn surface_folder(graph: &Path) -> PathBuf {
     let inner = graph.join("surfaces");
-    if inner.is_dir() { inner } else { graph.to_owned() }
+    if is_folder(&inner) {
+        inner
+    } else {
+        graph.to_owned()
+    }
 }

@@ -1,9 +1,9 @@
-//! The thread that runs the graph against the clock.
+//! What runs the graph: a thread against the clock, or whoever holds it, as a page's audio thread.
 
 use haptograph_engine::host::Player;
 use haptograph_engine::run::LiveState;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -52,6 +52,11 @@ impl Pace {
         Duration::from_nanos(self.busy_ns.swap(0, Relaxed))
     }
 
+    fn update(&self, player: &Player) {
+        self.frames.store(player.frames(), Relaxed);
+        self.faults.store(player.faults().ticks, Relaxed);
+    }
+
     /// Has the run come to its end?
     pub fn is_over(&self) -> bool {
         self.is_over.load(Relaxed)
@@ -59,30 +64,103 @@ impl Pace {
 }
 
 /// A player that is driven.
-#[derive(Debug)]
 pub struct Drive {
     pub pace: Arc<Pace>,
-    thread: Option<JoinHandle<Player>>,
+    /// Held while frames are run.
+    gate: Arc<Mutex<()>>,
+    runner: Runner,
+    /// Frames when the caller kept time last.
+    kept_at: u64,
+}
+
+enum Runner {
+    Thread(Option<JoinHandle<Player>>),
+    Caller(Box<Player>),
+}
+
+/// Who runs players.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DrivenBy {
+    /// A thread of its own, at the rate of the graph's driver.
+    Thread,
+    /// [`Drive::process`].
+    Caller,
 }
 
 impl Drive {
-    /// Runs a player at the rate of its driver.
-    pub fn start(player: Player, rate_hz: f64) -> std::io::Result<Self> {
-        let pace = Arc::new(Pace::default());
-        let theirs = Arc::clone(&pace);
-        let thread = std::thread::Builder::new()
-            .name("studio driver".to_owned())
-            .spawn(move || run(player, rate_hz, &theirs))?;
+    /// Runs a player, at the rate of its driver.
+    pub fn start(player: Player, by: DrivenBy, rate_hz: f64) -> std::io::Result<Self> {
+        let (pace, gate) = (Arc::new(Pace::default()), Arc::new(Mutex::new(())));
+        let runner = match by {
+            DrivenBy::Caller => Runner::Caller(Box::new(player)),
+            DrivenBy::Thread => {
+                let theirs = (Arc::clone(&pace), Arc::clone(&gate));
+                let thread = std::thread::Builder::new().name("studio driver".to_owned());
+                Runner::Thread(Some(
+                    thread.spawn(move || run(player, rate_hz, (&theirs.0, &theirs.1)))?,
+                ))
+            }
+        };
         Ok(Self {
             pace,
-            thread: Some(thread),
+            gate,
+            runner,
+            kept_at: 0,
         })
+    }
+
+    /// Does the caller drive it?
+    pub fn is_the_callers(&self) -> bool {
+        matches!(self.runner, Runner::Caller(_))
+    }
+
+    /// Does something between two frames, and tells it the number of the second.
+    pub fn between_frames<T>(&self, work: impl FnOnce(u64) -> T) -> T {
+        let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        work(self.pace.frames())
+    }
+
+    /// Runs so many frames where the caller drives. Real-time code.
+    pub fn process(&mut self, frames: usize) {
+        if let Runner::Caller(player) = &mut self.runner {
+            player.process(frames);
+            self.pace.update(player);
+            self.pace
+                .is_over
+                .store(player.state() != LiveState::Running, Relaxed);
+        }
+    }
+
+    /// Where the caller drives: how much time passed since this was called last, and how much of it the graph took.
+    pub fn keep_time(&mut self, passed: Duration, busy: Duration, rate_hz: f64) {
+        let frames = self.pace.frames();
+        let run_s = (frames - self.kept_at) as f64 / rate_hz;
+        self.kept_at = frames;
+        let late_s = (passed.as_secs_f64() - run_s).max(0.0);
+        self.pace.behind_us.store((late_s * 1e6) as u64, Relaxed);
+        self.pace.late.fetch_add(u64::from(late_s > LATE_S), Relaxed);
+        self.pace.busy_ns.fetch_add(busy.as_nanos() as u64, Relaxed);
+    }
+
+    /// Waits until the run is over where a thread drives; is it over, or waited for long enough?
+    pub fn is_done_within(&self, longest: Duration) -> bool {
+        if self.is_the_callers() {
+            return self.pace.is_over();
+        }
+        let asked = Instant::now();
+        while !self.pace.is_over() && asked.elapsed() < longest {
+            std::thread::sleep(STEP);
+        }
+        true
     }
 
     /// Ends the thread; the player comes back unless it panicked.
     pub fn join(mut self) -> Option<Player> {
         self.pace.end.store(true, Relaxed);
-        self.thread.take()?.join().ok()
+        match std::mem::replace(&mut self.runner, Runner::Thread(None)) {
+            Runner::Thread(thread) => thread?.join().ok(),
+            Runner::Caller(player) => Some(*player),
+        }
     }
 }
 
@@ -92,7 +170,7 @@ impl Drop for Drive {
     }
 }
 
-fn run(mut player: Player, rate_hz: f64, pace: &Pace) -> Player {
+fn run(mut player: Player, rate_hz: f64, (pace, gate): (&Pace, &Mutex<()>)) -> Player {
     let most = (MOST_BEHIND_S * rate_hz) as u64;
     let (mut origin, mut done) = (Instant::now(), 0_u64);
     while !pace.end.load(Relaxed) && player.state() == LiveState::Running {
@@ -106,11 +184,12 @@ fn run(mut player: Player, rate_hz: f64, pace: &Pace) -> Player {
             behind = most;
         }
         let begun = Instant::now();
+        let held = gate.lock().unwrap_or_else(PoisonError::into_inner);
         player.process(behind as usize);
         done += behind;
         pace.busy_ns.fetch_add(begun.elapsed().as_nanos() as u64, Relaxed);
-        pace.frames.store(player.frames(), Relaxed);
-        pace.faults.store(player.faults().ticks, Relaxed);
+        pace.update(&player);
+        drop(held);
         std::thread::sleep(STEP);
     }
     pace.is_over.store(true, Relaxed);

@@ -1,18 +1,28 @@
 //! The studio: a page on which a person strokes a surface, and hears, sees and changes what it renders.
 //!
-//! [`Studio::open`] serves the page and runs the graph behind it. Pointers on the page are the graph's tablets; every
-//! other endpoint stays simulated, so that nothing real moves, and what a sink delivers, behind its limits, is played by
-//! the page. The two speak the protocol of `docs/studio-protocol.md`.
+//! [`Studio::open`] serves the page and runs the graph behind it; page is the same engine for WebAssembly, where the
+//! page's own audio thread runs it. Pointers on the page are the graph's tablets; every other endpoint stays simulated, so
+//! that nothing real moves, and what a sink delivers, behind its limits, is played by the page. Both speak the protocol of
+//! `docs/studio-protocol.md`.
 
+// Of what both hosts share a page leaves some out.
+#![cfg_attr(target_family = "wasm", allow(dead_code))]
+
+mod actuators;
+mod again;
 mod describe;
 mod drive;
-mod learn;
 mod load;
+#[cfg(not(target_family = "wasm"))]
+mod native;
 mod pads;
-mod pump;
+mod pages;
+mod publish;
+mod record;
 mod scope;
-mod server;
 mod stage;
+mod talk;
 mod wire;
 
-pub use server::{Options, Studio, StudioError};
+#[cfg(not(target_family = "wasm"))]
+pub use native::{Options, Studio, StudioError};

@@ -5,6 +5,7 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
 use haptograph_engine::registry::Registry;
+use haptograph_signal::files;
 use std::path::{Path, PathBuf};
 
 /// What graphs are made of besides their text.
@@ -30,7 +31,15 @@ pub struct Loaded {
 impl Source {
     /// The text of the graph's file.
     pub fn read(&self) -> std::io::Result<String> {
-        haptograph_signal::files::read_text(&self.path, LoadOptions::default().max_bytes)
+        files::read_text(&self.path, LoadOptions::default().max_bytes)
+    }
+
+    /// The same with another value of a parameter.
+    pub fn with(&self, name: String, value: String) -> Self {
+        let mut with = self.clone();
+        with.set.retain(|(known, _)| *known != name);
+        with.set.push((name, value));
+        with
     }
 
     /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
@@ -72,12 +81,18 @@ impl Source {
         let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
         let path = name
             .map(|name| self.folder().join(name))
-            .filter(|path| path.is_file());
-        let path = path.and_then(|path| path.canonicalize().ok());
+            .filter(|path| files::is_file(path));
+        let path = path.map(|path| path.canonicalize().unwrap_or(path));
         path.map_or_else(
             || value.to_owned(),
             |path| format!("{:?}", path.to_string_lossy()),
         )
+    }
+
+    /// The name of its file without the ending.
+    pub fn name(&self) -> String {
+        let stem = self.path.file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
     }
 
     /// The folder that paths in the graph are relative to.

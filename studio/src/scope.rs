@@ -10,6 +10,8 @@ const THINNED_HZ: f64 = 2000.0;
 pub const MOST_HZ: f64 = 4000.0;
 /// Numbers of a wrench, the widest frame that is shown.
 const MOST_LANES: usize = 6;
+/// What is taken in between two looks at most without allocating, s.
+const ROOM_S: f64 = 0.1;
 /// When what was counted is this far from the time of the run, frames were lost, s.
 const APART_S: f64 = 0.25;
 
@@ -50,8 +52,9 @@ pub struct Scope {
     begin_s: Option<f64>,
     /// Frames before the fresh ones.
     count: u64,
-    /// Frames that came since the last look.
+    /// Frames that came since the last look, and numbers of them that it has seen.
     fresh: Vec<f64>,
+    seen: usize,
     /// Frames in an interval, and those that are not sent yet: least and most of each lane.
     group: usize,
     grouped: usize,
@@ -69,7 +72,8 @@ impl Scope {
             frames,
             begin_s: None,
             count: 0,
-            fresh: Vec::new(),
+            fresh: Vec::with_capacity((rate_hz * ROOM_S) as usize * lanes),
+            seen: 0,
             group: (rate_hz / THINNED_HZ).ceil().max(1.0) as usize,
             grouped: 0,
             open: vec![(f64::INFINITY, f64::NEG_INFINITY); lanes],
@@ -78,16 +82,28 @@ impl Scope {
         }
     }
 
-    /// Takes in what came until `now_s`.
-    pub fn look(&mut self, now_s: f64) {
+    /// Takes in what came, and returns it. Does not allocate where it is called at least every 100 ms.
+    pub fn take_in(&mut self) -> &[f64] {
         let lanes = self.lanes();
-        self.count += (self.fresh.len() / lanes) as u64;
-        self.fresh.clear();
-        self.thinned.clear();
+        if self.seen > 0 {
+            self.count += (self.seen / lanes) as u64;
+            self.fresh.drain(..self.seen);
+            self.thinned.clear();
+            self.seen = 0;
+        }
+        let before = self.fresh.len();
         let mut frame = [0.0; MOST_LANES];
         while self.frames.take(&mut frame[..lanes]) {
             self.fresh.extend_from_slice(&frame[..lanes]);
         }
+        &self.fresh[before..]
+    }
+
+    /// Looks at what came until `now_s`.
+    pub fn look(&mut self, now_s: f64) {
+        self.take_in();
+        let lanes = self.lanes();
+        self.seen = self.fresh.len();
         let end_s = (self.count + (self.fresh.len() / lanes) as u64) as f64 / self.port.rate_hz;
         let begin_s = self
             .begin_s

@@ -1,23 +1,21 @@
 //! A graph that runs, the pages that are connected to it, and what they may do.
 
-use super::drive::Drive;
+use super::actuators::{Actuator, Sound};
+use super::again::After;
+use super::drive::{Drive, DrivenBy};
 use super::load::{Loaded, Source};
-use super::pads::{Pad, PageClock};
-use super::pump::Delivered;
+use super::pads::Pad;
+use super::pages::Page;
+use super::record::{Recording, Replay, meant, moved};
 use super::scope::{self, Port, Scope};
-use super::wire::{MOST_SCOPES, Pointer, Wanted};
-use axum::extract::ws::Message;
+use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
-use haptograph_engine::frame::Kind;
 use haptograph_engine::host::{PlayOptions, Player};
 use haptograph_engine::run::Session;
-use haptograph_signal::quantity::Quantity;
 use serde_json::{Value, json};
-use std::time::{Duration, Instant};
-use tokio::sync::mpsc::Sender;
+use std::path::PathBuf;
+use std::time::Duration;
 
-/// Messages that wait for a page which does not read.
-pub const MOST_WAITING: usize = 512;
 /// How long a run may take to fall to zero.
 const STOPPING: Duration = Duration::from_secs(2);
 
@@ -31,36 +29,14 @@ pub enum State {
     Failed,
 }
 
-/// A page that is connected.
-#[derive(Debug)]
-pub struct Page {
-    pub id: u64,
-    pub to_page: Sender<Message>,
-    pub wanted: Vec<Wanted>,
-    pub hears: bool,
-    pub lost: u64,
-    pub is_gone: bool,
-    clock: PageClock,
-}
-
-/// An actuator, and what it was given.
-#[derive(Debug)]
-pub struct Actuator {
-    pub name: String,
-    pub unit: String,
-    pub peak: f64,
-    pub continuous: f64,
-    window_s: f64,
-    pub rate_hz: f64,
-    pub delivered: Delivered,
-}
-
-/// What the page plays.
-#[derive(Debug)]
-pub struct Sound {
-    pub port: String,
-    pub peak: f64,
-    pub rate_hz: f64,
+/// What the host of an engine can do besides running it.
+#[derive(Debug, Clone, Copy)]
+pub struct Host {
+    /// As `hello` says it.
+    pub name: &'static str,
+    pub driven_by: DrivenBy,
+    pub can_save: bool,
+    pub can_learn: bool,
 }
 
 /// Why an edit or a start came to nothing.
@@ -86,6 +62,7 @@ fn other(error: impl std::fmt::Display) -> StageError {
 
 /// The graph that runs and whoever looks at it.
 pub struct Stage {
+    pub host: Host,
     pub source: Source,
     pub loaded: Loaded,
     /// The text of the file as it was read or saved last.
@@ -100,22 +77,32 @@ pub struct Stage {
     pub pages: Vec<Page>,
     /// The page that moves the pads and the settings.
     pub owner: Option<u64>,
-    /// Live inputs that are silent, and since when.
-    pub silent: Vec<(String, Instant)>,
+    /// Live inputs that are silent, and since when, s of the run.
+    pub silent: Vec<(String, f64)>,
+    /// Where the folders of recorded runs are made, and the one of this run.
+    pub out: Option<PathBuf>,
+    pub folder: Option<PathBuf>,
+    pub recorder: Option<Recording>,
+    pub replay: Option<Replay>,
+    /// How it goes on after the run.
+    pub after: After,
+    /// Time that is still to be run where a recording is done again, s.
+    pub owed_s: f64,
     /// Times from a pointer's arrival to its tick, s.
     latencies_s: Vec<f64>,
     rate_hz: f64,
-    next_page: u64,
+    pub next_page: u64,
 }
 
 impl Stage {
     /// Runs the graph of a file.
-    pub fn open(source: Source) -> Result<Self, StageError> {
+    pub fn open(source: Source, host: Host) -> Result<Self, StageError> {
         let text = source
             .read()
             .map_err(|error| other(format!("cannot read {}: {error}", source.path.display())))?;
         let loaded = source.load(&text)?;
         let mut stage = Self {
+            host,
             source,
             loaded,
             on_disk: text,
@@ -129,6 +116,12 @@ impl Stage {
             pages: Vec::new(),
             owner: None,
             silent: Vec::new(),
+            out: None,
+            folder: None,
+            recorder: None,
+            replay: None,
+            after: After::Nothing,
+            owed_s: 0.0,
             latencies_s: Vec::new(),
             rate_hz: 1.0,
             next_page: 0,
@@ -137,8 +130,13 @@ impl Stage {
         Ok(stage)
     }
 
-    /// Begins to run. What is not simulated begins as warm as its limit allows, as nobody knows how long it has rested.
+    /// Begins to run under the hand.
     pub fn start(&mut self) -> Result<(), StageError> {
+        self.start_as(After::Live)
+    }
+
+    /// Begins to run. What is not simulated begins as warm as its limit allows, as nobody knows how long it has rested.
+    pub fn start_as(&mut self, how: After) -> Result<(), StageError> {
         if self.state == State::Running {
             return Ok(());
         }
@@ -148,6 +146,11 @@ impl Stage {
         let ports = scope::ports(graph);
         let mut options = PlayOptions::default();
         options.probes = ports.iter().map(|port| port.name.clone()).collect();
+        if matches!(how, After::Record) {
+            let failed = |error| other(format!("there is no folder to record to: {error}"));
+            self.folder = self.new_folder().map_err(failed)?;
+            options.folder = self.folder.clone();
+        }
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
@@ -162,71 +165,70 @@ impl Stage {
             .first()
             .map(|driver| graph.clocks()[*driver].rate.hz());
         self.rate_hz = driver.unwrap_or(1.0);
-        self.drive = Some(Drive::start(player, self.rate_hz).map_err(other)?);
+        let driven_by = match how {
+            After::Replay(_) => DrivenBy::Caller,
+            _ => self.host.driven_by,
+        };
+        match how {
+            After::Record => {
+                self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
+            }
+            After::Replay(recording) => self.replay = Some(Replay::of(*recording)),
+            After::Nothing | After::Live => {}
+        }
+        self.drive = Some(Drive::start(player, driven_by, self.rate_hz).map_err(other)?);
         self.session = Some(session);
         self.state = State::Running;
         self.describe_actuators();
         Ok(())
     }
 
-    /// Falls to zero and stops.
+    /// Falls to zero and stops; where the caller drives, in what it runs next.
     pub fn stop(&mut self) {
-        let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
+        let (Some(session), Some(drive)) = (&self.session, &self.drive) else {
             return;
         };
         session.stop();
-        let asked = Instant::now();
-        while !drive.pace.is_over() && asked.elapsed() < STOPPING {
-            std::thread::sleep(Duration::from_millis(2));
+        if drive.is_done_within(STOPPING) {
+            self.end();
         }
+    }
+
+    fn end(&mut self) {
+        if self
+            .recorder
+            .as_ref()
+            .is_some_and(|recording| recording.frames == 0)
+        {
+            self.close_recording();
+        }
+        let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
+            return;
+        };
         let ended = drive.join().map(|player| player.finish(session));
         let failed = ended.is_none_or(|ended| ended.panicked);
         self.state = if failed { State::Failed } else { State::Stopped };
         self.pads.clear();
         self.silent.clear();
-    }
-
-    /// What the sinks drive, and what is played.
-    fn describe_actuators(&mut self) {
-        let graph = &self.loaded.graph;
-        let known: Vec<Actuator> = std::mem::take(&mut self.actuators);
-        let delivered = |sink: &str| {
-            self.scopes
-                .iter()
-                .find(|scope| scope.port.name == format!("{sink}.delivered"))
-        };
-        let actuator = |(sink, limit): (&str, haptograph_engine::node::Limit)| {
-            let port = &delivered(sink)?.port;
-            let before = known.iter().find(|known| known.name == sink);
-            Some(Actuator {
-                name: sink.to_owned(),
-                unit: port.quantity.unit(),
-                peak: limit.peak,
-                continuous: limit.continuous,
-                window_s: limit.window_s,
-                rate_hz: port.rate_hz,
-                delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
-            })
-        };
-        self.actuators = graph.limits().filter_map(actuator).collect();
-        let is_coil = |port: &Port| {
-            port.kind == Kind::Scalar && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
-        };
-        let played = self.actuators.iter().find_map(|actuator| {
-            let port = &delivered(&actuator.name)?.port;
-            is_coil(port).then(|| Sound {
-                port: port.name.clone(),
-                peak: actuator.peak,
-                rate_hz: port.rate_hz,
-            })
-        });
-        self.sound = played;
+        self.go_on();
     }
 
     /// Time of the run, s.
     pub fn now_s(&self) -> f64 {
         let frames = self.drive.as_ref().map_or(0, |drive| drive.pace.frames());
         frames as f64 / self.rate_hz
+    }
+
+    /// Frames of the driver in a second, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Where the caller drives: how much time passed since this was called last, and how much of it the graph took.
+    pub fn keep_time(&mut self, passed: Duration, busy: Duration) {
+        if let Some(drive) = &mut self.drive {
+            drive.keep_time(passed, busy, self.rate_hz);
+        }
     }
 
     /// Takes in what the run did since.
@@ -245,25 +247,49 @@ impl Stage {
             }
         }
         if self.state == State::Running && self.drive.as_ref().is_some_and(|drive| drive.pace.is_over()) {
-            self.stop();
+            self.end();
+        }
+        if self.recorder.as_ref().is_some_and(Recording::is_full) {
+            self.record(false);
         }
     }
 
-    /// Pointers of a page on a pad; those of pages that do not own the pads move nothing.
-    pub fn point(&mut self, page: u64, pad: usize, points: &[Pointer]) {
-        let now_s = self.now_s();
-        if self.owner != Some(page) {
+    /// Runs so many frames where the caller drives, and returns what is played of them, 1 being the peak limit. Real-time
+    /// code: it does not allocate where [`look`](Self::look) is called often enough.
+    pub fn process(&mut self, frames: usize) -> impl Iterator<Item = f64> {
+        self.run(frames);
+        let scopes = &mut self.scopes;
+        let played = self.sound.as_ref().and_then(|sound| {
+            let scope = scopes.iter_mut().find(|scope| scope.port.name == sound.port)?;
+            Some((scope.take_in(), sound.peak))
+        });
+        let (values, peak) = played.unwrap_or((&[], 1.0));
+        values.iter().map(move |value| value / peak)
+    }
+
+    /// Pointers of a page on a pad; those of pages that do not own the pads move nothing, nor those during a replay.
+    pub fn point(&mut self, page: u64, number: usize, points: &[Pointer]) {
+        if self.owner != Some(page) || self.replay.is_some() {
             return;
         }
         let page = self.pages.iter_mut().find(|known| known.id == page);
-        let (Some(page), Some(pad)) = (page, self.pads.get_mut(pad)) else {
+        let (Some(page), Some(pad), Some(drive)) = (page, self.pads.get_mut(number), &self.drive) else {
             return;
         };
-        for point in points {
-            let due_s = page.clock.due_s(point.at_s, now_s);
-            pad.move_to(due_s, point);
-            self.latencies_s.push((due_s - now_s).max(0.0));
-        }
+        drive.between_frames(|frame| {
+            let now_s = frame as f64 / self.rate_hz;
+            for point in points {
+                let due_s = page.clock.due_s(point.at_s, now_s);
+                // What is done is what is kept.
+                let made = moved(frame, number, due_s, point);
+                let (due_s, point) = meant(&made);
+                pad.move_to(due_s, &point);
+                self.latencies_s.push((due_s - now_s).max(0.0));
+                if let Some(recording) = &mut self.recorder {
+                    recording.moves.push(made);
+                }
+            }
+        });
         let most = self.latencies_s.len().saturating_sub(1000);
         self.latencies_s.drain(..most);
     }
@@ -277,43 +303,21 @@ impl Stage {
         json!({ "count": all.len(), "p50_ms": middle * 1e3, "max_ms": most * 1e3 })
     }
 
-    /// A page that came; the first is the owner.
-    pub fn join(&mut self, to_page: Sender<Message>) -> u64 {
-        let id = self.next_page;
-        self.next_page += 1;
-        self.pages.push(Page {
-            id,
-            to_page,
-            wanted: Vec::new(),
-            hears: false,
-            lost: 0,
-            is_gone: false,
-            clock: PageClock::default(),
-        });
-        self.owner.get_or_insert(id);
-        id
-    }
-
-    /// A page that went. What it held falls silent by itself.
-    pub fn leave(&mut self, page: u64) {
-        self.pages.retain(|known| known.id != page);
-        if self.owner == Some(page) {
-            self.owner = self.pages.first().map(|known| known.id);
-        }
-    }
-
-    /// The ports that a page wants to see.
-    pub fn scope(&mut self, page: u64, mut ports: Vec<Wanted>) {
-        ports.truncate(MOST_SCOPES);
-        if let Some(page) = self.pages.iter_mut().find(|known| known.id == page) {
-            page.wanted = ports;
-        }
-    }
-
     /// Turns a live setting.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), StageError> {
-        let session = self.session.as_mut().ok_or_else(|| other("the run is stopped"))?;
-        session.set_by_name(name, value).map_err(other)
+        let (Some(session), Some(drive)) = (&mut self.session, &self.drive) else {
+            return Err(other("the run is stopped"));
+        };
+        if self.replay.is_some() {
+            return Err(other("a recording is done again; stop it first"));
+        }
+        drive.between_frames(|frame| {
+            session.set_by_name(name, value).map_err(other)?;
+            if let Some(recording) = &mut self.recorder {
+                recording.turned(frame, name, value);
+            }
+            Ok(())
+        })
     }
 
     /// Another graph takes over; says what that was.
@@ -348,6 +352,9 @@ impl Stage {
 
     /// Why a graph needs a new run.
     fn obstacle(&self, next: &Loaded) -> Option<String> {
+        if self.recorder.is_some() || self.replay.is_some() {
+            return Some("a recording is of one graph: end it first".to_owned());
+        }
         let channels = |loaded: &Loaded| -> Vec<String> {
             let channels = loaded.graph.host_inputs().chain(loaded.graph.host_outputs());
             channels.map(|(name, _)| name).collect()
@@ -365,7 +372,8 @@ impl Stage {
 
 impl Drop for Stage {
     fn drop(&mut self) {
-        self.stop();
+        self.halt();
+        self.end();
     }
 }
 

@@ -1,18 +1,28 @@
 //! What the page says, read and bounded.
 
+use super::record::Recording;
 use serde::Deserialize;
 
 /// The version of the protocol.
 pub const VERSION: u32 = 1;
 /// The subprotocol of the WebSocket.
 pub const SUBPROTOCOL: &str = "haptograph.studio.1";
-/// The longest message that is taken, bytes; a recording to learn from may be longer.
+/// The longest message that is taken, bytes; a recording to learn from or to do again may be longer.
 const MOST_BYTES: usize = 1 << 20;
 pub const MOST_LEARNED_BYTES: usize = 80 << 20;
-/// How such a message begins.
-const LEARN: &str = r#"{"type":"learn""#;
+/// How such messages begin.
+const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
 /// Ports that a page sees at once.
 pub const MOST_SCOPES: usize = 16;
+
+/// A message as it is sent, either way.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Message {
+    /// JSON.
+    Text(String),
+    /// Pointers, samples or sound.
+    Binary(Vec<u8>),
+}
 
 /// A JSON message of the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -58,10 +68,34 @@ pub enum Said {
         name: String,
         csv: String,
     },
+    /// The run begins anew, and what is done from its first frame on is kept; or that ends.
+    Record {
+        on: bool,
+    },
+    /// What was kept is done again, from the first frame of a new run on.
+    Replay {
+        request: u64,
+        recording: Box<Recording>,
+    },
     Stop,
     Resume,
     /// This page wants to be the owner.
     Own,
+}
+
+impl Said {
+    /// The number of a message that is answered by a reply.
+    pub fn request(&self) -> Option<u64> {
+        match self {
+            Self::Parameter { request, .. }
+            | Self::Check { request, .. }
+            | Self::Apply { request, .. }
+            | Self::Save { request, .. }
+            | Self::Replay { request, .. }
+            | Self::Learn { request, .. } => Some(*request),
+            _ => None,
+        }
+    }
 }
 
 /// A port to be sent.
@@ -102,8 +136,9 @@ pub enum WireError {
 }
 
 /// Bounds of what a pointer can be.
-const MOST_MM: f32 = 1000.0;
-const MOST_N: f32 = 20.0;
+pub const MOST_M: f64 = 1.0;
+pub const MOST_N: f64 = 20.0;
+const MOST_MM: f64 = MOST_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
 
@@ -113,8 +148,10 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 11] = [
+    const KINDS: [&str; 13] = [
         "learn",
+        "record",
+        "replay",
         "set",
         "parameter",
         "check",
@@ -126,7 +163,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
         "resume",
         "own",
     ];
-    if text.len() > MOST_BYTES && !text.starts_with(LEARN) {
+    if text.len() > MOST_BYTES && !LONG.iter().any(|long| text.starts_with(long)) {
         return Err(WireError::Long(text.len()));
     }
     let wrong = |error: serde_json::Error| WireError::Json(error.to_string());
@@ -157,10 +194,12 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
     let (force, _) = rest.split_first_chunk()?;
     let time_ms = f64::from_le_bytes(*time);
     let [x_mm, y_mm, force_n] = [x, y, force].map(|four| f32::from_le_bytes(*four));
-    let is_near = |mm: f32| mm.abs() <= MOST_MM;
+    let is_near = |mm: f32| f64::from(mm.abs()) <= MOST_MM;
     // Comparisons with what is no number are false.
-    let is_right =
-        is_near(x_mm) && is_near(y_mm) && (0.0..=MOST_N).contains(&force_n) && time_ms.abs() < 1e15;
+    let is_right = is_near(x_mm)
+        && is_near(y_mm)
+        && (0.0..=MOST_N).contains(&f64::from(force_n))
+        && time_ms.abs() < 1e15;
     is_right.then(|| Pointer {
         at_s: time_ms * 1e-3,
         position_m: [f64::from(x_mm) * 1e-3, f64::from(y_mm) * 1e-3],

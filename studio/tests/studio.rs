@@ -17,10 +17,15 @@ fn shipped(name: &str) -> PathBuf {
 }
 
 fn open(graph: &Path) -> Studio {
+    open_with(graph, &std::env::temp_dir().join("haptograph-no-recordings"))
+}
+
+fn open_with(graph: &Path, out: &Path) -> Studio {
     let options = Options {
         graph: graph.to_owned(),
         set: Vec::new(),
         port: 0,
+        out: out.to_owned(),
     };
     Studio::open(&options, &haptograph_nodes::registry()).expect("a studio")
 }
@@ -224,6 +229,45 @@ fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     assert_eq!(
         std::fs::read_to_string(&path).expect("it is there"),
         "somebody else's"
+    );
+}
+
+#[test]
+fn a_recorded_stroke_is_done_again_with_the_same_samples() {
+    let out = tempfile::tempdir().expect("a folder");
+    let studio = open_with(&shipped("texturepad.ron"), out.path());
+    let mut page = Page::of(&studio);
+    page.say(&json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }));
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "graph");
+    let mut felt = page.stroke(100.0, 1.0, 1.0);
+    page.say(&json!({ "type": "set", "name": "out.gain", "value": 0.1 }));
+    felt.extend(page.stroke(150.0, 0.5, 0.5));
+    page.say(&json!({ "type": "record", "on": false }));
+    let kept = page.wait(|said| said["type"] == "recording");
+    let rate_hz = kept["recording"]["rate_hz"].as_f64().expect("a rate");
+    let frames = kept["recording"]["frames"].as_u64().expect("a number") as usize;
+    assert!(frames as f64 > rate_hz && rms(&felt) > 1e-3);
+    let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
+    for name in ["strokes.json", "texture.wav", "current.wav"] {
+        assert!(
+            folder.join(name).metadata().is_ok_and(|file| file.len() > 1000),
+            "{name}"
+        );
+    }
+    let reply = page.request(json!({ "type": "replay", "recording": kept["recording"] }));
+    assert_eq!(reply["ok"], true, "{reply}");
+    page.wait(|said| said["type"] == "graph");
+    let count = frames.min(felt.len());
+    let again = page.stroke(0.0, 0.0, count as f64 / rate_hz);
+    let differs = (0..count).find(|at| felt[*at] != again[*at]);
+    assert_eq!(differs, None, "of {count} samples, bit for bit");
+    page.wait(|said| said["type"] == "status" && said["replay"].is_null() && said["state"] == "running");
+    let mut damaged = kept["recording"].clone();
+    damaged["moves"][3][4] = json!(1_000_000_000);
+    assert_eq!(
+        page.request(json!({ "type": "replay", "recording": damaged }))["ok"],
+        false
     );
 }
 

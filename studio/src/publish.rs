@@ -1,17 +1,17 @@
 //! What pages are sent while a graph runs: samples, sound and how it goes.
 
+use super::pages::{LineError, Page};
 use super::scope::Scope;
-use super::stage::{Page, Stage, State};
-use super::wire;
-use axum::extract::ws::Message;
+use super::stage::{Stage, State};
+use super::wire::{self, Message};
 use haptograph_engine::silence::InputState;
 use serde_json::{Value, json};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Between two looks.
-const STEP: Duration = Duration::from_millis(10);
-/// Looks between two words about how it goes.
+pub const STEP: Duration = Duration::from_millis(10);
+/// Looks between two statuses.
 const STATUS: u32 = 10;
 
 /// What was delivered to an actuator since the last status.
@@ -50,37 +50,38 @@ impl Delivered {
     }
 }
 
-/// Serves the pages of a stage until it is gone.
-pub fn run(stage: &Weak<Mutex<Stage>>) {
-    let mut last = Instant::now();
-    for look in 1_u32.. {
-        std::thread::sleep(STEP);
-        let Some(stage) = stage.upgrade() else { break };
-        let mut stage = lock(&stage);
+/// Sends pages what came since the last time.
+#[derive(Debug, Default)]
+pub struct Publisher {
+    looks: u32,
+    /// Since the last status.
+    passed: Duration,
+}
+
+impl Publisher {
+    /// To be called about every [`STEP`]; the last time was `passed` ago.
+    pub fn publish(&mut self, stage: &mut Stage, passed: Duration) {
         stage.look();
-        send_samples(&mut stage);
-        if look.is_multiple_of(STATUS) {
-            let passed = last.elapsed();
-            last = Instant::now();
-            let status = status(&mut stage, passed);
+        send_samples(stage);
+        self.passed += passed;
+        self.looks += 1;
+        if self.looks == STATUS {
+            let status = status(stage, self.passed);
             for page in 0..stage.pages.len() {
                 let mut own = status.clone();
                 own["owner"] = json!(stage.owner == Some(stage.pages[page].id));
                 own["lost"] = json!(stage.pages[page].lost);
                 stage.pages[page].send(text(&own));
             }
+            *self = Self::default();
         }
         stage.pages.retain(|page| !page.is_gone);
     }
 }
 
-/// A stage, also where somebody panicked with it: each of its parts is whole by itself.
-pub fn lock(stage: &Mutex<Stage>) -> std::sync::MutexGuard<'_, Stage> {
-    stage.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
+/// The message that a value is.
 pub fn text(value: &Value) -> Message {
-    Message::Text(value.to_string().into())
+    Message::Text(value.to_string())
 }
 
 fn send_samples(stage: &mut Stage) {
@@ -97,12 +98,12 @@ fn send_samples(stage: &mut Stage) {
         for (place, port) in wanted.iter().enumerate() {
             let scope = scopes.iter().find(|scope| scope.port.name == port.name);
             if let Some(message) = scope.and_then(|scope| scope.message(place, port.raw)) {
-                page.send(Message::Binary(message.into()));
+                page.send(Message::Binary(message));
             }
         }
         page.wanted = wanted;
         if let Some(sound) = sound.as_ref().filter(|_| page.hears) {
-            page.send(Message::Binary(sound.clone().into()));
+            page.send(Message::Binary(sound.clone()));
         }
     }
 }
@@ -110,6 +111,9 @@ fn send_samples(stage: &mut Stage) {
 fn status(stage: &mut Stage, passed: Duration) -> Value {
     let pointer = stage.pointer_latency();
     let time_s = stage.now_s();
+    let recording_s = stage.recorder.as_ref().map(|_| time_s);
+    let frame = stage.drive.as_ref().map_or(0, |drive| drive.pace.frames());
+    let replay = stage.replay.as_ref().map(|replay| replay.part(frame));
     let Stage {
         actuators,
         drive,
@@ -135,12 +139,12 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
     });
     for input in inputs.iter().filter(|input| input.state != InputState::Heard) {
         if !silent.iter().any(|(name, _)| *name == input.device) {
-            silent.push((input.device.clone(), Instant::now()));
+            silent.push((input.device.clone(), time_s));
         }
     }
     let quiet = silent
         .iter()
-        .map(|(name, since)| json!({ "input": name, "for_s": since.elapsed().as_secs_f64() }));
+        .map(|(name, since)| json!({ "input": name, "for_s": time_s - since }));
     let quiet: Vec<Value> = quiet.collect();
     let pace = drive.as_ref().map(|drive| Arc::clone(&drive.pace));
     let busy = pace.as_ref().map_or(0.0, |pace| pace.take_busy().as_secs_f64());
@@ -148,6 +152,8 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
         "type": "status",
         "time_s": time_s,
         "state": match state { State::Running => "running", State::Stopped => "stopped", State::Failed => "failed" },
+        "recording_s": recording_s,
+        "replay": replay,
         "pages": pages.len(),
         "behind_ms": pace.as_ref().map_or(0.0, |pace| pace.behind_ms()),
         "late": pace.as_ref().map_or(0, |pace| pace.late()),
@@ -162,11 +168,10 @@ fn status(stage: &mut Stage, passed: Duration) -> Value {
 impl Page {
     /// Sends a message, or counts it where the page does not read.
     pub fn send(&mut self, message: Message) {
-        use tokio::sync::mpsc::error::TrySendError;
-        match self.to_page.try_send(message) {
+        match self.line.send(message) {
             Ok(()) => {}
-            Err(TrySendError::Full(_)) => self.lost += 1,
-            Err(TrySendError::Closed(_)) => self.is_gone = true,
+            Err(LineError::Full) => self.lost += 1,
+            Err(LineError::Gone) => self.is_gone = true,
         }
     }
 }

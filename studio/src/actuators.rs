@@ -1,0 +1,67 @@
+//! What the sinks of a graph drive, and what is played of it.
+
+use super::publish::Delivered;
+use super::scope::Port;
+use super::stage::Stage;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::Limit;
+use haptograph_signal::quantity::Quantity;
+
+/// An actuator, and what it was given.
+#[derive(Debug)]
+pub struct Actuator {
+    pub name: String,
+    pub unit: String,
+    pub peak: f64,
+    pub continuous: f64,
+    pub window_s: f64,
+    pub rate_hz: f64,
+    pub delivered: Delivered,
+}
+
+/// What the page plays.
+#[derive(Debug)]
+pub struct Sound {
+    pub port: String,
+    pub peak: f64,
+    pub rate_hz: f64,
+}
+
+impl Stage {
+    /// What the sinks drive, and what is played.
+    pub fn describe_actuators(&mut self) {
+        let graph = &self.loaded.graph;
+        let known: Vec<Actuator> = std::mem::take(&mut self.actuators);
+        let delivered = |sink: &str| {
+            self.scopes
+                .iter()
+                .find(|scope| scope.port.name == format!("{sink}.delivered"))
+        };
+        let actuator = |(sink, limit): (&str, Limit)| {
+            let port = &delivered(sink)?.port;
+            let before = known.iter().find(|known| known.name == sink);
+            Some(Actuator {
+                name: sink.to_owned(),
+                unit: port.quantity.unit(),
+                peak: limit.peak,
+                continuous: limit.continuous,
+                window_s: limit.window_s,
+                rate_hz: port.rate_hz,
+                delivered: before.map(|known| known.delivered.clone()).unwrap_or_default(),
+            })
+        };
+        self.actuators = graph.limits().filter_map(actuator).collect();
+        let is_coil = |port: &Port| {
+            port.kind == Kind::Scalar && port.quantity == Quantity::CURRENT && port.rate_hz >= 1000.0
+        };
+        let played = self.actuators.iter().find_map(|actuator| {
+            let port = &delivered(&actuator.name)?.port;
+            is_coil(port).then(|| Sound {
+                port: port.name.clone(),
+                peak: actuator.peak,
+                rate_hz: port.rate_hz,
+            })
+        });
+        self.sound = played;
+    }
+}

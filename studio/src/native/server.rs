@@ -1,0 +1,279 @@
+//! The server: the page, and one WebSocket a page.
+
+use super::assets::PAGE;
+use super::{converse, lock, pump};
+use crate::drive::DrivenBy;
+use crate::load::Source;
+use crate::stage::{Host, Stage, StageError};
+use crate::wire::{MOST_LEARNED_BYTES, SUBPROTOCOL};
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Path, Query, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::get;
+use haptograph_engine::diagnostic::Diagnostics;
+use haptograph_engine::registry::Registry;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use tokio::sync::oneshot;
+
+/// Pages at once.
+const MOST_PAGES: usize = 16;
+/// The engine on this machine.
+const HOST: Host = Host {
+    name: "native",
+    driven_by: DrivenBy::Thread,
+    can_save: true,
+    can_learn: true,
+};
+/// What the page may load: its own files only.
+const POLICY: &str = "default-src 'self'; connect-src 'self' ws:; img-src 'self' data: blob:; \
+                      style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+/// What is served.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The graph's file.
+    pub graph: PathBuf,
+    /// Parameters in place of its defaults.
+    pub set: Vec<(String, String)>,
+    /// The port of the loopback address; 0 is a free one.
+    pub port: u16,
+    /// Where the folders of recorded runs are made.
+    pub out: PathBuf,
+}
+
+/// Why there is no studio.
+#[derive(Debug, thiserror::Error)]
+pub enum StudioError {
+    /// The graph is wrong.
+    #[error("the graph has errors")]
+    Graph(Diagnostics),
+    /// It cannot be played, or nothing can be served.
+    #[error("{0}")]
+    Other(String),
+}
+
+fn other(error: impl std::fmt::Display) -> StudioError {
+    StudioError::Other(error.to_string())
+}
+
+/// A page that is served, with the graph that runs behind it, until this is dropped.
+#[derive(Debug)]
+pub struct Studio {
+    address: SocketAddr,
+    token: String,
+    end: Option<oneshot::Sender<()>>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+/// What every request sees.
+#[derive(Clone)]
+struct Shared {
+    stage: Arc<Mutex<Stage>>,
+    token: Arc<str>,
+    port: u16,
+}
+
+impl Studio {
+    /// Runs a graph and serves its page on the loopback address.
+    ///
+    /// # Errors
+    /// [`StudioError`]: the graph is wrong or has several drivers, or the port is taken.
+    pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
+        let source = Source {
+            path: options.graph.clone(),
+            registry: registry.clone(),
+            set: options.set.clone(),
+        };
+        let mut stage = Stage::open(source, HOST).map_err(|error| match error {
+            StageError::Graph(wrong) => StudioError::Graph(wrong),
+            StageError::Other(why) => StudioError::Other(why),
+        })?;
+        stage.out = Some(options.out.clone());
+        let token = token().map_err(other)?;
+        let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, options.port));
+        let listener = listener.map_err(|error| {
+            other(format!(
+                "cannot listen at 127.0.0.1:{}: {error}; give another --port",
+                options.port
+            ))
+        })?;
+        listener.set_nonblocking(true).map_err(other)?;
+        let address = listener.local_addr().map_err(other)?;
+        let stage = Arc::new(Mutex::new(stage));
+        let watched = Arc::downgrade(&stage);
+        std::thread::Builder::new()
+            .name("studio pump".to_owned())
+            .spawn(move || pump::run(&watched))
+            .map_err(other)?;
+        let shared = Shared {
+            stage,
+            token: token.as_str().into(),
+            port: address.port(),
+        };
+        let (end, ended) = oneshot::channel();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(other)?;
+        let thread = std::thread::Builder::new()
+            .name("studio server".to_owned())
+            .spawn(move || {
+                runtime.block_on(async move {
+                    let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
+                        return;
+                    };
+                    let served = axum::serve(listener, router(shared));
+                    tokio::select! {
+                        _ = served => {}
+                        _ = ended => {}
+                    }
+                });
+                // Connections that are open hold up no end.
+                runtime.shutdown_background();
+            });
+        let thread = Some(thread.map_err(other)?);
+        Ok(Self {
+            address,
+            token,
+            end: Some(end),
+            thread,
+        })
+    }
+
+    /// The address to open in a browser. Its token lets nobody else in.
+    pub fn url(&self) -> String {
+        format!("http://{}/?token={}", self.address, self.token)
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What has to be given to get in.
+    pub fn token(&self) -> &str {
+        &self.token
+    }
+}
+
+impl Drop for Studio {
+    fn drop(&mut self) {
+        if let Some(end) = self.end.take() {
+            let _ = end.send(());
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// 128 bits that nobody can guess, in hexadecimal digits.
+fn token() -> Result<String, getrandom::Error> {
+    let mut bytes = [0_u8; 16];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    }))
+}
+
+fn router(shared: Shared) -> Router {
+    Router::new()
+        .route("/", get(index))
+        .route("/live", get(live))
+        .route("/{*path}", get(asset))
+        .layer(middleware::from_fn_with_state(shared.clone(), guard))
+        .with_state(shared)
+}
+
+/// Does a request come from a page of this server, under its own name? One from elsewhere must not move anything.
+fn is_own(headers: &HeaderMap, port: u16) -> bool {
+    let own = ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}"));
+    let said = |name| {
+        headers
+            .get(name)
+            .map(|value: &HeaderValue| value.to_str().unwrap_or("?"))
+    };
+    said(header::HOST).is_some_and(|host| own.iter().any(|own| own == host))
+        && said(header::ORIGIN).is_none_or(|origin| own.iter().any(|own| origin == format!("http://{own}")))
+}
+
+async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Response {
+    let mut response = match is_own(request.headers(), shared.port) {
+        true => next.run(request).await,
+        false => (StatusCode::FORBIDDEN, "this studio serves its own page only").into_response(),
+    };
+    let headers = response.headers_mut();
+    for (name, value) in [
+        ("content-security-policy", POLICY),
+        ("x-content-type-options", "nosniff"),
+        ("referrer-policy", "no-referrer"),
+        ("cache-control", "no-store"),
+        ("cross-origin-resource-policy", "same-origin"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+fn is_let_in(shared: &Shared, query: &HashMap<String, String>) -> bool {
+    let given = query.get("token").map(String::as_bytes).unwrap_or_default();
+    let token = shared.token.as_bytes();
+    // As long whatever is given.
+    let differs = token.iter().enumerate().fold(0, |differs, (at, byte)| {
+        differs | (byte ^ given.get(at).unwrap_or(&0))
+    });
+    differs == 0 && given.len() == token.len()
+}
+
+const LOCKED: &str = "<!doctype html><title>haptograph studio</title><p>This address lacks its token. Open the whole \
+                      address that <code>haptograph studio</code> printed.";
+
+async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String, String>>) -> Response {
+    match is_let_in(&shared, &query) {
+        true => asset(Path("index.html".to_owned())).await,
+        false => (StatusCode::FORBIDDEN, Html(LOCKED)).into_response(),
+    }
+}
+
+async fn asset(Path(path): Path<String>) -> Response {
+    let kind = match path.rsplit_once('.').map(|(_, ending)| ending) {
+        Some("html") => "text/html; charset=utf-8",
+        Some("js") => "text/javascript; charset=utf-8",
+        Some("css") => "text/css; charset=utf-8",
+        Some("svg") => "image/svg+xml",
+        _ => "text/plain; charset=utf-8",
+    };
+    match PAGE.get_file(&path) {
+        Some(file) => ([(header::CONTENT_TYPE, kind)], file.contents()).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn live(
+    State(shared): State<Shared>,
+    Query(query): Query<HashMap<String, String>>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    // A browser always says where it comes from.
+    let has_origin = headers.contains_key(header::ORIGIN);
+    if !is_let_in(&shared, &query) || !has_origin {
+        return StatusCode::FORBIDDEN.into_response();
+    }
+    if lock(&shared.stage).pages.len() >= MOST_PAGES {
+        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
+    }
+    let upgrade = upgrade
+        .protocols([SUBPROTOCOL])
+        .max_message_size(MOST_LEARNED_BYTES)
+        .max_frame_size(MOST_LEARNED_BYTES);
+    upgrade.on_upgrade(move |socket| converse::run(socket, shared.stage))
+}
