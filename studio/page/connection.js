@@ -1,4 +1,5 @@
 // The way to the engine: messages out, messages in, requests and their replies, and coming back when it is lost.
+import { PageEngine } from "./engine.js";
 import { Emitter } from "./events.js";
 import { read } from "./frames.js";
 
@@ -6,7 +7,7 @@ const PROTOCOL = "haptograph.studio.1";
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 8;
 
-// Emits `open`, `lost` ({ wait_s, ever }), `samples`, and every JSON message by its type. Sound goes to the player's port.
+// Emits `open`, `lost` ({ wait_s, ever, reason }), `waiting` when an engine in this page waits for a press or no more, `samples`, and every JSON message by its type. Sound goes to the player's port.
 export class Connection extends Emitter {
     #worker = new Worker(new URL("socket.js", import.meta.url), { type: "module" });
     #wait_s = FIRST_WAIT_S;
@@ -16,11 +17,13 @@ export class Connection extends Emitter {
 
     constructor() {
         super();
+        this.engine = PageEngine.here(); // null where a server is behind the page
+        if (this.engine) this.engine.onchange = () => this.emit("waiting");
         this.open = false;
         this.unsent = 0; // bytes that still have to leave this machine
         const hear = {
             open: () => this.#opened(),
-            close: () => this.#closed(),
+            close: ({ reason }) => this.#closed(reason),
             message: ({ data }) => this.#received(data),
             stroked: ({ samples }) => this.emit("stroked", samples),
             unsent: ({ unsent }) => (this.unsent = unsent),
@@ -29,6 +32,7 @@ export class Connection extends Emitter {
     }
 
     connect() {
+        if (this.engine) return this.#connectHere();
         const address = new URL("live", location.href);
         address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
@@ -38,6 +42,16 @@ export class Connection extends Emitter {
             protocol: PROTOCOL,
             origin_ms: performance.timeOrigin,
         });
+    }
+
+    async #connectHere() {
+        try {
+            const engine = await this.engine.open();
+            this.#worker.postMessage({ what: "connect", engine, origin_ms: performance.timeOrigin }, [engine.port]);
+            this.emit("waiting");
+        } catch (error) {
+            this.#closed(error.message);
+        }
     }
 
     // The port of whoever plays the sound.
@@ -96,13 +110,13 @@ export class Connection extends Emitter {
         this.emit(message.type, message);
     }
 
-    #closed() {
+    #closed(reason) {
         this.open = false;
         for (const resolve of this.#waiting.values()) resolve(failure("The connection was lost before the answer came."));
         this.#waiting.clear();
         const wait_s = this.#wait_s;
         this.#wait_s = Math.min(LONGEST_WAIT_S, wait_s * 1.7);
-        this.emit("lost", { wait_s, ever: this.#ever });
+        this.emit("lost", { wait_s, ever: this.#ever, reason });
         setTimeout(() => this.connect(), wait_s * 1000);
     }
 }

@@ -1,5 +1,6 @@
-// A Worker with the WebSocket in it: sound goes from here to the player by a port of its own, past whatever the page
+// A Worker with the way to the engine in it, a WebSocket or a port to the page's audio thread: a server's sound goes from here to the player by a port of its own, past whatever the page
 // is busy with, and the simulated hand strokes from here. All else goes to the page.
+import { EngineLink } from "./engine-link.js";
 import { pointers } from "./frames.js";
 import { Stroke } from "./stroke.js";
 
@@ -13,9 +14,10 @@ let stroke = null;
 let page_ms = 0; // the page's clock less this one
 
 const hear = {
-    connect: ({ address, protocol, origin_ms }) => {
+    connect: ({ address, protocol, engine, origin_ms }) => {
         page_ms = performance.timeOrigin - origin_ms;
-        connect(address, protocol);
+        if (engine) (follow(new EngineLink(engine)), postMessage({ what: "open" }));
+        else connect(address, protocol);
     },
     send: ({ message }) => send(message),
     player: ({ port }) => (player = port),
@@ -24,12 +26,17 @@ const hear = {
 onmessage = ({ data }) => hear[data.what]?.(data);
 
 function connect(address, protocol) {
-    socket = new WebSocket(address, protocol);
-    socket.binaryType = "arraybuffer";
-    socket.onopen = () => postMessage({ what: "open" });
-    socket.onclose = () => {
+    const opening = new WebSocket(address, protocol);
+    opening.binaryType = "arraybuffer";
+    opening.onopen = () => postMessage({ what: "open" });
+    follow(opening);
+}
+
+function follow(link) {
+    socket = link;
+    socket.onclose = ({ reason }) => {
         stroke = null;
-        postMessage({ what: "close" });
+        postMessage({ what: "close", reason });
     };
     socket.onmessage = ({ data }) => {
         const binary = data instanceof ArrayBuffer;

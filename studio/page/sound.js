@@ -64,37 +64,52 @@ export class Sound {
     async #begin() {
         const { sound } = this.#studio.graph ?? {};
         if (!sound || this.obstacle) return;
-        if (this.#context?.sampleRate !== sound.rate_hz) await this.#open(sound.rate_hz);
+        const { engine } = this.#studio.connection;
+        if (engine ? this.#player !== engine.node : this.#context?.sampleRate !== sound.rate_hz) await this.#open(sound.rate_hz);
         await this.#context.resume();
         this.on = true;
-        this.#player.port.postMessage({ restart: true });
-        this.#studio.connection.send({ type: "sound", on: true });
+        if (!engine) {
+            this.#player.port.postMessage({ restart: true });
+            this.#studio.connection.send({ type: "sound", on: true });
+        }
         if (this.#studio.status?.state !== "stopped") this.#ramp();
     }
 
     async #open(rate_hz) {
+        const { engine } = this.#studio.connection;
+        if (engine) return this.#connect(engine.context, engine.node);
         await this.#context?.close();
         this.#context = contextAt(rate_hz);
         await this.#context.audioWorklet.addModule(new URL("worklet.js", import.meta.url));
-        this.#player = new AudioWorkletNode(this.#context, "player", {
+        const player = new AudioWorkletNode(this.#context, "player", {
             numberOfInputs: 0,
             outputChannelCount: [2],
             processorOptions: { rate_hz },
         });
-        this.#player.port.onmessage = ({ data }) => (this.report = data);
         const { port1, port2 } = new MessageChannel();
         this.#studio.connection.playBy(port1);
-        this.#player.port.postMessage({ source: port2 }, [port2]);
-        this.#gain = this.#context.createGain();
-        this.#gain.gain.value = 0;
-        this.#player.connect(this.#gain).connect(this.#context.destination);
+        player.port.postMessage({ source: port2 }, [port2]);
+        this.#connect(this.#context, player);
+    }
+
+    // What plays, a node of its own or the engine itself, is heard through a gain.
+    #connect(context, player) {
+        this.#context = context;
+        this.#player = player;
+        // The browser counts where it had nothing to play in time.
+        player.port.onmessage = ({ data }) =>
+            (this.report = { ...data, underruns: data.underruns + (context.playbackStats?.underrunEvents ?? 0) });
+        this.#gain = new GainNode(context, { gain: 0 });
+        player.connect(this.#gain).connect(context.destination);
     }
 
     #end() {
         this.on = false;
         this.cut();
-        this.#studio.connection.send({ type: "sound", on: false });
-        setTimeout(() => !this.on && this.#context?.suspend(), 100);
+        if (!this.#studio.connection.engine) {
+            this.#studio.connection.send({ type: "sound", on: false });
+            setTimeout(() => !this.on && this.#context?.suspend(), 100);
+        }
         this.#show();
     }
 

@@ -62,6 +62,14 @@ function pick(studio, state) {
 }
 
 function connectionSays(studio) {
+    const { engine } = studio.connection;
+    if (studio.connection.open && engine?.waits)
+        return {
+            level: "note",
+            text: "The engine runs in this page, once you start it",
+            label: "Start",
+            action: () => engine.start(),
+        };
     if (!studio.connection.open || !studio.status)
         return {
             level: "warn",

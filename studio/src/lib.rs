@@ -1,6 +1,6 @@
 //! The studio: a page on which a person strokes a surface, and hears, sees and changes what it renders.
 //!
-//! [`Studio::open`] serves the page and runs the graph behind it; page is the same engine for WebAssembly, where the
+//! [`Studio::open`] serves the page and runs the graph behind it; [`page`] is the same engine for WebAssembly, where the
 //! page's own audio thread runs it. Pointers on the page are the graph's tablets; every other endpoint stays simulated, so
 //! that nothing real moves, and what a sink delivers, behind its limits, is played by the page. Both speak the protocol of
 //! `docs/studio-protocol.md`.
@@ -16,6 +16,7 @@ mod load;
 #[cfg(not(target_family = "wasm"))]
 mod native;
 mod pads;
+pub mod page;
 mod pages;
 mod publish;
 mod record;
@@ -25,4 +26,4 @@ mod talk;
 mod wire;
 
 #[cfg(not(target_family = "wasm"))]
-pub use native::{Options, Studio, StudioError};
+pub use native::{Export, Exported, Options, Studio, StudioError, export};

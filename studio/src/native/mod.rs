@@ -2,11 +2,13 @@
 
 mod assets;
 mod converse;
+mod export;
 mod learn;
 mod pump;
 mod save;
 mod server;
 
+pub use export::{Export, Exported, export};
 pub use server::{Options, Studio, StudioError};
 
 use crate::stage::Stage;

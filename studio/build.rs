@@ -1,0 +1,16 @@
+//! Takes along the engine for pages where `studio/build-site` built it; without it nothing can be exported.
+
+#![allow(clippy::print_stdout)]
+
+use std::path::Path;
+
+fn main() {
+    let built = Path::new("engine.wasm");
+    println!("cargo:rerun-if-changed={}", built.display());
+    let module = match built.exists() {
+        true => std::fs::read(built).expect("the module can be read"),
+        false => Vec::new(),
+    };
+    let folder = std::env::var_os("OUT_DIR").expect("cargo gives a folder");
+    std::fs::write(Path::new(&folder).join("engine.wasm"), module).expect("the module is taken along");
+}

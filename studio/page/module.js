@@ -1,0 +1,92 @@
+// The engine as a WebAssembly module: its calls by names that say what they do, over its own memory. It runs in audio
+// threads, which cannot turn text into bytes, so all text here is UTF-8 already.
+const TEXT = 1;
+
+export class Module {
+    #calls;
+
+    constructor(wasm) {
+        this.#calls = new WebAssembly.Instance(new WebAssembly.Module(wasm), {}).exports;
+    }
+
+    // A file ({ path, bytes }) that graphs name.
+    put({ path, bytes }) {
+        this.#fill(path, bytes);
+        this.#calls.haptograph_file(path.length);
+    }
+
+    // Begins to run a graph ({ graph, set } as JSON); throws what is wrong with it, as bytes.
+    open(opened) {
+        this.#fill(opened);
+        if (!this.#calls.haptograph_open()) throw this.#message();
+    }
+
+    // The same to check edits.
+    openChecker(opened) {
+        this.#fill(opened);
+        if (!this.#calls.haptograph_open_checker()) throw this.#message();
+    }
+
+    // Takes a message of the page.
+    hear({ bytes, text }) {
+        this.#fill(new Uint8Array(bytes));
+        this.#calls.haptograph_hear(text ? 1 : 0);
+    }
+
+    // The answer to a message that asks for a check or a wrong edit; null where the engine has to answer.
+    check(message) {
+        this.#fill(message);
+        return this.#calls.haptograph_check() ? this.#message() : null;
+    }
+
+    // Runs so many frames of the driver; what is played of them, a view that is valid until the next call.
+    process(frames) {
+        const count = this.#calls.haptograph_process(frames);
+        return new Float64Array(this.#calls.memory.buffer, this.#calls.haptograph_played(), count);
+    }
+
+    publish(passed_ms, busy_ms) {
+        this.#calls.haptograph_publish(passed_ms, busy_ms);
+    }
+
+    // The messages to the page since the last time, { bytes, text }.
+    *messages() {
+        for (let kind = this.#calls.haptograph_next(); kind; kind = this.#calls.haptograph_next())
+            yield { bytes: this.#message().buffer, text: kind === TEXT };
+    }
+
+    get driver_hz() {
+        return this.#calls.haptograph_driver_hz();
+    }
+
+    // 0 where there is nothing to be heard.
+    get sound_hz() {
+        return this.#calls.haptograph_sound_hz();
+    }
+
+    get memory_bytes() {
+        return this.#calls.memory.buffer.byteLength;
+    }
+
+    // Why the module ended, as bytes; none while it runs.
+    get panic() {
+        return this.#copy(this.#calls.haptograph_panic(), this.#calls.haptograph_panic_length());
+    }
+
+    #fill(...parts) {
+        const length = parts.reduce((sum, part) => sum + part.length, 0);
+        let at = this.#calls.haptograph_room(length);
+        for (const part of parts) {
+            new Uint8Array(this.#calls.memory.buffer, at, part.length).set(part);
+            at += part.length;
+        }
+    }
+
+    #message() {
+        return this.#copy(this.#calls.haptograph_message(), this.#calls.haptograph_message_length());
+    }
+
+    #copy(at, length) {
+        return new Uint8Array(this.#calls.memory.buffer, at, length).slice();
+    }
+}

@@ -1,0 +1,330 @@
+//! The page as a static site: the same page, with the engine in it as WebAssembly and the files of its graphs.
+
+use super::assets::{ENGINE, PAGE};
+use super::server::StudioError;
+use crate::describe;
+use crate::load::Source;
+use crate::page;
+use crate::stage::{Stage, StageError};
+use haptograph_engine::registry::Registry;
+use haptograph_signal::files;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
+
+/// What the page of a site may load: its own files only. Its engine is compiled, nothing else is.
+const POLICY: &str = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; img-src 'self' data: blob:; \
+                      style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'";
+/// In the page's head, which a site adds to.
+const HEAD: &str = "<meta charset=\"utf-8\">";
+/// The longest file that a site takes along, bytes.
+const MOST_BYTES: u64 = 256 << 20;
+const SITE: &str = "site.json";
+const MODULE: &str = "engine.wasm";
+
+/// What is exported.
+#[derive(Debug, Clone)]
+pub struct Export {
+    /// The graphs' files.
+    pub graphs: Vec<PathBuf>,
+    /// Parameters in place of their defaults.
+    pub set: Vec<(String, String)>,
+    /// The folder that becomes the site.
+    pub folder: PathBuf,
+}
+
+/// What was written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Exported {
+    /// Files.
+    pub files: usize,
+    /// Their size, bytes.
+    pub bytes: u64,
+}
+
+fn other(why: impl std::fmt::Display) -> StudioError {
+    StudioError::Other(why.to_string())
+}
+
+/// A graph of the site, and the files that it needs.
+struct Taken {
+    name: String,
+    about: String,
+    path: PathBuf,
+    set: Vec<(String, String)>,
+    rate_hz: f64,
+    files: BTreeSet<PathBuf>,
+}
+
+/// Writes a site that any server of static files can serve.
+///
+/// # Errors
+/// [`StudioError`]: a graph is wrong, the folder holds something else, or this program was built without the module.
+pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioError> {
+    if ENGINE.is_empty() {
+        return Err(other(
+            "this haptograph was built without the engine for pages: run `studio/build-site` in its sources, and build it again",
+        ));
+    }
+    write_site(options, registry, ENGINE)
+}
+
+fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
+    is_free(&options.folder)?;
+    let taken = options
+        .graphs
+        .iter()
+        .map(|path| take(path, &options.set, registry));
+    let taken = taken.collect::<Result<Vec<_>, _>>()?;
+    let mut names = BTreeSet::new();
+    if let Some(twice) = taken.iter().find(|taken| !names.insert(&taken.name)) {
+        return Err(other(format!(
+            "two graphs are called `{}`: give one of the files another name",
+            twice.name
+        )));
+    }
+    let all: BTreeSet<&PathBuf> = taken.iter().flat_map(|taken| &taken.files).collect();
+    let root = root_of(&all);
+    let mut site = Site {
+        folder: &options.folder,
+        exported: Exported { files: 0, bytes: 0 },
+    };
+    for path in &all {
+        let bytes = files::read(path, MOST_BYTES)
+            .map_err(|error| other(format!("cannot read {}: {error}", path.display())))?;
+        site.write(&Path::new("files").join(in_site(path, &root)), &bytes)?;
+    }
+    write_page(&mut site)?;
+    site.write(Path::new(MODULE), module)?;
+    // Last: what has it is whole.
+    let listed = listing(&taken, &all, &root);
+    site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
+    Ok(site.exported)
+}
+
+/// Refuses a folder with something in it that is no site.
+fn is_free(folder: &Path) -> Result<(), StudioError> {
+    let is_empty = match std::fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
+        Err(error) => return Err(other(format!("cannot export to {}: {error}", folder.display()))),
+    };
+    let is_site = || {
+        let text = files::read_text(&folder.join(SITE), MOST_BYTES).unwrap_or_default();
+        serde_json::from_str::<Value>(&text).is_ok_and(|site| site["haptograph"].is_string())
+    };
+    match is_empty || is_site() {
+        true => Ok(()),
+        false => Err(other(format!(
+            "{} holds something else than an exported site: export to an empty or new folder",
+            folder.display()
+        ))),
+    }
+}
+
+/// Opens a graph as the page will, and finds what it needs.
+fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Taken, StudioError> {
+    let source = Source {
+        path: plain(path)?,
+        registry: registry.clone(),
+        set: set.to_vec(),
+    };
+    let stage = Stage::open(source, page::HOST).map_err(|error| match error {
+        StageError::Graph(wrong) => StudioError::Graph(wrong),
+        StageError::Other(why) => other(format!("{}: {why}", path.display())),
+    })?;
+    let graph = &stage.loaded.graph;
+    // What was set on the command line is a source too.
+    let sources = graph.sources().iter().map(|source| source.path.clone());
+    let sources = sources.filter(|path| files::is_file(path));
+    let named = graph.nodes().node_weights().flat_map(|node| node.files.clone());
+    let surfaces = describe::surface_files(stage.source.folder());
+    let files = sources.chain(named).chain(surfaces);
+    let files = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;
+    let name = path
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    Ok(Taken {
+        name,
+        about: graph.about().to_owned(),
+        rate_hz: stage
+            .sound
+            .as_ref()
+            .map_or(stage.rate_hz(), |sound| sound.rate_hz),
+        path: stage.source.path.clone(),
+        set: set.to_vec(),
+        files,
+    })
+}
+
+/// A path from the root, without `.` and `..`.
+fn plain(path: &Path) -> Result<PathBuf, StudioError> {
+    let absolute = std::path::absolute(path).map_err(other)?;
+    let mut plain = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                plain.pop();
+            }
+            part => plain.push(part),
+        }
+    }
+    Ok(plain)
+}
+
+/// The deepest folder that all files are in.
+fn root_of(all: &BTreeSet<&PathBuf>) -> PathBuf {
+    let mut folders = all.iter().filter_map(|path| path.parent());
+    let first = folders.next().unwrap_or(Path::new("")).to_owned();
+    folders.fold(first, |root, folder| {
+        let same = root.components().zip(folder.components());
+        same.take_while(|(one, other)| one == other)
+            .map(|(one, _)| one)
+            .collect()
+    })
+}
+
+/// A file's path in the site, with `/` between its folders.
+fn in_site(path: &Path, root: &Path) -> String {
+    let parts = path.strip_prefix(root).unwrap_or(path).components();
+    let parts = parts.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    parts.collect::<Vec<_>>().join("/")
+}
+
+fn listing(taken: &[Taken], all: &BTreeSet<&PathBuf>, root: &Path) -> Value {
+    let graphs = taken.iter().map(|taken| {
+        let set = taken
+            .set
+            .iter()
+            .map(|(name, value)| (name, set_in_site(value, all, root)));
+        json!({
+            "name": taken.name, "about": taken.about, "path": in_site(&taken.path, root),
+            "set": set.collect::<Vec<_>>(), "rate_hz": taken.rate_hz,
+        })
+    });
+    json!({
+        "haptograph": env!("CARGO_PKG_VERSION"), "engine": MODULE,
+        "graphs": graphs.collect::<Vec<_>>(),
+        "files": all.iter().map(|path| in_site(path, root)).collect::<Vec<_>>(),
+    })
+}
+
+/// A value that names a file from the working directory names it from the site's root there.
+fn set_in_site(value: &str, all: &BTreeSet<&PathBuf>, root: &Path) -> String {
+    let name = value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+    let path = name.and_then(|name| plain(Path::new(name)).ok());
+    let known = path.filter(|path| all.contains(path));
+    known.map_or_else(|| value.to_owned(), |path| format!("{:?}", in_site(&path, root)))
+}
+
+/// The page's own files; its head says what is in the site, and what it may load.
+fn write_page(site: &mut Site) -> Result<(), StudioError> {
+    let head = format!(
+        "{HEAD}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"haptograph-site\" content=\"{SITE}\">"
+    );
+    let files = PAGE.files().chain(PAGE.dirs().flat_map(|folder| folder.files()));
+    for file in files.filter(|file| is_served(file.path())) {
+        match file.path() == Path::new("index.html") {
+            true => {
+                let page = String::from_utf8_lossy(file.contents()).replacen(HEAD, &head, 1);
+                site.write(file.path(), page.as_bytes())?;
+            }
+            false => site.write(file.path(), file.contents())?,
+        }
+    }
+    Ok(())
+}
+
+/// What pages load, and the licences of what is in it; not what it was bundled from.
+fn is_served(path: &Path) -> bool {
+    let is_bundled = path.ends_with("vendor/codemirror.js") || path.ends_with("vendor/codemirror.LICENSE");
+    !path.starts_with("vendor") || is_bundled
+}
+
+struct Site<'a> {
+    folder: &'a Path,
+    exported: Exported,
+}
+
+impl Site<'_> {
+    fn write(&mut self, path: &Path, bytes: &[u8]) -> Result<(), StudioError> {
+        let path = self.folder.join(path);
+        let failed = |error: std::io::Error| other(format!("cannot write {}: {error}", path.display()));
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        std::fs::write(&path, bytes).map_err(failed)?;
+        self.exported.files += 1;
+        self.exported.bytes += bytes.len() as u64;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
+    }
+
+    fn export(names: &[&str], folder: &Path) -> Result<Exported, StudioError> {
+        let options = Export {
+            graphs: names.iter().map(|name| shipped(name)).collect(),
+            set: vec![("surface".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())],
+            folder: folder.to_owned(),
+        };
+        write_site(&options, &haptograph_nodes::registry(), b"a module")
+    }
+
+    #[test]
+    fn a_site_has_all_that_its_graphs_need_and_refers_to_nothing_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let exported = export(&["texturepad.ron"], folder.path()).expect("it is written");
+        let text = std::fs::read_to_string(folder.path().join(SITE)).expect("it is listed");
+        let site: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(site["graphs"][0]["path"], "texturepad.ron");
+        assert_eq!(site["graphs"][0]["rate_hz"], 48000.0);
+        let files: Vec<&str> = site["files"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .filter_map(Value::as_str)
+            .collect();
+        for needed in [
+            "texturepad.ron",
+            "parts/texture.ron",
+            "surfaces/t2-canvas.ron",
+            "surfaces/t3-tile.ron",
+        ] {
+            assert!(files.contains(&needed), "{needed} of {files:?}");
+            assert!(folder.path().join("files").join(needed).is_file(), "{needed}");
+        }
+        let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+        assert!(page.contains("wasm-unsafe-eval") && page.contains(SITE) && !page.contains("src=\"/"));
+        assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > files.len());
+        // Once more over itself, but over nothing else.
+        export(&["texturepad.ron"], folder.path()).expect("it is written again");
+        std::fs::remove_file(folder.path().join(SITE)).expect("it was there");
+        assert!(matches!(
+            export(&["texturepad.ron"], folder.path()),
+            Err(StudioError::Other(_))
+        ));
+    }
+
+    #[test]
+    fn what_no_page_can_run_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("site");
+        for graphs in [
+            &["two-drivers.ron"][..],
+            &["texturepad.ron", "texturepad.ron"],
+            &["parts/texture.ron"],
+        ] {
+            assert!(export(graphs, &site).is_err(), "{graphs:?}");
+            assert!(!site.exists());
+        }
+    }
+}
