@@ -1,12 +1,14 @@
 // The studio: what the engine last said, what the page may ask of it, and the panels that show and do so.
+import { mountCompare } from "./compare.js";
 import { Connection } from "./connection.js";
 import { mountControls } from "./controls.js";
-import { find, setText, takesText } from "./dom.js";
+import { find, make, setText, takesText } from "./dom.js";
 import { mountEditor } from "./editor.js";
 import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
 import { mountMap } from "./map.js";
 import { mountPad } from "./pad.js";
+import { mountRecorder } from "./recorder.js";
 import { mountScopes } from "./scopes.js";
 import { Sound } from "./sound.js";
 import { mountStatus } from "./status.js";
@@ -32,6 +34,7 @@ class Studio extends Emitter {
         connection.on("settings", ({ settings }) => settings.forEach(({ name, value }) => this.#changed(name, value)));
         connection.on("refused", ({ error }) => this.say("bad", `The engine refused a message: ${error}`));
         connection.on("lost", (how) => this.#lose(how));
+        for (const turn of ["open", "waiting"]) connection.on(turn, () => cover(this));
     }
 
     currentSurface() {
@@ -116,7 +119,7 @@ class Studio extends Emitter {
         this.emit("value", { name, value });
     }
 
-    #lose({ wait_s, ever }) {
+    #lose({ wait_s, ever, reason }) {
         this.lost = true;
         this.status = null;
         this.pad.hands.liftAll();
@@ -124,9 +127,11 @@ class Studio extends Emitter {
         const again = `Trying again in ${wait_s < 1 ? "a moment" : `${Math.round(wait_s)} s`}.`;
         setText(
             find("banner"),
-            ever
-                ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
-                : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`,
+            this.connection.engine
+                ? `The engine in this page ended (${reason}). ${again}`
+                : ever
+                  ? `The connection to the engine is lost. It takes its actuators to zero by itself. ${again}`
+                  : `No engine answers here. Is haptograph still running? Open the address that it printed, with its token. ${again}`,
         );
         cover(this);
     }
@@ -134,15 +139,18 @@ class Studio extends Emitter {
 
 // What lies over the pad while it cannot be touched, and what to do about it.
 function cover(studio) {
+    const { engine } = studio.connection;
     const says = !studio.connection.open
         ? null
-        : studio.status?.state === "stopped"
-          ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
-          : studio.status && !studio.status.owner
-            ? ["Another page owns the pad.", "Take over", () => studio.own()]
-            : studio.graph?.pads.length === 0
-              ? ["No input of this graph can be a pointer: a pad needs position, force and touching."]
-              : null;
+        : engine?.waits
+          ? ["The engine runs in this page. Browsers let it begin only when you say so.", "Start", () => engine.start()]
+          : studio.status?.state === "stopped"
+            ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
+            : studio.status && !studio.status.owner
+              ? ["Another page owns the pad.", "Take over", () => studio.own()]
+              : studio.graph?.pads.length === 0
+                ? ["No input of this graph can be a pointer: a pad needs position, force and touching."]
+                : null;
     find("pad-cover").hidden = !says;
     if (!says) return;
     setText(find("pad-cover-text"), says[0]);
@@ -157,6 +165,22 @@ function mountStop(studio) {
     window.addEventListener("keydown", (event) => {
         if (event.defaultPrevented || event.isComposing) return;
         if (event.key === "Escape" || (event.key === "." && !takesText(event.target))) studio.stop();
+    });
+}
+
+// A site may have several graphs; each has its own address.
+async function mountGraphChoice({ connection: { engine } }) {
+    const graphs = (await engine?.graphs().catch(() => [])) ?? [];
+    if (graphs.length < 2) return;
+    const address = new URL(location.href);
+    const options = graphs.map(({ name, about }) => make("option", { value: name, text: name, title: about }));
+    find("graph-choice").replaceChildren(...options);
+    find("graph-choice").value = address.searchParams.get("graph") ?? graphs[0].name;
+    find("name").hidden = true;
+    find("graph-choice").hidden = false;
+    find("graph-choice").addEventListener("change", ({ target }) => {
+        address.searchParams.set("graph", target.value);
+        location.href = address.href;
     });
 }
 
@@ -179,7 +203,10 @@ mountGraph(studio);
 mountControls(studio);
 mountEditor(studio);
 mountSurfaces(studio);
+mountCompare(studio);
+mountRecorder(studio);
 mountStatus(studio);
 mountStop(studio);
+mountGraphChoice(studio);
 studio.connection.connect();
 window.studio = studio; // for those who try things in the browser's console, and for tests

@@ -1,4 +1,5 @@
 // The pad: a picture of the surface, the hands on it, and the force of those that cannot press.
+import { showHalves } from "./compare.js";
 import { DemoHand } from "./demo.js";
 import { find, imageOf, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
@@ -46,6 +47,7 @@ export function mountPad(studio) {
         layOut(canvas, grid, hands, place);
         showSwatch(studio);
     });
+    studio.on("compared", () => showSwatch(studio));
     mountPhoto(studio);
     const strength = followVibration(studio);
     everyFrame((now_ms) => {
@@ -95,6 +97,8 @@ function layOut(canvas, grid, hands, place) {
 
 // The surface that runs, as a picture: a photograph where the user gave one, else its swatch.
 function showSwatch(studio) {
+    showHalves(studio, find("pad-swatch"));
+    if (studio.compared) return;
     const surface = studio.currentSurface();
     const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
     find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";

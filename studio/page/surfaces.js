@@ -19,10 +19,10 @@ export function mountSurfaces(studio) {
 }
 
 // The parameter that a click on a swatch sets.
-const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_surface) ?? null;
+export const parameterOf = (graph) => graph?.parameters.find(({ is_surface }) => is_surface) ?? null;
 
 // A path as the parameter wants it: a RON string, which JSON writes in the same way, unless it is one already.
-const quoted = (path) => (path.startsWith('"') ? path : JSON.stringify(path));
+export const quoted = (path) => (path.startsWith('"') ? path : JSON.stringify(path));
 
 // A path as it stands between the quotes.
 export const bare = (path) => (/^"[^"\\]*"$/.test(path) ? path.slice(1, -1) : path);
@@ -70,7 +70,7 @@ async function choose(studio, name, path) {
 function showCurrent(studio) {
     const current = currentSurface(studio.graph);
     for (const card of find("surfaces").querySelectorAll(".surface")) {
-        card.setAttribute("aria-pressed", String(card.getAttribute("data-path") === current?.path));
+        card.setAttribute("aria-pressed", String(!studio.blind && card.getAttribute("data-path") === current?.path));
     }
     const parameter = parameterOf(studio.graph);
     const says = !studio.graph.surfaces.length
@@ -99,9 +99,19 @@ function mountDrop(studio) {
 
 function take(studio, file) {
     if (/^image\/(png|jpeg|webp)$/.test(file.type)) studio.usePhoto(file);
-    else if (/\.json$/i.test(file.name)) studio.loadPreset(file);
+    else if (/\.json$/i.test(file.name)) takeJson(studio, file);
     else if (/\.csv$/i.test(file.name) || file.type === "text/csv") learn(studio, file);
     else studio.say("warn", `${file.name} is no CSV, JSON, PNG, JPEG or WebP.`);
+}
+
+// A recording of strokes, or a preset.
+async function takeJson(studio, file) {
+    const read = await file
+        .text()
+        .then(JSON.parse)
+        .catch(() => null);
+    if (Array.isArray(read?.moves)) studio.loadRecording(read);
+    else studio.loadPreset(file);
 }
 
 async function learn(studio, file) {

@@ -1,11 +1,15 @@
-// The page in a real Chromium against a running server: node page.mjs "http://127.0.0.1:PORT/?token=TOKEN" [folder for pictures]
+// The page in a real Chromium: node page.mjs WHERE [folder for pictures]; WHERE is the address that a running server printed,
+// "http://127.0.0.1:PORT/?token=TOKEN", or the folder of an exported site.
 // `npm ci` here brings playwright-core; it drives the system's Chromium (CHROMIUM, or /usr/bin/chromium).
 import assert from "node:assert/strict";
 import { mkdirSync } from "node:fs";
 import { chromium } from "playwright-core";
+import { serve } from "./serve.mjs";
 
-const [address, pictures] = process.argv.slice(2);
-assert(address, "give the address that the studio printed");
+const [where, pictures] = process.argv.slice(2);
+assert(where, "give the address that the studio printed, or a site's folder");
+const served = where.startsWith("http") ? null : await serve(where);
+const address = served?.address ?? where;
 if (pictures) mkdirSync(pictures, { recursive: true });
 const browser = await chromium.launch({
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
@@ -28,13 +32,20 @@ async function open(options = {}) {
             problems.push(`a request left the origin: ${request.url()}`),
     );
     await page.goto(address);
-    await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: PATIENCE_MS });
+    await ready(page);
     return page;
+}
+
+async function ready(page) {
+    await page.waitForFunction(() => window.studio?.hello && studio.graph && studio.status, null, { timeout: PATIENCE_MS });
 }
 
 const picture = async (page, name) => pictures && page.screenshot({ path: `${pictures}/${name}.png` });
 const tests = [];
 const test = (name, run) => tests.push([name, run]);
+// Of a page that shares its engine with others.
+const serverTest = (name, run) => served || test(name, run);
+const siteTest = (name, run) => served && test(name, run);
 
 // A pen by DevTools' own input events, so that pressure and kind arrive as from a tablet.
 async function pen(page) {
@@ -165,7 +176,7 @@ test("a click on a wire puts it on a scope, one on a node shows its card", async
     await page.click("#node >> text=Close");
 });
 
-test("a setting arrives at another page", async (page) => {
+serverTest("a setting arrives at another page", async (page) => {
     const setting = await page.evaluate(
         () => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0],
     );
@@ -275,7 +286,7 @@ test("STOP is a key and a button, and only Resume ends it", async (page) => {
     }
 });
 
-test("of two pages one owns the pad", async (page) => {
+serverTest("of two pages one owns the pad", async (page) => {
     const other = await open();
     await other.waitForTimeout(300);
     assert.equal(await other.evaluate(() => studio.status.owner), false);
@@ -298,6 +309,101 @@ test("the pad is stroked by the arrow keys", async (page) => {
     assert((await latest(page, force_port)) < 0.01, "the keys still press");
 });
 
+// Keeps what comes of a port, every sample, from the next run on.
+const gather = (page, port) =>
+    page.evaluate((name) => {
+        const trace = studio.taps.watch(name, true);
+        const values = [];
+        const ends = [
+            studio.connection.on("graph", () => (values.length = 0)),
+            studio.connection.on("samples", (frame) => {
+                if (frame.place === studio.taps.traces.indexOf(trace)) values.push(...frame.values);
+            }),
+        ];
+        studio.gathered = { values, end: () => ends.forEach((end) => end()) };
+    }, port);
+
+test("a recorded stroke is done again with the same samples", async (page) => {
+    const port = await page.evaluate(() => `${studio.graph.actuators[0].name}.delivered`);
+    await gather(page, port);
+    const runs = (wanted) =>
+        page.waitForFunction((value) => (studio.status.recording_s !== null) === value, wanted, { timeout: PATIENCE_MS });
+    await page.click("#record");
+    await runs(true);
+    await stroke(page, 0.4, 1200);
+    await picture(page, "recording");
+    await page.evaluate(() => {
+        studio.connection.on("recording", ({ recording }) => {
+            studio.recorded ??= { recording, values: studio.gathered.values.slice(0, recording.frames) };
+        });
+    });
+    await page.click("#record");
+    await page.waitForFunction(() => studio.recorded, null, { timeout: PATIENCE_MS });
+    await runs(false);
+    await page.click("#replay");
+    await page.waitForFunction(() => studio.status.replay > 0, null, { timeout: PATIENCE_MS });
+    const { first, count, power, frames } = await page.evaluate(async () => {
+        const { values, recording } = studio.recorded;
+        while (studio.gathered.values.length < values.length) await new Promise((done) => setTimeout(done, 20));
+        const again = studio.gathered.values.slice(0, values.length);
+        const power = values.reduce((sum, value) => sum + value * value, 0);
+        return {
+            first: values.findIndex((value, i) => value !== again[i]),
+            count: values.length,
+            power,
+            frames: recording.frames,
+        };
+    });
+    assert(count > 0.9 * frames && power > 1e-3, `${count} samples of ${frames} frames, power ${power}`);
+    assert.equal(first, -1, `sample ${first} of ${count} differs`);
+    await page.waitForFunction(() => studio.status.replay === null && studio.status.state === "running", null, {
+        timeout: PATIENCE_MS,
+    });
+    await page.evaluate(() => {
+        studio.gathered.end();
+        location.reload();
+    });
+    await ready(page);
+});
+
+test("two surfaces lie side by side, and the hand feels the one that it is on", async (page) => {
+    await page.evaluate(() => studio.showTab("surfaces"));
+    if (await page.locator("#compare").isHidden()) return;
+    await page.click("#compare");
+    const [left, right] = await page.evaluate(() => studio.compared.map(({ path }) => path));
+    const runs = () => page.evaluate(() => studio.currentSurface().path);
+    const hand = await pen(page);
+    for (const [x, surface] of [
+        [0.25, left],
+        [0.75, right],
+        [0.25, left],
+    ]) {
+        await hand.press(x, 0.5, 0.4);
+        await page.waitForFunction((path) => studio.currentSurface()?.path === path, surface, { timeout: PATIENCE_MS });
+        await hand.lift(x, 0.5);
+    }
+    await picture(page, "compare");
+    await page.check("#blind");
+    assert.equal(await page.locator("#surfaces .surface[aria-pressed=true]:visible").count(), 0, "it shows which is which");
+    await picture(page, "blind");
+    await page.uncheck("#blind");
+    await page.click("#compare");
+    assert([left, right].includes(await runs()));
+});
+
+siteTest("an edit makes no gap that nobody is told of", async (page) => {
+    const late = () => page.evaluate(() => studio.status.late);
+    const before = await late();
+    const took_ms = await page.evaluate(async () => {
+        const { text } = studio.graph;
+        const begun = performance.now();
+        const reply = await studio.connection.request({ type: "apply", text: `// again\n${text}` });
+        return reply.ok ? performance.now() - begun : -1;
+    });
+    assert(took_ms >= 0, "the edit was refused");
+    console.log(`        an edit took ${took_ms.toFixed(0)} ms, ${(await late()) - before} late callbacks`);
+});
+
 let failed = 0;
 const page = await open();
 await page.evaluate(() => studio.own());
@@ -315,4 +421,5 @@ for (const [name, run] of tests) {
 if (problems.length) console.log(`FAILED  no console error, no request elsewhere\n        ${problems.join("\n        ")}`);
 else console.log("ok      no console error, no request elsewhere");
 await browser.close();
+served?.close();
 process.exit(failed || problems.length ? 1 : 0);

@@ -1,0 +1,36 @@
+// Records what hands and settings do from the first frame of a new run on, and does it again.
+import { find, make, setText } from "./dom.js";
+
+export function mountRecorder(studio) {
+    const [record, replay, keep] = ["record", "replay", "keep"].map(find);
+    let recording = null;
+    const use = (taken) => {
+        recording = taken;
+        replay.hidden = keep.hidden = false;
+    };
+    record.addEventListener("click", () => studio.connection.send({ type: "record", on: studio.status?.recording_s === null }));
+    replay.addEventListener("click", async () => {
+        const reply = await studio.connection.request({ type: "replay", recording });
+        studio.say(reply.ok ? "good" : "bad", reply.ok ? `Done again: ${reply.change}` : reply.error);
+    });
+    keep.addEventListener("click", () => download(recording));
+    studio.connection.on("recording", (message) => {
+        use(message.recording);
+        const where = message.saved ? `in ${message.saved}` : "press Keep to download it";
+        studio.say(message.error ? "bad" : "good", message.error ?? `${message.seconds.toFixed(1)} s were recorded: ${where}`);
+    });
+    studio.loadRecording = use;
+    studio.on("status", ({ recording_s, replay: part }) => {
+        record.setAttribute("aria-pressed", String(recording_s !== null));
+        setText(record, recording_s === null ? "Record" : `End ${recording_s.toFixed(1)} s`);
+        record.disabled = part !== null;
+        replay.disabled = recording_s !== null || part !== null;
+        setText(replay, part === null ? "Replay" : `${Math.round(100 * part)} %`);
+    });
+}
+
+function download(recording) {
+    const address = URL.createObjectURL(new Blob([JSON.stringify(recording)], { type: "application/json" }));
+    make("a", { href: address, download: `${recording.graph}-strokes.json` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
