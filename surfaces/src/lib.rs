@@ -5,6 +5,7 @@
 //! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
 //! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
 
+#[cfg(not(target_family = "wasm"))]
 pub mod batch;
 pub mod crackle;
 pub mod evaluate;
@@ -16,6 +17,7 @@ pub mod lines;
 pub mod lsf;
 pub mod metrics;
 pub mod model;
+#[cfg(not(target_family = "wasm"))]
 mod npz;
 pub mod provenance;
 pub mod recording;

@@ -137,7 +137,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Ta
     // What was set on the command line is a source too.
     let sources = graph.sources().iter().map(|source| source.path.clone());
     let sources = sources.filter(|path| files::is_file(path));
-    let named = graph.nodes().node_weights().flat_map(|node| node.files.clone());
+    let named = graph.nodes().iter().flat_map(|node| node.files.clone());
     let surfaces = describe::surface_files(stage.source.folder());
     let files = sources.chain(named).chain(surfaces);
     let files = files.map(|path| plain(&path)).collect::<Result<_, _>>()?;

@@ -1,7 +1,7 @@
 //! The stages of all lanes at once, with the operations of [`Stages`](crate::arma::warped::Stages).
 
 use super::{LANES, Lanes, WarpedGroup};
-use crate::arma::MAX_ORDER;
+use crate::arma::{MAX_ORDER, mul_add};
 use crate::prediction::step_down_lanes;
 use crate::warped::MAX_WARPING;
 use pulp::{Simd, WithSimd};
@@ -83,8 +83,8 @@ impl WarpedGroup {
         for (m, (k, c)) in sine.iter().zip(cosine).enumerate() {
             for l in 0..LANES {
                 let (a, b) = (above[l], below[l]);
-                above[l] = k[l].mul_add(b, -(warping * a));
-                below[l] = (-(warping * k[l])).mul_add(a, b);
+                above[l] = mul_add(k[l], b, -(warping * a));
+                below[l] = mul_add(-(warping * k[l]), a, b);
                 let inverse = 1.0 / (b * below[l]);
                 let delta = b * b * inverse;
                 self.pass[m][l] = c[l] * delta;
