@@ -267,8 +267,13 @@ fn a_live_run_ends_with_its_data() {
 fn without_soundcards_a_live_run_says_what_to_install() {
     let folder = tempfile::tempdir().unwrap();
     let graph = shipped("texturepad.ron");
-    succeed(folder.path(), &["check", &graph, "--endpoints", "live"]);
-    let arguments = ["run", &graph, "--live", "--for", "0.1", "--out", "o"];
+    let endpoints = ["--endpoints", "soundcard"];
+    succeed(folder.path(), &[&["check", &graph], &endpoints[..]].concat());
+    let arguments = [
+        &["run", &graph, "--live", "--for", "0.1", "--out", "o"],
+        &endpoints[..],
+    ]
+    .concat();
     let output = command(folder.path(), &arguments).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(

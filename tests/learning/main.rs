@@ -50,7 +50,13 @@ fn json(folder: &Path, arguments: &[&str]) -> Value {
 fn fail(folder: &Path, arguments: &[&str]) -> String {
     let output = haptograph(folder, arguments, "");
     assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    told_by(&output)
+}
+
+/// What a command says of its failure: on standard error, or as JSON on standard output.
+fn told_by(output: &std::process::Output) -> String {
+    let both = [&output.stderr[..], &output.stdout[..]].concat();
+    String::from_utf8_lossy(&both).into_owned()
 }
 
 /// White noise, the same on every machine.

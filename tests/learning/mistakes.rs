@@ -1,6 +1,6 @@
 //! What users got wrong, and what they are told.
 
-use super::{column, fail, haptograph, noise, workshop};
+use super::{column, fail, haptograph, noise, told_by, workshop};
 use serde_json::Value;
 use std::fs;
 
@@ -195,7 +195,7 @@ fn comparisons_without_a_number_say_why() {
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(found["SD"].is_null() && found["reason"].as_str().unwrap().contains("--deviations"));
     assert!(output.stderr.is_empty());
-    let said = |b: &str| String::from_utf8_lossy(&compare(b).stderr).into_owned();
+    let said = |b: &str| told_by(&compare(b));
     assert!(
         said("huge.csv").contains("check the units"),
         "{}",

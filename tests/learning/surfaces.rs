@@ -1,6 +1,6 @@
 //! Segments, and surfaces in other forms.
 
-use super::{fail, haptograph, json, noise, succeed, workshop};
+use super::{fail, haptograph, json, noise, succeed, told_by, workshop};
 use serde_json::Value;
 use std::fs;
 
@@ -147,8 +147,9 @@ fn interpolation_is_the_model_at_vertices_and_saturates() {
         "10 1\n\n10 abc\n",
     );
     assert_eq!(output.status.code(), Some(1));
-    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 1);
-    let told = String::from_utf8_lossy(&output.stderr);
+    // The one that can be read, and then what is wrong.
+    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().count(), 2);
+    let told = told_by(&output);
     assert!(
         told.contains("line 3, column 4") && told.contains("abc"),
         "{told}"

@@ -87,10 +87,10 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         let (sources, list) = (cx.sources, cx.diagnostics);
         return Err(Diagnostics { sources, list });
     }
-    let mut devices = devices::read(&mut cx, &mut parameters, &draft, options);
-    devices::bind(&mut cx, &mut draft, &mut devices);
     wires::connect(&mut cx, &mut draft);
     left_out::remove(&mut draft);
+    let mut devices = devices::read(&mut cx, &mut parameters, &draft, options);
+    devices::bind(&mut cx, &mut draft, &mut devices);
     cycles::check(&mut cx, &mut draft);
     clocks::assign(&mut cx, &mut draft, &clocks);
     types::check(&mut cx, &mut draft);

@@ -245,7 +245,6 @@ impl Expansion<'_> {
             prefix: format!("{}{}/", self.draft.scopes[outer].prefix, name.text),
             template: Some((template, kind.span)),
             outer,
-            is_left_out: self.is_left_out(cx, outer, &mut fields),
             ..Scope::default()
         };
         for input in &declared.inputs {
@@ -277,6 +276,7 @@ impl Expansion<'_> {
             };
             scope.settings.insert(setting.text.clone(), value);
         }
+        scope.is_left_out = self.is_left_out(cx, outer, &mut fields);
         cx.reading(|reading| fields.finish(reading));
         self.draft.scopes.push(scope);
         self.draft.scopes.len() - 1

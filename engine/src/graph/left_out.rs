@@ -40,7 +40,7 @@ fn keep(draft: &mut Draft, gone: &[bool]) {
         .iter()
         .map(|gone| {
             next += usize::from(!gone);
-            (!gone).then_some(next - 1)
+            (!gone).then(|| next - 1)
         })
         .collect();
     let mut is_gone = gone.iter();
