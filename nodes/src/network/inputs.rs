@@ -1,7 +1,7 @@
 //! Inputs of one number each: a fader, a key, a sensor on a serial line. Whatever they are told, a graph gets numbers in
 //! the range that it names.
 //!
-//! Inputs at one place (an address, a port) share the thread that listens there, a [`hub::Hub`].
+//! Inputs at one place (an address, a port) share the thread that listens there, a hub.
 
 mod hub;
 mod midi;
