@@ -111,9 +111,10 @@ fn render(arguments: &Arguments, batch: &Batch, folder: &Path) -> Result<(), Fai
     } = done;
     if done.was_stopped {
         let missing = chunks - rendered - kept;
-        return Err(Failure::Message(format!(
-            "stopped with {missing} of {chunks} chunks missing; the same command goes on"
-        )));
+        remark(&format!(
+            "stopped with {missing} of {chunks} chunks missing; the same command goes on\n"
+        ));
+        return Err(Failure::Interrupted);
     }
     if arguments.json {
         return Ok(());

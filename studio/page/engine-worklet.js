@@ -60,6 +60,11 @@ class Engine extends AudioWorkletProcessor {
 
     render(out) {
         const { module } = this;
+        if (module.driver_hz !== this.driver_hz) {
+            this.driver_hz = module.driver_hz;
+            this.rendered = this.driven = 0;
+            this.place = this.written;
+        }
         this.rendered += out.length;
         const due = Math.floor((this.rendered * module.driver_hz) / sampleRate) - this.driven;
         this.driven += due;

@@ -131,7 +131,10 @@ impl Recording {
             ) = meant(made);
             due_s <= LONGEST_S && position_m.iter().all(|x| x.abs() <= MOST_M) && force_n <= MOST_N
         };
-        match self.moves.iter().all(is_right) && self.seconds() <= LONGEST_S && !self.is_full() {
+        match self.moves.iter().all(is_right)
+            && self.seconds() <= LONGEST_S
+            && self.moves.len() + self.turns.len() <= 2 * MOST_EVENTS
+        {
             true => Ok(()),
             false => Err(RecordingError::Damaged(
                 "a move is beyond what a pointer can be, or there are too many",

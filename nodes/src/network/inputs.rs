@@ -115,7 +115,8 @@ impl NumberInput {
         (timeout, on_silence): (Duration, OnSilence),
         cx: &BuildContext,
     ) -> Box<dyn Device> {
-        let link = super::remote::link_at(&format!("{place} {selector}"));
+        // Whether it is silent depends on the timeout: inputs with others have links of their own.
+        let link = super::remote::link_at(&format!("{place} {selector} {timeout:?}"));
         Box::new(Self {
             reader: Reader::new(&link, cx.rate, timeout),
             place,

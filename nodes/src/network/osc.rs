@@ -87,11 +87,17 @@ impl DeviceKind for OscDevice {
 
 /// Bundles in a packet, one within the other or beside it.
 const MOST_BUNDLES: usize = 8;
+/// Arrays in a packet, or brackets in its texts; nobody here reads arrays.
+const MOST_ARRAYS: usize = 64;
 
 /// The packet that `bytes` are, all of them.
 pub(super) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
     // The decoder follows bundles within bundles as deep as they go.
     if bytes.windows(8).filter(|word| word == b"#bundle\0").count() > MOST_BUNDLES {
+        return Err(Count::Malformed);
+    }
+    // It builds arrays within arrays without end, and taking these apart again overflows the stack.
+    if bytes.iter().filter(|byte| **byte == b'[').count() > MOST_ARRAYS {
         return Err(Count::Malformed);
     }
     match rosc::decoder::decode_udp(bytes) {
@@ -218,6 +224,17 @@ mod tests {
     fn packet(addr: &str, args: Vec<OscType>) -> Vec<u8> {
         let addr = addr.to_owned();
         rosc::encoder::encode(&OscPacket::Message(OscMessage { addr, args })).unwrap()
+    }
+
+    #[test]
+    fn arrays_within_arrays_are_refused_before_they_are_built() {
+        const DEEP: usize = 32_700;
+        let tags = format!(",{}{}", "[".repeat(DEEP), "]".repeat(DEEP));
+        let mut bytes = b"/pen/xy\0".to_vec();
+        bytes.extend(tags.as_bytes());
+        bytes.resize(bytes.len().next_multiple_of(4) + 4, 0);
+        assert!(matches!(decode(&bytes), Err(Count::Malformed)));
+        assert!(decode(&packet("/[a]", vec![OscType::Float(1.0)])).is_ok());
     }
 
     fn addresses() -> Addresses {

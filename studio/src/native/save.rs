@@ -17,6 +17,7 @@ pub fn save(stage: &mut Stage, text: &str) -> Result<String, StageError> {
     let written = || {
         let mut file = tempfile::NamedTempFile::new_in(stage.source.folder())?;
         std::io::Write::write_all(&mut file, text.as_bytes())?;
+        file.as_file().sync_all()?;
         file.as_file()
             .set_permissions(std::fs::metadata(&path)?.permissions())?;
         // A link stays one.

@@ -44,7 +44,8 @@ impl Claim {
         };
         fs::create_dir_all(folder).map_err(failed)?;
         let path = folder.join(MARKER);
-        let is_new = File::create_new(&path).is_ok();
+        // It may be there already.
+        let _ = File::create_new(&path);
         let mut marker = files::open_to_change(&path).map_err(failed)?;
         // Where files cannot be locked, nobody is kept out.
         if matches!(marker.try_lock(), Err(TryLockError::WouldBlock)) {
@@ -56,7 +57,8 @@ impl Claim {
         let read = (&marker).take(MAX_MARKER_BYTES).read_to_string(&mut written);
         read.map_err(failed)?;
         if written.is_empty() {
-            if is_new && has_others(folder).map_err(failed)? {
+            // No chunk is written before the marker is: what lies here is not a batch's.
+            if has_others(folder).map_err(failed)? {
                 let _ = fs::remove_file(&path);
                 return Err(FolderError::Foreign {
                     path: folder.to_owned(),

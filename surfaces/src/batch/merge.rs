@@ -154,7 +154,11 @@ fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<
     };
     is_whole(&source).map_err(broken)?;
     let _ = fs::remove_file(&target);
-    let placed = fs::hard_link(&source, &target).or_else(|_| copy(&source, &target));
+    // What a link leads to, not the link.
+    let linked = source
+        .canonicalize()
+        .and_then(|file| fs::hard_link(file, &target));
+    let placed = linked.or_else(|_| copy(&source, &target));
     placed.map_err(|error| MergeError::Io {
         path: target.clone(),
         source: error,

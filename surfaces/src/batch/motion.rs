@@ -4,10 +4,8 @@ use super::document::Motion;
 use super::hash;
 use super::problem::PlanProblem;
 use crate::evaluate::{RandomWalk, Trajectory};
-use crate::files::FileError;
 use crate::learning::processing;
 use crate::recording::{self, Series};
-use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
 use haptograph_signal::noise::stream_seed;
 use std::path::Path;
 
@@ -100,13 +98,6 @@ impl Source {
     }
 
     fn recorded(file: &str, path: &Path) -> Result<Self, PlanProblem> {
-        let bytes = files::read(path, MAX_RECORDING_BYTES);
-        let bytes = bytes.map_err(|source| FileError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let sha256 = hash(&bytes);
-        drop(bytes);
         let recording = processing::processed(&recording::load(path)?, &Default::default())?;
         let signals = recording.signals();
         let both = signals.speed_m_s.iter().zip(&signals.force_normal_n);
@@ -120,6 +111,10 @@ impl Source {
             !series.samples.is_empty() && series.end_s() <= MAX_SECONDS,
             "at most 3600",
         )?;
+        // What was read of it, from however many files.
+        let frames = series.samples.iter().flatten().copied();
+        let bytes = std::iter::once(series.rate_hz).chain(frames);
+        let sha256 = hash(&bytes.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());
         Ok(Self::Recording {
             file: file.to_owned(),
             sha256,

@@ -139,6 +139,10 @@ pub fn render(
     let manifest = Manifest::of(batch, &found);
     rendered.is_complete = manifest.complete;
     let path = folder.join(super::MANIFEST);
+    if rendered.was_stopped && rendered.rendered == 0 && path.is_file() {
+        // Nothing is new, and the manifest that is there knows more than a look that was cut short.
+        return Ok(rendered);
+    }
     manifest
         .write(folder)
         .map_err(|source| RenderError::Io { path, source })?;

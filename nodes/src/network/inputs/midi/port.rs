@@ -2,6 +2,7 @@
 
 use super::super::hub::{Routes, Selector};
 use super::event::Event;
+use crate::network::link::Link;
 use midir::{Ignore, MidiInput, MidiInputConnection};
 use std::io::{Error, Result};
 use std::sync::Arc;
@@ -15,7 +16,7 @@ const CLIENT: &str = "haptograph";
 /// How often a port is said to be there: five times in the silence that counts as gone.
 const ALIVE: Duration = Duration::from_millis(10);
 /// How often it is looked for.
-const LOOK: Duration = Duration::from_millis(500);
+const LOOK: Duration = Duration::from_millis(100);
 /// Messages that wait; more are lost, as after them the same is said again.
 const MOST_WAITING: usize = 1024;
 
@@ -32,8 +33,15 @@ pub fn names() -> Result<Vec<String>> {
         .collect())
 }
 
+/// A port that is listened to, by its whole name, and the links that were told something since.
+struct Open {
+    name: String,
+    told: Vec<Arc<Link>>,
+    _connection: MidiInputConnection<()>,
+}
+
 /// Opens the first port whose name has `part` in it.
-fn open(part: &str, events: SyncSender<Event>) -> Result<MidiInputConnection<()>> {
+fn open(part: &str, events: SyncSender<Event>) -> Result<Open> {
     let mut input = MidiInput::new(CLIENT).map_err(Error::other)?;
     input.ignore(Ignore::All);
     let ports = input.ports();
@@ -53,9 +61,13 @@ fn open(part: &str, events: SyncSender<Event>) -> Result<MidiInputConnection<()>
             let _ = events.try_send(event);
         }
     };
-    input
-        .connect(&port, CLIENT, hear, ())
-        .map_err(|error| Error::other(error.to_string()))
+    let name = input.port_name(&port).map_err(Error::other)?;
+    let connection = input.connect(&port, CLIENT, hear, ());
+    Ok(Open {
+        name,
+        told: Vec::new(),
+        _connection: connection.map_err(|error| Error::other(error.to_string()))?,
+    })
 }
 
 /// Listens to a port until `stop`, on a thread of its own; one that is pulled out is looked for.
@@ -86,7 +98,7 @@ pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>
 /// Takes what arrives, says that the port is there, and looks for one that is gone.
 fn attend(
     part: &str,
-    (connection, events): (MidiInputConnection<()>, SyncSender<Event>),
+    (connection, events): (Open, SyncSender<Event>),
     arrived: &Receiver<Event>,
     routes: &Routes,
     stop: &AtomicBool,
@@ -95,39 +107,42 @@ fn attend(
     let mut looked = Instant::now();
     while !stop.load(Relaxed) {
         let first = arrived.recv_timeout(ALIVE).ok();
-        first
-            .into_iter()
-            .chain(arrived.try_iter())
-            .for_each(|event| take(event, routes));
-        if connection.is_some() {
-            stay(routes);
+        for event in first.into_iter().chain(arrived.try_iter()) {
+            take(event, routes, connection.as_mut());
+        }
+        if let Some(open) = &connection {
+            open.told.iter().for_each(|link| stay(link));
         }
         if looked.elapsed() >= LOOK {
             looked = Instant::now();
-            let is_there = names().is_ok_and(|names| names.iter().any(|name| name.contains(part)));
+            let names = names().unwrap_or_default();
             connection = connection
-                .filter(|_| is_there)
+                .filter(|open| names.contains(&open.name))
                 .or_else(|| open(part, events.clone()).ok());
         }
     }
 }
 
-fn take(event: Event, routes: &Routes) {
+fn take(event: Event, routes: &Routes, mut open: Option<&mut Open>) {
     for route in &*routes.list() {
         let Selector::Midi(selector) = &route.selector else {
             continue;
         };
         if let Some(share) = event.number(selector) {
             route.link.tell_number(share);
+            if let Some(open) = &mut open
+                && !open.told.iter().any(|link| Arc::ptr_eq(link, &route.link))
+            {
+                open.told.push(Arc::clone(&route.link));
+            }
         }
     }
 }
 
-/// What was heard once holds while the port is there.
-fn stay(routes: &Routes) {
-    for route in &*routes.list() {
-        if let Some((1.., sensed)) = route.link.sensed.look() {
-            route.link.tell_number(sensed[0]);
-        }
+/// What was heard once holds while the port is there; what another port said does not, as nobody knows whether a key that
+/// was held is held still.
+fn stay(link: &Link) {
+    if let Some((1.., sensed)) = link.sensed.look() {
+        link.tell_number(sensed[0]);
     }
 }
