@@ -16,6 +16,8 @@ pub struct Source {
     pub path: PathBuf,
     /// The whole text.
     pub text: Arc<str>,
+    /// Was it read from a file, rather than given on the command line, built in code or taken from the library of templates?
+    pub is_file: bool,
 }
 
 /// Index of a [`Source`] in [`Sources`].
@@ -31,7 +33,16 @@ pub struct Sources {
 impl Sources {
     /// Adds a file and returns its number.
     pub fn add(&mut self, path: PathBuf, text: Arc<str>) -> SourceId {
-        self.files.push(Source { path, text });
+        self.put(path, text, true)
+    }
+
+    /// Adds a text that is in no file, to be shown by this name.
+    pub fn add_text(&mut self, name: &str, text: Arc<str>) -> SourceId {
+        self.put(name.into(), text, false)
+    }
+
+    fn put(&mut self, path: PathBuf, text: Arc<str>, is_file: bool) -> SourceId {
+        self.files.push(Source { path, text, is_file });
         SourceId(u32::try_from(self.files.len() - 1).unwrap_or(u32::MAX))
     }
 

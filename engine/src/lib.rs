@@ -8,6 +8,7 @@
 pub mod device;
 pub mod diagnostic;
 pub mod document;
+pub mod formula;
 pub mod frame;
 pub mod graph;
 pub mod histogram;

@@ -8,6 +8,7 @@ use crate::node::NodeEntry;
 pub struct Registry {
     nodes: Vec<NodeEntry>,
     devices: Vec<DeviceEntry>,
+    library: Vec<(&'static str, &'static str)>,
 }
 
 impl Registry {
@@ -26,6 +27,19 @@ impl Registry {
     pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
         self.devices.push(entry);
         self
+    }
+
+    /// Adds templates that any graph can include, `include: ["std/NAME.ron"]`: the name, `std/NAME.ron`, and a text `Parts(...)`.
+    /// Parts of the same name are replaced.
+    pub fn add_parts(&mut self, name: &'static str, text: &'static str) -> &mut Self {
+        self.library.retain(|(known, _)| *known != name);
+        self.library.push((name, text));
+        self
+    }
+
+    /// The library of templates: names and texts.
+    pub fn library(&self) -> &[(&'static str, &'static str)] {
+        &self.library
     }
 
     /// Puts a node kind in the place of the one of the same name, if there is one.

@@ -51,6 +51,55 @@ fn files(folder: &str) -> Vec<PathBuf> {
 }
 
 #[test]
+fn a_computed_value_is_the_number_it_comes_to() {
+    let text = |rate: &str, gain: &str, part: &str| {
+        format!(
+            r#"Graph(
+                format: 1, include: ["std/tones.ron"],
+                parameters: {{ "whole": 3.0, "half": Expr("whole / 2") }},
+                clocks: {{ "audio": Driver(rate_hz: {rate}) }},
+                nodes: {{
+                    "tone": Sine(clock: "audio", frequency_hz: Param("half")),
+                    "a": Gain(input: "tone", gain: {gain}),
+                    "b": Halved(input: "a", part: {part}),
+                    "file": Wav(inputs: ["b"], file: "out.wav"),
+                }},
+            )"#
+        )
+    };
+    let graph = |text: &str, set: &[(&str, &str)]| {
+        let set = set.iter().map(|(name, value)| ((*name).into(), (*value).into()));
+        let options = CheckOptions {
+            set: set.collect(),
+            ..CheckOptions::default()
+        };
+        let document = Document::parse("computed.ron", text).unwrap_or_else(|d| panic!("{d}"));
+        check(&document, &common::registry(), &options).unwrap_or_else(|d| panic!("{d}"))
+    };
+    let live = |graph: &Graph| -> Vec<f64> {
+        let nodes = graph.nodes().iter();
+        nodes
+            .flat_map(|node| node.live.iter().map(|(_, value)| *value))
+            .collect()
+    };
+    let computed = text(
+        "Expr(\"2^4 * 3000\")",
+        "Expr(\"whole * -0.5\")",
+        "Expr(\"whole + half\")",
+    );
+    let found = graph(&computed, &[]);
+    assert_eq!(found.clocks()[0].rate.hz(), 48_000.0);
+    let mut values = live(&found);
+    values.sort_by(f64::total_cmp);
+    assert_eq!(values, [-1.5, 1.5, 2.25]);
+    let mut values = live(&graph(&computed, &[("whole", "8")]));
+    values.sort_by(f64::total_cmp);
+    assert_eq!(values, [-4.0, 4.0, 6.0]);
+    let written = graph(&text("48000", "-1.5", "4.5"), &[]);
+    assert_eq!(live(&written), live(&found));
+}
+
+#[test]
 fn right_graphs_are_sound_and_without_warnings() {
     for path in files("tests/right") {
         match load(&path) {

@@ -3,7 +3,6 @@
 pub mod calculus;
 pub mod curve;
 pub mod expression;
-mod formula;
 pub mod limits;
 pub mod products;
 pub mod routing;

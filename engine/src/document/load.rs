@@ -11,6 +11,8 @@ use std::sync::Arc;
 
 /// The version of the format that is read.
 const FORMAT: u64 = 1;
+/// What names of parts of the library begin with; a folder of this name is written `./std/`.
+const LIBRARY: &str = "std/";
 /// Files that include files that include files.
 const MAX_INCLUDE_DEPTH: usize = 32;
 
@@ -56,6 +58,7 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
             nodes: Vec::new(),
             endpoints: Vec::new(),
             templates: Vec::new(),
+            library: Vec::new(),
             findings,
         },
         open: vec![canonical(path)],
@@ -68,6 +71,36 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
         });
     }
     Ok(loader.document)
+}
+
+/// Reads the parts of the library that a document includes, and those that they include.
+pub(super) fn library(document: Document, library: &[(&'static str, &'static str)]) -> Document {
+    let mut loader = Loader {
+        max_bytes: 0,
+        left_bytes: 0,
+        document,
+        open: Vec::new(),
+        loaded: HashSet::new(),
+    };
+    let mut read = 0;
+    while let Some(Name { text: name, span }) = loader.document.library.get(read).cloned() {
+        read += 1;
+        let Some((_, text)) = library.iter().find(|(known, _)| *known == name) else {
+            let message = format!("the library has no parts `{name}`");
+            let diagnostic = Diagnostic::error("E0108", span, message).label("included here");
+            let known = library.iter().map(|(name, _)| *name);
+            loader.report(match closest(&name, known.clone()) {
+                Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+                None => diagnostic.help(format!("it has {}", known.collect::<Vec<_>>().join(", "))),
+            });
+            continue;
+        };
+        let id = loader.document.sources.add_text(&name, Arc::from(*text));
+        if let Some(value) = ron_text::read(id, text, &mut loader.document.findings) {
+            loader.parts(value);
+        }
+    }
+    loader.document
 }
 
 fn canonical(path: &Path) -> PathBuf {
@@ -270,6 +303,15 @@ impl Loader {
             return;
         };
         for file in files {
+            if let Shape::String(text) = &file.shape
+                && text.starts_with(LIBRARY)
+            {
+                let (text, span) = (text.clone(), file.span);
+                if self.document.library.iter().all(|known| known.text != text) {
+                    self.document.library.push(Name { span, text });
+                }
+                continue;
+            }
             if let Some(path) = self.reading(|reading| PathBuf::read(file, reading)) {
                 self.include(&path, file.span);
             }

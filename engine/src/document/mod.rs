@@ -6,6 +6,7 @@ pub(crate) mod text;
 pub mod value;
 
 use crate::diagnostic::{Diagnostic, Diagnostics, Source, SourceId, Sources, Span};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use value::{Name, Value};
 
@@ -29,6 +30,8 @@ pub struct Document {
     pub(crate) nodes: Vec<(Name, Value)>,
     pub(crate) endpoints: Vec<(Name, Vec<(Name, Value)>)>,
     pub(crate) templates: Vec<Template>,
+    /// Included parts of the library, `std/...`, which is the registry's.
+    pub(crate) library: Vec<Name>,
     pub(crate) findings: Vec<Diagnostic>,
 }
 
@@ -72,6 +75,14 @@ impl Document {
         load::text(name.as_ref(), text, &LoadOptions::default())
     }
 
+    /// The document with the parts of `library`, (name, text), that it includes.
+    pub(crate) fn with_library(&self, library: &[(&'static str, &'static str)]) -> Cow<'_, Self> {
+        match self.library.is_empty() {
+            true => Cow::Borrowed(self),
+            false => Cow::Owned(load::library(self.clone(), library)),
+        }
+    }
+
     /// What the graph is about, as the file tells it.
     pub fn about(&self) -> &str {
         &self.about
@@ -101,7 +112,10 @@ impl Document {
 
 /// The folder that paths written in a file are relative to.
 pub(crate) fn folder(sources: &Sources, id: SourceId) -> PathBuf {
-    let parent = |source: &Source| source.path.parent().map(Path::to_path_buf);
+    let parent = |source: &Source| match source.is_file {
+        true => source.path.parent().map(Path::to_path_buf),
+        false => None,
+    };
     sources.get(id).and_then(parent).unwrap_or_default()
 }
 

@@ -60,7 +60,47 @@ pub struct Name {
     pub text: String,
 }
 
+/// To four digits.
+fn brief_number(number: f64) -> String {
+    match format!("{number:.3e}").parse::<f64>() {
+        Ok(rounded) if (1e-4..1e7).contains(&rounded.abs()) => rounded.to_string(),
+        _ => format!("{number:.3e}"),
+    }
+}
+
 impl Value {
+    /// It in a few characters: numbers to four digits, of a path its last part.
+    pub fn brief(&self) -> String {
+        let all = |values: &[Self]| values.iter().map(Self::brief).collect::<Vec<_>>().join(", ");
+        match &self.shape {
+            Shape::Unit => "()".into(),
+            Shape::Bool(is_so) => is_so.to_string(),
+            Shape::Number(number, text) if text.len() > 7 => brief_number(*number),
+            Shape::Number(_, text) => text.clone(),
+            Shape::String(text) => text.rsplit('/').next().unwrap_or_default().into(),
+            Shape::List(values) => format!("[{}]", all(values)),
+            Shape::Map(pairs) => {
+                let pairs = pairs
+                    .iter()
+                    .map(|(key, value)| format!("{}: {}", key.brief(), value.brief()));
+                format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
+            }
+            Shape::Tagged(Tagged { name, body }) => {
+                let name = name.as_ref().map_or("", |name| &*name.text);
+                match body {
+                    Body::Bare => name.into(),
+                    Body::Tuple(values) => format!("{name}({})", all(values)),
+                    Body::Fields(fields) => {
+                        let fields = fields
+                            .iter()
+                            .map(|(name, value)| format!("{}: {}", name.text, value.brief()));
+                        format!("{name}({})", fields.collect::<Vec<_>>().join(", "))
+                    }
+                }
+            }
+        }
+    }
+
     /// Reads a text that is one value of RON.
     ///
     /// # Errors

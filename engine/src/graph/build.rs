@@ -387,7 +387,7 @@ impl Places {
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.
-fn part_of_text(sources: &Sources, span: Span, (first, end): (usize, usize)) -> Option<Span> {
+pub(super) fn part_of_text(sources: &Sources, span: Span, (first, end): (usize, usize)) -> Option<Span> {
     let written = sources.get(span.source)?.text.get(span.start..span.end)?;
     let text = written.strip_prefix('"')?.strip_suffix('"')?;
     if text.contains('\\') {
@@ -472,6 +472,7 @@ pub(super) fn assemble(
             simulated,
             fingerprint: fingerprint::of_node(&cx, &draft, &clocks, i),
             live: live_values(node),
+            written: written(node),
             files: files.get(i).cloned().unwrap_or_default(),
         });
     }
@@ -543,6 +544,16 @@ fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
             };
             Some((place, value?))
         })
+        .collect()
+}
+
+/// Settings as the graph writes them, computed and replaced ones by what they come to; texts without the folders of a path.
+fn written(node: &DraftNode) -> Vec<(String, String)> {
+    let given = node.fields.remaining().iter();
+    let is_setting = |name: &str| node.entry.settings().iter().any(|spec| spec.name == name);
+    given
+        .filter(|(name, _)| is_setting(&name.text))
+        .map(|(name, value)| (name.text.clone(), value.brief()))
         .collect()
 }
 

@@ -71,6 +71,8 @@ impl Default for CheckOptions {
 /// # Errors
 /// All that is wrong with it, and the warnings, in the order of the files.
 pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -> Result<Graph, Diagnostics> {
+    let document = document.with_library(registry.library());
+    let document = &*document;
     let seed = options.seed.unwrap_or(document.seed);
     let mut cx = Context {
         document,

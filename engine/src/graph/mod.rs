@@ -114,6 +114,8 @@ pub struct Node {
     pub fingerprint: u64,
     /// Its live settings: their places among all settings, and their values.
     pub live: Vec<(usize, f64)>,
+    /// Settings that the graph gives it, as it writes them.
+    pub written: Vec<(String, String)>,
     /// The files that its settings name, like the surface it renders.
     pub files: Vec<PathBuf>,
 }

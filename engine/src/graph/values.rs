@@ -1,10 +1,12 @@
 //! Parameters of the graph and settings of templates, put in place of their names.
 
+use super::build::part_of_text;
 use super::draft::Context;
 use super::expand::refuse_unknown_set;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::text;
 use crate::document::value::{Body, Shape, Tagged, Value};
+use crate::formula::{Formula, names};
 use crate::settings::closest;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -71,7 +73,7 @@ impl Parameters {
         }
         for (name, written) in set {
             let line = format!("{name}={written}");
-            let id = cx.sources.add("--set".into(), Arc::from(line.as_str()));
+            let id = cx.sources.add_text("--set", Arc::from(line.as_str()));
             let at = |start, end| Span {
                 source: id,
                 start,
@@ -93,7 +95,45 @@ impl Parameters {
                 },
             };
         }
-        Self { values, replaced: 0 }
+        let mut this = Self { values, replaced: 0 };
+        this.compute_defaults(cx);
+        this
+    }
+
+    /// Parameters that are formulas over others, each over those that come before it.
+    fn compute_defaults(&mut self, cx: &mut Context<'_>) {
+        for (name, _) in &cx.document.parameters {
+            let Some(value) = self
+                .values
+                .get(&name.text)
+                .map(|parameter| parameter.value.clone())
+            else {
+                continue;
+            };
+            let Shape::Tagged(Tagged {
+                name: Some(tag),
+                body,
+            }) = &value.shape
+            else {
+                continue;
+            };
+            if tag.text != "Expr" {
+                continue;
+            }
+            let computed = match only_text(body) {
+                Some((formula, at)) => self.computed(cx, &value, formula, at, Place::Graph),
+                None => malformed(cx, &value, &tag.text),
+            };
+            // What was reported is not reported again where the parameter is used.
+            let one = Shape::Number(1.0, "1".into());
+            let computed = computed.unwrap_or(Value {
+                span: value.span,
+                shape: one,
+            });
+            if let Some(parameter) = self.values.get_mut(&name.text) {
+                parameter.value = computed;
+            }
+        }
     }
 
     /// Reports parameters that nothing names.
@@ -149,22 +189,14 @@ impl Parameters {
             Shape::Tagged(Tagged {
                 name: Some(name),
                 body,
-            }) if matches!(name.text.as_str(), "Param" | "Setting") => {
-                let asked = match body {
-                    Body::Tuple(values) => match values.as_slice() {
-                        [
-                            Value {
-                                shape: Shape::String(asked),
-                                ..
-                            },
-                        ] => asked.clone(),
-                        _ => return malformed(cx, value, &name.text),
-                    },
-                    _ => return malformed(cx, value, &name.text),
+            }) if matches!(name.text.as_str(), "Param" | "Setting" | "Expr") => {
+                let Some((asked, at)) = only_text(body) else {
+                    return malformed(cx, value, &name.text);
                 };
                 let found = match name.text.as_str() {
-                    "Param" => self.parameter(cx, value, &asked, place)?,
-                    _ => setting(cx, value, &asked, place)?,
+                    "Expr" => return self.computed(cx, value, asked, at, place),
+                    "Param" => self.parameter(cx, value, asked, place)?,
+                    _ => setting(cx, value, asked, place)?,
                 };
                 return self.put(cx, found, value.span, uses, depth);
             }
@@ -191,6 +223,55 @@ impl Parameters {
         };
         let span = value.span;
         Some(Value { span, shape })
+    }
+
+    /// What a formula over numbers comes to: parameters in the graph, settings in a template.
+    fn computed(
+        &mut self,
+        cx: &mut Context<'_>,
+        value: &Value,
+        formula: &str,
+        at: Span,
+        place: Place<'_>,
+    ) -> Option<Value> {
+        let wrong =
+            |span, message: String| Diagnostic::error("E0306", span, message).label("in this formula");
+        let names = names(formula);
+        let mut numbers = Vec::new();
+        for name in &names {
+            let found = match place {
+                Place::Graph => self.parameter(cx, value, name, place)?,
+                Place::Template(_) => setting(cx, value, name, place)?,
+            };
+            let Shape::Number(number, _) = found.shape else {
+                cx.report(wrong(at, format!("`{name}` is no number")).also(found.span, "its value"));
+                return None;
+            };
+            numbers.push(number);
+        }
+        let parsed = match Formula::parse(formula, &names) {
+            Ok(parsed) if !parsed.is_timed() => parsed,
+            Ok(_) => {
+                let help = "a value that changes with time is a signal: use the node `Expression`";
+                cx.report(wrong(at, "`t` has no meaning in a value".into()).help(help));
+                return None;
+            }
+            Err(error) => {
+                let span = part_of_text(&cx.sources, at, error.characters(formula));
+                cx.report(wrong(span.unwrap_or(at), error.message));
+                return None;
+            }
+        };
+        let result = parsed.value(&numbers);
+        if !result.is_finite() {
+            let message = format!("the formula comes to `{result}`, which is no finite number");
+            cx.report(wrong(at, message));
+            return None;
+        }
+        Some(Value {
+            span: value.span,
+            shape: Shape::Number(result, result.to_string()),
+        })
     }
 
     fn put(
@@ -286,8 +367,25 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
     None
 }
 
+/// The text that is all the brackets hold, and where it stands.
+fn only_text(body: &Body) -> Option<(&str, Span)> {
+    match body {
+        Body::Tuple(values) => match values.as_slice() {
+            [
+                Value {
+                    shape: Shape::String(text),
+                    span,
+                },
+            ] => Some((text, *span)),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
 fn malformed<T>(cx: &mut Context<'_>, value: &Value, name: &str) -> Option<T> {
-    cx.reading(|reading| reading.mismatch(value, &format!("`{name}(\"name\")`")));
+    let inside = if name == "Expr" { "2 * 40" } else { "name" };
+    cx.reading(|reading| reading.mismatch(value, &format!("`{name}(\"{inside}\")`")));
     None
 }
 

@@ -33,8 +33,18 @@ pub fn registry() -> Registry {
     registry
         .add_device(DeviceEntry::of::<Tablet>())
         .add_device(DeviceEntry::of::<Coil>());
+    registry.add_parts("std/tones.ron", TONES);
     registry
 }
+
+/// A part of the library.
+const TONES: &str = r#"Parts(format: 1, templates: {
+    "Halved": Template(
+        inputs: ["input"], settings: { "part": 1 },
+        nodes: { "gain": Gain(input: Input("input"), gain: Expr("part / 2")) },
+        outputs: { "output": "gain" },
+    ),
+})"#;
 
 /// Fills its outputs with zeros: these tests check graphs, they do not run them.
 #[derive(Clone)]

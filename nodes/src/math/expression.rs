@@ -1,6 +1,6 @@
 //! A formula as a node.
 
-use super::formula::{Formula, FormulaError, is_free};
+use haptograph_engine::formula::{Formula, is_free};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
     BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, OutputSpec, Presence,
@@ -58,9 +58,8 @@ impl NodeKind for Expression {
     fn build(settings: ExpressionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let names = names(&settings.names, cx.input_widths.len())?;
         let formula = Formula::parse(&settings.formula, &names).map_err(|error| {
-            let FormulaError { at, message } = error;
-            let end = at - 1 + word_length(&settings.formula, at - 1);
-            BuildError::at("formula", message).part(at - 1, end)
+            let (first, end) = error.characters(&settings.formula);
+            BuildError::at("formula", error.message).part(first, end)
         })?;
         Ok(Box::new(Computer {
             work: vec![0.0; formula.depth() * cx.max_frames].into(),
@@ -73,12 +72,6 @@ impl NodeKind for Expression {
         // It works on fewer numbers a frame than the formula has characters.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
-}
-
-/// Characters of the word or sign that begins at this character.
-fn word_length(formula: &str, first: usize) -> usize {
-    let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
-    formula.chars().skip(first).take_while(is_word).count().max(1)
 }
 
 /// The name of each input.

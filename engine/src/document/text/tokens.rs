@@ -1,6 +1,7 @@
 //! Text into tokens, and brackets to their partners.
 
 use crate::diagnostic::{Diagnostic, SourceId, Span};
+use crate::formula::{Formula, names};
 use unicode_ident::{is_xid_continue, is_xid_start};
 
 /// What RON takes for white space.
@@ -42,6 +43,11 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     while let Some(c) = text[at..].chars().next() {
         let rest = &text[at..];
         let start = at;
+        if let Some(found) = arithmetic(text, start, c, lexemes.last()) {
+            at = found.end;
+            found.report(source, text, &mut lexemes, diagnostics);
+            continue;
+        }
         let token = match c {
             '\u{feff}' if at == 0 => None,
             c if WHITE.contains(&c) => None,
@@ -222,10 +228,6 @@ fn mistaken(
         start,
         end: start + length,
     };
-    let help = product(text, start, c).map_or_else(
-        || help.to_owned(),
-        |product| format!("RON does not compute; write the result: `{product}`"),
-    );
     diagnostics.push(
         Diagnostic::error("E0101", span, format!("`{c}` does not belong here"))
             .label("not part of RON")
@@ -234,27 +236,115 @@ fn mistaken(
     (token, length)
 }
 
-/// What `2*40` or `1/3` comes to, where a sign of arithmetic stands at `start` between two numbers.
-fn product(text: &str, start: usize, sign: char) -> Option<f64> {
-    let (before, after) = (
-        text[..start].trim_end(),
-        text[start + sign.len_utf8()..].trim_start(),
-    );
-    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
-    let digits = before
-        .bytes()
-        .rev()
-        .take_while(|byte| is_digit(char::from(*byte)))
-        .count();
-    let left = &before[before.len() - digits..];
-    let right = after.find(|c| !is_digit(c)).map_or(after, |at| &after[..at]);
-    let (left, right): (f64, f64) = (left.parse().ok()?, right.parse().ok()?);
-    let result = match sign {
-        '*' => left * right,
-        '/' => left / right,
-        _ => return None,
-    };
-    result.is_finite().then_some(result)
+/// Arithmetic in place of a value, like `2*40`.
+struct Arithmetic {
+    start: usize,
+    end: usize,
+    /// What it comes to, where it holds numbers only.
+    result: Option<f64>,
+}
+
+/// The arithmetic around a sign of it at `at`, if what stands there can be computed or named.
+fn arithmetic(text: &str, at: usize, sign: char, before: Option<&Lexeme>) -> Option<Arithmetic> {
+    let rest = &text[at..];
+    if !matches!(sign, '+' | '-' | '*' | '/' | '%' | '^') || rest.starts_with("//") || rest.starts_with("/*")
+    {
+        return None;
+    }
+    let follows = before.is_some_and(|lexeme| lexeme.end == at && lexeme.token != Token::Colon);
+    if matches!(sign, '+' | '-') && number_follows(rest) && !follows {
+        return None; // The sign of a number.
+    }
+    let (start, end) = (expression_start(&text[..at]), at + expression_end(rest));
+    let expression = text[start..end].trim();
+    let names = names(expression);
+    let formula = Formula::parse(expression, &names).ok()?;
+    let has_number = expression.contains(|c: char| c.is_ascii_digit());
+    if !has_number && matches!(sign, '+' | '-') {
+        return None; // Most likely a name without quotes.
+    }
+    let result = names.is_empty().then(|| formula.value(&[]));
+    let start = start + text[start..end].len() - text[start..end].trim_start().len();
+    Some(Arithmetic {
+        start,
+        end: start + expression.len(),
+        result: result.filter(|result| result.is_finite()),
+    })
+}
+
+/// Where a value that ends with `before` begins: behind the last sign that cannot be in a formula.
+fn expression_start(before: &str) -> usize {
+    let mut closed = 0_usize;
+    for (i, c) in before.char_indices().rev() {
+        match c {
+            ')' => closed += 1,
+            '(' if closed > 0 => closed -= 1,
+            '(' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return i + 1,
+            ',' if closed == 0 => return i + 1,
+            _ => {}
+        }
+    }
+    0
+}
+
+/// Where a value that begins with `rest` ends.
+fn expression_end(rest: &str) -> usize {
+    let mut open = 0_usize;
+    for (i, c) in rest.char_indices() {
+        match c {
+            '(' => open += 1,
+            ')' if open > 0 => open -= 1,
+            ')' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return i,
+            ',' if open == 0 => return i,
+            '/' if i > 0 && rest[i..].starts_with("//") => return i,
+            _ => {}
+        }
+    }
+    rest.len()
+}
+
+impl Arithmetic {
+    /// Says how it is written, and takes its first number for the value, so that nothing is said of a missing one.
+    fn report(
+        &self,
+        source: SourceId,
+        text: &str,
+        lexemes: &mut Vec<Lexeme>,
+        diagnostics: &mut Vec<Diagnostic>,
+    ) {
+        let Self { start, end, result } = *self;
+        let expression = &text[start..end];
+        let help = match result {
+            Some(result) => format!("write `Expr(\"{expression}\")`, or the result: `{result}`"),
+            None => format!("write `Expr(\"{expression}\")`; names in it are parameters"),
+        };
+        let span = Span { source, start, end };
+        // What was said of a part of it, `1 + 2` in `(1 + 2) * 3`, is said of the whole.
+        let is_part = |at: Span| at.source == source && start <= at.start && at.end <= end;
+        diagnostics.retain(|known| !known.primary.as_ref().is_some_and(|label| is_part(label.span)));
+        diagnostics.push(
+            Diagnostic::error("E0101", span, "arithmetic stands in `Expr(\"...\")`")
+                .label("RON does not compute")
+                .help(help),
+        );
+        lexemes.truncate(lexemes.partition_point(|lexeme| lexeme.start < start));
+        let digit = expression.find(|c: char| c.is_ascii_digit());
+        let from = digit.map_or(start, |digit| {
+            let first = start + digit;
+            let length = number_length(&text[first..end]);
+            lexemes.push(Lexeme {
+                token: Token::Number,
+                start: first,
+                end: first + length,
+            });
+            first + length
+        });
+        lexemes.push(Lexeme {
+            token: Token::Mistaken,
+            start: from,
+            end,
+        });
+    }
 }
 
 /// For each opening bracket the index of its closing one; `None` where they do not match, which is reported.

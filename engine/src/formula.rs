@@ -1,6 +1,8 @@
-//! Formulas over signals: text in, a program of a stack machine out, which computes whole blocks without allocating.
+//! Formulas: text in, a program of a stack machine out, which computes whole blocks without allocating.
+//!
+//! `Expr("2 * rate")` in a graph file and the node `Expression` read the same language.
 
-use haptograph_engine::settings::closest;
+use crate::settings::closest;
 use std::f64::consts::{E, PI};
 
 /// The longest formula, in characters, and the deepest nesting of brackets.
@@ -15,6 +17,16 @@ pub struct FormulaError {
     pub at: usize,
     /// What.
     pub message: String,
+}
+
+impl FormulaError {
+    /// The word or sign at fault, as characters of the formula: the first, and the one behind the last.
+    pub fn characters(&self, formula: &str) -> (usize, usize) {
+        let first = self.at - 1;
+        let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
+        let length = formula.chars().skip(first).take_while(is_word).count();
+        (first, first + length.max(1))
+    }
 }
 
 /// A formula that can be computed.
@@ -160,10 +172,48 @@ impl Formula {
         self.depth
     }
 
+    /// The inputs that it names, as indices.
+    pub fn inputs(&self) -> impl Iterator<Item = usize> {
+        self.steps.iter().filter_map(|step| match step {
+            Step::Input(input) => Some(*input),
+            _ => None,
+        })
+    }
+
+    /// Does it depend on the time since the start?
+    pub fn is_timed(&self) -> bool {
+        self.steps.iter().any(|step| matches!(step, Step::Time))
+    }
+
+    /// Its value for one value of each input, at time 0; not finite where the formula is not. Allocates.
+    pub fn value(&self, inputs: &[f64]) -> f64 {
+        let mut work = vec![0.0; self.depth];
+        self.run(
+            1,
+            |input| inputs.get(input..=input).unwrap_or(&[]),
+            |_| 0.0,
+            &mut work,
+        );
+        work.first().copied().unwrap_or(f64::NAN)
+    }
+
     /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results are
     /// the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not finite is
     /// zero.
     pub fn compute<'a>(
+        &self,
+        frames: usize,
+        inputs: impl Fn(usize) -> &'a [f64],
+        time_s: impl Fn(usize) -> f64,
+        work: &mut [f64],
+    ) {
+        self.run(frames, inputs, time_s, work);
+        for x in work.iter_mut().take(frames).filter(|x| !x.is_finite()) {
+            *x = 0.0;
+        }
+    }
+
+    fn run<'a>(
         &self,
         frames: usize,
         inputs: impl Fn(usize) -> &'a [f64],
@@ -184,9 +234,6 @@ impl Formula {
                 }
             }
             height += 1;
-        }
-        for x in work.iter_mut().take(frames).filter(|x| !x.is_finite()) {
-            *x = 0.0;
         }
     }
 }
@@ -401,7 +448,8 @@ impl<'t> Parser<'t> {
         let near = name.strip_prefix("arc").map(|rest| format!("a{rest}"));
         let help = match closest(near.as_deref().unwrap_or(name), known) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => format!("the inputs are {}", self.inputs.join(", ")),
+            None if self.inputs.is_empty() => "there are functions, `pi` and `e`".to_owned(),
+            None => format!("the names are {}", self.inputs.join(", ")),
         };
         self.wrong(format!("there is no `{name}`; {help}"))
     }
@@ -422,6 +470,15 @@ impl<'t> Parser<'t> {
         self.push(Step::Call(function));
         Ok(())
     }
+}
+
+/// The words of a formula that can only be names of inputs, each once.
+pub fn names(formula: &str) -> Vec<&str> {
+    let words = formula.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+    let mut names: Vec<&str> = words.filter(|word| is_free(word)).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 /// Whether an input can have this name: one that means nothing else.
