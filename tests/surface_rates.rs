@@ -67,7 +67,7 @@ fn every_shipped_graph_takes_a_surface_of_1_khz() {
 const STEADY: &str = r#"Graph(
     format: 1, seed: 3,
     parameters: { "surface": "surfaces/t2-canvas.ron" },
-    include: ["parts/texture.ron"],
+    include: ["std/texture.ron"],
     clocks: { "synth": Driver(rate_hz: 10000), "control": Derived(of: "synth", rate_hz: 250) },
     nodes: {
         "speed": Constant(clock: "control", value: 0.09, quantity: "speed"),

@@ -41,6 +41,8 @@ pub fn registry() -> Registry {
     texture(&mut all);
     touch(&mut all);
     recording(&mut all);
+    all.add_parts("std/texture.ron", include_str!("std/texture.ron"))
+        .add_parts("std/feel.ron", include_str!("std/feel.ron"));
     all
 }
 

@@ -4,7 +4,7 @@
 mod paint;
 mod sketch;
 
-use super::layout::{Block, Layout, Link, Route, Side, layout};
+use super::layout::{Block, Layout, Link, Route, Side, in_rows};
 use super::svg::{Rect, text_width};
 use super::theme;
 use haptograph_engine::graph::Graph;
@@ -41,6 +41,11 @@ struct Scene {
 
 const HEADER: f64 = 36.0;
 const PORT: f64 = 16.0;
+/// What a row of boxes may have, so that a page of 840 pixels shows it legibly.
+const WIDEST: f64 = 800.0;
+/// Heights of a line of settings, and of what divides them from the ports.
+const SETTING: f64 = 12.0;
+const DIVIDER: f64 = 6.0;
 const FRAME: f64 = 16.0;
 const FRAME_TITLE: f64 = 18.0;
 
@@ -91,7 +96,8 @@ fn arrange(sketch: &Sketch, members: &[usize], prefix: &str) -> Scene {
         })
         .collect();
     let (links, wires, pins) = connect(sketch, &children, &child_of, &mut blocks);
-    let placed = layout(&blocks, &links);
+    let depth = prefix.matches('/').count() as f64;
+    let placed = in_rows(&blocks, &links, WIDEST - depth * 4.0 * FRAME);
     collect(sketch, children, placed, &wires, &pins, prefix)
 }
 
@@ -240,10 +246,10 @@ fn collect(
             }
         }
     }
-    let own = placed.routes.iter().zip(wires);
+    let own = placed.routes.iter();
     scene
         .routes
-        .extend(own.map(|(route, wire)| (*wire, move_by(route, (pad_x, pad_top)))));
+        .extend(own.map(|(link, route)| (wires[*link], move_by(route, (pad_x, pad_top)))));
     for (block, wire, left) in pins {
         let crossing = (*wire, placed.corners[*block].1 + pad_top);
         if *left {
@@ -275,7 +281,6 @@ fn port_height(i: usize) -> f64 {
 }
 
 fn box_size(node: &NodeBox) -> (f64, f64) {
-    let rows = node.inputs.len().max(node.outputs.len());
     let words = |ports: &[sketch::Port]| {
         ports
             .iter()
@@ -284,8 +289,23 @@ fn box_size(node: &NodeBox) -> (f64, f64) {
     };
     let ports = words(&node.inputs) + words(&node.outputs) + 44.0;
     let head = text_width(&node.name, 12.0).max(text_width(&node.kind, 10.0)) * 1.04 + 34.0;
+    let settings = node.settings.iter().map(|line| text_width(line, 9.0) + 18.0);
+    let width = ports.max(head).max(84.0).max(settings.fold(0.0, f64::max));
+    (width, settings_top(node) + lines_height(node))
+}
+
+/// Below the ports of a box: where its settings begin.
+fn settings_top(node: &NodeBox) -> f64 {
+    let rows = node.inputs.len().max(node.outputs.len());
     let bottom = if rows == 0 { 2.0 } else { 8.0 };
-    (ports.max(head).max(84.0), HEADER + PORT * rows as f64 + bottom)
+    HEADER + PORT * rows as f64 + bottom
+}
+
+fn lines_height(node: &NodeBox) -> f64 {
+    match node.settings.len() {
+        0 => 0.0,
+        lines => DIVIDER + SETTING * lines as f64,
+    }
 }
 
 #[cfg(test)]

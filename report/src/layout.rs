@@ -1,10 +1,12 @@
 //! Where the blocks of a drawing stand and how its links run: a layered layout in the manner of Sugiyama, left to
 //! right. Layers by longest path, order within a layer by barycentres and exchanges of neighbours, heights by least
-//! squares under the order. Links that run backwards are led around below.
+//! squares under the order. Links that run backwards are led around below; what is too wide is broken into rows.
 
 mod heights;
 mod order;
+mod rows;
 
+pub(crate) use rows::in_rows;
 use std::collections::VecDeque;
 
 /// A rectangle to be placed.
@@ -44,7 +46,8 @@ pub(crate) struct Link {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     pub corners: Vec<(f64, f64)>,
-    pub routes: Vec<Route>,
+    /// (link, course), the parts of a link in any order.
+    pub routes: Vec<(usize, Route)>,
     pub size: (f64, f64),
 }
 
@@ -85,7 +88,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
     let (items, segments, chains) = subdivide(blocks, links, &backward, &layers);
     let order = order::order(&items, &segments);
     let tops = heights::heights(&items, &segments, &order);
-    let columns = columns(blocks, links, &backward, &layers);
+    let Columns { columns, rooms } = Columns::of(blocks, links, &backward, &layers);
     let corner = |i: usize| {
         let column = columns[layers[i]];
         let slack = column.1 - blocks[i].width;
@@ -99,7 +102,7 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
     let corners: Vec<_> = (0..blocks.len()).map(corner).collect();
     let bottom = |item: usize| tops[item] + items[item].height;
     let mut lanes = Lanes::default();
-    let routes = links.iter().enumerate().map(|(number, link)| {
+    let route = |number: usize, link: &Link, lanes: &mut Lanes| {
         let (from, to) = (corners[link.from], corners[link.to]);
         let start = (from.0 + blocks[link.from].width, from.1 + link.from_y);
         let end = (to.0, to.1 + link.to_y);
@@ -115,21 +118,30 @@ pub(crate) fn layout(blocks: &[Block], links: &[Link]) -> Layout {
             } else {
                 within.map(bottom).fold(f64::NEG_INFINITY, f64::max)
             };
-            let right = columns[layers[link.from]].0 + columns[layers[link.from]].1 + link.room.0;
-            let left = columns[layers[link.to]].0 - link.room.1;
+            let (from, to) = (layers[link.from], layers[link.to]);
+            let right = columns[from].0 + columns[from].1 + rooms[from].0;
+            let left = columns[to].0 - rooms[to].1;
             Route::Around(lanes.around(span, floor, (start, right), (end, left)))
         } else {
             let mut points = vec![start];
             let edge = |layer: usize| (columns[layer].0, columns[layer].0 + columns[layer].1);
-            points.push((edge(layers[link.from]).1, start.1));
+            // Straight past what is written beside the layer, so that no link crosses it.
+            let (from, to) = (layers[link.from], layers[link.to]);
+            points.push((edge(from).1 + rooms[from].0, start.1));
             for item in &chains[number] {
-                let (left, right) = edge(items[*item].layer);
+                let layer = items[*item].layer;
+                let (left, right) = edge(layer);
+                let (left, right) = (left - rooms[layer].1, right + rooms[layer].0);
                 points.extend([(left, tops[*item]), (right, tops[*item])]);
             }
-            points.extend([(edge(layers[link.to]).0, end.1), end]);
+            points.extend([(edge(to).0 - rooms[to].1, end.1), end]);
             Route::Forward(points)
         }
-    });
+    };
+    let routes = links
+        .iter()
+        .enumerate()
+        .map(|(number, link)| (number, route(number, link, &mut lanes)));
     let mut layout = Layout {
         routes: routes.collect(),
         corners,
@@ -148,7 +160,7 @@ impl Layout {
             .zip(blocks)
             .flat_map(|(c, b)| [*c, (c.0 + b.width, c.1 + b.height)]);
         let points: Vec<_> = ends
-            .chain(self.routes.iter().flat_map(|r| r.points().iter().copied()))
+            .chain(self.routes.iter().flat_map(|(_, r)| r.points().iter().copied()))
             .collect();
         let low = points.iter().fold((f64::INFINITY, f64::INFINITY), |l, p| {
             (l.0.min(p.0), l.1.min(p.1))
@@ -160,7 +172,7 @@ impl Layout {
         self.corners.iter_mut().for_each(moved);
         self.routes
             .iter_mut()
-            .flat_map(|r| r.points_mut())
+            .flat_map(|(_, r)| r.points_mut())
             .for_each(moved);
         self.size = high;
     }
@@ -314,35 +326,46 @@ fn subdivide(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usiz
     (items, segments, chains)
 }
 
-/// (left edge, width) of every layer, with room between them for what is written on the links.
-fn columns(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usize]) -> Vec<(f64, f64)> {
-    let count = layers.iter().max().map_or(0, |l| l + 1);
-    let mut width = vec![0.0_f64; count];
-    for (block, layer) in blocks.iter().zip(layers) {
-        width[*layer] = width[*layer].max(block.width);
-    }
-    // Room right and left of each layer; a link that goes around takes a lane of its own.
-    let mut room = vec![(0.0_f64, 0.0_f64); count];
-    let mut lanes = vec![(0.0, 0.0); count];
-    for (link, backward) in links.iter().zip(backward) {
-        let (from, to) = (layers[link.from], layers[link.to]);
-        room[from].0 = room[from].0.max(link.room.0);
-        room[to].1 = room[to].1.max(link.room.1);
-        if *backward {
-            lanes[from].0 += LANE;
-            lanes[to].1 += LANE;
+/// Where the layers stand.
+struct Columns {
+    /// Left edge and width of every layer.
+    columns: Vec<(f64, f64)>,
+    /// Room right and left of it for what is written on the links.
+    rooms: Vec<(f64, f64)>,
+}
+
+impl Columns {
+    fn of(blocks: &[Block], links: &[Link], backward: &[bool], layers: &[usize]) -> Self {
+        let count = layers.iter().max().map_or(0, |l| l + 1);
+        let mut width = vec![0.0_f64; count];
+        for (block, layer) in blocks.iter().zip(layers) {
+            width[*layer] = width[*layer].max(block.width);
         }
-    }
-    let mut x = 0.0;
-    (0..count)
-        .map(|layer| {
+        let mut rooms = vec![(0.0_f64, 0.0_f64); count];
+        // A link that goes around takes a lane of its own.
+        let mut lanes = vec![(0.0, 0.0); count];
+        for (link, backward) in links.iter().zip(backward) {
+            let (from, to) = (layers[link.from], layers[link.to]);
+            rooms[from].0 = rooms[from].0.max(link.room.0);
+            rooms[to].1 = rooms[to].1.max(link.room.1);
+            if *backward {
+                lanes[from].0 += LANE;
+                lanes[to].1 += LANE;
+            }
+        }
+        let mut x = 0.0;
+        let columns = (0..count).map(|layer| {
             if layer > 0 {
-                let left = room[layer - 1].0 + lanes[layer - 1].0;
-                x += width[layer - 1] + LAYER_GAP + left + room[layer].1 + lanes[layer].1;
+                let left = rooms[layer - 1].0 + lanes[layer - 1].0;
+                x += width[layer - 1] + LAYER_GAP + left + rooms[layer].1 + lanes[layer].1;
             }
             (x, width[layer])
-        })
-        .collect()
+        });
+        Self {
+            columns: columns.collect(),
+            rooms,
+        }
+    }
 }
 
 /// Lanes below the blocks that links running backwards have taken.

@@ -33,12 +33,7 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
 /// A copy of the TexturePad that tests may write to.
 fn copied() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
-    for name in [
-        "texturepad.ron",
-        "parts/texture.ron",
-        "surfaces/t2-canvas.ron",
-        "surfaces/t3-tile.ron",
-    ] {
+    for name in ["texturepad.ron", "surfaces/t2-canvas.ron", "surfaces/t3-tile.ron"] {
         let to = folder.path().join(name);
         std::fs::create_dir_all(to.parent().expect("a folder")).expect("made");
         std::fs::copy(shipped(name), to).expect("copied");

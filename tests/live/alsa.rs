@@ -128,7 +128,6 @@ fn a_card_that_is_not_there_is_named() {
             "amperes_full_scale: 1.0",
             "amperes_full_scale: 1.0, device: \"nosuch\"",
         )
-        .replace("\"parts/", &format!("\"{}/", shipped("parts")))
         .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
     fs::write(folder.path().join("g.ron"), graph).unwrap();
     let run = [

@@ -176,7 +176,6 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
     let path = folder.path().join("two.ron");
     let text = fs::read_to_string(shipped("two-drivers.ron"))
         .unwrap()
-        .replace("\"parts/", &format!("\"{}/", shipped("parts")))
         .replace("\"surfaces/", &format!("\"{}/", shipped("surfaces")));
     let more = r#""further": Gain(clock: "hand", input: Ring(from: "moves", latency_ms: 14), gain: 2),
         "more": CsvSink(inputs: ["further"], file: "more.csv"),

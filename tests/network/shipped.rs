@@ -49,9 +49,7 @@ fn run(folder: &Path, graph: &str, replaced: &[(&str, &str)], more: &[&str]) -> 
         text.replace(shipped, here)
     });
     let shipped = graphs().display().to_string();
-    let text = text
-        .replace("\"parts/", &format!("\"{shipped}/parts/"))
-        .replace("\"surfaces/", &format!("\"{shipped}/surfaces/"));
+    let text = text.replace("\"surfaces/", &format!("\"{shipped}/surfaces/"));
     fs::write(folder.join("graph.ron"), text).unwrap();
     Command::new(env!("CARGO_BIN_EXE_haptograph"))
         .args(["run", "graph.ron", "--live"])

@@ -3,7 +3,7 @@
 use super::super::svg::{Anchor, Path, Rect, Svg, text_width};
 use super::super::theme::Ink;
 use super::sketch::{NodeBox, Role, Sketch, Stroke, WireLine};
-use super::{HEADER, Route, Scene, port_height};
+use super::{DIVIDER, HEADER, Route, SETTING, Scene, port_height, settings_top};
 use std::collections::BTreeMap;
 
 const MARGIN: f64 = 28.0;
@@ -218,6 +218,14 @@ fn paint_box(svg: &mut Svg, node: &NodeBox, at: Rect) {
         let y = at.y + port_height(i);
         svg.circle("soft", (at.right(), y), 2.6);
         svg.text("small soft", (at.right() - 9.0, y + 3.5), Anchor::End, &port.name);
+    }
+    let top = at.y + settings_top(node);
+    if !node.settings.is_empty() {
+        svg.line("grid", (at.x + 8.0, top - 1.0), (at.right() - 8.0, top - 1.0));
+    }
+    for (i, line) in node.settings.iter().enumerate() {
+        let y = top + DIVIDER + SETTING * i as f64 + 4.0;
+        svg.text("tiny soft", (at.x + 9.0, y), Anchor::Start, line);
     }
 }
 

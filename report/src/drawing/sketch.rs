@@ -26,6 +26,8 @@ pub(super) struct NodeBox {
     pub clock: Option<usize>,
     pub inputs: Vec<Port>,
     pub outputs: Vec<Port>,
+    /// Its main settings, a line each.
+    pub settings: Vec<String>,
     /// What a resting pointer is told.
     pub doc: String,
 }
@@ -134,6 +136,7 @@ impl Sketch {
                 clock: Some(device.clock),
                 inputs: Vec::new(),
                 outputs: Vec::new(),
+                settings: Vec::new(),
                 doc: first_sentence(spec.doc),
             });
             let bound = nodes.ids().filter(|n| nodes[*n].device() == Some(number));
@@ -206,8 +209,25 @@ fn node_box(node: &Node) -> NodeBox {
         clock: node.clock,
         inputs: inputs.collect(),
         outputs: outputs.collect(),
+        settings: settings(node),
         doc: first_sentence(node.entry.spec.doc),
     }
+}
+
+/// Settings that a box has room for, and the characters of one.
+const MOST_SETTINGS: usize = 3;
+const MOST_CHARACTERS: usize = 30;
+
+/// What the graph says of a node, as it is written there.
+fn settings(node: &Node) -> Vec<String> {
+    let lines = node.written.iter().map(|(name, value)| {
+        let line = format!("{name}: {value}");
+        match line.char_indices().nth(MOST_CHARACTERS) {
+            Some((end, _)) => format!("{}\u{2026}", &line[..end]),
+            None => line,
+        }
+    });
+    lines.take(MOST_SETTINGS).collect()
 }
 
 fn first_sentence(doc: &str) -> String {

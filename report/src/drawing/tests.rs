@@ -36,6 +36,7 @@ fn sketch(clocks: &[&str], nodes: &[&str], wires: &[&str]) -> Sketch {
             clock: sketch.clocks.iter().position(|(name, _)| name == clock),
             inputs: list(inputs),
             outputs: list(outputs),
+            settings: Vec::new(),
             doc: String::new(),
         });
     }

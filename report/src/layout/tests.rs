@@ -50,7 +50,7 @@ fn a_planar_graph_is_drawn_without_crossings() {
     let links = [link(0, 3), link(1, 2), link(3, 4), link(2, 5)];
     let layout = layout(&blocks, &links);
     for routes in [[0, 1], [2, 3]] {
-        let [a, b] = routes.map(|i| layout.routes[i].points());
+        let [a, b] = routes.map(|i| layout.routes[i].1.points());
         let starts = a[0].1 - b[0].1;
         let ends = a[a.len() - 1].1 - b[b.len() - 1].1;
         assert!(starts * ends > 0.0);
@@ -76,7 +76,7 @@ fn no_blocks_overlap_and_every_link_ends_at_its_blocks() {
             .collect();
         let layout = layout(&blocks, &links);
         assert!(!overlap(&layout, &blocks));
-        for (link, route) in links.iter().zip(&layout.routes) {
+        for (link, (_, route)) in links.iter().zip(&layout.routes) {
             let points = route.points();
             let (from, to) = (layout.corners[link.from], layout.corners[link.to]);
             let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6;
@@ -95,7 +95,7 @@ fn a_loop_is_closed_by_the_link_that_says_so() {
     let around: Vec<_> = layout
         .routes
         .iter()
-        .map(|r| matches!(r, Route::Around(_)))
+        .map(|(_, r)| matches!(r, Route::Around(_)))
         .collect();
     assert_eq!(around, [true, false, false]);
 }
@@ -120,4 +120,55 @@ fn pins_stand_at_their_sides() {
     };
     let layout = layout(&blocks, &[at(1, 0), at(0, 2), at(1, 3)]);
     assert!(layout.corners[1].0 < layout.corners[0].0 && layout.corners[2].0 > layout.corners[3].0 + 40.0);
+}
+
+/// Links each other way, blocks of many sizes: what holds of any graph that is broken into rows.
+#[test]
+fn rows_hold_every_block_once_and_every_link_runs_through() {
+    const WIDEST: f64 = 500.0;
+    let mut state = 99_u64;
+    let mut random = move |below: usize| {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (state >> 33) as usize % below
+    };
+    let mut broken = 0;
+    for _ in 0..40 {
+        let count = 8 + random(40);
+        let blocks: Vec<_> = (0..count)
+            .map(|_| block(20.0 + random(100) as f64, 20.0 + random(60) as f64))
+            .collect();
+        let mut links: Vec<_> = (1..count).map(|i| link(i - 1 - random(i.min(3)), i)).collect();
+        links.extend((0..count / 4).map(|_| link(random(count), random(count))));
+        let layout = in_rows(&blocks, &links, WIDEST);
+        assert!(!overlap(&layout, &blocks));
+        let right = |(corner, block): (&(f64, f64), &Block)| corner.0 + block.width;
+        let widths = layout.corners.iter().zip(&blocks).map(right);
+        let left = layout
+            .corners
+            .iter()
+            .map(|corner| corner.0)
+            .fold(f64::INFINITY, f64::min);
+        // A row may be as wide as links that go round in it make it.
+        assert!(widths.fold(0.0, f64::max) - left < 1.5 * WIDEST);
+        for (number, link) in links.iter().enumerate() {
+            let parts: Vec<&[(f64, f64)]> = layout
+                .routes
+                .iter()
+                .filter(|(of, _)| *of == number)
+                .map(|(_, route)| route.points())
+                .collect();
+            broken += usize::from(parts.len() > 1);
+            let (from, to) = (layout.corners[link.from], layout.corners[link.to]);
+            let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() + (a.1 - b.1).abs() < 1e-6;
+            let mut at = (from.0 + blocks[link.from].width, from.1 + 10.0);
+            for _ in &parts {
+                let part = parts.iter().find(|part| near(part[0], at)).expect("it goes on");
+                at = part[part.len() - 1];
+            }
+            assert!(near(at, (to.0, to.1 + 10.0)), "link {number}");
+        }
+    }
+    assert!(broken > 40);
 }

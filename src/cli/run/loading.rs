@@ -248,7 +248,6 @@ impl Ready {
 
 /// The texts of a graph's files; what was given on the command line has no file.
 pub fn texts(graph: &Graph) -> Vec<String> {
-    let sources = graph.sources().iter();
-    let files = sources.filter(|source| source.path != Path::new("--set"));
+    let files = graph.sources().iter().filter(|source| source.is_file);
     files.map(|source| source.text.to_string()).collect()
 }

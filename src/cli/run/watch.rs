@@ -17,7 +17,8 @@ pub type Stamp = Option<(SystemTime, u64)>;
 
 impl Watch {
     pub fn of(graph: &Graph) -> Self {
-        let sources = graph.sources().iter().map(|source| source.path.clone());
+        let sources = graph.sources().iter().filter(|source| source.is_file);
+        let sources = sources.map(|source| source.path.clone());
         let named = graph.nodes().iter().flat_map(|node| node.files.clone());
         let mut paths: Vec<PathBuf> = sources.chain(named).collect();
         paths.sort();

@@ -134,9 +134,8 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Ta
         StageError::Other(why) => other(format!("{}: {why}", path.display())),
     })?;
     let graph = &stage.loaded.graph;
-    // What was set on the command line is a source too.
-    let sources = graph.sources().iter().map(|source| source.path.clone());
-    let sources = sources.filter(|path| files::is_file(path));
+    let sources = graph.sources().iter().filter(|source| source.is_file);
+    let sources = sources.map(|source| source.path.clone());
     let named = graph.nodes().iter().flat_map(|node| node.files.clone());
     let surfaces = describe::surface_files(stage.source.folder());
     let files = sources.chain(named).chain(surfaces);
@@ -293,12 +292,7 @@ mod tests {
             .iter()
             .filter_map(Value::as_str)
             .collect();
-        for needed in [
-            "texturepad.ron",
-            "parts/texture.ron",
-            "surfaces/t2-canvas.ron",
-            "surfaces/t3-tile.ron",
-        ] {
+        for needed in ["texturepad.ron", "surfaces/t2-canvas.ron", "surfaces/t3-tile.ron"] {
             assert!(files.contains(&needed), "{needed} of {files:?}");
             assert!(folder.path().join("files").join(needed).is_file(), "{needed}");
         }
@@ -321,7 +315,7 @@ mod tests {
         for graphs in [
             &["two-drivers.ron"][..],
             &["texturepad.ron", "texturepad.ron"],
-            &["parts/texture.ron"],
+            &["surfaces/t2-canvas.ron"],
         ] {
             assert!(export(graphs, &site).is_err(), "{graphs:?}");
             assert!(!site.exists());

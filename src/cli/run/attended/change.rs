@@ -85,7 +85,7 @@ impl Attended {
         let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
         let folder = self.folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
-            for (number, source) in graph.sources().iter().enumerate() {
+            for (number, source) in graph.sources().iter().filter(|source| source.is_file).enumerate() {
                 let name = source.path.file_name().unwrap_or_default().to_string_lossy();
                 let file = match folder.join(&*name) {
                     file if file.exists() => folder.join(format!("{number}-{name}")),

@@ -1,0 +1,330 @@
+//! Layouts too wide for a page, in rows: layers are broken as a text is into lines, and what goes from row to row runs
+//! down the right margin, back between the rows, and in at the left.
+
+use super::{Block, Columns, LANE, Layout, Link, Route, Side, backward_links, layers, layout};
+
+/// From a row to the first lane below it, and from the last lane to the next row.
+const ROW_GAP: f64 = 22.0;
+
+/// Places everything, in rows of about `widest` where one is not enough.
+pub(crate) fn in_rows(blocks: &[Block], links: &[Link], widest: f64) -> Layout {
+    let backward = backward_links(blocks.len(), links);
+    let layers = layers(blocks, links, &backward);
+    let Columns { columns, .. } = Columns::of(blocks, links, &backward, &layers);
+    let total = columns.last().map_or(0.0, |(x, width)| x + width);
+    if total <= widest {
+        return layout(blocks, links);
+    }
+    let row_of_layer = rows(&columns, links, &layers, widest);
+    let mut row: Vec<usize> = layers.iter().map(|layer| row_of_layer[*layer]).collect();
+    // A pin stands in the row of what it is joined to.
+    for link in links {
+        if blocks[link.from].side == Side::Left {
+            row[link.from] = row[link.to];
+        }
+        if blocks[link.to].side == Side::Right {
+            row[link.to] = row[link.from];
+        }
+    }
+    let count = row.iter().max().map_or(0, |last| last + 1);
+    let crossings = crossings(links, &row);
+    let rows: Vec<Row> = (0..count)
+        .map(|number| Row::of(number, blocks, links, &row, &crossings))
+        .collect();
+    stack(blocks, links, &rows, &crossings)
+}
+
+/// The row of every layer: as few rows as hold them, of widths as even as can be, broken where few links pass.
+fn rows(columns: &[(f64, f64)], links: &[Link], layers: &[usize], widest: f64) -> Vec<usize> {
+    let count = columns.len();
+    let width = |first: usize, end: usize| columns[end - 1].0 + columns[end - 1].1 - columns[first].0;
+    // Links that pass from the layers before each to it and those behind.
+    let mut passing = vec![0_i64; count + 1];
+    for link in links {
+        let (a, b) = (layers[link.from], layers[link.to]);
+        passing[a.min(b) + 1] += 1;
+        passing[a.max(b) + 1] -= 1;
+    }
+    for layer in 1..=count {
+        passing[layer] += passing[layer - 1];
+    }
+    // The least cost of breaking the layers before each, and where its last row begins.
+    let mut best = vec![(0.0_f64, 0_usize); count + 1];
+    for end in 1..=count {
+        best[end] = (f64::INFINITY, 0);
+        for first in (0..end).rev() {
+            let width = width(first, end);
+            if width > widest && end - first > 1 {
+                break;
+            }
+            let slack = (1.0 - width / widest).max(0.0);
+            let ragged = if end == count { 0.0 } else { slack * slack };
+            let broken = if first == 0 {
+                0.0
+            } else {
+                1.0 + 0.02 * passing[first] as f64
+            };
+            let cost = best[first].0 + ragged + broken;
+            if cost < best[end].0 {
+                best[end] = (cost, first);
+            }
+        }
+    }
+    let mut breaks = Vec::new();
+    let mut end = count;
+    while end > 0 {
+        end = best[end].1;
+        breaks.push(end);
+    }
+    (0..count)
+        .map(|layer| breaks.iter().filter(|first| **first <= layer).count() - 1)
+        .collect()
+}
+
+/// Links from one row to another that start at the same port: they run together.
+struct Crossing {
+    from: usize,
+    from_y: f64,
+    from_row: usize,
+    to_row: usize,
+    links: Vec<usize>,
+}
+
+fn crossings(links: &[Link], row: &[usize]) -> Vec<Crossing> {
+    let mut crossings: Vec<Crossing> = Vec::new();
+    for (number, link) in links.iter().enumerate() {
+        let (from_row, to_row) = (row[link.from], row[link.to]);
+        if from_row == to_row {
+            continue;
+        }
+        let same = |c: &&mut Crossing| (c.from, c.from_y, c.to_row) == (link.from, link.from_y, to_row);
+        match crossings.iter_mut().find(same) {
+            Some(crossing) => crossing.links.push(number),
+            None => crossings.push(Crossing {
+                from: link.from,
+                from_y: link.from_y,
+                from_row,
+                to_row,
+                links: vec![number],
+            }),
+        }
+    }
+    crossings
+}
+
+/// One row, laid out by itself, with pins at the ends of what crosses to or from others.
+struct Row {
+    /// Its blocks among all blocks.
+    blocks: Vec<usize>,
+    /// Its links among all links, pins' parts of crossing ones included.
+    links: Vec<usize>,
+    /// The pin at which a crossing leaves, and the one at which it enters, among the blocks of its layout.
+    exits: Vec<(usize, usize)>,
+    entries: Vec<(usize, usize)>,
+    placed: Layout,
+}
+
+impl Row {
+    fn of(number: usize, blocks: &[Block], links: &[Link], row: &[usize], crossings: &[Crossing]) -> Self {
+        let own: Vec<usize> = (0..blocks.len()).filter(|block| row[*block] == number).collect();
+        let mut here = vec![usize::MAX; blocks.len()];
+        own.iter()
+            .enumerate()
+            .for_each(|(place, block)| here[*block] = place);
+        let mut parts: Vec<Block> = own.iter().map(|block| blocks[*block]).collect();
+        let (mut joined, mut numbers) = (Vec::new(), Vec::new());
+        for (link_number, link) in links.iter().enumerate() {
+            if row[link.from] == number && row[link.to] == number {
+                let (from, to) = (here[link.from], here[link.to]);
+                joined.push(Link { from, to, ..*link });
+                numbers.push(link_number);
+            }
+        }
+        let (mut exits, mut entries) = (Vec::new(), Vec::new());
+        let mut pin = |side: Side| {
+            parts.push(Block {
+                width: 0.0,
+                height: 0.0,
+                side,
+            });
+            parts.len() - 1
+        };
+        for (i, crossing) in crossings.iter().enumerate() {
+            if crossing.from_row == number {
+                let to = pin(Side::Right);
+                exits.push((i, to));
+                let room = crossing.links.iter().map(|link| links[*link].room.0);
+                joined.push(Link {
+                    from: here[crossing.from],
+                    from_y: crossing.from_y,
+                    to,
+                    to_y: 0.0,
+                    room: (room.fold(0.0, f64::max), 0.0),
+                    closes_loop: false,
+                });
+                numbers.push(crossing.links[0]);
+            }
+            if crossing.to_row == number {
+                let from = pin(Side::Left);
+                entries.push((i, from));
+                for link_number in &crossing.links {
+                    let link = &links[*link_number];
+                    joined.push(Link {
+                        from,
+                        from_y: 0.0,
+                        to: here[link.to],
+                        to_y: link.to_y,
+                        room: (0.0, link.room.1),
+                        closes_loop: false,
+                    });
+                    numbers.push(*link_number);
+                }
+            }
+        }
+        let placed = layout(&parts, &joined);
+        Self {
+            blocks: own,
+            links: numbers,
+            exits,
+            entries,
+            placed,
+        }
+    }
+
+    fn pin(&self, pins: &[(usize, usize)], crossing: usize) -> (f64, f64) {
+        let pin = pins.iter().find(|(number, _)| *number == crossing);
+        pin.map_or((0.0, 0.0), |(_, block)| self.placed.corners[*block])
+    }
+}
+
+/// Rows one below the other, and the crossings around them.
+fn stack(blocks: &[Block], links: &[Link], rows: &[Row], crossings: &[Crossing]) -> Layout {
+    let lanes = |count: usize| count as f64 * LANE;
+    let most = rows.iter().map(|row| row.entries.len()).max().unwrap_or(0);
+    let left = if most > 0 { lanes(most) + 4.0 } else { 0.0 };
+    let widest = rows.iter().map(|row| row.placed.size.0).fold(0.0, f64::max);
+    // A crossing's place among those into its row, by where it enters: the topmost runs lowest and innermost.
+    let mut entering = vec![0; crossings.len()];
+    for row in rows {
+        let mut order: Vec<(f64, usize)> = row
+            .entries
+            .iter()
+            .map(|(crossing, pin)| (row.placed.corners[*pin].1, *crossing))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        order
+            .iter()
+            .enumerate()
+            .for_each(|(place, (_, crossing))| entering[*crossing] = place);
+    }
+    let mut tops = Vec::new();
+    let mut y = 0.0;
+    for (number, row) in rows.iter().enumerate() {
+        let gap = lanes(row.entries.len());
+        y += match (number, row.entries.is_empty()) {
+            (0, true) => 0.0,
+            (0, false) => gap + ROW_GAP,
+            (_, true) => 2.0 * ROW_GAP,
+            (_, false) => 2.0 * ROW_GAP + gap,
+        };
+        tops.push(y);
+        y += row.placed.size.1;
+    }
+    let mut layout = Layout {
+        corners: vec![(0.0, 0.0); blocks.len()],
+        ..Layout::default()
+    };
+    for (row, top) in rows.iter().zip(&tops) {
+        let moved = |p: (f64, f64)| (p.0 + left, p.1 + top);
+        for (place, block) in row.blocks.iter().enumerate() {
+            layout.corners[*block] = moved(row.placed.corners[place]);
+        }
+        for (number, route) in &row.placed.routes {
+            let mut route = route.clone();
+            route.points_mut().iter_mut().for_each(|p| *p = moved(*p));
+            layout.routes.push((row.links[*number], route));
+        }
+    }
+    // The first way out that a group of crossing links shares was drawn for the first of them only.
+    let shared = |layout: &Layout, crossing: &Crossing| -> Vec<Route> {
+        let first = crossing.links[0];
+        let starts = |route: &&(usize, Route)| route.0 == first;
+        let start = (
+            layout.corners[crossing.from].0 + blocks[crossing.from].width,
+            layout.corners[crossing.from].1 + crossing.from_y,
+        );
+        let near = |p: (f64, f64)| (p.0 - start.0).abs() + (p.1 - start.1).abs() < 0.01;
+        let routes = layout.routes.iter().filter(starts);
+        let way_out = routes.filter(|(_, route)| route.points().first().is_some_and(|p| near(*p)));
+        way_out.map(|(_, route)| route.clone()).collect()
+    };
+    let mut taken: Vec<(f64, f64, usize)> = Vec::new();
+    let mut by_exit: Vec<usize> = (0..crossings.len()).collect();
+    let exit_of = |crossing: usize| {
+        let row = crossings[crossing].from_row;
+        let (x, y) = rows[row].pin(&rows[row].exits, crossing);
+        (x + left, y + tops[row])
+    };
+    // From the lowest way out up: it has the innermost lane.
+    by_exit.sort_by(|a, b| exit_of(*b).1.total_cmp(&exit_of(*a).1));
+    for number in by_exit {
+        let crossing = &crossings[number];
+        let exit = exit_of(number);
+        let into = &rows[crossing.to_row];
+        let (x, y) = into.pin(&into.entries, number);
+        let entry = (x + left, y + tops[crossing.to_row]);
+        let place = entering[number];
+        let lane_y = tops[crossing.to_row] - ROW_GAP - lanes(place);
+        let lane_x = left - 4.0 - lanes(place);
+        let (low, high) = (exit.1.min(lane_y) - 4.0, exit.1.max(lane_y) + 4.0);
+        let free = |lane: &usize| !taken.iter().any(|t| t.2 == *lane && t.0 < high && low < t.1);
+        let lane = (0..crossings.len()).find(free).unwrap_or(0);
+        taken.push((low, high, lane));
+        let right_x = left + widest + 4.0 + lanes(lane);
+        let around = Route::Around(vec![
+            exit,
+            (right_x, exit.1),
+            (right_x, lane_y),
+            (lane_x, lane_y),
+            (lane_x, entry.1),
+            entry,
+        ]);
+        let ways_out = shared(&layout, crossing);
+        for (i, link) in crossing.links.iter().enumerate() {
+            if i > 0 {
+                layout
+                    .routes
+                    .extend(ways_out.iter().map(|route| (*link, route.clone())));
+            }
+            layout.routes.push((*link, around.clone()));
+        }
+    }
+    let right = taken
+        .iter()
+        .map(|(.., lane)| lanes(*lane) + 8.0)
+        .fold(0.0, f64::max);
+    to_the_edges(&mut layout, blocks, links, left + widest + right);
+    layout.settle(blocks);
+    layout
+}
+
+/// Pins stand at the edges of it all, outside of the lanes.
+fn to_the_edges(layout: &mut Layout, blocks: &[Block], links: &[Link], right: f64) {
+    for (corner, block) in layout.corners.iter_mut().zip(blocks) {
+        match block.side {
+            Side::Left => corner.0 = 0.0,
+            Side::Right => corner.0 = right,
+            Side::Free => {}
+        }
+    }
+    for (number, route) in &mut layout.routes {
+        let Route::Forward(points) = route else { continue };
+        let link = &links[*number];
+        if blocks[link.from].side == Side::Left {
+            points.insert(0, layout.corners[link.from]);
+        }
+        if blocks[link.to].side == Side::Right {
+            points.push(layout.corners[link.to]);
+        }
+    }
+}
