@@ -279,6 +279,32 @@ fn the_template_in_the_book_is_sound() {
         .unwrap_or_else(|wrong| panic!("{wrong}"));
 }
 
+/// Every key that a surface file may have is on the page about the format, in the part of it that is about its table.
+#[test]
+fn every_key_of_a_surface_file_is_in_the_book() {
+    let page = fs::read_to_string(root().join("docs/surface-format.md")).unwrap();
+    let source = fs::read_to_string(root().join("surfaces/src/files/native/document.rs")).unwrap();
+    let mut seen = 0;
+    for part in source.split("pub(super) struct ").skip(1) {
+        let (name, fields) = part.split_once(" {").unwrap_or_default();
+        let Some(name) = name.strip_suffix("Document") else {
+            continue;
+        };
+        let heading = format!("\n## {name}\n");
+        let (_, section) = page
+            .split_once(&heading)
+            .unwrap_or_else(|| panic!("no `## {name}`"));
+        let section = section.split("\n## ").next().unwrap_or_default();
+        let fields = fields.split("\n}").next().unwrap_or_default();
+        let keys = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
+        for key in keys.filter_map(|line| line.split(':').next()) {
+            assert!(section.contains(&format!("| `{key}`")), "{name} has `{key}`");
+            seen += 1;
+        }
+    }
+    assert!(seen > 35, "{seen}");
+}
+
 #[test]
 fn links_between_pages_lead_somewhere() {
     for page in pages() {
