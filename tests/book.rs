@@ -14,6 +14,8 @@ use std::sync::atomic::AtomicBool;
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
 mod custom_node;
+#[path = "../examples/sample_recording.rs"]
+mod sample_recording;
 #[allow(dead_code)]
 #[path = "../examples/stateful_node.rs"]
 mod stateful_node;
@@ -277,6 +279,30 @@ fn the_template_in_the_book_is_sound() {
     Document::parse(place, &graph)
         .and_then(|document| check(&document, &registry, &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
+}
+
+/// The sample that the page on recording learns from, as its program makes it; BLESS=1 writes it. Another machine may round a
+/// last digit the other way.
+#[test]
+fn the_sample_recording_is_what_its_program_makes() {
+    let path = root().join("examples/data/t3-tile-drag-simulated.csv");
+    let made = sample_recording::table().unwrap();
+    if std::env::var_os("BLESS").is_some() {
+        fs::write(&path, &made).unwrap();
+    }
+    let kept = fs::read_to_string(&path).unwrap();
+    assert!(kept.len() < 300_000 && kept.starts_with("# SIMULATED"));
+    assert_eq!(kept.lines().count(), made.lines().count());
+    for (kept, made) in kept.lines().zip(made.lines()) {
+        let cells = |row: &str| row.split(',').map(str::parse).collect::<Result<Vec<f64>, _>>();
+        match (cells(kept), cells(made)) {
+            (Ok(kept), Ok(made)) => assert!(
+                kept.len() == 4 && kept.iter().zip(&made).all(|(a, b)| (a - b).abs() < 0.11),
+                "{kept:?} {made:?}"
+            ),
+            _ => assert_eq!(kept, made),
+        }
+    }
 }
 
 /// Every key that a surface file may have is on the page about the format, in the part of it that is about its table.
