@@ -331,6 +331,29 @@ fn every_key_of_a_surface_file_is_in_the_book() {
     assert!(seen > 35, "{seen}");
 }
 
+/// What is told in numbers on the page about learning, and drawn beside it, are the numbers of the page about texture models.
+#[test]
+fn the_comparison_of_methods_is_the_measured_one() {
+    let read = |page: &str| fs::read_to_string(root().join("docs").join(page)).unwrap();
+    let (learning, measured, drawn) = (
+        read("learning.md"),
+        read("texture-models.md"),
+        read("learning-comparison.svg"),
+    );
+    let begin = learning.find("| log-spectral distance, dB |").unwrap();
+    let table = learning[begin..].split("\n\n").next().unwrap();
+    let mut seen = 0;
+    for number in table.split(['|', ' ', '*', '\n']) {
+        if number.parse::<f64>().is_ok_and(|_| number.contains('.')) {
+            let place = format!("{number}");
+            assert!(measured.contains(&place), "{number} was not measured");
+            assert!(drawn.contains(&format!(">{place}<")), "{number} is not drawn");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 36);
+}
+
 #[test]
 fn links_between_pages_lead_somewhere() {
     for page in pages() {
