@@ -14,6 +14,8 @@ use std::sync::atomic::AtomicBool;
 #[allow(dead_code)]
 #[path = "../examples/custom_node.rs"]
 mod custom_node;
+#[path = "../examples/sample_recording.rs"]
+mod sample_recording;
 #[allow(dead_code)]
 #[path = "../examples/stateful_node.rs"]
 mod stateful_node;
@@ -190,7 +192,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
         assert!((0.2..20.0).contains(&loudest), "{name}: {loudest}");
         seen += 1;
     }
-    assert_eq!(seen, 10);
+    assert_eq!(seen, 12);
 }
 
 /// Blocks of RON.
@@ -277,6 +279,78 @@ fn the_template_in_the_book_is_sound() {
     Document::parse(place, &graph)
         .and_then(|document| check(&document, &registry, &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
+}
+
+/// The sample that the page on recording learns from, as its program makes it; BLESS=1 writes it. Another machine may round a
+/// last digit the other way.
+#[test]
+fn the_sample_recording_is_what_its_program_makes() {
+    let path = root().join("examples/data/t3-tile-drag-simulated.csv");
+    let made = sample_recording::table().unwrap();
+    if std::env::var_os("BLESS").is_some() {
+        fs::write(&path, &made).unwrap();
+    }
+    let kept = fs::read_to_string(&path).unwrap();
+    assert!(kept.len() < 300_000 && kept.starts_with("# SIMULATED"));
+    assert_eq!(kept.lines().count(), made.lines().count());
+    for (kept, made) in kept.lines().zip(made.lines()) {
+        let cells = |row: &str| row.split(',').map(str::parse).collect::<Result<Vec<f64>, _>>();
+        match (cells(kept), cells(made)) {
+            (Ok(kept), Ok(made)) => assert!(
+                kept.len() == 4 && kept.iter().zip(&made).all(|(a, b)| (a - b).abs() < 0.11),
+                "{kept:?} {made:?}"
+            ),
+            _ => assert_eq!(kept, made),
+        }
+    }
+}
+
+/// Every key that a surface file may have is on the page about the format, in the part of it that is about its table.
+#[test]
+fn every_key_of_a_surface_file_is_in_the_book() {
+    let page = fs::read_to_string(root().join("docs/surface-format.md")).unwrap();
+    let source = fs::read_to_string(root().join("surfaces/src/files/native/document.rs")).unwrap();
+    let mut seen = 0;
+    for part in source.split("pub(super) struct ").skip(1) {
+        let (name, fields) = part.split_once(" {").unwrap_or_default();
+        let Some(name) = name.strip_suffix("Document") else {
+            continue;
+        };
+        let heading = format!("\n## {name}\n");
+        let (_, section) = page
+            .split_once(&heading)
+            .unwrap_or_else(|| panic!("no `## {name}`"));
+        let section = section.split("\n## ").next().unwrap_or_default();
+        let fields = fields.split("\n}").next().unwrap_or_default();
+        let keys = fields.lines().filter_map(|line| line.trim().strip_prefix("pub "));
+        for key in keys.filter_map(|line| line.split(':').next()) {
+            assert!(section.contains(&format!("| `{key}`")), "{name} has `{key}`");
+            seen += 1;
+        }
+    }
+    assert!(seen > 35, "{seen}");
+}
+
+/// What is told in numbers on the page about learning, and drawn beside it, are the numbers of the page about texture models.
+#[test]
+fn the_comparison_of_methods_is_the_measured_one() {
+    let read = |page: &str| fs::read_to_string(root().join("docs").join(page)).unwrap();
+    let (learning, measured, drawn) = (
+        read("learning.md"),
+        read("texture-models.md"),
+        read("learning-comparison.svg"),
+    );
+    let begin = learning.find("| log-spectral distance, dB |").unwrap();
+    let table = learning[begin..].split("\n\n").next().unwrap();
+    let mut seen = 0;
+    for number in table.split(['|', ' ', '*', '\n']) {
+        if number.parse::<f64>().is_ok_and(|_| number.contains('.')) {
+            assert!(measured.contains(number), "{number} was not measured");
+            assert!(drawn.contains(&format!(">{number}<")), "{number} is not drawn");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 36);
 }
 
 #[test]

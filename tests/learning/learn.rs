@@ -129,27 +129,27 @@ fn a_surface_without_friction_says_so_and_keeps_its_texture() {
     assert!(page.contains("the surface has no friction"));
 }
 
-/// Every command of the chapter runs as it stands there.
+/// The shell blocks of a page of the book, run one after the other as they stand there; what they print, and the folder.
 #[cfg(unix)]
-#[test]
-fn the_chapter_on_learning_is_true() {
+fn run_chapter(page: &str) -> (String, String, tempfile::TempDir) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = tempfile::tempdir().unwrap();
-    std::os::unix::fs::symlink(root.join("graphs"), folder.path().join("graphs")).unwrap();
+    for shared in ["graphs", "examples"] {
+        std::os::unix::fs::symlink(root.join(shared), folder.path().join(shared)).unwrap();
+    }
     let program = Path::new(env!("CARGO_BIN_EXE_haptograph")).parent().unwrap();
     let path = format!(
         "{}:{}",
         program.display(),
         std::env::var("PATH").unwrap_or_default()
     );
-    let chapter = fs::read_to_string(root.join("docs/learning.md")).unwrap();
+    let chapter = fs::read_to_string(root.join("docs").join(page)).unwrap();
     let blocks: String = chapter
         .split("```sh\n")
         .skip(1)
         .filter_map(|rest| rest.split_once("```"))
         .map(|(block, _)| block)
         .collect();
-    assert!(blocks.matches("haptograph ").count() > 15);
     let output = Command::new("sh")
         .args(["-e", "-c", &blocks])
         .env("PATH", path)
@@ -161,6 +161,16 @@ fn the_chapter_on_learning_is_true() {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    (chapter, printed, folder)
+}
+
+/// Every command of the chapter runs as it stands there.
+#[cfg(unix)]
+#[test]
+fn the_chapter_on_learning_is_true() {
+    let (chapter, _, folder) = run_chapter("learning.md");
+    assert!(chapter.matches("\nhaptograph ").count() > 15);
     for made in [
         "tile/report.html",
         "out/texturepad/report.html",
@@ -169,4 +179,29 @@ fn the_chapter_on_learning_is_true() {
     ] {
         assert!(folder.path().join(made).is_file(), "{made} is missing");
     }
+}
+
+/// So do those of the chapter on recording, and they print what it shows.
+#[cfg(unix)]
+#[test]
+fn the_chapter_on_recording_is_true() {
+    let (chapter, printed, folder) = run_chapter("recording.md");
+    for made in [
+        "mine/report.html",
+        "mine-held-out/report.html",
+        "out/again/vibration.wav",
+        "out/texturepad/report.html",
+    ] {
+        assert!(folder.path().join(made).is_file(), "{made} is missing");
+    }
+    let mut shown = 0;
+    for start in ["wrote mine.ron\norigin ", "log-spectral distance"] {
+        let begin = chapter.find(&format!("```text\n{start}")).unwrap() + "```text\n".len();
+        let block = chapter[begin..].split("```").next().unwrap();
+        for line in block.lines() {
+            assert!(printed.contains(line), "not printed: {line}\n{printed}");
+            shown += 1;
+        }
+    }
+    assert!(shown > 8, "{shown}");
 }

@@ -40,8 +40,9 @@ impl Exponents {
     };
 }
 
-/// How many observations the exponents of real textures count for: their spread over textures (0.55 and 0.42) against
-/// that of a texture's models around its own law (0.39, all in natural logarithms of power) makes 0.5 and 0.85.
+/// How many observations the exponents of real textures count for. The spread of the exponents over textures (0.60 and 0.49,
+/// docs/texture-models.md) against that of a texture's models around its own law (0.39, the median over textures, in natural
+/// logarithms of power) makes 0.4 and 0.6; 1 is a round number above both.
 const POWER_STRENGTH: f64 = 1.0;
 /// Shapes: no change with speed and force unless the data say so.
 const SHAPE: Prior = Prior {
