@@ -62,7 +62,7 @@ fn outputs(graph: &Graph) -> Vec<(NodeId, usize)> {
 /// Of every driver, with every output tapped.
 fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
     let taps = outputs(graph);
-    let plans = Plan::all(graph, &PlanOptions { block, taps });
+    let plans = Plan::of(graph, &PlanOptions { block, taps });
     plans.into_iter().map(Arc::new).collect()
 }
 

@@ -228,7 +228,7 @@ impl Session {
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::all(outlets.graph, &options))?;
+        let all = self.by_driver(Plan::of(outlets.graph, &options))?;
         self.lets_go_first(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 pub fn plan(graph: &Graph, block: usize) -> Arc<Plan> {
     let taps = graph.nodes().ids().map(|node| (node, 0)).collect();
-    Arc::new(Plan::new(graph, &PlanOptions { block, taps }))
+    Arc::new(Plan::of(graph, &PlanOptions { block, taps }).remove(0))
 }
 
 pub fn sink(graph: &Graph) -> Option<NodeIndex> {
