@@ -230,7 +230,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
         while live.frames() < ticks(sink) {
             match control.swap(Arc::clone(plans.choose(&mut random).unwrap())) {
                 Ok(Change::CrossFade) => faded += 1,
-                Ok(Change::AtZero(_)) => through_zero += 1,
+                Ok(Change::FadeThroughZero(_)) => through_zero += 1,
                 other => assert_eq!(other, Ok(Change::Settings(0)), "{sink}"),
             }
             live.callback(random.random_range(1..1500), |run, _| judge.hear(run));

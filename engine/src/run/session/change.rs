@@ -1,10 +1,10 @@
 //! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
 
 use super::super::RingMeter;
-use super::super::control::{Change, Control, ControlError, Prepared};
+use super::super::control::{Control, ControlError, Prepared};
 use super::super::fleet::rejoin;
 use super::super::outlets::{Outlets, WriteError, file_ports, stream};
-use super::super::swap::Next;
+use super::super::swap::{Change, Next};
 use super::{Entry, Session, tap_rings};
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
