@@ -70,5 +70,5 @@ fn load(path: &Path) -> Graph {
 /// Of a graph with several drivers what hangs from the first.
 fn plan(graph: &Graph) -> Plan {
     let taps = Vec::new();
-    Plan::new(graph, &PlanOptions { block: FRAMES, taps })
+    Plan::of(graph, &PlanOptions { block: FRAMES, taps }).remove(0)
 }

@@ -62,7 +62,9 @@ fn run(graph: &str, blocks: u64) -> ExitCode {
         })
         .expect("shipped graphs are sound");
     let taps = Vec::new();
-    let mut run = Run::new(Arc::new(Plan::new(&graph, &PlanOptions { block: FRAMES, taps })));
+    let mut run = Run::new(Arc::new(
+        Plan::of(&graph, &PlanOptions { block: FRAMES, taps }).remove(0),
+    ));
     (0..blocks).for_each(|_| run.advance(FRAMES));
     ExitCode::SUCCESS
 }

@@ -48,7 +48,6 @@ use failure::{ErrorForm, refuse_usage};
 pub(crate) use failure::{Failure, say, say_json};
 pub(crate) use remarks::remark;
 use std::collections::HashSet;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use terminal::is_coloured;
@@ -331,27 +330,6 @@ pub(crate) fn folder_of(path: &Path) -> Result<&Path, Failure> {
     Err(Failure::Message(format!(
         "cannot write {file}: there is no folder {folder}; make it first"
     )))
-}
-
-/// Writes a file whole or not at all, into a folder that is there.
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
-    file.write_all(bytes)?;
-    make_readable(file.path())?;
-    file.persist(path).map(|_| ()).map_err(|error| error.error)
-}
-
-/// Temporary files are private; results are as readable as other files.
-#[cfg(unix)]
-fn make_readable(path: &Path) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_: &Path) -> std::io::Result<()> {
-    Ok(())
 }
 
 #[cfg(test)]

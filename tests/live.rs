@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+use skip::skip;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -14,6 +15,7 @@ mod afar;
 mod reloads;
 #[path = "live/replays.rs"]
 mod replays;
+mod skip;
 #[path = "live/terminal.rs"]
 mod terminal;
 

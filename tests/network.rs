@@ -1,12 +1,14 @@
 //! A graph that runs live with a device in another process: the C client, compiled and run, and the one in Python.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
+#![allow(clippy::unwrap_used)]
 
 #[path = "network/inputs.rs"]
 mod inputs;
 #[path = "network/shipped.rs"]
 mod shipped;
+mod skip;
 
+use skip::skip;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
@@ -50,7 +52,7 @@ fn the_python_client_is_felt_by_a_live_graph_and_driven_within_its_limit() {
     let is_new = "import sys; sys.exit(sys.version_info < (3, 10))";
     let python = Command::new("python3").args(["-c", is_new]).status();
     if !python.is_ok_and(|status| status.success()) {
-        eprintln!("SKIPPED: there is no python3 of version 3.10 or later");
+        skip("there is no python3 of version 3.10 or later");
         return;
     }
     is_felt_and_driven(Command::new("python3").arg(example("python/device_client.py")));

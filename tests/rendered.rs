@@ -64,7 +64,7 @@ fn an_evaluation_plays_what_a_graph_renders() {
             (node.expect("the node is there"), 0)
         };
         let taps = ["speed", "force", "filter"].map(find).to_vec();
-        let plans = Plan::all(&graph, &PlanOptions { block: 64, taps });
+        let plans = Plan::of(&graph, &PlanOptions { block: 64, taps });
         let plan = plans.into_iter().next().expect("there is one driver");
         let mut run = Run::new(Arc::new(plan));
         let mut heard = [vec![], vec![], vec![]];

@@ -283,7 +283,7 @@ fn load(text: &str) -> Graph {
 
 fn plan(graph: &Graph, block: usize) -> Plan {
     let taps = Vec::new();
-    Plan::new(graph, &PlanOptions { block, taps })
+    Plan::of(graph, &PlanOptions { block, taps }).remove(0)
 }
 
 const INPUT: InputSpec = any_input("input", "Samples.");

@@ -1,6 +1,8 @@
 //! What a processor sees of its signals: typed slices, exactly as many frames as the tick has.
 
 use crate::frame::{Contact, Weights};
+use rtrb::{Consumer, Producer, RingBuffer};
+use std::hint::black_box;
 
 /// All buffers of a run: one stretch of f64 that begins on a cache line, as does every buffer in it.
 ///
@@ -18,7 +20,7 @@ pub(crate) const LINE: usize = 8;
 
 impl Memory {
     pub(crate) fn new(len: usize) -> Self {
-        let data = vec![0.0; len + LINE];
+        let data = touched(vec![0.0; len + LINE]);
         let base = data.as_ptr().align_offset(64).min(LINE);
         Self { data, base, len }
     }
@@ -32,6 +34,31 @@ impl Memory {
     pub(crate) fn all_mut(&mut self) -> &mut [f64] {
         &mut self.data[self.base..self.base + self.len]
     }
+}
+
+/// f64s in the smallest page that systems have.
+const PAGE: usize = 512;
+
+/// A buffer whose pages are in memory before it is used. The system only promises a buffer of zeros: each of its pages is
+/// fetched where it is first written, and that must not be the real-time thread.
+pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
+    let last = buffer.len().checked_sub(1);
+    for at in (0..buffer.len()).step_by(PAGE).chain(last) {
+        buffer[at] = black_box(buffer[at]);
+    }
+    buffer
+}
+
+/// An empty ring whose pages are in memory before it is used.
+pub(crate) fn touched_ring(capacity: usize) -> (Producer<f64>, Consumer<f64>) {
+    let (mut into, mut out) = RingBuffer::new(capacity);
+    if let Ok(all) = into.write_chunk_uninit(capacity) {
+        all.fill_from_iter(std::iter::repeat_n(black_box(0.0), capacity));
+    }
+    if let Ok(all) = out.read_chunk(capacity) {
+        all.commit_all();
+    }
+    (into, out)
 }
 
 /// A buffer in the memory.
@@ -292,5 +319,31 @@ impl<'a> Iterator for Held<'a> {
             .get(self.at * stride)
             .map_or(self.frames, |start| *start as usize);
         Some((run[0] as usize..end, &run[1..]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn touching_changes_no_value() {
+        for len in [0, 1, PAGE - 1, PAGE, 3 * PAGE + 7] {
+            let buffer: Vec<f64> = (0..len).map(|x| x as f64).collect();
+            assert_eq!(touched(buffer.clone()), buffer);
+        }
+    }
+
+    #[test]
+    fn a_touched_ring_is_empty_and_has_room_for_all() {
+        let (mut into, mut out) = touched_ring(5);
+        for round in 0..3 {
+            assert_eq!((into.slots(), out.slots()), (5, 0));
+            let frames = [1.0, 2.0, 3.0, 4.0, f64::from(round)];
+            into.push_entire_slice(&frames).unwrap();
+            let mut got = [0.0; 5];
+            out.pop_entire_slice(&mut got).unwrap();
+            assert_eq!(got, frames);
+        }
     }
 }

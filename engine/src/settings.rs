@@ -26,6 +26,10 @@ pub struct SettingSpec {
     pub range: Option<(f64, f64)>,
     /// May it be changed while the graph runs?
     pub live: bool,
+    /// Is it a whole number? Then a change jumps.
+    pub whole: bool,
+    /// Is it a frequency that has to stay below half of the rate of its node?
+    pub below_nyquist: bool,
     /// What it is made of, where it is more than a number or a word.
     pub parts: Vec<Part>,
 }
@@ -60,6 +64,10 @@ pub trait Setting: Sized {
     /// What it is made of, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()
+    }
+    /// Is it a whole number?
+    fn is_whole() -> bool {
+        false
     }
     /// Its number, for the check against a range.
     fn number(&self) -> Option<f64> {
@@ -294,11 +302,32 @@ pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Optio
 ///     }
 /// }
 /// ```
-/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs.
+/// A field without `= default` has to be given. `[live]` marks what may change while the graph runs, and
+/// `[live, below_nyquist]` a frequency that has to stay below half of the node's rate when it does. There are no other
+/// flags, and a misspelt one does not compile:
+///
+/// ```compile_fail
+/// haptograph_engine::settings! {
+///     /// Settings of a low-pass.
+///     pub struct LowPassSettings {
+///         /// Where the response has fallen by 3 dB.
+///         [liev] cutoff_hz: f64 = 20.0;
+///     }
+/// }
+/// ```
 #[macro_export]
 macro_rules! settings {
+    (@live live) => { true };
+    (@live below_nyquist) => { false };
+    (@live $other:ident) => {
+        compile_error!(concat!(
+            "unknown flag `", stringify!($other), "` of a setting; the flags are `live` and `below_nyquist`"
+        ))
+    };
+    (@below_nyquist below_nyquist) => { true };
+    (@below_nyquist $other:ident) => { false };
     ($(#[doc = $summary:expr])* $vis:vis struct $name:ident {
-        $($(#[doc = $doc:expr])* $([$live:ident])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
+        $($(#[doc = $doc:expr])* $([$($flag:ident),+])? $field:ident : $type:ty $(= $default:expr)? $(, in $range:expr)? ;)*
     }) => {
         $(#[doc = $summary])*
         #[derive(Debug, Clone, PartialEq)]
@@ -322,7 +351,9 @@ macro_rules! settings {
                         $(range = Some((f64::from(*($range).start()), f64::from(*($range).end())));)?
                         range
                     },
-                    live: [$(stringify!($live)),*].contains(&"live"),
+                    live: [$($($crate::settings!(@live $flag)),+)?].contains(&true),
+                    whole: <$type as $crate::settings::Setting>::is_whole(),
+                    below_nyquist: [$($($crate::settings!(@below_nyquist $flag)),+)?].contains(&true),
                     parts: <$type as $crate::settings::Setting>::parts(),
                 }),*]
             }

@@ -99,35 +99,196 @@ fn no_room_knows_those_above_it() {
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
 }
 
+/// The crates from the bottom up: each may name those of lower layers only. Two of one layer never name each other.
+const LAYERS: [&[&str]; 7] = [
+    &["signal"],
+    &["engine", "surfaces"],
+    &["nodes"],
+    &["report"],
+    &["studio"],
+    &[".", "bindings/c", "studio/wasm"],
+    &["bindings/python"],
+];
+
+/// Workspaces of their own that measure and attack the others, and that nobody names.
+const OUTSIDE: [&str; 2] = ["benches/peers", "fuzz"];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn manifest(folder: &str) -> String {
+    let path = root().join(folder).join("Cargo.toml");
+    fs::read_to_string(path).expect("a crate has a manifest")
+}
+
+/// The name of the package of a folder of [`LAYERS`].
+fn package(folder: &str) -> String {
+    match folder {
+        "." => "haptograph".to_owned(),
+        "studio/wasm" => "haptograph-wasm".to_owned(),
+        "bindings/c" => "haptograph-c".to_owned(),
+        "bindings/python" => "haptograph-python".to_owned(),
+        _ => format!("haptograph-{folder}"),
+    }
+}
+
+/// The names of all dependencies of a manifest: those for tests, for some systems, and optional ones too.
+fn dependencies(manifest: &str) -> Vec<&str> {
+    let mut names = Vec::new();
+    let mut is_list = false;
+    for line in manifest.lines().map(str::trim) {
+        if let Some(section) = line.strip_prefix('[') {
+            is_list =
+                section.trim_end_matches(']').ends_with("dependencies") && !section.starts_with("workspace");
+        } else if is_list && !line.starts_with('#') {
+            let end = line.find(['.', ' ', '=']).unwrap_or(0);
+            names.push(&line[..end]);
+        }
+    }
+    names
+}
+
+#[test]
+fn crates_name_those_below_them_only() {
+    let mut breaches = Vec::new();
+    let mut named = 0;
+    for (layer, folders) in LAYERS.iter().enumerate() {
+        let below: Vec<String> = LAYERS[..layer].concat().into_iter().map(package).collect();
+        for folder in *folders {
+            let text = manifest(folder);
+            assert!(
+                text.contains(&format!("name = \"{}\"", package(folder))),
+                "{folder}"
+            );
+            for name in dependencies(&text) {
+                if name.starts_with("haptograph") {
+                    named += 1;
+                    let is_below = below.iter().any(|package| package == name);
+                    breaches.extend((!is_below).then(|| format!("{folder} names {name}")));
+                }
+            }
+        }
+    }
+    assert!(named > 20, "{named} dependencies were read");
+    assert!(breaches.is_empty(), "{}", breaches.join("\n"));
+}
+
+#[test]
+fn every_crate_has_a_layer() {
+    let text = manifest(".");
+    let list = |key: &str| -> Vec<String> {
+        let line = text.lines().find_map(|line| line.strip_prefix(key));
+        let words = line.expect("the workspace lists its crates").split('"');
+        words.skip(1).step_by(2).map(str::to_owned).collect()
+    };
+    let all = [list("members = "), list("exclude = ")].concat();
+    assert!(all.len() > 8, "{all:?}");
+    for folder in all {
+        let has_layer = LAYERS.concat().contains(&&*folder) || OUTSIDE.contains(&&*folder);
+        assert!(has_layer, "{folder} is in no layer: see LAYERS");
+    }
+}
+
+/// What the public items of a file name: signatures however many lines they take, fields of public structures, what is
+/// re-exported.
+fn public_items(code: &str) -> Vec<String> {
+    let lines: Vec<&str> = code.lines().map(str::trim).collect();
+    let mut items = Vec::new();
+    let mut is_in_public_struct = false;
+    for (number, line) in lines.iter().enumerate() {
+        let words = line.strip_prefix("pub ").unwrap_or(line);
+        let is_item = [
+            "fn", "const", "async", "unsafe", "use", "type", "static", "trait", "struct", "enum",
+        ]
+        .iter()
+        .any(|word| words.starts_with(&format!("{word} ")));
+        let begins = |word: &str| {
+            words
+                .split("fn ")
+                .next()
+                .is_some_and(|words| words.contains(word))
+        };
+        if begins("struct ") || begins("enum ") || line.starts_with("impl") || line.contains("fn ") {
+            is_in_public_struct = line.starts_with("pub struct ");
+        }
+        let is_field = is_in_public_struct && !is_item;
+        if !line.starts_with("pub ") || !(is_item || is_field) {
+            continue;
+        }
+        let ends: &[char] = match words.split(' ').next() {
+            Some("use") => &[';'],
+            _ => &['{', ';'],
+        };
+        let rest = lines[number..].join(" ");
+        let item = match is_field {
+            true => line,
+            false => rest.split(ends).next().unwrap_or_default(),
+        };
+        items.push(without_private_fields(item));
+    }
+    items
+}
+
+/// A tuple structure with its public fields only; anything else as it is.
+fn without_private_fields(item: &str) -> String {
+    let Some((name, fields)) = item.split_once('(').filter(|_| item.starts_with("pub struct ")) else {
+        return item.to_owned();
+    };
+    let public = fields
+        .split(',')
+        .filter(|field| field.trim_start().starts_with("pub "));
+    name.to_owned() + &public.collect::<String>()
+}
+
+/// Of the graph library, whose types are in no public signature.
+const PRIVATE: [&str; 5] = ["NodeIndex", "EdgeIndex", "DiGraph", "EdgeReference", "petgraph"];
+
+fn breaches(code: &str) -> Vec<String> {
+    let items = public_items(code).into_iter();
+    items
+        .filter(|item| PRIVATE.iter().any(|name| item.contains(name)))
+        .collect()
+}
+
+#[test]
+fn a_breach_is_seen_wherever_it_stands() {
+    for breach in [
+        "pub fn at(&self) -> NodeIndex {",
+        "pub fn at(\n    &self,\n    node: NodeIndex,\n) -> bool {",
+        "pub fn at<T>(node: T)\nwhere\n    T: Into<NodeIndex>,\n{",
+        "pub const fn at(node: NodeIndex) {}",
+        "pub struct Graph {\n    name: String,\n    pub nodes: DiGraph<Node, Edge>,\n}",
+        "pub struct Id(pub NodeIndex);",
+        "pub type Id = NodeIndex;",
+        "pub use petgraph::{\n    algo,\n    graph,\n};",
+    ] {
+        assert_eq!(breaches(breach).len(), 1, "{breach}");
+    }
+    for sound in [
+        "pub(crate) fn at(node: NodeIndex) {}",
+        "fn at() {\n    let node: NodeIndex;\n}",
+        "pub fn at() {\n    let node: NodeIndex;\n}",
+        "pub struct Graph {\n    nodes: DiGraph<Node, Edge>,\n    pub(crate) more: NodeIndex,\n}",
+        "pub(crate) struct Graph {\n    pub nodes: DiGraph<Node, Edge>,\n}",
+        "pub struct Id(pub(crate) NodeIndex);",
+        "use petgraph::graph::NodeIndex;",
+    ] {
+        assert_eq!(breaches(sound), [""; 0], "{sound}");
+    }
+}
+
 #[test]
 fn nobody_but_the_engine_knows_the_graph_library() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for name in [
-        "signal",
-        "surfaces",
-        "nodes",
-        "report",
-        "studio",
-        "bindings/c",
-        "bindings/python",
-    ] {
-        let manifest =
-            fs::read_to_string(root.join(name).join("Cargo.toml")).expect("a crate has a manifest");
-        assert!(!manifest.contains("petgraph"), "{name}");
+    for folder in LAYERS.concat().into_iter().filter(|folder| *folder != "engine") {
+        let text = manifest(folder);
+        assert!(!dependencies(&text).contains(&"petgraph"), "{folder}");
     }
-    // In the engine's own signatures it is private. The parts of a plan are seen by the crate alone.
-    let types = ["NodeIndex", "EdgeIndex", "DiGraph", "EdgeReference"];
-    for path in sources(&root.join("engine/src")) {
+    let mut read = 0;
+    for path in sources(&root().join("engine/src")) {
         let code = code(&path);
-        let public = code.lines().map(str::trim_start).filter(|line| {
-            line.starts_with("pub fn") || line.starts_with("pub use") || line.starts_with("pub type")
-        });
-        let named = |line: &&str| types.iter().any(|name| line.contains(name));
-        assert_eq!(
-            public.filter(named).collect::<Vec<_>>(),
-            [""; 0],
-            "{}",
-            path.display()
-        );
+        read += public_items(&code).len();
+        assert_eq!(breaches(&code), [""; 0], "{}", path.display());
     }
+    assert!(read > 300, "{read} public items");
 }

@@ -380,7 +380,7 @@ fn goes_the_whole_way(text: &str, nodes: usize) {
         check(&document, &common::registry(), &CheckOptions::default()).unwrap_or_else(|d| panic!("{d}"));
     assert_eq!(graph.nodes().len(), nodes);
     assert_eq!(graph.latencies().len(), 1);
-    let plans = Plan::all(&graph, &PlanOptions::default());
+    let plans = Plan::of(&graph, &PlanOptions::default());
     for plan in plans {
         let mut run = Run::new(Arc::new(plan));
         run.advance(64);

@@ -214,7 +214,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
         let plans = graphs.each_ref().map(|graph| {
             let out = graph.nodes().find("out");
             let taps = vec![(out.unwrap(), 0)];
-            Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
+            Arc::new(Plan::of(graph, &PlanOptions { block: 64, taps }).remove(0))
         });
         let mut judge = Judge {
             sink,
@@ -230,7 +230,7 @@ fn plague(ticks: impl Fn(&str) -> u64) {
         while live.frames() < ticks(sink) {
             match control.swap(Arc::clone(plans.choose(&mut random).unwrap())) {
                 Ok(Change::CrossFade) => faded += 1,
-                Ok(Change::AtZero(_)) => through_zero += 1,
+                Ok(Change::FadeThroughZero(_)) => through_zero += 1,
                 other => assert_eq!(other, Ok(Change::Settings(0)), "{sink}"),
             }
             live.callback(random.random_range(1..1500), |run, _| judge.hear(run));
@@ -310,7 +310,9 @@ fn a_limit_above_what_the_device_can_give_is_lowered_and_said() {
         );
         // What is delivered is what the card plays.
         let taps = vec![(graph.nodes().find("out").unwrap(), 0)];
-        let mut run = Run::new(Arc::new(Plan::new(&graph, &PlanOptions { block: 64, taps })));
+        let mut run = Run::new(Arc::new(
+            Plan::of(&graph, &PlanOptions { block: 64, taps }).remove(0),
+        ));
         run.advance(64);
         assert!((run.tap(0)[63] - peak).abs() < 1e-12);
     }
@@ -335,7 +337,7 @@ fn a_device_that_was_not_driven_rises_from_zero_whatever_its_sink_was_called() {
     };
     let plan = |graph: &Graph, heard: &str| {
         let taps = vec![(graph.nodes().find(heard).unwrap(), 0)];
-        Arc::new(Plan::new(graph, &PlanOptions { block: 64, taps }))
+        Arc::new(Plan::of(graph, &PlanOptions { block: 64, taps }).remove(0))
     };
     let old = graph(&sink("out", "left"));
     let new = graph(&(sink("out", "right") + &sink("more", "left")));
@@ -369,7 +371,7 @@ fn a_stop_takes_a_sink_slower_than_its_driver_to_zero_within_its_slew() {
     let out = graph.nodes().find("out");
     for phase in 0..10 {
         let taps = vec![(out.unwrap(), 0)];
-        let plan = Arc::new(Plan::new(&graph, &PlanOptions { block: 1, taps }));
+        let plan = Arc::new(Plan::of(&graph, &PlanOptions { block: 1, taps }).remove(0));
         let (mut live, control) = live(plan);
         let mut delivered = Vec::new();
         live.callback(1000 + phase, |run, _| delivered.extend_from_slice(run.tap(0)));
@@ -400,7 +402,7 @@ fn the_end_takes_a_sink_slower_than_its_driver_to_zero_too() {
         .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
     for phase in 0..10 {
-        let plan = Arc::new(Plan::new(&graph, &PlanOptions::default()));
+        let plan = Arc::new(Plan::of(&graph, &PlanOptions::default()).remove(0));
         let (mut live, _control) = live(plan);
         live.end_after(1000 + phase);
         let mut wakes = 0;

@@ -9,7 +9,7 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{AtZero, Change, Fleet, LiveOptions, Outlets, Run, Session, live};
+use haptograph_engine::run::{Change, Fleet, LiveOptions, NoCrossFade, Outlets, Run, Session, live};
 use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
 use realtime::allocations;
 use std::convert::Infallible;
@@ -62,7 +62,7 @@ fn outputs(graph: &Graph) -> Vec<(NodeId, usize)> {
 /// Of every driver, with every output tapped.
 fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
     let taps = outputs(graph);
-    let plans = Plan::all(graph, &PlanOptions { block, taps });
+    let plans = Plan::of(graph, &PlanOptions { block, taps });
     plans.into_iter().map(Arc::new).collect()
 }
 
@@ -276,7 +276,7 @@ fn no_callback_of_several_drivers_allocates() {
             };
             if let Some(next) = next {
                 let changed = session.change(&next, folder.path()).unwrap();
-                assert_eq!(changed.change, Change::AtZero(AtZero::Drivers));
+                assert_eq!(changed.change, Change::FadeThroughZero(NoCrossFade::Drivers));
             }
             for (driver, live) in lives.iter_mut().enumerate() {
                 let frames = (live.run().rate_hz() / 1000.0) as usize;

@@ -32,7 +32,7 @@ fn tap(graph: &Graph, name: &str) -> (NodeId, usize) {
 fn simulated(name: &str, outputs: &[&str], frames: usize) -> Vec<Vec<f64>> {
     let graph = shipped(name, &CheckOptions::default());
     let taps = outputs.iter().map(|output| tap(&graph, output)).collect();
-    let plan = Plan::new(&graph, &PlanOptions { block: 480, taps });
+    let plan = Plan::of(&graph, &PlanOptions { block: 480, taps }).remove(0);
     let mut run = Run::new(Arc::new(plan));
     let mut all = vec![Vec::new(); outputs.len()];
     for _ in 0..frames / 480 {

@@ -21,6 +21,36 @@ const RATE_HZ: f64 = 10_000.0;
 /// Of the taps of the surface, for the nodes that need it.
 const SERVO_HZ: f64 = 1000.0;
 
+/// Live settings that end in `_hz` and may be above half of the rate of their node: (kind, setting, why).
+const ABOVE_NYQUIST: [(&str, &str, &str); 0] = [];
+
+#[test]
+fn live_frequencies_stay_below_half_the_rate() {
+    let registry = registry();
+    let mut found = 0;
+    for entry in registry.nodes() {
+        let settings = entry.settings();
+        let frequencies = settings
+            .iter()
+            .filter(|setting| setting.live && setting.name.ends_with("_hz"));
+        for setting in frequencies {
+            let excepted = ABOVE_NYQUIST
+                .iter()
+                .any(|(kind, name, _)| (*kind, *name) == (entry.spec.name, setting.name));
+            assert_ne!(
+                setting.below_nyquist, excepted,
+                "{}.{}: mark it `[live, below_nyquist]`, or list it with a reason",
+                entry.spec.name, setting.name
+            );
+            found += 1;
+        }
+        for setting in settings.iter().filter(|setting| setting.below_nyquist) {
+            assert!(setting.live, "{}.{}", entry.spec.name, setting.name);
+        }
+    }
+    assert!(found >= 2, "{found} live frequencies");
+}
+
 /// A folder with the files that examples name.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

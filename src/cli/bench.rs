@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         block: arguments.block.into(),
         taps: Vec::new(),
     };
-    let plans: Vec<Arc<Plan>> = Plan::all(&graph, &options).into_iter().map(Arc::new).collect();
+    let plans: Vec<Arc<Plan>> = Plan::of(&graph, &options).into_iter().map(Arc::new).collect();
     let mut profile = Profile::new(&plans);
     let turns = measure(&plans, &mut profile, arguments.seconds);
     let account = Account::new(&graph, &plans, &profile, &turns);

@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         ))?;
     }
     if arguments.plan {
-        for plan in Plan::all(&graph, &PlanOptions::default()) {
+        for plan in Plan::of(&graph, &PlanOptions::default()) {
             say(&plan.to_string())?;
         }
     }

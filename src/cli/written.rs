@@ -3,6 +3,7 @@
 //! A run's folder has its list in `manifest.json`; single files have theirs in `.haptograph.json` beside them.
 
 use crate::signal::files;
+use crate::surfaces::files::write_atomically;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -41,7 +42,7 @@ impl Written {
     pub fn save(&mut self, path: &Path) -> io::Result<()> {
         env!("CARGO_PKG_VERSION").clone_into(&mut self.haptograph);
         let text = serde_json::to_string_pretty(self)? + "\n";
-        super::write_whole(path, text.as_bytes())
+        write_atomically(path, text.as_bytes())
     }
 
     /// Notes a file of `folder` as it is now. A name that is no Unicode is not noted: the file counts as somebody's.

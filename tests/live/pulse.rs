@@ -37,7 +37,7 @@ impl Home {
         home.open_the_way();
         let there = home.start_daemon();
         if !there {
-            println!("skipped: there is no pulseaudio here");
+            skip("there is no pulseaudio here");
         }
         there.then_some(home)
     }
@@ -169,7 +169,7 @@ impl Recorder {
 fn is_without_plug(told: &str) -> bool {
     let missing = told.contains("Cannot open shared library") || told.contains("no such soundcard");
     if missing {
-        println!("skipped: ALSA's plug-in for the daemon is not here: {told}");
+        skip(&format!("ALSA's plug-in for the daemon is not here: {told}"));
     }
     missing
 }

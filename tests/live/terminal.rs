@@ -24,7 +24,7 @@ fn typed(keys: &[&str]) -> Option<String> {
         .stdout(Stdio::null())
         .spawn();
     let Ok(mut child) = child else {
-        println!("skipped: there is no `script` to play a terminal");
+        skip("there is no `script` to play a terminal");
         return None;
     };
     let said = || fs::read(folder.path().join("said")).unwrap_or_default();

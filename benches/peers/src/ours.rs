@@ -68,13 +68,14 @@ pub fn plan(graph: &Graph, work: &Work) -> Plan {
     let last = format!("n{}", work.nodes.len() - 1);
     let last = graph.nodes().find(&last);
     let taps = last.map(|index| (index, 0)).into_iter().collect();
-    Plan::new(
+    Plan::of(
         graph,
         &PlanOptions {
             block: work.block,
             taps,
         },
     )
+    .remove(0)
 }
 
 fn registry() -> Registry {

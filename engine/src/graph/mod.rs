@@ -351,16 +351,16 @@ impl Graph {
                     field: spec.name,
                     value: *value,
                     range: self.live_range(node, spec),
-                    whole: spec.expected.contains("whole"),
+                    whole: spec.whole,
                 })
             }));
         }
         found
     }
 
-    /// A frequency has to stay below half of the rate of its node too, as when the graph is checked.
+    /// What has to stay below half of the rate of its node does so too, as when the graph is checked.
     fn live_range(&self, node: &Node, spec: &SettingSpec) -> Option<(f64, f64)> {
-        let clock = node.clock.filter(|_| spec.name.ends_with("_hz"));
+        let clock = node.clock.filter(|_| spec.below_nyquist);
         let Some(clock) = clock else { return spec.range };
         let (low, high) = spec.range.unwrap_or((0.0, f64::MAX));
         Some((low, high.min((0.5 * self.clocks[clock].rate.hz()).next_down())))

@@ -287,13 +287,8 @@ pub(crate) struct Life {
 }
 
 impl Plan {
-    /// Lays out a graph; of one with several drivers only what hangs from the first: see [`Plan::all`].
-    pub fn new(graph: &Graph, options: &PlanOptions) -> Self {
-        build::build(graph, graph.drivers()[0], options)
-    }
-
-    /// Lays out a graph, every driver by itself, in the order of [`Graph::drivers`].
-    pub fn all(graph: &Graph, options: &PlanOptions) -> Vec<Self> {
+    /// Lays out a graph: a plan for each driver, in the order of [`Graph::drivers`]; there is at least one.
+    pub fn of(graph: &Graph, options: &PlanOptions) -> Vec<Self> {
         let drivers = graph.drivers().into_iter();
         drivers
             .map(|driver| build::build(graph, driver, options))

@@ -2,6 +2,7 @@
 //! found by whole-number arithmetic, so that it does not matter how time is cut into blocks.
 
 use super::window::Window;
+use crate::io::touched;
 use crate::joining::resampler;
 use crate::plan::{BridgeKind, BridgePlan, DelayPlan};
 use haptograph_signal::resample::Resampler;
@@ -243,7 +244,7 @@ fn fill(frames: &mut [f64], frame: &[f64]) {
 /// A declared delay: a ring of as many frames as it holds back.
 #[derive(Debug, Clone)]
 pub(crate) struct DelayState {
-    ring: Vec<f64>,
+    pub(super) ring: Vec<f64>,
     width: usize,
     frames: u64,
 }
@@ -254,7 +255,7 @@ impl DelayState {
             .unwrap_or(usize::MAX)
             .saturating_mul(plan.width);
         Self {
-            ring: vec![plan.initial; lanes],
+            ring: touched(vec![plan.initial; lanes]),
             width: plan.width,
             frames: plan.frames,
         }

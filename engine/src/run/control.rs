@@ -3,7 +3,7 @@
 use super::glide::{GLIDE_S, Glide};
 use super::meter::{Meters, Wake};
 use super::rings::TapRings;
-use super::swap::{AtZero, Next, Transfer};
+use super::swap::{Change, Next};
 use crate::graph::{LiveSetting, NodeId};
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer};
@@ -64,44 +64,6 @@ pub enum ControlError {
     /// It is NaN or infinite.
     #[error("choose a finite number")]
     NotFinite,
-}
-
-/// How a plan differed from the one in whose place it was put.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Change {
-    /// In at most so many live settings: nothing was interrupted.
-    Settings(usize),
-    /// In more: it fades into the new one.
-    CrossFade,
-    /// In more: it is faded out, then the new one in, and this is why they cannot run together.
-    AtZero(AtZero),
-    /// In more, and neither drives anything that could fade.
-    AtOnce,
-}
-
-impl std::fmt::Display for Change {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Settings(0) => f.write_str("nothing changed"),
-            Self::Settings(1) => f.write_str("a setting changed"),
-            Self::Settings(count) => write!(f, "{count} settings changed"),
-            Self::CrossFade => f.write_str("the graph changed, cross-faded"),
-            Self::AtOnce => f.write_str("the graph changed"),
-            Self::AtZero(reason) => write!(f, "the graph changed, through zero as {reason}"),
-        }
-    }
-}
-
-impl Change {
-    /// What became of two drivers of a graph, as one.
-    pub(super) fn and(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
-            (Self::AtZero(obstacle), _) | (_, Self::AtZero(obstacle)) => Self::AtZero(obstacle),
-            (Self::CrossFade, _) | (_, Self::CrossFade) => Self::CrossFade,
-            _ => Self::AtOnce,
-        }
-    }
 }
 
 /// A plan that is ready to take over.
@@ -255,21 +217,16 @@ impl Control {
             settings,
             changes,
         } = prepared;
-        let transfer = next.transfer;
+        let mode = next.mode;
         let drives = |plan: &Plan| !plan.actuators.is_empty();
-        let fades = drives(&self.plan) || drives(&plan);
+        let drives = drives(&self.plan) || drives(&plan);
         self.send(Command::Swap(next))?;
         self.leaving.push_back(std::mem::replace(&mut self.plan, plan));
         self.settings = settings;
         for (place, wanted) in &changes {
             self.set_at(*place, *wanted)?;
         }
-        Ok(match transfer {
-            Transfer::Everything => Change::Settings(changes.len()),
-            _ if !fades => Change::AtOnce,
-            Transfer::CrossFade => Change::CrossFade,
-            Transfer::AtZero(obstacle) => Change::AtZero(obstacle),
-        })
+        Ok(Change::of(mode, changes.len(), drives))
     }
 
     /// The plan that runs, or will when the last swap is done.

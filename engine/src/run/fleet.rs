@@ -44,7 +44,7 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Runs of the plans of [`Plan::all`], joined.
+    /// Runs of the plans of [`Plan::of`], joined.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let reserves = plans
             .iter()

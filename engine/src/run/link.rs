@@ -12,10 +12,11 @@ mod meter;
 
 pub use meter::{RingCounts, RingMeter};
 
+use crate::io::touched_ring;
 use crate::joining::steered;
 use crate::plan::RingSpec;
 use haptograph_signal::resample::{MAX_CORRECTION_PPM, SteeredResampler};
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer};
 use std::sync::Arc;
 
 /// How long a signal takes to nothing when the ring has run dry, and back from it.
@@ -40,7 +41,7 @@ pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
 pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
     let spare = SPARE_S * plan.from.hz();
     let frames = (2.0 * plan.latency_s * plan.from.hz() + spare).ceil() as usize + 64;
-    let (into, out) = RingBuffer::new(frames * plan.width);
+    let (into, out) = touched_ring(frames * plan.width);
     let meter = Arc::new(RingMeter::new(plan));
     let writer = LinkWriter {
         ring: into,

@@ -10,7 +10,7 @@ use super::drive::Drive;
 use super::glide::Glides;
 use super::meter::Wake;
 use super::rings::TapRings;
-use super::swap::{Next, Transfer};
+use super::swap::{Next, SwapMode};
 use super::{ActuatorReport, Faults, Run};
 use crate::device::Device;
 use crate::limiter::Hottest;
@@ -292,7 +292,7 @@ impl Live {
                     }
                     self.glides.start(glide, &mut self.run);
                 }
-                Ok(Command::Swap(mut next)) if next.transfer == Transfer::Everything => {
+                Ok(Command::Swap(mut next)) if next.mode == SwapMode::InPlace => {
                     next.take_over_everything(&mut self.run);
                     next.rings.take_over(&mut self.rings);
                     self.retire(next);
@@ -301,7 +301,7 @@ impl Live {
                     if let Some(log) = &mut self.log {
                         log.end();
                     }
-                    if next.transfer != Transfer::CrossFade {
+                    if next.mode != SwapMode::CrossFade {
                         self.run.fade_out(FADE_S);
                     }
                     self.next = Some(next);
@@ -315,7 +315,7 @@ impl Live {
     fn change_over(&mut self) {
         if !self.stopping
             && self.glides.is_empty()
-            && let Some(mut next) = self.next.take_if(|next| next.transfer == Transfer::CrossFade)
+            && let Some(mut next) = self.next.take_if(|next| next.mode == SwapMode::CrossFade)
         {
             next.cross_fade(&mut self.run, FADE_S, &self.hottest);
             next.rings.take_over(&mut self.rings);

@@ -31,7 +31,7 @@ pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
-pub use control::{Change, Control, ControlError};
+pub use control::{Control, ControlError};
 pub use fault::Faults;
 pub use fleet::Fleet;
 pub use glide::GLIDE_S;
@@ -43,7 +43,7 @@ pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
 pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
-pub use swap::AtZero;
+pub use swap::{Change, NoCrossFade};
 pub use timer::{Timer, TimerNotes, TimerThread};
 
 use crate::device::Device;

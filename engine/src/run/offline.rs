@@ -106,7 +106,7 @@ impl<'a> Offline<'a> {
             block: self.block,
             taps: self.outlets.taps,
         };
-        let mut plans = Plan::all(self.outlets.graph, &options);
+        let mut plans = Plan::of(self.outlets.graph, &options);
         let mut files = Files::new(self.outlets.written, plans.iter());
         let asked = Asked {
             graph: self.outlets.graph,
@@ -140,7 +140,7 @@ impl<'a> Offline<'a> {
             block: self.block,
             taps: self.outlets.taps,
         };
-        let plans: Vec<Arc<Plan>> = Plan::all(self.outlets.graph, &options)
+        let plans: Vec<Arc<Plan>> = Plan::of(self.outlets.graph, &options)
             .into_iter()
             .map(Arc::new)
             .collect();

@@ -104,7 +104,7 @@ impl Watch for Stopwatch {
 }
 
 impl Profile {
-    /// Of the plans of [`Plan::all`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
+    /// Of the plans of [`Plan::of`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
     /// cost, then starts anew.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let mut this = Self::timing_every(plans, u64::MAX);

@@ -2,9 +2,10 @@
 
 use super::Run;
 use super::outlets::{WriteError, Written};
+use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
@@ -40,7 +41,7 @@ impl TapRings {
                 .then(|| {
                     // Whole frames, so that none is torn where the ring ends.
                     let frames = (RING_S * stream.rate.hz()).ceil() as usize + plan.block();
-                    RingBuffer::new(frames * stream.kind.width())
+                    touched_ring(frames * stream.kind.width())
                 })
                 .unzip();
             taps.push(TapRing { ring, lost: 0 });

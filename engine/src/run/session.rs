@@ -126,7 +126,7 @@ impl Session {
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();
-        for plan in Plan::all(outlets.graph, &plan_options) {
+        for plan in Plan::of(outlets.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));

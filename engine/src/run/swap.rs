@@ -1,23 +1,31 @@
 //! Putting one plan in the place of another: the table of what is carried over is made beforehand, elsewhere; in the
-//! real-time thread things only change places or are copied.
+//! real-time thread things only change places or are copied. Which way is decided in `decide.rs`.
+
+mod decide;
+
+pub use decide::{Change, NoCrossFade};
+
+pub(super) use decide::SwapMode;
 
 use super::Run;
 use super::rings::TapRings;
 use crate::limiter::Hottest;
-use crate::plan::{BridgeKind, DelayPlan, DevicePlan, NodeKey, Plan, Step, StepWork};
+use crate::plan::{BridgeKind, DelayPlan, NodeKey, Plan, Step, StepWork};
+use decide::{Common, Facts, decide};
 use haptograph_signal::time::Rate;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// A plan ready to take over, and afterwards the old one on its way home.
 pub(super) struct Next {
     pub(super) run: Run,
-    pub transfer: Transfer,
+    pub mode: SwapMode,
+    facts: Facts,
     /// Where its taps go.
     pub rings: TapRings,
-    processors: Vec<(usize, usize, Carry)>,
+    processors: Vec<(usize, usize, StateTransfer)>,
     bridges: Vec<(usize, usize)>,
-    delays: Vec<(usize, usize)>,
+    delays: Vec<(usize, usize, StateTransfer)>,
     pub(super) devices: Vec<(usize, usize)>,
     /// Whose counts go on as whose.
     actuators: Vec<(usize, usize)>,
@@ -31,47 +39,12 @@ pub(super) struct Next {
     pub(super) writers: Vec<(usize, usize)>,
 }
 
-/// How a plan takes over.
+/// How state is carried over where the two plans do not run together; where they do, it is copied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Transfer {
-    /// The graphs are the same: all state goes on, and no bit changes.
-    Everything,
-    /// Both run for a while, and one fades into the other.
-    CrossFade,
-    /// The old one falls to zero, the new one rises from there.
-    AtZero(AtZero),
-}
-
-/// Why two plans cannot fade into each other, so that there is silence between them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AtZero {
-    /// An actuator is driven no more, by another device, at another rate or within other limits.
-    Actuators,
-    /// What an actuator hangs on ticks faster than the driver.
-    FastDevice,
-    /// The graph has several drivers, which change over one by one.
-    Drivers,
-    /// Both together would take longer than there is time for.
-    Load,
-}
-
-impl std::fmt::Display for AtZero {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Actuators => "an actuator changed",
-            Self::FastDevice => "a device ticks faster than the driver",
-            Self::Drivers => "there are several drivers",
-            Self::Load => "there is no time for both",
-        })
-    }
-}
-
-/// How a node's state is carried over where the two do not run together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Carry {
-    /// The node is the same: the processor itself changes places.
-    Whole,
-    /// The same kind with other settings: it copies what it can.
+enum StateTransfer {
+    /// It changes places with the new one's, whatever it holds: nobody needs the old one's any more.
+    Moved,
+    /// The new one copies what it can: it has other settings, or others need the old one's too.
     Copied,
 }
 
@@ -85,9 +58,9 @@ impl Next {
             if let Some(&old_at) = places.get(&*key.path) {
                 let was = &old.processor_keys[old_at];
                 if was == key {
-                    processors.push((old_at, new_at, Carry::Whole));
+                    processors.push((old_at, new_at, StateTransfer::Moved));
                 } else if was.kind == key.kind {
-                    processors.push((old_at, new_at, Carry::Copied));
+                    processors.push((old_at, new_at, StateTransfer::Copied));
                 }
             }
         }
@@ -118,20 +91,18 @@ impl Next {
         let drives: Vec<(usize, usize)> = actuators.iter().filter(same_drive).copied().collect();
         let leaves = |old_at: &usize| drives.iter().all(|(from, _)| from != old_at);
         let is_new = |new_at: &usize| drives.iter().all(|(_, to)| to != new_at);
-        let transfer = if old.is_same_as(&plan) {
-            Transfer::Everything
-        } else {
-            match obstacle(old, &plan, &devices, &drives) {
-                Some(obstacle) => Transfer::AtZero(obstacle),
-                None if !has_time => Transfer::AtZero(AtZero::Load),
-                None => Transfer::CrossFade,
-            }
+        let delays = pairs(old, &plan, delay);
+        let common = Common {
+            devices: &devices,
+            drives: &drives,
+            delays: &delays,
         };
+        let facts = Facts::of(old, &plan, common, has_time);
         Self {
             leaving: (0..old.actuators.len()).filter(leaves).collect(),
             strangers: (0..plan.actuators.len()).filter(is_new).collect(),
             bridges: pairs(old, &plan, bridge),
-            delays: pairs(old, &plan, delay),
+            delays: with_transfers(delays),
             devices,
             actuators,
             drives,
@@ -139,16 +110,16 @@ impl Next {
             rings,
             readers: Vec::new(),
             writers: Vec::new(),
-            transfer,
+            mode: decide(&facts),
+            facts,
             run: Run::new(plan),
         }
     }
 
-    /// It has ends of rings that the old plan had not: its state is not the old one's as a whole, whatever its graph is.
+    /// It has ends of rings that the old plan had not.
     pub(super) fn gets_new_rings(&mut self) {
-        if self.transfer == Transfer::Everything {
-            self.transfer = Transfer::AtZero(AtZero::Drivers);
-        }
+        self.facts.gets_rings = true;
+        self.mode = decide(&self.facts);
     }
 
     /// The new plan's graph is the old one's: its state changes places with the old one's as a whole.
@@ -159,12 +130,12 @@ impl Next {
 
     /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
     pub(super) fn take_over(&mut self, running: &mut Run, hottest: &Hottest) {
-        let together = self.transfer == Transfer::CrossFade;
+        let together = self.mode == SwapMode::CrossFade;
         self.carry_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
         for (from, to, carry) in &self.processors {
             match carry {
-                Carry::Whole if !together => {
+                StateTransfer::Moved if !together => {
                     std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]);
                 }
                 _ => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
@@ -174,8 +145,13 @@ impl Next {
         for (from, to) in &self.bridges {
             new.bridges[*to].copy_state_from(&old.bridges[*from]);
         }
-        for (from, to) in &self.delays {
-            new.delays[*to].copy_state_from(&old.delays[*from]);
+        for (from, to, transfer) in &self.delays {
+            match transfer {
+                StateTransfer::Moved if !together => {
+                    std::mem::swap(&mut old.delays[*from], &mut new.delays[*to]);
+                }
+                _ => new.delays[*to].copy_state_from(&old.delays[*from]),
+            }
         }
         for (from, to) in &self.devices {
             let (from_plan, to_plan) = (&running.plan.devices[*from], &self.run.plan.devices[*to]);
@@ -216,32 +192,6 @@ impl Next {
     }
 }
 
-/// What keeps two plans from running together, one fading into the other.
-fn obstacle(old: &Plan, new: &Plan, devices: &[(usize, usize)], drives: &[(usize, usize)]) -> Option<AtZero> {
-    let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
-    if rings(old) || rings(new) {
-        return Some(AtZero::Drivers);
-    }
-    let device = |plan: &Plan, actuator| plan.devices.iter().position(|device| device.drives(actuator));
-    let goes_on = |(from, to): &(usize, usize)| {
-        let (a, b) = (&old.actuators[*from], &new.actuators[*to]);
-        let moved = device(old, *from).zip(device(new, *to));
-        moved.is_some_and(|pair| devices.contains(&pair))
-            && (a.limit, a.rate, a.width) == (b.limit, b.rate, b.width)
-    };
-    let all_go_on =
-        (0..old.actuators.len()).all(|from| drives.iter().any(|pair| pair.0 == from && goes_on(pair)));
-    if !all_go_on {
-        return Some(AtZero::Actuators);
-    }
-    let fast = |plan: &Plan, device: usize| {
-        plan.base.period(plan.devices[device].clock) < plan.base.period(plan.driver)
-    };
-    let too_fast = |(from, to): &(usize, usize)| fast(old, *from) || fast(new, *to);
-    let mut driven = (0..new.devices.len()).filter(|device| !new.devices[*device].driven_by.is_empty());
-    (devices.iter().any(too_fast) || driven.any(|device| fast(new, device))).then_some(AtZero::FastDevice)
-}
-
 /// The places in both plans of what `of` finds at steps that do the same.
 fn pairs<K: PartialEq>(
     old: &Plan,
@@ -267,6 +217,18 @@ fn pairs<K: PartialEq>(
         }
     }
     pairs
+}
+
+/// The last of those that go on as the same one gets its state itself, the others before it a copy.
+fn with_transfers(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize, StateTransfer)> {
+    let mut moved = HashSet::new();
+    let transfer = |(from, to)| match moved.insert(from) {
+        true => (from, to, StateTransfer::Moved),
+        false => (from, to, StateTransfer::Copied),
+    };
+    let mut all: Vec<_> = pairs.into_iter().rev().map(transfer).collect();
+    all.reverse();
+    all
 }
 
 fn bridge(plan: &Plan, step: &Step) -> Option<(usize, (BridgeKind, usize, Rate, Rate))> {
@@ -301,10 +263,4 @@ fn driven_by(plan: &Plan, actuator: usize) -> Option<(&NodeKey, usize)> {
         let (_, channel, _) = sinks.find(|(sink, ..)| *sink == actuator)?;
         Some((&device.key, *channel))
     })
-}
-
-impl DevicePlan {
-    fn drives(&self, actuator: usize) -> bool {
-        self.driven_by.iter().any(|(sink, ..)| *sink == actuator)
-    }
 }

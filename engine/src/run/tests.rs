@@ -23,13 +23,16 @@ use world::random_graph;
 fn play(graph: &Graph, frames: usize, blocks: &[usize]) -> Vec<Vec<f64>> {
     let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
     let block = blocks.iter().copied().max().unwrap_or(1);
-    let mut run = Run::new(Arc::new(Plan::new(
-        graph,
-        &PlanOptions {
-            block,
-            taps: taps.clone(),
-        },
-    )));
+    let mut run = Run::new(Arc::new(
+        Plan::of(
+            graph,
+            &PlanOptions {
+                block,
+                taps: taps.clone(),
+            },
+        )
+        .remove(0),
+    ));
     let mut heard = vec![Vec::new(); taps.len()];
     let mut sizes = blocks.iter().cycle();
     while run.driver_frames() < frames as u64 {
@@ -68,7 +71,7 @@ fn random_graphs_give_what_the_definition_says_whatever_the_block() {
                 &graph,
                 &format!(
                     "seed {seed}, blocks {blocks:?}\n{}",
-                    Plan::new(&graph, &PlanOptions::default())
+                    Plan::of(&graph, &PlanOptions::default()).remove(0)
                 ),
             );
         }
@@ -109,7 +112,10 @@ impl FrameWriter for Heard {
 fn any_number_of_threads_gives_the_same_bits() {
     for seed in 0..30 {
         let graph = random_graph(seed, seed);
-        let rate_hz = Plan::new(&graph, &PlanOptions::default()).driver_rate().hz();
+        let rate_hz = Plan::of(&graph, &PlanOptions::default())
+            .remove(0)
+            .driver_rate()
+            .hz();
         let alone = play(&graph, 1000, &[64]);
         for threads in [1, 2, 3, 8, 100] {
             let mut outlets = Outlets::new(&graph);
@@ -157,7 +163,7 @@ fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
     let alone = (0..30).map(|seed| (seed, random_graph(seed, seed)));
     for (seed, graph) in alone.chain(fleet::graphs().take(12)) {
         let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
-        let plans = Plan::all(&graph, &PlanOptions { block: 50, taps });
+        let plans = Plan::of(&graph, &PlanOptions { block: 50, taps });
         let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
         let (mut plain, mut measured) = (Fleet::new(&plans), Profile::timing_every(&plans, 3));
         let mut took_ns = vec![0.0; plans.len()];

@@ -80,6 +80,11 @@ impl Timer {
     /// Asks the system for real-time scheduling and locked memory for the calling thread.
     pub fn prepare_thread(&self) -> TimerNotes {
         let mut notes = TimerNotes::default();
+        #[cfg(not(target_os = "linux"))]
+        notes.refused.push(
+            "no real-time scheduling, which haptograph asks for on Linux only: expect jitter while the machine is busy"
+                .to_owned(),
+        );
         #[cfg(target_os = "linux")]
         {
             use nix::sys::mman::{MlockAllFlags, mlockall};

@@ -44,6 +44,9 @@ macro_rules! whole_number {
             fn show(&self) -> String {
                 self.to_string()
             }
+            fn is_whole() -> bool {
+                true
+            }
             fn number(&self) -> Option<f64> {
                 Some(*self as f64)
             }
@@ -132,6 +135,9 @@ impl<T: Setting> Setting for Option<T> {
     }
     fn show(&self) -> String {
         self.as_ref().map_or_else(|| "None".into(), T::show)
+    }
+    fn is_whole() -> bool {
+        T::is_whole()
     }
     fn number(&self) -> Option<f64> {
         self.as_ref().and_then(T::number)

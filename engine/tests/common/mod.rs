@@ -88,7 +88,7 @@ settings! {
     /// A tone.
     pub struct SineSettings {
         /// Its frequency.
-        [live] frequency_hz: f64 = 440.0, in 0.0..=24_000.0;
+        [live, below_nyquist] frequency_hz: f64 = 440.0, in 0.0..=24_000.0;
         /// What its numbers are.
         quantity: String = "number".to_owned();
     }

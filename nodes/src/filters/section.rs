@@ -30,7 +30,7 @@ haptograph_engine::settings! {
         /// What passes.
         shape: Shape = Shape::LowPass;
         /// Corner or centre, above zero and below half the rate.
-        [live] frequency_hz: f64, in 1e-6..=1e9;
+        [live, below_nyquist] frequency_hz: f64, in 1e-6..=1e9;
         /// Quality: 0.7071 is a Butterworth low-pass, more is a resonance.
         [live] q: f64 = std::f64::consts::FRAC_1_SQRT_2, in 0.01..=10_000.0;
     }

@@ -10,7 +10,7 @@ haptograph_engine::settings! {
     /// Settings of [`Sine`].
     pub struct SineSettings {
         /// Its frequency, below half the rate.
-        [live] frequency_hz: f64, in 0.0..=1e9;
+        [live, below_nyquist] frequency_hz: f64, in 0.0..=1e9;
         /// Its amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
         /// Phase at the start, as an angle of the sine.

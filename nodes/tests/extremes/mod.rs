@@ -46,7 +46,7 @@ fn ends(setting: &SettingSpec, rate_hz: f64) -> Vec<String> {
         None if !all.is_empty() || !setting.expected.contains("number") => return all,
         None => (-1e300, 1e300),
     };
-    let whole = setting.expected.contains("whole");
+    let whole = setting.whole;
     let nyquist = 0.5 * rate_hz;
     let tries = [
         low,

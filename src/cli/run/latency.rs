@@ -1,7 +1,6 @@
 //! How late what was sensed was driven, as measured while a graph ran live.
 
 use super::driver::{ms, quantiles_ms};
-use super::drivers::Drivers;
 use crate::engine::graph::{Graph, PathLatency};
 use crate::engine::run::Histogram;
 use crate::nodes::soundcard::played;
@@ -29,8 +28,8 @@ enum Part {
     Unknown,
 }
 
-/// What is known of each such pair of the graph now.
-pub fn measured(graph: &Graph, drivers: &Drivers) -> Vec<Measured> {
+/// What is known of each such pair of the graph now; `output_latency` is what the system stated of what soundcards played.
+pub fn measured(graph: &Graph, output_latency: Option<&Histogram>) -> Vec<Measured> {
     let cards: Vec<_> = played(graph).iter().map(|played| played.sink).collect();
     let pairs = graph.latencies().into_iter().filter_map(|planned| {
         let [source, sink] = planned.ends.map(|node| {
@@ -38,12 +37,10 @@ pub fn measured(graph: &Graph, drivers: &Drivers) -> Vec<Measured> {
             Some(&graph.devices()[device])
         });
         let ages = source?.device().ages().map(|meter| meter.ages());
-        let leaving = drivers
-            .output_latency()
-            .filter(|_| cards.contains(&planned.ends[1]));
+        let leaving = output_latency.filter(|_| cards.contains(&planned.ends[1]));
         Some(Measured {
             age: Part::of(source?.entry.spec.simulated, ages),
-            leaving: Part::of(sink?.entry.spec.simulated, leaving),
+            leaving: Part::of(sink?.entry.spec.simulated, leaving.cloned()),
             planned,
         })
     });

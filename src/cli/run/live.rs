@@ -112,12 +112,8 @@ fn run_with(
             .warnings(&attended.session.live_inputs(), &attended.network),
     );
     let heard: Vec<RingReport> = driver.rings().collect();
-    let latencies = latency::measured(&graph, &driver);
-    facts.push((
-        "latencies_ms",
-        "Latencies, measured (ms)",
-        latency::to_json(&latencies),
-    ));
+    let output_latency = driver.output_latency();
+    let latencies_at = facts.len();
     let lives = driver.join()?;
     // From here on nothing moves.
     drop(quiet);
@@ -149,6 +145,16 @@ fn run_with(
     let mut ended = attended.session.finish_all(lives);
     ended.outcome.rings.extend(heard);
     let took_s = start.elapsed().as_secs_f64();
+    // Only now, as the files are complete: of a large graph this takes a while.
+    let latencies = latency::measured(&graph, output_latency.as_ref());
+    facts.insert(
+        latencies_at,
+        (
+            "latencies_ms",
+            "Latencies, measured (ms)",
+            latency::to_json(&latencies),
+        ),
+    );
     remark(&format!("{}\n", ended.meters));
     if !latencies.is_empty() {
         remark(&format!("{}:\n", latency::BY_WHOSE_CLOCK));

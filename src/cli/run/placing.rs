@@ -9,6 +9,7 @@ use super::super::output::{self, Force};
 use super::super::written::{Written, free_beside};
 use super::folder::{MANIFEST, MARK, MARKER, MAX_FACTS_BYTES, PROBES, REPLACED};
 use crate::signal::files;
+use crate::surfaces::files::write_atomically;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
@@ -119,7 +120,7 @@ impl MovePlan {
             self.probes.push(path);
         }
         let text = serde_json::to_string_pretty(&self)? + "\n";
-        super::super::write_whole(&content.join(MOVES), text.as_bytes())
+        write_atomically(&content.join(MOVES), text.as_bytes())
     }
 
     /// The plan of a folder whose run was being moved.

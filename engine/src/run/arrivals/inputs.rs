@@ -14,10 +14,11 @@ use super::rows::Lines;
 use super::{ReplayBounds, ReplayError, input_file, quoted};
 use crate::frame::Kind;
 use crate::graph::Graph;
+use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
 use haptograph_signal::quantity::Quantity;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -99,7 +100,7 @@ impl InputLog {
         let width = 1 + input.columns.len();
         // Whole rows, so that none is torn where the ring ends.
         let rows = LEAST_ROWS.max((RING_S * input.rate_hz).ceil() as usize);
-        let (out, far) = RingBuffer::new(rows * width);
+        let (out, far) = touched_ring(rows * width);
         let log = Self {
             out,
             row: Vec::with_capacity(width),

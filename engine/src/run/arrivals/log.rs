@@ -4,9 +4,10 @@ use super::super::Run;
 use super::super::glide::Glide;
 use super::InputLog;
 use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
+use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -39,8 +40,8 @@ pub(in super::super) struct Kept {
 impl ArrivalLog {
     pub fn new(plan: &Plan) -> (Self, Kept) {
         // Whole rows, so that none is torn where a ring ends.
-        let (callbacks, far_callbacks) = RingBuffer::new(ROWS * columns(plan));
-        let (settings, far_settings) = RingBuffer::new(ROWS * SETTING);
+        let (callbacks, far_callbacks) = touched_ring(ROWS * columns(plan));
+        let (settings, far_settings) = touched_ring(ROWS * SETTING);
         let log = Self {
             callbacks,
             settings,

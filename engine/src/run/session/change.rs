@@ -1,10 +1,10 @@
 //! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
 
 use super::super::RingMeter;
-use super::super::control::{Change, Control, ControlError, Prepared};
+use super::super::control::{Control, ControlError, Prepared};
 use super::super::fleet::rejoin;
 use super::super::outlets::{Outlets, WriteError, file_ports, stream};
-use super::super::swap::Next;
+use super::super::swap::{Change, Next};
 use super::{Entry, Session, tap_rings};
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
@@ -228,7 +228,7 @@ impl Session {
         };
         let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::all(outlets.graph, &options))?;
+        let all = self.by_driver(Plan::of(outlets.graph, &options))?;
         self.lets_go_first(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);

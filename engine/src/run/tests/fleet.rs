@@ -92,7 +92,7 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
     for (seed, graph) in graphs().take(12) {
         let play = |block: usize, ppm: &[f64]| {
             let taps = graph.nodes().ids().map(|node| (node, 0)).collect();
-            let plans: Vec<Arc<Plan>> = Plan::all(&graph, &PlanOptions { block, taps })
+            let plans: Vec<Arc<Plan>> = Plan::of(&graph, &PlanOptions { block, taps })
                 .into_iter()
                 .map(Arc::new)
                 .collect();
@@ -122,7 +122,7 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
 #[test]
 fn a_plan_of_each_driver_has_its_own_nodes_and_the_ends_of_the_rings() {
     for (seed, graph) in graphs() {
-        let plans = Plan::all(&graph, &PlanOptions::default());
+        let plans = Plan::of(&graph, &PlanOptions::default());
         assert_eq!(plans.len(), graph.drivers().len(), "seed {seed}");
         let processors: usize = plans
             .iter()

@@ -1,13 +1,13 @@
 //! One graph in the place of another, under virtual time.
 
-use super::live::{Trouble, hear, plan, quietly, sink};
+use super::live::{Trouble, hear, panic_quietly, plan, sink};
 use super::naive;
-use super::world::{LIMIT, Leaky, random_graph, with_processor};
-use crate::graph::{Graph, Work};
+use super::world::{LIMIT, Leaky, random_graph, with_delays, with_processor};
+use crate::graph::{Bridge, Graph, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::Plan;
 use crate::run::actuator::AnyLimiter;
-use crate::run::{AtZero, Change, Control, ControlError, FADE_S, Live, LiveState, Run, Wake, live};
+use crate::run::{Change, Control, ControlError, FADE_S, Live, LiveState, NoCrossFade, Run, Wake, live};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
 
@@ -133,7 +133,7 @@ fn where_they_cannot_run_together_the_new_one_begins_at_the_zero_of_a_fade() {
             .for_each(|node| node.path.insert_str(0, "new "));
         let (mut live, mut control) = live(plan(&old, 8));
         live.callback(100, |_, _| {});
-        if control.swap(plan(&new, 8)) != Ok(Change::AtZero(AtZero::Actuators)) {
+        if control.swap(plan(&new, 8)) != Ok(Change::FadeThroughZero(NoCrossFade::Actuators)) {
             continue;
         }
         seen += 1;
@@ -197,7 +197,7 @@ fn faded(old: Trouble, new: Trouble, at: usize, and: impl Fn(&mut Control)) -> (
         if frame == at {
             and(&mut control);
         }
-        quietly(|| live.callback(1, |run, _| given.extend_from_slice(run.tap(sink.index()))));
+        live.callback(1, |run, _| given.extend_from_slice(run.tap(sink.index())));
     }
     (live, given)
 }
@@ -286,7 +286,7 @@ fn where_an_actuator_changes_the_outputs_fall_to_zero_and_rise_again() {
     limit.peak /= 2.0;
     limit.continuous /= 2.0;
     let (change, heard) = swapped(&old, &new, 200, 400);
-    assert_eq!(change, Change::AtZero(AtZero::Actuators));
+    assert_eq!(change, Change::FadeThroughZero(NoCrossFade::Actuators));
     let (fade, drive) = ((FADE_S * 1e3) as usize, &heard[at.index()]);
     // To the end of the block in which the fade is over.
     let zero = (200..200 + fade + 8).position(|tick| drive[tick] == 0.0);
@@ -307,7 +307,10 @@ fn an_actuator_that_the_new_graph_does_not_drive_comes_to_rest_first() {
     };
     let (with, without) = (find(true), find(false));
     let reason = |old: &Graph, new: &Graph| swapped(old, new, 50, 100).0;
-    assert_eq!(reason(&with, &without), Change::AtZero(AtZero::Actuators));
+    assert_eq!(
+        reason(&with, &without),
+        Change::FadeThroughZero(NoCrossFade::Actuators)
+    );
     assert_eq!(reason(&without, &with), Change::CrossFade);
 }
 
@@ -325,13 +328,13 @@ fn a_device_that_ticks_faster_than_the_driver_is_not_shared() {
         .node_weights_mut()
         .for_each(|node| node.fingerprint += 1);
     let (change, _) = swapped(&random_graph(seed, 0), &new, 50, 100);
-    assert_eq!(change, Change::AtZero(AtZero::FastDevice));
+    assert_eq!(change, Change::FadeThroughZero(NoCrossFade::FastDevice));
     // Nor does it begin beside a graph that drives nothing.
     let nothing = (0..)
         .map(|seed| random_graph(seed, 0))
         .find(|graph| sink(graph).is_none());
     let (change, _) = swapped(&nothing.unwrap(), &new, 50, 100);
-    assert_eq!(change, Change::AtZero(AtZero::FastDevice));
+    assert_eq!(change, Change::FadeThroughZero(NoCrossFade::FastDevice));
 }
 
 /// A hundred, and a tenth of it for a body, within another limit each time.
@@ -364,7 +367,7 @@ fn a_fall_begins_where_a_rise_has_come_to() {
                 if frame == at {
                     assert_eq!(
                         control.swap(limited(peak).0),
-                        Ok(Change::AtZero(AtZero::Actuators))
+                        Ok(Change::FadeThroughZero(NoCrossFade::Actuators))
                     );
                 }
             }
@@ -410,7 +413,7 @@ fn where_there_is_no_time_for_both_one_waits_for_the_other() {
     // A millisecond for each frame.
     for (work_ns, wanted) in [
         (50_000, Change::CrossFade),
-        (100_000, Change::AtZero(AtZero::Load)),
+        (100_000, Change::FadeThroughZero(NoCrossFade::Load)),
     ] {
         let (mut live, mut control) = live(plan(&old, 8));
         live.report(Wake {
@@ -420,6 +423,82 @@ fn where_there_is_no_time_for_both_one_waits_for_the_other() {
         });
         control.poll();
         assert_eq!(control.swap(plan(&new, 8)), Ok(wanted));
+    }
+}
+
+/// Counts milliseconds.
+#[derive(Clone)]
+struct Counts;
+
+impl Processor for Counts {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let frames = io.out(0).iter_mut().enumerate();
+        frames.for_each(|(j, out)| *out = 1e-3 * (tick.first + j as u64) as f64);
+    }
+}
+
+/// Drives a body by the time that it was so many frames ago.
+fn delayed(frames: u64, fingerprint: u64) -> (Graph, NodeIndex) {
+    let (mut graph, node, sink) = with_processor(Box::new(Counts));
+    graph.nodes[node].fingerprint += fingerprint;
+    let edge = graph.nodes.find_edge(node, sink).unwrap();
+    graph.nodes[edge].bridge = Bridge::Delay { frames, initial: 0.0 };
+    (graph, sink)
+}
+
+#[test]
+fn a_long_delay_changes_places_and_is_not_copied() {
+    // The longest that is copied, and one more.
+    for (frames, moves) in [(65_536, false), (65_537, true)] {
+        let ((old, sink), (new, _)) = (delayed(frames, 0), delayed(frames, 1));
+        let (mut live, mut control) = live(plan(&old, 1024));
+        live.callback(500, |_, _| {});
+        let ring = |live: &Live| live.run().state.delays[0].ring.as_ptr();
+        let before = ring(&live);
+        let expected = match moves {
+            true => Change::FadeThroughZero(NoCrossFade::Delays),
+            false => Change::CrossFade,
+        };
+        assert_eq!(control.swap(plan(&new, 1024)), Ok(expected));
+        live.callback(100, |_, _| {});
+        assert_eq!(ring(&live) == before, moves);
+        // What the old graph wrote comes out of the new one.
+        live.callback(frames as usize - 500, |_, _| {});
+        let mut given = Vec::new();
+        live.callback(200, |run, _| given.extend_from_slice(run.tap(sink.index())));
+        assert_eq!(given.len(), 200);
+        for (frame, given) in given.iter().enumerate() {
+            let expected = 0.1 * 1e-3 * (100 + frame) as f64;
+            assert!((given - expected).abs() < 1e-12, "{given} at {frame}");
+        }
+    }
+}
+
+#[test]
+fn of_several_delays_that_go_on_as_one_each_has_what_it_held() {
+    let (old, new) = (
+        with_delays(Box::new(Counts), 1, 70_000),
+        with_delays(Box::new(Counts), 3, 70_000),
+    );
+    let (mut live, mut control) = live(plan(&old, 1024));
+    live.callback(500, |_, _| {});
+    let address = live.run().state.delays[0].ring.as_ptr();
+    let held = live.run().state.delays[0].ring.clone();
+    control.swap(plan(&new, 1024)).unwrap();
+    while live.run().plan.delays.len() == 1 {
+        live.callback(1, |_, _| {});
+    }
+    let delays = &live.run().state.delays;
+    assert_eq!(
+        delays
+            .iter()
+            .filter(|delay| delay.ring.as_ptr() == address)
+            .count(),
+        1
+    );
+    for delay in delays {
+        assert_eq!(delay.ring[..500], held[..500]);
+        assert!(delay.ring[500..600].iter().any(|x| *x != 0.0));
     }
 }
 
@@ -491,7 +570,7 @@ fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
     let (mut live, mut control) = live(plan(&old, 8));
     live.callback(80, |_, _| {});
     control.swap(plan(&new, 8)).unwrap();
-    quietly(|| live.callback(80, |_, _| {}));
+    live.callback(80, |_, _| {});
     assert_eq!(live.state(), LiveState::Panicked);
     live.callback(80, |_, _| {});
     assert!(live.is_at_rest());
@@ -507,6 +586,6 @@ impl Processor for Clinging {
     }
 
     fn copy_state_into(&self, _: &mut dyn Processor) {
-        panic!("as asked");
+        panic_quietly();
     }
 }

@@ -252,6 +252,19 @@ fn random_world(seed: u64, most_drivers: usize) -> (World, Option<usize>) {
 }
 
 impl World {
+    fn at_1_khz() -> Self {
+        let rates = vec![Rate::from_hz(1000).unwrap()];
+        Self {
+            random: Xoshiro256PlusPlus::seed_from_u64(0),
+            drivers: vec![0],
+            base: TimeBase::new(&rates).unwrap(),
+            rates,
+            fingerprint: 0,
+            nodes: Vec::new(),
+            edges: Vec::new(),
+        }
+    }
+
     fn node(&mut self, clock: usize, work: Work) -> usize {
         let output = Output {
             name: "out",
@@ -459,18 +472,7 @@ impl World {
 
 /// A processor without inputs, at 1 kHz, driving a body with a gain of a tenth: the graph, the node and the sink.
 pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeIndex) {
-    let rates = vec![Rate::from_hz(1000).unwrap()];
-    let base = TimeBase::new(&rates).unwrap();
-    let random = Xoshiro256PlusPlus::seed_from_u64(0);
-    let mut world = World {
-        random,
-        rates,
-        drivers: vec![0],
-        base,
-        fingerprint: 0,
-        nodes: Vec::new(),
-        edges: Vec::new(),
-    };
+    let mut world = World::at_1_khz();
     let node = world.node(0, Work::Process(processor));
     let sink = world.node(
         0,
@@ -512,6 +514,19 @@ pub fn with_processor(processor: Box<dyn Processor>) -> (Graph, NodeIndex, NodeI
     };
     let (node, sink) = (find(&paths[node]), find(&paths[sink]));
     (graph, node, sink)
+}
+
+/// A processor without inputs, at 1 kHz, that so many others read, each through a delay of `frames`.
+pub fn with_delays(processor: Box<dyn Processor>, readers: usize, frames: u64) -> Graph {
+    let mut world = World::at_1_khz();
+    let node = world.node(0, Work::Process(processor));
+    for _ in 0..readers {
+        let (kept, weight, held) = (0.0, 0.5, Vec::new());
+        let reader = world.node(0, Work::Process(Box::new(Leaky { kept, weight, held })));
+        world.connect(node, reader, Bridge::Delay { frames, initial: 0.0 }, false);
+    }
+    let order: Vec<usize> = (0..world.nodes.len()).collect();
+    world.finish(&order, None)
 }
 
 /// What drives an actuator in [`with_drives`].

@@ -1,0 +1,260 @@
+//! What a swap does: how a plan takes over from another is decided here, and nowhere else.
+
+use crate::plan::{DevicePlan, Plan};
+
+/// What is copied of delays at most, as two plans run together: 0.5 MB, a twentieth of a millisecond's work.
+const MAX_COPIED: u64 = 65_536;
+
+/// How a plan takes over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in super::super) enum SwapMode {
+    /// The graphs are the same: all state goes on, and no bit changes.
+    InPlace,
+    /// Both run for a while, and one fades into the other.
+    CrossFade,
+    /// The old one falls to zero, the new one rises from there.
+    FadeThroughZero(NoCrossFade),
+}
+
+/// Why two plans cannot fade into each other, so that there is silence between them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NoCrossFade {
+    /// The graph has several drivers, which change over one by one.
+    Drivers,
+    /// An actuator is driven no more, by another device, at another rate or within other limits.
+    Actuators,
+    /// What an actuator hangs on ticks faster than the driver.
+    FastDevice,
+    /// Delays go on that hold more than can be copied in a tick; one that is not copied moves, and then only one plan has it.
+    Delays,
+    /// Both together would take longer than there is time for.
+    Load,
+}
+
+impl std::fmt::Display for NoCrossFade {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Drivers => "there are several drivers",
+            Self::Actuators => "an actuator changed",
+            Self::FastDevice => "a device ticks faster than the driver",
+            Self::Delays => "its delays hold too much to copy",
+            Self::Load => "there is no time for both",
+        })
+    }
+}
+
+/// How a plan differed from the one in whose place it was put.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// In at most so many live settings: nothing was interrupted.
+    Settings(usize),
+    /// In more: it fades into the new one.
+    CrossFade,
+    /// In more: it is faded out, then the new one in, and this is why they cannot run together.
+    FadeThroughZero(NoCrossFade),
+    /// In more, and neither drives anything that could fade.
+    AtOnce,
+}
+
+impl std::fmt::Display for Change {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Settings(0) => f.write_str("nothing changed"),
+            Self::Settings(1) => f.write_str("a setting changed"),
+            Self::Settings(count) => write!(f, "{count} settings changed"),
+            Self::CrossFade => f.write_str("the graph changed, cross-faded"),
+            Self::AtOnce => f.write_str("the graph changed"),
+            Self::FadeThroughZero(reason) => write!(f, "the graph changed, through zero as {reason}"),
+        }
+    }
+}
+
+impl Change {
+    /// What a swap of this mode is called in which so many live settings change; `drives` tells whether either plan drives
+    /// anything.
+    pub(in super::super) fn of(mode: SwapMode, settings: usize, drives: bool) -> Self {
+        match mode {
+            SwapMode::InPlace => Self::Settings(settings),
+            _ if !drives => Self::AtOnce,
+            SwapMode::CrossFade => Self::CrossFade,
+            SwapMode::FadeThroughZero(reason) => Self::FadeThroughZero(reason),
+        }
+    }
+
+    /// What became of two drivers of a graph, as one.
+    pub(in super::super) fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
+            (Self::FadeThroughZero(reason), _) | (_, Self::FadeThroughZero(reason)) => {
+                Self::FadeThroughZero(reason)
+            }
+            (Self::CrossFade, _) | (_, Self::CrossFade) => Self::CrossFade,
+            _ => Self::AtOnce,
+        }
+    }
+}
+
+/// What two plans are to each other, as far as it decides how one takes over.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facts {
+    /// The graphs are the same but for live settings.
+    pub same_graph: bool,
+    /// Either has rings to other drivers.
+    pub has_rings: bool,
+    /// The new one has ends of rings that the old one had not: its state is not the old one's as a whole.
+    pub gets_rings: bool,
+    /// Every actuator of the old one is driven on in the same way.
+    pub actuators_go_on: bool,
+    /// A device that both have, or that the new one drives, ticks faster than the driver.
+    pub has_fast_device: bool,
+    /// Components that the delays hold that go on.
+    pub delayed: u64,
+    /// There is time for both in a tick.
+    pub has_time: bool,
+}
+
+/// How a plan takes over from another.
+pub(super) fn decide(facts: &Facts) -> SwapMode {
+    if facts.same_graph && !facts.gets_rings {
+        return SwapMode::InPlace;
+    }
+    let reasons = [
+        (facts.has_rings || facts.gets_rings, NoCrossFade::Drivers),
+        (!facts.actuators_go_on, NoCrossFade::Actuators),
+        (facts.has_fast_device, NoCrossFade::FastDevice),
+        (facts.delayed > MAX_COPIED, NoCrossFade::Delays),
+        (!facts.has_time, NoCrossFade::Load),
+    ];
+    match reasons.into_iter().find(|(holds, _)| *holds) {
+        Some((_, reason)) => SwapMode::FadeThroughZero(reason),
+        None => SwapMode::CrossFade,
+    }
+}
+
+/// What two plans have in common: places in the old one and in the new one.
+#[derive(Clone, Copy)]
+pub(super) struct Common<'a> {
+    pub devices: &'a [(usize, usize)],
+    /// Actuators that are the same channel of the same device.
+    pub drives: &'a [(usize, usize)],
+    pub delays: &'a [(usize, usize)],
+}
+
+impl Facts {
+    /// Of two plans and what they have in common; `has_time` tells whether there is time for both to run in a tick.
+    pub fn of(old: &Plan, new: &Plan, common: Common<'_>, has_time: bool) -> Self {
+        let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
+        let held = |(_, to): &(usize, usize)| {
+            let delay = &new.delays[*to];
+            delay.frames.saturating_mul(delay.width as u64)
+        };
+        Self {
+            same_graph: old.is_same_as(new),
+            has_rings: rings(old) || rings(new),
+            gets_rings: false,
+            actuators_go_on: actuators_go_on(old, new, common),
+            has_fast_device: has_fast_device(old, new, common),
+            delayed: common.delays.iter().map(held).fold(0, u64::saturating_add),
+            has_time,
+        }
+    }
+}
+
+fn actuators_go_on(old: &Plan, new: &Plan, common: Common<'_>) -> bool {
+    let device = |plan: &Plan, actuator| plan.devices.iter().position(|device| device.drives(actuator));
+    let goes_on = |(from, to): &(usize, usize)| {
+        let (a, b) = (&old.actuators[*from], &new.actuators[*to]);
+        let moved = device(old, *from).zip(device(new, *to));
+        moved.is_some_and(|pair| common.devices.contains(&pair))
+            && (a.limit, a.rate, a.width) == (b.limit, b.rate, b.width)
+    };
+    (0..old.actuators.len()).all(|from| {
+        let mut drives = common.drives.iter();
+        drives.any(|pair| pair.0 == from && goes_on(pair))
+    })
+}
+
+fn has_fast_device(old: &Plan, new: &Plan, common: Common<'_>) -> bool {
+    let fast = |plan: &Plan, device: usize| {
+        plan.base.period(plan.devices[device].clock) < plan.base.period(plan.driver)
+    };
+    let too_fast = |(from, to): &(usize, usize)| fast(old, *from) || fast(new, *to);
+    let mut driven = (0..new.devices.len()).filter(|device| !new.devices[*device].driven_by.is_empty());
+    common.devices.iter().any(too_fast) || driven.any(|device| fast(new, device))
+}
+
+impl DevicePlan {
+    fn drives(&self, actuator: usize) -> bool {
+        self.driven_by.iter().any(|(sink, ..)| *sink == actuator)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Other graphs that can run together.
+    const OTHER: Facts = Facts {
+        same_graph: false,
+        has_rings: false,
+        gets_rings: false,
+        actuators_go_on: true,
+        has_fast_device: false,
+        delayed: MAX_COPIED,
+        has_time: true,
+    };
+
+    #[test]
+    fn each_fact_decides_as_the_table_says() {
+        let through_zero = SwapMode::FadeThroughZero;
+        type Row = (fn(&mut Facts), SwapMode);
+        let table: [Row; 11] = [
+            (|_| (), SwapMode::CrossFade),
+            (|f| f.same_graph = true, SwapMode::InPlace),
+            // One that is the same needs no time, and nothing of it is copied.
+            (|f| (f.same_graph, f.has_time) = (true, false), SwapMode::InPlace),
+            (|f| (f.same_graph, f.has_rings) = (true, true), SwapMode::InPlace),
+            (
+                |f| (f.same_graph, f.gets_rings) = (true, true),
+                through_zero(NoCrossFade::Drivers),
+            ),
+            (|f| f.has_rings = true, through_zero(NoCrossFade::Drivers)),
+            (
+                |f| f.actuators_go_on = false,
+                through_zero(NoCrossFade::Actuators),
+            ),
+            (
+                |f| f.has_fast_device = true,
+                through_zero(NoCrossFade::FastDevice),
+            ),
+            (|f| f.delayed += 1, through_zero(NoCrossFade::Delays)),
+            (|f| f.has_time = false, through_zero(NoCrossFade::Load)),
+            // What will not change with time is said first.
+            (
+                |f| (f.actuators_go_on, f.has_time) = (false, false),
+                through_zero(NoCrossFade::Actuators),
+            ),
+        ];
+        for (row, (change, expected)) in table.into_iter().enumerate() {
+            let mut facts = OTHER;
+            change(&mut facts);
+            assert_eq!(decide(&facts), expected, "row {row}");
+        }
+    }
+
+    #[test]
+    fn a_swap_is_called_by_what_is_heard_of_it() {
+        let through_zero = SwapMode::FadeThroughZero(NoCrossFade::Load);
+        for (mode, drives, expected) in [
+            (SwapMode::InPlace, true, Change::Settings(2)),
+            (SwapMode::InPlace, false, Change::Settings(2)),
+            (SwapMode::CrossFade, true, Change::CrossFade),
+            (SwapMode::CrossFade, false, Change::AtOnce),
+            (through_zero, true, Change::FadeThroughZero(NoCrossFade::Load)),
+            (through_zero, false, Change::AtOnce),
+        ] {
+            assert_eq!(Change::of(mode, 2, drives), expected);
+        }
+    }
+}
