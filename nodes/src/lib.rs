@@ -5,6 +5,7 @@
 
 pub mod actuators;
 pub mod contact;
+mod fallback;
 pub mod filters;
 pub mod friction;
 pub mod math;
