@@ -57,6 +57,7 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::csv::CsvSource>())
         .add(NodeEntry::processor::<sources::wav::WavSource>())
         .add(NodeEntry::processor::<sources::one_shot::OneShot>())
+        .add(NodeEntry::processor::<sources::over_position::WavOverPosition>())
         .add(NodeEntry::processor::<sources::phase::Phase>())
         .add(NodeEntry::processor::<sources::phase::Adsr>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())
