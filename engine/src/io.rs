@@ -122,7 +122,7 @@ pub(crate) struct Placing {
 ///
 /// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
 /// port from its place on; outputs likewise. Asking for a port that is not there, or with another width than its
-/// kind's, gives an empty slice.
+/// kind's, gives an empty slice; in a build with debug assertions, as tests are, it panics.
 pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.
@@ -165,6 +165,7 @@ impl<'a> Io<'a> {
     /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
     #[inline]
     pub fn lanes(&self, input: usize) -> &'a [f64] {
+        debug_assert!(input < self.inputs.len(), "there is no input {input}");
         match self.inputs.get(input) {
             Some(wire) if wire.form == Form::Sampled => {
                 let width = wire.width as usize;
@@ -184,6 +185,11 @@ impl<'a> Io<'a> {
     /// The frames of a sampled input of `W` lanes: `frames::<3>` of a 3-vector.
     #[inline]
     pub fn frames_of<const W: usize>(&self, input: usize) -> &'a [[f64; W]] {
+        debug_assert!(
+            !self.connected(input) || self.width(input) == W,
+            "input {input} has {} components, not {W}",
+            self.width(input)
+        );
         if self.width(input) == W {
             self.lanes(input).as_chunks().0
         } else {
@@ -247,6 +253,7 @@ impl<'a> Io<'a> {
     /// All lanes of an output, to be filled completely.
     #[inline]
     pub fn out(&mut self, output: usize) -> &mut [f64] {
+        debug_assert!(output < self.outputs.len(), "there is no output {output}");
         let Some(placing) = self.outputs.get(output) else {
             return &mut [];
         };
@@ -258,6 +265,12 @@ impl<'a> Io<'a> {
     /// The frames of an output of `W` lanes, to be filled completely.
     #[inline]
     pub fn out_frames<const W: usize>(&mut self, output: usize) -> &mut [[f64; W]] {
+        debug_assert!(
+            self.outputs
+                .get(output)
+                .is_some_and(|placing| placing.width as usize == W),
+            "there is no output {output} of {W} components"
+        );
         if self
             .outputs
             .get(output)

@@ -3,10 +3,14 @@
 pub mod classical;
 pub mod section;
 
-use haptograph_engine::node::{BuildError, Io, Latency, Processor, Single, Tick};
-use haptograph_signal::filter::{DesignError, Sections, SectionsState};
+use haptograph_engine::node::{BuildContext, BuildError, Io, Latency, Processor, Single, Tick};
+use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 
+use crate::fallback::{Fallback, next_change};
 use crate::successor;
+
+/// The greatest number of frequencies of a design.
+const MOST: usize = 2;
 
 /// A cascade of second-order sections on every lane of a linear signal.
 #[derive(Debug, Clone)]
@@ -15,15 +19,24 @@ pub(crate) struct LaneFilter {
     /// Room for one lane of the longest block.
     scratch: Box<[f64]>,
     latency: Latency,
+    tuning: Option<Tuning>,
+}
+
+/// The frequencies of a filter that can be turned: the first live settings of its node, and inputs that stand in for them.
+#[derive(Debug, Clone)]
+struct Tuning {
+    prototype: Prototype,
+    rate_hz: f64,
+    settings: [f64; MOST],
+    /// What the sections were last asked for. Where that is no filter, they are as before.
+    asked: [f64; MOST],
+    /// Which of the settings an input stands in for, and whether it is connected.
+    inputs: Box<[bool]>,
 }
 
 impl LaneFilter {
-    /// The filter at rest; its group delay is stated for `passband_hz`.
-    pub(crate) fn new(
-        filter: &Sections,
-        cx: &haptograph_engine::node::BuildContext,
-        passband_hz: f64,
-    ) -> Self {
+    /// A filter that stays as it is, at rest; its group delay is stated for `passband_hz`.
+    pub(crate) fn fixed(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
         let width = cx.input_widths.first().copied().unwrap_or(1).max(1);
         let scratch = if width > 1 { cx.max_frames } else { 0 };
         Self {
@@ -33,6 +46,43 @@ impl LaneFilter {
                 transport_s: 0.0,
                 group_delay_s: filter.group_delay_s(passband_hz, cx.rate.hz()),
             },
+            tuning: None,
+        }
+    }
+
+    /// A filter whose frequencies can be turned. The group delay of one whose frequency is a signal is not known.
+    fn tuned(
+        prototype: Prototype,
+        frequencies: [f64; MOST],
+        inputs: &[Fallback],
+        cx: &BuildContext,
+        passband_hz: f64,
+    ) -> Result<Self, DesignError> {
+        let rate_hz = cx.rate.hz();
+        let sections = prototype.at(frequencies, rate_hz)?.into();
+        let mut filter = Self::fixed(&sections, cx, passband_hz);
+        let inputs: Box<[bool]> = inputs.iter().map(|input| input.is_connected(cx)).collect();
+        if inputs.contains(&true) {
+            filter.latency.group_delay_s = 0.0;
+        }
+        filter.tuning = Some(Tuning {
+            prototype,
+            rate_hz,
+            settings: frequencies,
+            asked: frequencies,
+            inputs,
+        });
+        Ok(filter)
+    }
+
+    /// Turns the sections to other frequencies, where these make a filter.
+    fn turn(&mut self, asked: [f64; MOST]) {
+        let Some(tuning) = self.tuning.as_mut().filter(|tuning| tuning.asked != asked) else {
+            return;
+        };
+        tuning.asked = asked;
+        if let Ok(sections) = tuning.prototype.at(asked, tuning.rate_hz) {
+            self.lanes.iter_mut().for_each(|lane| lane.turn(&sections));
         }
     }
 
@@ -54,12 +104,47 @@ impl LaneFilter {
             }
         }
     }
+
+    /// The same with frequencies that are signals; a signal that is not connected is empty.
+    fn follow(&mut self, signals: [&[f64]; MOST], x: &[f64], y: &mut [f64]) {
+        let width = self.lanes.len();
+        let (frames, mut from) = (x.len() / width, 0);
+        while from < frames {
+            let end = next_change(&signals, from, frames);
+            if let Some(tuning) = &self.tuning {
+                let mut asked = tuning.asked;
+                for (i, asked) in asked.iter_mut().enumerate() {
+                    *asked = match signals[i].get(from) {
+                        Some(hz) if hz.is_finite() => within(*hz, tuning.rate_hz),
+                        Some(_) => *asked,
+                        None => tuning.settings[i],
+                    };
+                }
+                self.turn(asked);
+            }
+            let lanes = from * width..end * width;
+            self.filter(&x[lanes.clone()], &mut y[lanes]);
+            from = end;
+        }
+    }
+}
+
+/// A frequency that came as a signal, where filters can be told from none and from each other: from a millionth of the rate
+/// to just below half of it.
+fn within(hz: f64, rate_hz: f64) -> f64 {
+    hz.clamp(1e-6 * rate_hz, 0.499 * rate_hz)
 }
 
 impl Processor for LaneFilter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let x = io.lanes(0);
-        self.filter(x, io.out(0));
+        let inputs = self.tuning.as_ref().map_or(0, |tuning| tuning.inputs.len());
+        let signals: [&[f64]; MOST] = std::array::from_fn(|i| if i < inputs { io.lanes(1 + i) } else { &[] });
+        if signals.iter().all(|signal| signal.is_empty()) {
+            self.filter(x, io.out(0));
+        } else {
+            self.follow(signals, x, io.out(0));
+        }
     }
 
     fn single(&self) -> Option<Single> {
@@ -72,11 +157,41 @@ impl Processor for LaneFilter {
         y[0]
     }
 
+    fn set(&mut self, setting: usize, value: f64) {
+        let Some(tuning) = self.tuning.as_mut().filter(|_| value.is_finite()) else {
+            return;
+        };
+        if let Some(known) = tuning.settings.get_mut(setting) {
+            *known = value;
+        }
+        // A signal is followed when it is read.
+        if !tuning.inputs.contains(&true) {
+            let settings = tuning.settings;
+            self.turn(settings);
+        }
+    }
+
     fn copy_state_into(&self, new: &mut dyn Processor) {
-        if let Some(new) = successor::<Self>(new) {
+        let Some(new) = successor::<Self>(new) else {
+            return;
+        };
+        let (Some(old_tuning), Some(tuning)) = (&self.tuning, &mut new.tuning) else {
             for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
                 new.copy_state_from(old);
             }
+            return;
+        };
+        if tuning.prototype != old_tuning.prototype {
+            return;
+        }
+        // It goes on as this one, and turns to what it is asked for itself.
+        tuning.asked = old_tuning.asked;
+        let (settings, follows) = (tuning.settings, tuning.inputs.contains(&true));
+        for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
+            new.take_over(old);
+        }
+        if !follows {
+            new.turn(settings);
         }
     }
 

@@ -5,6 +5,7 @@
 
 pub mod actuators;
 pub mod contact;
+mod fallback;
 pub mod filters;
 pub mod friction;
 pub mod math;
@@ -58,6 +59,7 @@ fn sources_and_sinks(all: &mut Registry) {
         .add(NodeEntry::processor::<sources::csv::CsvSource>())
         .add(NodeEntry::processor::<sources::wav::WavSource>())
         .add(NodeEntry::processor::<sources::one_shot::OneShot>())
+        .add(NodeEntry::processor::<sources::over_position::WavOverPosition>())
         .add(NodeEntry::processor::<sources::phase::Phase>())
         .add(NodeEntry::processor::<sources::phase::Adsr>())
         .add(NodeEntry::file::<sinks::wav::WavSink>())

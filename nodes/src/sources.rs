@@ -3,6 +3,7 @@
 pub mod csv;
 pub mod noise;
 pub mod one_shot;
+pub mod over_position;
 pub mod phase;
 pub mod steps;
 pub mod wav;

@@ -303,6 +303,40 @@ fn nothing_is_allocated_while_running() {
 }
 
 #[test]
+fn every_live_setting_goes_to_the_ends_of_its_range_without_allocating() {
+    let mut tested = 0;
+    each_processor(|entry, build| {
+        for (place, setting) in entry.settings().iter().enumerate() {
+            if !setting.live {
+                continue;
+            }
+            let (low, high) = setting.range.unwrap_or((-1e3, 1e3));
+            // As the engine has it: below half the rate of the slowest bench.
+            let is_frequency = setting.name.ends_with("_hz");
+            let high = if is_frequency {
+                high.min(0.499 * SERVO_HZ)
+            } else {
+                high
+            };
+            let mut bench = build();
+            for (seed, value) in (1..).zip([high, low, 0.5 * (low + high), high, low.midpoint(1.0)]) {
+                let inputs = inputs(&bench, 200, false, seed);
+                bench.load(&slices(&inputs), 200);
+                let set = allocations(|| bench.processor().set(place, value));
+                assert_eq!(set, 0, "{}.{}", entry.spec.name, setting.name);
+                bench.step();
+                for output in 0..entry.spec.outputs.len() {
+                    let finite = bench.output(output).iter().all(|y| y.is_finite());
+                    assert!(finite, "{}.{} at {value}", entry.spec.name, setting.name);
+                }
+            }
+            tested += 1;
+        }
+    });
+    assert!(tested > 50, "only {tested} were tested");
+}
+
+#[test]
 fn what_is_not_a_number_does_not_stick() {
     each_processor(|entry, build| {
         let mut bench = build();

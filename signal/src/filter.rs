@@ -4,8 +4,8 @@ mod design;
 mod lanes;
 
 pub use design::{
-    DesignError, MAX_ORDER, bessel_lowpass, butterworth_bandpass, butterworth_highpass, butterworth_lowpass,
-    double_pole,
+    Cascade, DesignError, MAX_ORDER, Prototype, bessel_lowpass, butterworth_bandpass, butterworth_highpass,
+    butterworth_lowpass, double_pole,
 };
 pub use lanes::SectionLanes;
 
@@ -63,6 +63,37 @@ impl Biquad {
         let poles =
             ((inverse_z * (2.0 * self.a[1]) + self.a[0]) * inverse_z / self.denominator(inverse_z)).re;
         zeros - poles
+    }
+
+    /// The rows by which the state of the direct form follows from what two trapezoidal integrators hold that make the same
+    /// section (Zavalishin). What the integrators hold means the same at any frequency; the state of the direct form does not.
+    fn from_integrators(&self) -> [[f64; 2]; 2] {
+        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        if a2 == 0.0 && b2 == 0.0 {
+            // One pole, and one integrator.
+            let (low, high) = ((b0 + b1) / (1.0 + a1), (b0 - b1) / (1.0 - a1));
+            return [[0.5 * (low - high) * (1.0 - a1), 0.0], [0.0, 1.0]];
+        }
+        let (loop_gain, g) = (0.25 * (1.0 - a1 + a2), ((1.0 + a1 + a2) / (1.0 - a1 + a2)).sqrt());
+        let damping = 0.5 * (1.0 - a2) / (g * loop_gain);
+        let high = 0.25 * (b0 - b1 + b2) / loop_gain;
+        let band = 0.5 * (b0 - b2) / (g * loop_gain);
+        let low = 0.25 * (b0 + b1 + b2) / (g * g * loop_gain);
+        // Both integrators, left alone for a sample: what each gives, of what each holds.
+        let given = [
+            [loop_gain, -g * loop_gain],
+            [g * loop_gain, 1.0 - g * g * loop_gain],
+        ];
+        let mixed = |[first, second]: [f64; 2]| -> [f64; 2] {
+            std::array::from_fn(|i| first * given[0][i] + second * given[1][i])
+        };
+        let next = mixed([band - high * damping, low - high]);
+        // They then hold twice that less what they held.
+        let after = mixed(next);
+        [
+            next,
+            std::array::from_fn(|i| 2.0 * after[i] + (a1 - 1.0) * next[i]),
+        ]
     }
 }
 
@@ -190,6 +221,37 @@ impl SectionsState {
             for (section, other) in self.sections.iter_mut().zip(&other.sections) {
                 section.state = other.state;
             }
+        }
+    }
+
+    /// Goes on with other coefficients, of as many sections. What the state stands for is kept: a constant that has passed
+    /// stays a constant, and nothing leaps.
+    pub fn turn(&mut self, sections: &[Biquad]) {
+        for (running, biquad) in self.sections.iter_mut().zip(sections) {
+            let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.from_integrators(), running.state);
+            let determinant = m11 * m22 - m12 * m21;
+            let held = [
+                (m22 * s1 - m12 * s2) / determinant,
+                (m11 * s2 - m21 * s1) / determinant,
+            ];
+            let state = biquad
+                .from_integrators()
+                .map(|row| row[0] * held[0] + row[1] * held[1]);
+            running.biquad = *biquad;
+            // Beyond what numbers can hold there is nothing to keep.
+            running.state = if state.iter().all(|s| s.is_finite()) {
+                state
+            } else {
+                [0.0; 2]
+            };
+        }
+    }
+
+    /// Goes on as another filter of as many sections does: its coefficients and its state.
+    pub fn take_over(&mut self, other: &Self) {
+        if self.sections.len() == other.sections.len() {
+            self.since_settled = other.since_settled;
+            self.sections.copy_from_slice(&other.sections);
         }
     }
 

@@ -90,7 +90,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         return Err(Diagnostics { sources, list });
     }
     wires::connect(&mut cx, &mut draft);
-    left_out::remove(&mut draft);
+    left_out::remove(&mut cx, &mut draft);
     let mut devices = devices::read(&mut cx, &mut parameters, &draft, options);
     devices::bind(&mut cx, &mut draft, &mut devices);
     cycles::check(&mut cx, &mut draft);

@@ -1,24 +1,45 @@
 //! Nodes that are there with another set of endpoints only, and what depends on them.
 
-use super::draft::{Draft, Target, Wire};
+use super::draft::{Context, Draft, Target, Wire};
+use crate::diagnostic::Diagnostic;
 
-/// Takes out the nodes that are left out, and those that read them. A file sink goes on with what is left of a list.
-pub(super) fn remove(draft: &mut Draft) {
-    let mut found: Vec<usize> = (0..draft.nodes.len())
-        .filter(|node| draft.nodes[*node].is_left_out)
-        .collect();
+/// Takes out the nodes that are left out, and those that read them. A file sink goes on with what is left of a list. An
+/// actuator sink that goes without being marked itself is warned of: nothing else would say that it is driven no more.
+pub(super) fn remove(cx: &mut Context<'_>, draft: &mut Draft) {
+    // Each with the node by whose `only` it goes.
+    let marked = (0..draft.nodes.len()).filter(|node| draft.nodes[*node].is_left_out);
+    let mut found: Vec<(usize, usize)> = marked.map(|node| (node, node)).collect();
     if found.is_empty() {
         return;
     }
     let readers = draft.readers(|_| true);
     let mut gone = vec![false; draft.nodes.len()];
-    while let Some(node) = found.pop() {
-        if !std::mem::replace(&mut gone[node], true) {
-            let reading = readers[node].iter().copied();
-            found.extend(reading.filter(|reader| !goes_on(draft, *reader, &gone)));
+    while let Some((node, cause)) = found.pop() {
+        if std::mem::replace(&mut gone[node], true) {
+            continue;
         }
+        if draft.nodes[node].entry.is_actuator() && !draft.nodes[node].is_left_out {
+            let warning = left_out(draft, node, cause);
+            let warning = draft.in_use(node, warning, cx);
+            cx.report(warning);
+        }
+        let reading = readers[node].iter().copied();
+        let reading = reading.filter(|reader| !goes_on(draft, *reader, &gone));
+        found.extend(reading.map(|reader| (reader, cause)));
     }
     keep(draft, &gone);
+}
+
+fn left_out(draft: &Draft, actuator: usize, cause: usize) -> Diagnostic {
+    let (actuator, cause) = (&draft.nodes[actuator], &draft.nodes[cause]);
+    let message = format!(
+        "actuator `{}` is left out with these endpoints: it depends on `{}`",
+        actuator.path, cause.path
+    );
+    Diagnostic::warning("W0109", actuator.name, message)
+        .label("nothing drives its device")
+        .also(cause.name, "left out by `only`")
+        .help("write the same `only` on the actuator sink where that is meant, or connect it to a node that is there")
 }
 
 /// Is a node still what was meant without the nodes that are gone?

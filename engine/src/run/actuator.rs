@@ -47,7 +47,7 @@ impl Level {
     }
 
     /// Takes frames that were given.
-    fn take(&mut self, given: &[f64], width: usize) {
+    pub(super) fn take(&mut self, given: &[f64], width: usize) {
         let frames = given.chunks_exact(width.max(1));
         let count = frames.len() as f64;
         let (mut sum, mut largest) = (0.0, self.largest_square);

@@ -263,7 +263,9 @@ impl Run {
                 for _ in 0..state.windows.of(*clock).count {
                     for (actuator, channel, _) in &plan_device.driven_by {
                         let mut frame = [0.0; 6];
-                        let width = state.actuators[*actuator].limiter.ramp(factor, &mut frame);
+                        let actuator = &mut state.actuators[*actuator];
+                        let width = actuator.limiter.ramp(factor, &mut frame);
+                        actuator.level.take(&frame[..width], width);
                         device.unless_lost(|device| device.device.write(*channel, &frame[..width]));
                     }
                     device.unless_lost(DeviceState::advance);

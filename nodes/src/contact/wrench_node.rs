@@ -157,7 +157,7 @@ haptograph_engine::settings! {
     /// Settings of [`SurfaceSpeed`].
     pub struct SurfaceSpeedSettings {
         /// Cut-off of the second-order low-pass, below half the rate.
-        cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
+        [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
         /// How far the point may jitter before it counts as motion, in uncertainties.
         leash: f64 = LEASH, in 0.0..=1000.0;
     }
@@ -252,6 +252,12 @@ impl Processor for Following {
             along[frame] = self.path.update(&at);
             speed[frame] = norm(along[frame]);
             way[frame] = self.path.way_m();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.path.turn(value);
         }
     }
 

@@ -1,23 +1,54 @@
 //! The classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
-    BuildContext, BuildError, NodeKind, NodeSpec, Processor, any_input, output_like,
+    BuildContext, BuildError, InputSpec, NodeKind, NodeSpec, Processor, any_input, output_like,
 };
-use haptograph_signal::filter::{
-    bessel_lowpass, butterworth_bandpass, butterworth_highpass, butterworth_lowpass, double_pole,
-};
+use haptograph_signal::filter::{DesignError, Prototype};
 
 use super::{LaneFilter, design_error};
+use crate::fallback::{Fallback, frequency_input};
 
 haptograph_engine::settings! {
     /// Settings of a low-pass or high-pass.
     pub struct CutoffSettings {
-        /// Where the response has fallen by 3 dB.
-        cutoff_hz: f64, in 1e-6..=1e9;
+        /// Where the response has fallen by 3 dB, below half the rate; needed where `cutoff` is not connected.
+        [live, below_nyquist] cutoff_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Number of poles.
         order: u32 = 2, in 1..=16;
     }
 }
+
+const CUTOFF: Fallback = Fallback {
+    input: 1,
+    port: "cutoff",
+    field: "cutoff_hz",
+};
+
+const CUTOFF_INPUTS: &[InputSpec] = &[
+    any_input("input", "The signal."),
+    frequency_input(
+        "cutoff",
+        "The cut-off in place of `cutoff_hz`, kept from a millionth to 0.499 of the rate; NaN or infinite: as before. Each \
+         change is a new design at its tick. The delay is not counted then.",
+    ),
+];
+
+/// A filter of one cut-off; its pass band is told of the cut-off.
+fn of_cutoff(
+    prototype: Result<Prototype, DesignError>,
+    cutoff_hz: Option<f64>,
+    cx: &BuildContext,
+    passband_hz: impl Fn(f64) -> f64,
+) -> Result<Box<dyn Processor>, BuildError> {
+    let cutoff_hz = CUTOFF.setting(cutoff_hz, cx)?.unwrap_or(START * cx.rate.hz());
+    let passband_hz = passband_hz(cutoff_hz);
+    let filter = prototype
+        .and_then(|prototype| LaneFilter::tuned(prototype, [cutoff_hz; 2], &[CUTOFF], cx, passband_hz));
+    Ok(Box::new(filter.map_err(design_error("cutoff_hz"))?))
+}
+
+/// Of the rate: where a filter begins whose frequency comes as a signal, until that is a number.
+const START: f64 = 0.01;
 
 /// Butterworth low-pass.
 pub struct LowPass;
@@ -27,18 +58,22 @@ impl NodeKind for LowPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "LowPass",
         group: "filters",
-        doc: "Butterworth low-pass: the flattest magnitude, unit gain at rest.",
-        source: "bilinear transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
+        doc: "Butterworth low-pass: the flattest magnitude, unit gain at rest. Turned while it runs, it goes on from what it \
+              holds: a constant stays constant.",
+        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        inputs: CUTOFF_INPUTS,
         outputs: &[output_like("output", "input", "What lies below the cut-off.")],
         example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#,
     };
 
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
-        let filter = butterworth_lowpass(order as usize, cutoff_hz, cx.rate.hz())
-            .map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(LaneFilter::new(&filter, cx, 0.01 * cutoff_hz)))
+        let prototype = Prototype::butterworth_lowpass(order as usize);
+        of_cutoff(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+    }
+
+    fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
+        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
@@ -50,35 +85,51 @@ impl NodeKind for HighPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "HighPass",
         group: "filters",
-        doc: "Butterworth high-pass: the flattest magnitude, unit gain at half the rate.",
-        source: "bilinear transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
+        doc: "Butterworth high-pass: the flattest magnitude, unit gain at half the rate. Turned while it runs, it goes on from \
+              what it holds.",
+        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        inputs: CUTOFF_INPUTS,
         outputs: &[output_like("output", "input", "What lies above the cut-off.")],
         example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#,
     };
 
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
-        let rate_hz = cx.rate.hz();
-        let filter =
-            butterworth_highpass(order as usize, cutoff_hz, rate_hz).map_err(design_error("cutoff_hz"))?;
+        let prototype = Prototype::butterworth_highpass(order as usize);
         // The middle, on a logarithmic scale, of what passes.
-        let middle_hz = (cutoff_hz * 0.5 * rate_hz).sqrt();
-        Ok(Box::new(LaneFilter::new(&filter, cx, middle_hz)))
+        let middle_hz = |cutoff_hz: f64| (cutoff_hz * 0.5 * cx.rate.hz()).sqrt();
+        of_cutoff(prototype, cutoff_hz, cx, middle_hz)
+    }
+
+    fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
+        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
 haptograph_engine::settings! {
     /// Settings of [`BandPass`].
     pub struct BandPassSettings {
-        /// Lower edge, where the response has fallen by 3 dB.
-        low_hz: f64, in 1e-6..=1e9;
-        /// Upper edge, where the response has fallen by 3 dB.
-        high_hz: f64, in 1e-6..=1e9;
+        /// Lower edge, where the response has fallen by 3 dB; needed where `low` is not connected.
+        [live, below_nyquist] low_hz: Option<f64> = None, in 1e-6..=1e9;
+        /// Upper edge, where the response has fallen by 3 dB, below half the rate; needed where `high` is not connected.
+        [live, below_nyquist] high_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Order of the prototype: half the number of poles.
         order: u32 = 2, in 1..=16;
     }
 }
+
+const EDGES: [Fallback; 2] = [
+    Fallback {
+        input: 1,
+        port: "low",
+        field: "low_hz",
+    },
+    Fallback {
+        input: 2,
+        port: "high",
+        field: "high_hz",
+    },
+];
 
 /// Butterworth band-pass.
 pub struct BandPass;
@@ -88,22 +139,46 @@ impl NodeKind for BandPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "BandPass",
         group: "filters",
-        doc: "Butterworth band-pass: unit gain in the middle of the band.",
-        source: "bilinear transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
+        doc: "Butterworth band-pass: unit gain in the middle of the band. Turned while it runs, it goes on from what it holds; \
+              edges that are not below each other leave it as it was.",
+        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        inputs: &[
+            any_input("input", "The signal."),
+            frequency_input(
+                "low",
+                "The lower edge in place of `low_hz`, kept from a millionth to 0.499 of the rate; NaN or infinite: as before.",
+            ),
+            frequency_input("high", "The upper edge in place of `high_hz`, likewise."),
+        ],
         outputs: &[output_like("output", "input", "What lies within the band.")],
         example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#,
     };
 
     fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let BandPassSettings {
-            low_hz,
-            high_hz,
-            order,
-        } = settings;
-        let filter = butterworth_bandpass(order as usize, low_hz, high_hz, cx.rate.hz())
-            .map_err(design_error("high_hz"))?;
-        Ok(Box::new(LaneFilter::new(&filter, cx, (low_hz * high_hz).sqrt())))
+        let low_hz = EDGES[0].setting(settings.low_hz, cx)?;
+        let high_hz = EDGES[1].setting(settings.high_hz, cx)?;
+        // An edge that comes as a signal begins an octave from the other one, or as near as there is room.
+        let rate_hz = cx.rate.hz();
+        let low_hz = low_hz.unwrap_or_else(|| high_hz.map_or(START * rate_hz, |high_hz| 0.5 * high_hz));
+        let high_hz = high_hz.unwrap_or_else(|| (2.0 * low_hz).min((low_hz * 0.5 * rate_hz).sqrt()));
+        let prototype = Prototype::butterworth_bandpass(settings.order as usize);
+        let filter = prototype.and_then(|prototype| {
+            LaneFilter::tuned(
+                prototype,
+                [low_hz, high_hz],
+                &EDGES,
+                cx,
+                (low_hz * high_hz).sqrt(),
+            )
+        });
+        Ok(Box::new(filter.map_err(design_error("high_hz"))?))
+    }
+
+    fn advice(settings: &BandPassSettings, cx: &BuildContext) -> Vec<BuildError> {
+        let edges = EDGES.iter().zip([settings.low_hz, settings.high_hz]);
+        edges
+            .filter_map(|(edge, setting)| edge.advice(setting, cx))
+            .collect()
     }
 }
 
@@ -115,18 +190,22 @@ impl NodeKind for Bessel {
     const SPEC: NodeSpec = NodeSpec {
         name: "Bessel",
         group: "filters",
-        doc: "Bessel low-pass: the flattest delay, so that transients keep their shape.",
-        source: "2.2; bilinear transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
+        doc: "Bessel low-pass: the flattest delay, so that transients keep their shape. Turned while it runs, it goes on from \
+              what it holds: a constant stays constant.",
+        source: "2.2; bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        inputs: CUTOFF_INPUTS,
         outputs: &[output_like("output", "input", "What lies below the cut-off.")],
         example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#,
     };
 
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
-        let filter =
-            bessel_lowpass(order as usize, cutoff_hz, cx.rate.hz()).map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(LaneFilter::new(&filter, cx, 0.01 * cutoff_hz)))
+        let prototype = Prototype::bessel_lowpass(order as usize);
+        of_cutoff(prototype, cutoff_hz, cx, |cutoff_hz| 0.01 * cutoff_hz)
+    }
+
+    fn advice(settings: &CutoffSettings, cx: &BuildContext) -> Vec<BuildError> {
+        CUTOFF.advice(settings.cutoff_hz, cx).into_iter().collect()
     }
 }
 
@@ -134,7 +213,7 @@ haptograph_engine::settings! {
     /// Settings of [`DoublePole`].
     pub struct DoublePoleSettings {
         /// Both poles, rad/s. The response falls by 3 dB at 0.64 of it, by 6 dB at it; the delay is 2 / lambda.
-        lambda_rad_s: f64 = 125.0, in 1e-6..=1e9;
+        [live] lambda_rad_s: f64 = 125.0, in 1e-6..=1e9;
     }
 }
 
@@ -155,9 +234,9 @@ impl NodeKind for DoublePole {
 
     fn build(settings: DoublePoleSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let lambda = settings.lambda_rad_s;
-        let filter = double_pole(lambda, cx.rate.hz()).map_err(design_error("lambda_rad_s"))?;
         let passband_hz = 0.01 * lambda / std::f64::consts::TAU;
-        Ok(Box::new(LaneFilter::new(&filter, cx, passband_hz)))
+        let filter = LaneFilter::tuned(Prototype::double_pole(), [lambda; 2], &[], cx, passband_hz);
+        Ok(Box::new(filter.map_err(design_error("lambda_rad_s"))?))
     }
 }
 
@@ -188,7 +267,10 @@ mod tests {
     }
 
     fn cutoff(cutoff_hz: f64, order: u32) -> CutoffSettings {
-        CutoffSettings { cutoff_hz, order }
+        CutoffSettings {
+            cutoff_hz: Some(cutoff_hz),
+            order,
+        }
     }
 
     fn bench<K: NodeKind>(settings: K::Settings) -> Bench {
@@ -206,8 +288,8 @@ mod tests {
         near(gain(bench::<HighPass>(cutoff(50.0, 3)), 400.0), 1.0);
         near(gain(bench::<Bessel>(cutoff(50.0, 5)), 50.0), half_power);
         let band = BandPassSettings {
-            low_hz: 40.0,
-            high_hz: 90.0,
+            low_hz: Some(40.0),
+            high_hz: Some(90.0),
             order: 2,
         };
         near(gain(bench::<BandPass>(band.clone()), 40.0), half_power);
@@ -226,5 +308,94 @@ mod tests {
     fn a_cut_off_at_half_the_rate_is_refused_at_its_field() {
         let refused = Bench::new::<LowPass>(cutoff(500.0, 2), RATE_HZ, &[Kind::Scalar]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("cutoff_hz"));
+    }
+
+    /// Noise, the cut-off as a signal that stays, leaps and is no number.
+    fn sweeping(blocks: &[usize]) -> Vec<f64> {
+        let open = CutoffSettings {
+            cutoff_hz: None,
+            order: 3,
+        };
+        let mut bench = Bench::new::<LowPass>(open, RATE_HZ, &[Kind::Scalar, Kind::Scalar]).unwrap();
+        let x: Vec<f64> = (0..900).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
+        let cutoff: Vec<f64> = (0..900)
+            .map(|k| match k {
+                0..300 => 50.0,
+                300..600 => f64::from(k),
+                600..700 => f64::NAN,
+                _ => -1.0,
+            })
+            .collect();
+        bench.run_in_blocks(&[&x, &cutoff], blocks).remove(0)
+    }
+
+    #[test]
+    fn a_cut_off_that_is_a_signal_is_that_of_its_tick() {
+        let y = sweeping(&[1024]);
+        assert_eq!(y, sweeping(&[1, 7, 64]));
+        let x: Vec<f64> = (0..300).map(|k| (0.3 * f64::from(k * k)).sin()).collect();
+        let mut fixed = Bench::new::<LowPass>(cutoff(50.0, 3), RATE_HZ, &[Kind::Scalar]).unwrap();
+        let same = fixed.run(&[&x]).remove(0);
+        let apart = same
+            .iter()
+            .zip(&y)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(apart < 1e-12, "{apart}");
+        assert!(y.iter().all(|y| y.abs() < 2.0));
+        let last = y[899] - y[890];
+        assert!(last.abs() < 1e-3, "below zero it is nearly closed: {last}");
+    }
+
+    #[test]
+    fn a_constant_stays_constant_while_the_cut_off_is_turned() {
+        for order in [1, 2, 7] {
+            let mut bench = Bench::new::<LowPass>(cutoff(20.0, order), RATE_HZ, &[Kind::Scalar]).unwrap();
+            bench.run(&[&[1.0; 2000]]);
+            for hz in [200.0, 1.0, 499.0, 600.0, f64::NAN, 40.0] {
+                bench.processor().set(0, hz);
+                let y = bench.run(&[&[1.0; 100]]).remove(0);
+                assert!(y.iter().all(|y| (y - 1.0).abs() < 1e-6), "{order} at {hz}");
+            }
+        }
+    }
+
+    #[test]
+    fn edges_that_make_no_band_leave_the_last_one() {
+        let band = BandPassSettings {
+            low_hz: Some(40.0),
+            high_hz: Some(90.0),
+            order: 2,
+        };
+        let run = |first: &[(usize, f64)]| {
+            let mut bench = Bench::new::<BandPass>(band.clone(), RATE_HZ, &[Kind::Scalar]).unwrap();
+            first
+                .iter()
+                .for_each(|(place, hz)| bench.processor().set(*place, *hz));
+            let x: Vec<f64> = (0..500).map(|k| f64::from(k % 17) - 8.0).collect();
+            bench.run(&[&x]).remove(0)
+        };
+        assert_eq!(run(&[(0, 100.0)]), run(&[]));
+        assert_eq!(run(&[(0, 100.0), (1, 200.0)]), run(&[(1, 200.0), (0, 100.0)]));
+    }
+
+    #[test]
+    fn a_cut_off_is_given_once() {
+        let open = CutoffSettings {
+            cutoff_hz: None,
+            order: 2,
+        };
+        assert!(Bench::new::<LowPass>(open, RATE_HZ, &[Kind::Scalar]).is_err());
+        let mut cx = BuildContext {
+            path: "low".into(),
+            rate: haptograph_signal::time::Rate::new(1000, 1).unwrap(),
+            max_frames: 64,
+            seed: 1,
+            input_widths: vec![1, 1],
+        };
+        let advice = LowPass::advice(&cutoff(50.0, 2), &cx);
+        assert_eq!(advice.first().and_then(|advice| advice.field), Some("cutoff_hz"));
+        cx.input_widths[1] = 0;
+        assert!(LowPass::advice(&cutoff(50.0, 2), &cx).is_empty());
     }
 }

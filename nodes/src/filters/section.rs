@@ -7,7 +7,8 @@ use haptograph_engine::node::{
 use haptograph_signal::filter;
 use std::f64::consts::PI;
 
-use super::LaneFilter;
+use super::{LaneFilter, within};
+use crate::fallback::{Fallback, frequency_input, next_change};
 use crate::successor;
 
 haptograph_engine::choices! {
@@ -29,12 +30,18 @@ haptograph_engine::settings! {
     pub struct BiquadSettings {
         /// What passes.
         shape: Shape = Shape::LowPass;
-        /// Corner or centre, above zero and below half the rate.
-        [live, below_nyquist] frequency_hz: f64, in 1e-6..=1e9;
+        /// Corner or centre, above zero and below half the rate; needed where `frequency` is not connected.
+        [live, below_nyquist] frequency_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Quality: 0.7071 is a Butterworth low-pass, more is a resonance.
         [live] q: f64 = std::f64::consts::FRAC_1_SQRT_2, in 0.01..=10_000.0;
     }
 }
+
+const FREQUENCY: Fallback = Fallback {
+    input: 1,
+    port: "frequency",
+    field: "frequency_hz",
+};
 
 /// A second-order filter whose frequency and quality can be turned while it runs.
 pub struct Biquad;
@@ -46,30 +53,52 @@ impl NodeKind for Biquad {
         group: "filters",
         doc: "A second-order filter whose frequency and quality can be turned while it runs.",
         source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped",
-        inputs: &[any_input("input", "The signal.")],
+        inputs: &[
+            any_input("input", "The signal."),
+            frequency_input(
+                "frequency",
+                "The frequency in place of `frequency_hz`, kept from a millionth to 0.499 of the rate; NaN or infinite: as before. \
+                 The delay is not counted then.",
+            ),
+        ],
         outputs: &[output_like("output", "input", "The filtered signal.")],
         example: r#""ring": Biquad(input: "noise.output", shape: BandPass, frequency_hz: 250.0, q: 8.0)"#,
     };
 
     fn build(settings: BiquadSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let nyquist_hz = cx.rate.hz() / 2.0;
-        if settings.frequency_hz >= nyquist_hz {
-            let message = format!(
-                "{} Hz is not below half the rate, {nyquist_hz} Hz",
-                settings.frequency_hz
-            );
+        let (rate_hz, nyquist_hz) = (cx.rate.hz(), cx.rate.hz() / 2.0);
+        let frequency_hz = FREQUENCY.setting(settings.frequency_hz, cx)?;
+        if let Some(frequency_hz) = frequency_hz.filter(|frequency_hz| *frequency_hz >= nyquist_hz) {
+            let message = format!("{frequency_hz} Hz is not below half the rate, {nyquist_hz} Hz");
             return Err(
                 BuildError::at("frequency_hz", message).help("lower it, or run the node on a faster clock")
             );
         }
-        let rate_hz = cx.rate.hz();
+        let wanted = Wanted {
+            shape: settings.shape,
+            frequency_hz: frequency_hz.unwrap_or(0.01 * rate_hz),
+            q: settings.q,
+        };
         Ok(Box::new(StateVariable {
-            tuning: Tuning::of(&settings, rate_hz),
+            tuning: Tuning::of(&wanted, rate_hz),
             states: [[0.0; 2]; WIDEST],
-            settings,
+            wanted,
+            follows: FREQUENCY.is_connected(cx),
             rate_hz,
         }))
     }
+
+    fn advice(settings: &BiquadSettings, cx: &BuildContext) -> Vec<BuildError> {
+        FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
+    }
+}
+
+/// What the section is asked for now.
+#[derive(Debug, Clone)]
+struct Wanted {
+    shape: Shape,
+    frequency_hz: f64,
+    q: f64,
 }
 
 /// Lanes of the widest linear frame.
@@ -84,7 +113,9 @@ struct StateVariable {
     tuning: Tuning,
     /// Of each lane, what the two integrators hold.
     states: [[f64; 2]; WIDEST],
-    settings: BiquadSettings,
+    wanted: Wanted,
+    /// Is its frequency a signal?
+    follows: bool,
     rate_hz: f64,
 }
 
@@ -99,11 +130,11 @@ struct Tuning {
 }
 
 impl Tuning {
-    fn of(settings: &BiquadSettings, rate_hz: f64) -> Self {
-        let g = (PI * settings.frequency_hz / rate_hz).tan();
-        let damping = 1.0 / settings.q;
+    fn of(wanted: &Wanted, rate_hz: f64) -> Self {
+        let g = (PI * wanted.frequency_hz / rate_hz).tan();
+        let damping = 1.0 / wanted.q;
         let a1 = 1.0 / (1.0 + g * (g + damping));
-        let mix = match settings.shape {
+        let mix = match wanted.shape {
             Shape::LowPass => [0.0, 0.0, 1.0],
             Shape::HighPass => [1.0, -damping, -1.0],
             Shape::BandPass => [0.0, damping, 0.0],
@@ -117,11 +148,11 @@ impl Tuning {
     }
 
     /// The same filter as a section, to know its delay.
-    fn section(&self, settings: &BiquadSettings, rate_hz: f64) -> filter::Biquad {
-        let g = (PI * settings.frequency_hz / rate_hz).tan();
+    fn section(&self, wanted: &Wanted, rate_hz: f64) -> filter::Biquad {
+        let g = (PI * wanted.frequency_hz / rate_hz).tan();
         let [a1, ..] = self.a;
         let low = g * g * a1;
-        let [b_low, b_band, b_high] = match settings.shape {
+        let [b_low, b_band, b_high] = match wanted.shape {
             Shape::LowPass => [low, 0.0, 0.0],
             Shape::HighPass => [0.0, 0.0, a1],
             Shape::BandPass => [0.0, g * self.damping * a1, 0.0],
@@ -138,16 +169,16 @@ impl Tuning {
     }
 }
 
-impl Processor for StateVariable {
-    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+impl StateVariable {
+    /// Some frames, the first of them at the tick `first`.
+    fn run(&mut self, first: u64, width: usize, x: &[f64], y: &mut [f64]) {
         let Tuning {
             a: [a1, a2, a3],
             mix: [direct, band, low],
             ..
         } = self.tuning;
-        let frames = io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width));
-        for ((y, x), now) in frames.zip(tick.first..) {
+        let frames = y.chunks_exact_mut(width).zip(x.chunks_exact(width));
+        for ((y, x), now) in frames.zip(first..) {
             for ((y, x), [s1, s2]) in y.iter_mut().zip(x).zip(&mut self.states) {
                 let rest = x - *s2;
                 let v1 = a1 * *s1 + a2 * rest;
@@ -162,33 +193,62 @@ impl Processor for StateVariable {
         }
     }
 
+    fn turn(&mut self, frequency_hz: f64) {
+        if frequency_hz != self.wanted.frequency_hz {
+            self.wanted.frequency_hz = frequency_hz;
+            self.tuning = Tuning::of(&self.wanted, self.rate_hz);
+        }
+    }
+}
+
+impl Processor for StateVariable {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        let (width, x, frequency) = (io.width(0).clamp(1, WIDEST), io.lanes(0), io.lanes(1));
+        let (y, mut from) = (io.out(0), 0);
+        while from < tick.frames {
+            let end = next_change(&[frequency], from, tick.frames);
+            if let Some(hz) = frequency.get(from).filter(|hz| hz.is_finite()) {
+                self.turn(within(*hz, self.rate_hz));
+            }
+            let lanes = from * width..end * width;
+            self.run(tick.first + from as u64, width, &x[lanes.clone()], &mut y[lanes]);
+            from = end;
+        }
+    }
+
     fn set(&mut self, setting: usize, value: f64) {
-        if !value.is_finite() {
-            return;
-        }
         match setting {
+            _ if !value.is_finite() => {}
             // Just inside half the rate: at it, the integrators would be infinitely fast.
-            1 => self.settings.frequency_hz = value.clamp(1e-6, 0.499 * self.rate_hz),
-            2 => self.settings.q = value.clamp(0.01, 10_000.0),
-            _ => return,
+            1 if !self.follows => self.turn(value.clamp(1e-6, 0.499 * self.rate_hz)),
+            2 => {
+                self.wanted.q = value.clamp(0.01, 10_000.0);
+                self.tuning = Tuning::of(&self.wanted, self.rate_hz);
+            }
+            _ => {}
         }
-        self.tuning = Tuning::of(&self.settings, self.rate_hz);
     }
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
             new.states = self.states;
+            if new.follows {
+                new.turn(self.wanted.frequency_hz);
+            }
         }
     }
 
     fn latency(&self) -> Latency {
+        if self.follows {
+            return Latency::default();
+        }
         let sections = filter::Sections {
-            sections: vec![self.tuning.section(&self.settings, self.rate_hz)],
+            sections: vec![self.tuning.section(&self.wanted, self.rate_hz)],
         };
-        let passband_hz = match self.settings.shape {
-            Shape::LowPass | Shape::Notch => 0.01 * self.settings.frequency_hz,
-            Shape::BandPass => self.settings.frequency_hz,
-            Shape::HighPass => (self.settings.frequency_hz * 0.5 * self.rate_hz).sqrt(),
+        let passband_hz = match self.wanted.shape {
+            Shape::LowPass | Shape::Notch => 0.01 * self.wanted.frequency_hz,
+            Shape::BandPass => self.wanted.frequency_hz,
+            Shape::HighPass => (self.wanted.frequency_hz * 0.5 * self.rate_hz).sqrt(),
         };
         Latency {
             transport_s: 0.0,
@@ -245,7 +305,7 @@ impl NodeKind for SecondOrderSection {
         let sections = filter::Sections {
             sections: vec![section],
         };
-        Ok(Box::new(LaneFilter::new(&sections, cx, 0.0)))
+        Ok(Box::new(LaneFilter::fixed(&sections, cx, 0.0)))
     }
 }
 
@@ -258,13 +318,18 @@ mod tests {
     fn settings(shape: Shape, frequency_hz: f64, q: f64) -> BiquadSettings {
         BiquadSettings {
             shape,
-            frequency_hz,
+            frequency_hz: Some(frequency_hz),
             q,
         }
     }
 
     fn section(settings: &BiquadSettings, rate_hz: f64) -> filter::Biquad {
-        Tuning::of(settings, rate_hz).section(settings, rate_hz)
+        let wanted = Wanted {
+            shape: settings.shape.clone(),
+            frequency_hz: settings.frequency_hz.unwrap(),
+            q: settings.q,
+        };
+        Tuning::of(&wanted, rate_hz).section(&wanted, rate_hz)
     }
 
     #[test]
@@ -333,6 +398,25 @@ mod tests {
         bench.processor().set(1, 1e9);
         bench.processor().set(1, f64::NAN);
         assert!(bench.run(&[&ones])[0].iter().all(|y| y.is_finite()));
+    }
+
+    #[test]
+    fn a_frequency_that_is_a_signal_is_what_the_setting_would_be() {
+        let x: Vec<f64> = (0..300).map(|k| (0.2 * f64::from(k * k)).sin()).collect();
+        let frequency: Vec<f64> = (0..300).map(|k| if k < 100 { 50.0 } else { 170.0 }).collect();
+        let open = BiquadSettings {
+            frequency_hz: None,
+            ..settings(Shape::BandPass, 1.0, 3.0)
+        };
+        let kinds = [Kind::Scalar, Kind::Scalar];
+        let mut bench = Bench::new::<Biquad>(open, 1000.0, &kinds).unwrap();
+        let followed = bench.run_in_blocks(&[&x, &frequency], &[64, 7]).remove(0);
+        let mut bench =
+            Bench::new::<Biquad>(settings(Shape::BandPass, 50.0, 3.0), 1000.0, &[Kind::Scalar]).unwrap();
+        let mut wanted = bench.run(&[&x[..100]]).remove(0);
+        bench.processor().set(1, 170.0);
+        wanted.extend(bench.run(&[&x[100..]]).remove(0));
+        assert_eq!(followed, wanted);
     }
 
     #[test]

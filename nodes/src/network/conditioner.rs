@@ -1,6 +1,7 @@
 //! What is made of a measured wrench before anyone feels it: its zero is taken off, and its noise.
 
 use crate::filters::design_error;
+use crate::vector::norm;
 use haptograph_engine::node::BuildError;
 use haptograph_signal::filter::{SectionsState, butterworth_lowpass};
 use haptograph_signal::time::Rate;
@@ -8,44 +9,126 @@ use haptograph_signal::time::Rate;
 /// Force and torque, N and N m.
 pub(super) type Wrench = [f64; 6];
 
-/// Takes the mean of the first readings off all that follow, and filters them.
+/// Takes a zero off what is measured, and filters it.
+///
+/// The zero is the mean over a time in which force and torque are steady and the force is small: a hand on the sensor would
+/// be felt as a contact of the opposite sign for as long as the run lasts. Until there is one, nothing is felt.
 #[derive(Debug, Clone)]
 pub(super) struct Conditioner {
     zeroing: Option<Zeroing>,
     zero: Wrench,
+    /// How much of what is measured passes: it rises when the zero has been taken, so that nothing leaps.
+    reach: f64,
+    reach_per_tick: f64,
     filters: Option<[SectionsState; 6]>,
     group_delay_s: f64,
     wrench: Wrench,
 }
 
+/// When a mean is a zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ZeroSettings {
+    /// Time of the mean, s; 0: the device has taken its zero off.
+    pub window_s: f64,
+    /// The greatest force that can be an offset, N.
+    pub within_n: f64,
+    /// The most that a force may change within the time, N; a torque by as much at [`LEVER_M`].
+    pub steady_n: f64,
+}
+
+/// The lever by which a bound on forces is one on torques, m.
+const LEVER_M: f64 = 0.05;
+/// From the zero on, what is felt rises in this time, s.
+const RAMP_S: f64 = 0.01;
+
 /// The mean that is being taken.
 #[derive(Debug, Clone)]
 struct Zeroing {
-    ticks_left: u64,
+    settings: ZeroSettings,
     ticks: u64,
+    seen: u64,
     sum: Wrench,
+    least: Wrench,
+    most: Wrench,
+}
+
+/// What became of a zero in a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum ZeroNews {
+    /// It was taken.
+    Taken(Wrench),
+    /// The time is over and something moved or pressed: it begins anew.
+    Refused,
+}
+
+impl Zeroing {
+    fn new(settings: ZeroSettings, ticks: u64) -> Self {
+        Self {
+            settings,
+            ticks,
+            seen: 0,
+            sum: [0.0; 6],
+            least: [f64::INFINITY; 6],
+            most: [f64::NEG_INFINITY; 6],
+        }
+    }
+
+    fn take(&mut self, measured: Wrench) -> Option<ZeroNews> {
+        for (lane, x) in measured.into_iter().enumerate() {
+            self.sum[lane] += x;
+            self.least[lane] = self.least[lane].min(x);
+            self.most[lane] = self.most[lane].max(x);
+        }
+        self.seen += 1;
+        if self.seen < self.ticks {
+            return None;
+        }
+        let mean = self.sum.map(|sum| sum / self.ticks as f64);
+        let news = if self.is_steady() && norm([mean[0], mean[1], mean[2]]) <= self.settings.within_n {
+            ZeroNews::Taken(mean)
+        } else {
+            ZeroNews::Refused
+        };
+        *self = Self::new(self.settings, self.ticks);
+        Some(news)
+    }
+
+    fn is_steady(&self) -> bool {
+        let changes = self
+            .most
+            .iter()
+            .zip(&self.least)
+            .map(|(most, least)| most - least);
+        let bounds = [1.0, 1.0, 1.0, LEVER_M, LEVER_M, LEVER_M].map(|lever| lever * self.settings.steady_n);
+        changes.zip(bounds).all(|(change, bound)| change <= bound)
+    }
 }
 
 /// Poles of the low-pass.
 const ORDER: usize = 2;
 
 impl Conditioner {
-    /// One that averages over so long, and filters from a cut-off on.
-    pub fn new(zero_s: f64, cutoff_hz: Option<f64>, rate: Rate) -> Result<Self, BuildError> {
-        let ticks = (zero_s * rate.hz()).ceil() as u64;
+    /// One that takes a zero, unless one is known of the same sensor, and filters from a cut-off on.
+    pub fn new(
+        zero: ZeroSettings,
+        known: Option<Wrench>,
+        cutoff_hz: Option<f64>,
+        rate: Rate,
+    ) -> Result<Self, BuildError> {
+        let ticks = (zero.window_s * rate.hz()).ceil() as u64;
         let design = |cutoff_hz| butterworth_lowpass(ORDER, cutoff_hz, rate.hz());
         let filter = cutoff_hz
             .map(design)
             .transpose()
             .map_err(design_error("wrench_cutoff_hz"))?;
         let filter = filter.as_ref();
+        let known = known.filter(|_| ticks > 0);
+        let is_open = ticks > 0 && known.is_none();
         Ok(Self {
-            zeroing: (ticks > 0).then_some(Zeroing {
-                ticks_left: ticks,
-                ticks,
-                sum: [0.0; 6],
-            }),
-            zero: [0.0; 6],
+            zeroing: is_open.then(|| Zeroing::new(zero, ticks)),
+            zero: known.unwrap_or([0.0; 6]),
+            reach: if is_open { 0.0 } else { 1.0 },
+            reach_per_tick: rate.period_s() / RAMP_S,
             group_delay_s: filter.map_or(0.0, |filter| filter.group_delay_s(1.0, rate.hz())),
             filters: filter.map(|filter| std::array::from_fn(|_| SectionsState::new(filter))),
             wrench: [0.0; 6],
@@ -53,24 +136,20 @@ impl Conditioner {
     }
 
     /// A tick passes in which this was measured; nothing is where the device is not heard.
-    pub fn advance(&mut self, measured: Wrench, is_heard: bool) {
-        if let Some(zeroing) = &mut self.zeroing {
-            if is_heard {
-                zeroing
-                    .sum
-                    .iter_mut()
-                    .zip(measured)
-                    .for_each(|(sum, x)| *sum += x);
-                zeroing.ticks_left -= 1;
-            }
-            if zeroing.ticks_left > 0 {
-                return;
-            }
-            self.zero = zeroing.sum.map(|sum| sum / zeroing.ticks as f64);
-            self.zeroing = None;
+    pub fn advance(&mut self, measured: Wrench, is_heard: bool) -> Option<ZeroNews> {
+        let news = match &mut self.zeroing {
+            Some(zeroing) if is_heard => zeroing.take(measured),
+            _ => None,
+        };
+        if let Some(ZeroNews::Taken(zero)) = news {
+            (self.zero, self.zeroing) = (zero, None);
         }
+        if self.zeroing.is_some() {
+            return news;
+        }
+        self.reach = (self.reach + self.reach_per_tick).min(1.0);
         for (lane, x) in measured.into_iter().enumerate() {
-            let x = x - self.zero[lane];
+            let x = self.reach * (x - self.zero[lane]);
             self.wrench[lane] = match &mut self.filters {
                 Some(filters) => {
                     let mut y = [x];
@@ -80,9 +159,10 @@ impl Conditioner {
                 None => x,
             };
         }
+        news
     }
 
-    /// What is felt of it; zero until the mean is known.
+    /// What is felt of it; zero until the zero is known.
     pub fn wrench(&self) -> &Wrench {
         &self.wrench
     }
@@ -97,27 +177,87 @@ impl Conditioner {
 mod tests {
     use super::*;
 
-    fn conditioner(zero_s: f64, cutoff_hz: Option<f64>) -> Conditioner {
-        Conditioner::new(zero_s, cutoff_hz, Rate::new(1000, 1).unwrap()).unwrap()
+    fn conditioner(window_s: f64, cutoff_hz: Option<f64>, known: Option<Wrench>) -> Conditioner {
+        let zero = ZeroSettings {
+            window_s,
+            within_n: 10.0,
+            steady_n: 0.2,
+        };
+        Conditioner::new(zero, known, cutoff_hz, Rate::new(1000, 1).unwrap()).unwrap()
+    }
+
+    /// An offset with some noise, and a force along z.
+    fn measured(tick: usize, z_n: f64) -> Wrench {
+        let noise = if tick % 2 == 0 { 0.01 } else { -0.01 };
+        [5.0 + noise, 0.0, z_n - 8.0, 0.0, 0.2, 0.0]
     }
 
     #[test]
     fn the_mean_of_what_is_heard_first_is_taken_off() {
-        let mut sensor = conditioner(0.1, None);
-        (0..50).for_each(|_| sensor.advance([0.0; 6], false));
-        for tick in 0..100 {
-            let noise = if tick % 2 == 0 { 0.01 } else { -0.01 };
-            sensor.advance([5.0 + noise, 0.0, -8.0, 0.0, 0.2, 0.0], true);
-            assert!(tick == 99 || *sensor.wrench() == [0.0; 6]);
+        let mut sensor = conditioner(0.1, None, None);
+        (0..50).for_each(|_| assert_eq!(sensor.advance([0.0; 6], false), None));
+        for tick in 0..99 {
+            assert_eq!(sensor.advance(measured(tick, 0.0), true), None);
+            assert_eq!(*sensor.wrench(), [0.0; 6]);
         }
+        let news = sensor.advance(measured(99, 0.0), true);
+        let Some(ZeroNews::Taken(zero)) = news else {
+            panic!("{news:?}");
+        };
+        assert!((zero[0] - 5.0).abs() < 1e-9 && (zero[2] + 8.0).abs() < 1e-9);
+        (0..20).for_each(|tick| _ = sensor.advance(measured(tick, 0.0), true));
         sensor.advance([5.0, 0.0, -9.0, 0.0, 0.2, 0.0], true);
         let [x, _, z, _, torque, _] = *sensor.wrench();
         assert!(x.abs() < 1e-9 && (z + 1.0).abs() < 1e-9 && torque.abs() < 1e-9);
     }
 
     #[test]
+    fn a_hand_on_the_sensor_gives_no_zero() {
+        let mut sensor = conditioner(0.1, None, None);
+        // It presses, wavers, and lets go in the middle of the third time.
+        let hand = |tick: usize| match tick {
+            0..250 => 1.5 + 0.3 * (0.06 * tick as f64).sin(),
+            _ => 0.0,
+        };
+        let mut news = Vec::new();
+        let mut before = 0.0;
+        for tick in 0..400 {
+            news.extend(sensor.advance(measured(tick, hand(tick)), true));
+            assert!((sensor.wrench()[2] - before).abs() < 0.05, "no leap at {tick}");
+            before = sensor.wrench()[2];
+        }
+        let [
+            ZeroNews::Refused,
+            ZeroNews::Refused,
+            ZeroNews::Refused,
+            ZeroNews::Taken(zero),
+        ] = news[..]
+        else {
+            panic!("{news:?}");
+        };
+        assert!((zero[2] + 8.0).abs() < 1e-9, "no phantom contact: {zero:?}");
+        // What is as steady as an offset but heavier than one can be is none either.
+        let mut sensor = conditioner(0.1, None, None);
+        let heavy = (0..100).find_map(|tick| sensor.advance(measured(tick, -3.0), true));
+        assert_eq!(heavy, Some(ZeroNews::Refused));
+    }
+
+    #[test]
+    fn a_known_zero_is_taken_at_once_and_not_anew() {
+        let mut sensor = conditioner(0.1, None, Some([5.0, 0.0, -8.0, 0.0, 0.2, 0.0]));
+        for tick in 0..300 {
+            assert_eq!(
+                sensor.advance([5.0, 0.0, -7.0, 0.0, 0.2, 0.0], true),
+                None,
+                "{tick}"
+            );
+            assert_eq!(*sensor.wrench(), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        }
+    }
+
+    #[test]
     fn it_is_the_wrench_itself_where_nothing_is_asked_for() {
-        let mut sensor = conditioner(0.0, None);
+        let mut sensor = conditioner(0.0, None, Some([1.0; 6]));
         sensor.advance([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], true);
         assert_eq!(*sensor.wrench(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(sensor.group_delay_s(), 0.0);
@@ -125,7 +265,7 @@ mod tests {
 
     #[test]
     fn noise_is_filtered_and_a_steady_force_stays() {
-        let mut sensor = conditioner(0.0, Some(20.0));
+        let mut sensor = conditioner(0.0, Some(20.0), None);
         let mut largest: f64 = 0.0;
         for tick in 0..2000 {
             let noise = if tick % 2 == 0 { 0.1 } else { -0.1 };
@@ -137,11 +277,12 @@ mod tests {
         assert!(largest < 1e-3, "{largest}");
         // Of a second-order Butterworth low-pass: sqrt(2) / (2 pi cut-off).
         assert!((sensor.group_delay_s() - 0.0113).abs() < 1e-4);
-        assert_eq!(
-            Conditioner::new(0.0, Some(600.0), Rate::new(1000, 1).unwrap())
-                .unwrap_err()
-                .field,
-            Some("wrench_cutoff_hz")
-        );
+        let zero = ZeroSettings {
+            window_s: 0.0,
+            within_n: 10.0,
+            steady_n: 0.2,
+        };
+        let refused = Conditioner::new(zero, None, Some(600.0), Rate::new(1000, 1).unwrap());
+        assert_eq!(refused.unwrap_err().field, Some("wrench_cutoff_hz"));
     }
 }

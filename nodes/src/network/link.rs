@@ -73,6 +73,8 @@ pub struct Counts {
     pub strangers: u64,
     /// Taken over, but the tip had moved as no hand moves it.
     pub jumps: u64,
+    /// Times that no zero of force and torque was taken, as something moved or pressed.
+    pub refused_zeros: u64,
 }
 
 /// Both ways of a device, and what was counted.
@@ -80,11 +82,13 @@ pub struct Counts {
 pub(super) struct Link {
     pub sensed: Latest<SENSED>,
     pub driven: Latest<DRIVEN>,
+    /// The zero of force and torque that was taken, if one was: it outlives the devices of edits.
+    pub zero: Latest<6>,
     /// How old what is sensed is when it is read.
     pub ages: Arc<AgeMeter>,
     /// Whether the device is heard, as its ticks see it.
     pub input: Arc<InputCell>,
-    counts: [AtomicU64; 8],
+    counts: [AtomicU64; 9],
 }
 
 /// Which of the counts.
@@ -98,6 +102,7 @@ pub(super) enum Count {
     TooLarge,
     Strangers,
     Jumps,
+    RefusedZeros,
 }
 
 impl Link {
@@ -105,6 +110,7 @@ impl Link {
         Self {
             sensed: Latest::new(),
             driven: Latest::new(),
+            zero: Latest::new(),
             ages: Arc::default(),
             input: Arc::default(),
             counts: std::array::from_fn(|_| AtomicU64::new(0)),
@@ -139,6 +145,7 @@ impl Link {
             too_large,
             strangers,
             jumps,
+            refused_zeros,
         ] = std::array::from_fn(|i| self.counts[i].load(Ordering::Relaxed));
         Counts {
             accepted,
@@ -149,6 +156,7 @@ impl Link {
             too_large,
             strangers,
             jumps,
+            refused_zeros,
         }
     }
 }

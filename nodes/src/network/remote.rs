@@ -1,7 +1,7 @@
 //! The device at the other end, as ticks see it: its latest news while they are fresh, and whether they are. What it and
 //! others are driven by while they are not is the engine's business.
 
-use super::conditioner::Conditioner;
+use super::conditioner::{Conditioner, ZeroNews, ZeroSettings};
 use super::evdev::Input;
 use super::link::{Count, DRIVEN, Link, Reader, SENSED};
 use super::socket::{Codec, Plug};
@@ -35,9 +35,14 @@ haptograph_engine::settings! {
         on_silence: OnSilence = OnSilence::Zero;
         /// A tip that seems to move faster has jumped, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
-        /// Zero of the force and torque: their mean over so long from when the device is first heard, untouched, s. Until
-        /// then they read zero. 0: the device has taken its zero off.
+        /// Zero of the force and torque: their mean over so long, s, from when the device is first heard. Until there is one they
+        /// read zero. It is taken only where they are steady (`zero_steady_n`) and the force is small (`zero_within_n`), and once
+        /// a run: an edit keeps it. 0: the device has taken its zero off.
         zero_s: f64 = 0.0, in 0.0..=60.0;
+        /// The greatest force that can be an offset, N; more is something that presses, and no zero is taken.
+        zero_within_n: f64 = 10.0, in 0.0..=1e6;
+        /// The most that a force may change in `zero_s`, N, and a torque by as much at 50 mm; more is a hand, and it is taken anew.
+        zero_steady_n: f64 = 0.2, in 0.0..=1e6;
         /// Cut-off of a second-order low-pass on force and torque, below half the rate; none: as they come.
         wrench_cutoff_hz: Option<f64> = None, in 1e-3..=1e6;
     }
@@ -139,7 +144,14 @@ impl DeviceKind for UdpDevice {
             fastest_m_s: settings.fastest_mm_s * 1e-3,
             holds: settings.on_silence == OnSilence::Hold,
         };
-        let conditioner = Conditioner::new(settings.zero_s, settings.wrench_cutoff_hz, cx.rate)?;
+        let zero = ZeroSettings {
+            window_s: settings.zero_s,
+            within_n: settings.zero_within_n,
+            steady_n: settings.zero_steady_n,
+        };
+        let known = plug.link.zero.look().filter(|(puts, _)| *puts > 0);
+        let known = known.map(|(_, zero)| zero);
+        let conditioner = Conditioner::new(zero, known, settings.wrench_cutoff_hz, cx.rate)?;
         let remote = Remote::new(Way::Socket(plug), watch, cx);
         Ok(Box::new(Remote {
             conditioner: Some(conditioner),
@@ -264,7 +276,11 @@ impl Device for Remote {
         self.reader.link.input.set(state);
         if let Some(conditioner) = &mut self.conditioner {
             let measured = std::array::from_fn(|lane| self.latest[WRENCH + lane]);
-            conditioner.advance(measured, state == InputState::Heard);
+            match conditioner.advance(measured, state == InputState::Heard) {
+                Some(ZeroNews::Taken(zero)) => self.reader.link.zero.put(&zero),
+                Some(ZeroNews::Refused) => self.reader.link.count(Count::RefusedZeros, 1),
+                None => {}
+            }
         }
         let step = match state {
             InputState::Heard => self.period_s / RAMP_S,

@@ -14,7 +14,7 @@ haptograph_engine::settings! {
     /// Settings of [`ContactSpeed`].
     pub struct ContactSpeedSettings {
         /// Cut-off of the second-order low-pass, below half the rate.
-        cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
+        [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
     }
 }
 
@@ -89,6 +89,12 @@ impl Processor for Sliding {
                 [0.0; 3]
             };
             *speed = norm(*along);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 {
+            self.estimator.turn(value);
         }
     }
 

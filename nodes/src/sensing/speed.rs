@@ -1,7 +1,7 @@
 //! Velocity and speed from sampled positions: differentiated, then low-passed (3.1.1, A.3.2).
 
 use crate::vector::norm;
-use haptograph_signal::filter::{DesignError, Sections, SectionsState, butterworth_lowpass, double_pole};
+use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 
 /// How the velocity is smoothed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,9 +24,23 @@ pub enum SpeedFilter {
 impl SpeedFilter {
     /// The filter at a sensor's rate.
     pub fn design(&self, rate_hz: f64) -> Result<Sections, DesignError> {
+        self.prototype()?
+            .at([self.frequency(); 2], rate_hz)
+            .map(Sections::from)
+    }
+
+    fn prototype(&self) -> Result<Prototype, DesignError> {
         match *self {
-            Self::Butterworth { order, cutoff_hz } => butterworth_lowpass(order, cutoff_hz, rate_hz),
-            Self::DoublePole { lambda_rad_s } => double_pole(lambda_rad_s, rate_hz),
+            Self::Butterworth { order, .. } => Prototype::butterworth_lowpass(order),
+            Self::DoublePole { .. } => Ok(Prototype::double_pole()),
+        }
+    }
+
+    /// Its cut-off, Hz, or its poles, rad/s.
+    fn frequency(&self) -> f64 {
+        match *self {
+            Self::Butterworth { cutoff_hz, .. } => cutoff_hz,
+            Self::DoublePole { lambda_rad_s } => lambda_rad_s,
         }
     }
 }
@@ -35,6 +49,9 @@ impl SpeedFilter {
 #[derive(Debug, Clone)]
 pub struct SpeedEstimator<const N: usize> {
     rate_hz: f64,
+    prototype: Prototype,
+    /// What the filters were last asked for, as [`SpeedFilter::frequency`] says it.
+    frequency: f64,
     filters: [SectionsState; N],
     delay_s: f64,
     previous_m: Option<[f64; N]>,
@@ -47,6 +64,8 @@ impl<const N: usize> SpeedEstimator<N> {
         let sections = filter.design(rate_hz)?;
         Ok(Self {
             rate_hz,
+            prototype: filter.prototype()?,
+            frequency: filter.frequency(),
             delay_s: sections.group_delay_s(0.0, rate_hz) + 0.5 / rate_hz,
             filters: std::array::from_fn(|_| SectionsState::new(&sections)),
             previous_m: None,
@@ -76,12 +95,29 @@ impl<const N: usize> SpeedEstimator<N> {
         self.filters.iter_mut().for_each(SectionsState::reset);
     }
 
+    /// Turns the filter to another cut-off, Hz, or to other poles, rad/s; it goes on from the velocity that it has. What is no
+    /// filter leaves it as it is. The stated delay stays that of the filter it was made with.
+    pub fn turn(&mut self, frequency: f64) {
+        if frequency == self.frequency {
+            return;
+        }
+        if let Ok(sections) = self.prototype.at([frequency; 2], self.rate_hz) {
+            self.frequency = frequency;
+            self.filters.iter_mut().for_each(|filter| filter.turn(&sections));
+        }
+    }
+
     /// Goes on from where another estimator is.
     pub fn copy_state_from(&mut self, other: &Self) {
         (self.previous_m, self.velocity_m_s) = (other.previous_m, other.velocity_m_s);
-        for (filter, other) in self.filters.iter_mut().zip(&other.filters) {
-            filter.copy_state_from(other);
+        if self.prototype != other.prototype {
+            return;
         }
+        for (filter, other) in self.filters.iter_mut().zip(&other.filters) {
+            filter.take_over(other);
+        }
+        let wanted = std::mem::replace(&mut self.frequency, other.frequency);
+        self.turn(wanted);
     }
 
     /// The latest velocity, m/s.
@@ -162,5 +198,28 @@ mod tests {
         });
         let before = estimator.velocity_m_s();
         assert_eq!(estimator.update([f64::NAN]), before);
+    }
+
+    #[test]
+    fn a_turned_estimator_goes_on_at_its_speed() {
+        for (filter, others) in [
+            (TABLET, [5.0, 50.0, 500.0, f64::NAN]),
+            (
+                SpeedFilter::DoublePole { lambda_rad_s: 125.0 },
+                [30.0, 300.0, -1.0, 0.0],
+            ),
+        ] {
+            let mut estimator = SpeedEstimator::<1>::new(filter, 125.0).unwrap();
+            let mut way = 0.0;
+            let mut step = |estimator: &mut SpeedEstimator<1>| {
+                way += 1e-3;
+                estimator.update([way])
+            };
+            (0..500).for_each(|_| _ = step(&mut estimator));
+            for other in others {
+                estimator.turn(other);
+                (0..20).for_each(|_| assert!((step(&mut estimator)[0] - 0.125).abs() < 1e-7, "{other}"));
+            }
+        }
     }
 }

@@ -25,7 +25,7 @@ haptograph_engine::settings! {
     /// Settings of [`SpeedEstimator`].
     pub struct SpeedEstimatorSettings {
         /// Cut-off of the low-pass, below half the rate of the position.
-        cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
+        [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
         /// Which low-pass.
         smoothing: Smoothing = Smoothing::Butterworth;
     }
@@ -77,20 +77,28 @@ impl NodeKind for SpeedEstimator {
             );
             return Err(BuildError::at("cutoff_hz", message).help("lower it; hands move below 20 Hz"));
         }
-        let filter = match settings.smoothing {
-            Smoothing::Butterworth => SpeedFilter::Butterworth { order: 2, cutoff_hz },
-            Smoothing::DoublePole => SpeedFilter::DoublePole {
-                lambda_rad_s: TAU * cutoff_hz,
-            },
+        let (filter, per_hz) = match settings.smoothing {
+            Smoothing::Butterworth => (SpeedFilter::Butterworth { order: 2, cutoff_hz }, 1.0),
+            Smoothing::DoublePole => {
+                let lambda_rad_s = TAU * cutoff_hz;
+                (SpeedFilter::DoublePole { lambda_rad_s }, TAU)
+            }
         };
         let estimator = speed::SpeedEstimator::new(filter, rate_hz).map_err(design_error("cutoff_hz"))?;
-        Ok(Box::new(Estimating { estimator }))
+        Ok(Box::new(Estimating {
+            estimator,
+            per_hz,
+            nyquist_hz: rate_hz / 2.0,
+        }))
     }
 }
 
 #[derive(Debug, Clone)]
 struct Estimating {
     estimator: speed::SpeedEstimator<3>,
+    /// What its filter is turned to for a cut-off of 1 Hz.
+    per_hz: f64,
+    nyquist_hz: f64,
 }
 
 impl Processor for Estimating {
@@ -106,6 +114,12 @@ impl Processor for Estimating {
             }
             *velocity = self.estimator.velocity_m_s();
             *speed = self.estimator.speed_m_s();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 0 && value < self.nyquist_hz {
+            self.estimator.turn(self.per_hz * value);
         }
     }
 

@@ -36,11 +36,11 @@ haptograph_engine::settings! {
         /// What the texture responds to.
         condition: Condition = Condition::ForceAndSpeed;
         /// Speed where it does not respond to speed, mm/s.
-        constant_mm_s: f64 = 130.0, in 0.0..=10_000.0;
+        [live] constant_mm_s: f64 = 130.0, in 0.0..=10_000.0;
         /// Force where it does not respond to force, N.
-        constant_n: f64 = 1.2, in 0.0..=1000.0;
+        [live] constant_n: f64 = 1.2, in 0.0..=1000.0;
         /// Slower than this counts as rest where it does not respond to speed, mm/s.
-        rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
+        [live] rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
     }
 }
 
@@ -102,6 +102,16 @@ impl Processor for Responding {
                 Some(_) => 0.0,
                 None => f,
             };
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        // What it responds to stays as it is.
+        match setting {
+            1 => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
+            2 => self.force_n = self.force_n.map(|_| value),
+            3 => self.rest_m_s = value * 1e-3,
+            _ => {}
         }
     }
 }

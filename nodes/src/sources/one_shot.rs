@@ -1,7 +1,7 @@
 //! A recording that an event starts.
 
 use super::made;
-use super::wav::{Channel, read};
+use super::wav::read;
 use crate::successor;
 use haptograph_engine::frame::{Event, Kind};
 use haptograph_engine::node::{
@@ -18,7 +18,7 @@ haptograph_engine::settings! {
         /// Which channel, from 0.
         channel: u32 = 0;
         /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
-        full_scale: f64 = 1.0;
+        [live] full_scale: f64 = 1.0;
         /// What it is, by name.
         quantity: String = "number".into();
         /// A factor by the event's value, which is divided by this, in the SI unit of the event; none: always the same.
@@ -46,13 +46,9 @@ impl NodeKind for OneShot {
     };
 
     fn build(settings: OneShotSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let channel = Channel {
-            file: &settings.file,
-            channel: settings.channel,
-            full_scale: settings.full_scale,
-        };
         Ok(Box::new(Playing {
-            samples: read(&channel, cx.rate.hz())?.into(),
+            samples: read(&settings.file, settings.channel, cx.rate.hz())?.into(),
+            full_scale: settings.full_scale,
             per_value: settings.per_value,
             at: usize::MAX,
             factor: 1.0,
@@ -63,6 +59,7 @@ impl NodeKind for OneShot {
 #[derive(Debug, Clone)]
 struct Playing {
     samples: Arc<[f64]>,
+    full_scale: f64,
     per_value: Option<f64>,
     /// The next sample.
     at: usize,
@@ -82,8 +79,14 @@ impl Processor for Playing {
             *y = self
                 .samples
                 .get(self.at)
-                .map_or(0.0, |sample| self.factor * sample);
+                .map_or(0.0, |sample| self.factor * (sample * self.full_scale));
             self.at = self.at.saturating_add(1);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 2 {
+            self.full_scale = value;
         }
     }
 

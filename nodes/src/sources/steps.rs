@@ -108,9 +108,9 @@ haptograph_engine::settings! {
     /// Settings of [`Step`].
     pub struct StepSettings {
         /// Value before the step, in the SI unit of `quantity`.
-        before: f64 = 0.0;
+        [live] before: f64 = 0.0;
         /// Value from the step on, in the SI unit of `quantity`.
-        after: f64 = 1.0;
+        [live] after: f64 = 1.0;
         /// When it steps.
         at_s: f64 = 0.0, in 0.0..=1e9;
         /// What it is, by name.
@@ -147,9 +147,9 @@ haptograph_engine::settings! {
     /// Settings of [`Ramp`].
     pub struct RampSettings {
         /// Value up to the start, in the SI unit of `quantity`.
-        from: f64 = 0.0;
+        [live] from: f64 = 0.0;
         /// Value from the end on, in the SI unit of `quantity`.
-        to: f64 = 1.0;
+        [live] to: f64 = 1.0;
         /// When it starts.
         start_s: f64 = 0.0, in 0.0..=1e9;
         /// How long it takes.
@@ -206,15 +206,23 @@ impl Processor for Line {
             };
         }
     }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            0 => self.from = value,
+            1 => self.to = value,
+            _ => {}
+        }
+    }
 }
 
 haptograph_engine::settings! {
     /// Settings of [`Pulse`].
     pub struct PulseSettings {
         /// Value between the pulses, in the SI unit of `quantity`.
-        low: f64 = 0.0;
+        [live] low: f64 = 0.0;
         /// Value during a pulse, in the SI unit of `quantity`.
-        high: f64 = 1.0;
+        [live] high: f64 = 1.0;
         /// When the first pulse starts.
         start_s: f64 = 0.0, in 0.0..=1e9;
         /// How long each takes.
@@ -283,6 +291,14 @@ impl Processor for Pulsing {
             *y = if high { self.high } else { self.low };
         }
     }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            0 => self.low = value,
+            1 => self.high = value,
+            _ => {}
+        }
+    }
 }
 
 #[cfg(test)]
@@ -336,7 +352,14 @@ mod tests {
             duration_s: 0.4,
             quantity: number(),
         };
-        assert_eq!(run::<Ramp>(settings, 7), [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]);
+        assert_eq!(
+            run::<Ramp>(settings.clone(), 7),
+            [1.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.0]
+        );
+        let mut bench = Bench::new::<Ramp>(settings, 10.0, &[]).unwrap();
+        bench.processor().set(0, 3.0);
+        bench.processor().set(1, 1.0);
+        assert_eq!(bench.run_source(4), [[3.0, 3.0, 2.5, 2.0]]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{AtEnd, made};
-use crate::wav::{WavError, read_channel, read_layout};
+use crate::wav::{Layout, WavError, read_channel, read_layout};
 
 haptograph_engine::settings! {
     /// Settings of [`WavSource`].
@@ -17,7 +17,7 @@ haptograph_engine::settings! {
         /// Which channel, from 0.
         channel: u32 = 0;
         /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
-        full_scale: f64 = 1.0;
+        [live] full_scale: f64 = 1.0;
         /// What it is, by name.
         quantity: String = "number".into();
         /// What follows the last sample.
@@ -44,33 +44,24 @@ impl NodeKind for WavSource {
     };
 
     fn build(settings: WavSourceSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        let channel = Channel {
-            file: &settings.file,
-            channel: settings.channel,
+        let samples = read(&settings.file, settings.channel, cx.rate.hz())?;
+        Ok(Box::new(WavPlayback {
+            playback: Playback {
+                samples: samples.into(),
+                at_end: settings.at_end.or_loop(settings.repeat),
+            },
             full_scale: settings.full_scale,
-        };
-        let samples = read(&channel, cx.rate.hz())?;
-        Ok(Box::new(Playback {
-            samples: samples.into(),
-            at_end: settings.at_end.or_loop(settings.repeat),
         }))
     }
 }
 
-/// One channel of a WAV file, from 0, and what a sample of 1.0 stands for.
-pub(super) struct Channel<'a> {
-    pub file: &'a Path,
-    pub channel: u32,
-    pub full_scale: f64,
+/// All samples of one channel of a WAV file, counted from 0, as parts of full scale. The file has to have the rate.
+pub(super) fn read(file: &Path, channel: u32, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
+    let check = |layout: &Layout| check_rate(layout, rate_hz);
+    read_at_any_rate(file, channel, MAX_RECORDING_BYTES, check).map(|(samples, _)| samples)
 }
 
-/// All its samples.
-pub(super) fn read(wanted: &Channel<'_>, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
-    let failed = |error: WavError| unreadable(wanted.file, &error);
-    let file = files::open(wanted.file, MAX_RECORDING_BYTES).map_err(|error| failed(error.into()))?;
-    // Regular, and not longer than that: the layout is read by its length.
-    let mut file = BufReader::new(file.as_file());
-    let layout = read_layout(&mut file).map_err(failed)?;
+fn check_rate(layout: &Layout, rate_hz: f64) -> Result<(), BuildError> {
     if f64::from(layout.rate_hz) != rate_hz {
         let message = format!(
             "the file has {} Hz, the node's clock {rate_hz} Hz",
@@ -82,14 +73,29 @@ pub(super) fn read(wanted: &Channel<'_>, rate_hz: f64) -> Result<Vec<f64>, Build
         );
         return Err(BuildError::at("file", message).help(help));
     }
-    let (channel, channels) = (wanted.channel as usize, usize::from(layout.channels));
+    Ok(())
+}
+
+/// The same of a file of any rate that passes a check and is not longer than so many bytes, and its rate in Hz.
+pub(super) fn read_at_any_rate(
+    path: &Path,
+    channel: u32,
+    max_bytes: u64,
+    check: impl FnOnce(&Layout) -> Result<(), BuildError>,
+) -> Result<(Vec<f64>, f64), BuildError> {
+    let failed = |error: WavError| unreadable(path, &error);
+    let file = files::open(path, max_bytes).map_err(|error| failed(error.into()))?;
+    // Regular, and not longer than that: the layout is read by its length.
+    let mut file = BufReader::new(file.as_file());
+    let layout = read_layout(&mut file).map_err(failed)?;
+    check(&layout)?;
+    let (channel, channels) = (channel as usize, usize::from(layout.channels));
     if channel >= channels {
         let message = format!("the file has {channels} channels, counted from 0");
         return Err(BuildError::at("channel", message));
     }
-    let mut samples = read_channel(&mut file, &layout, channel).map_err(failed)?;
-    samples.iter_mut().for_each(|sample| *sample *= wanted.full_scale);
-    Ok(samples)
+    let samples = read_channel(&mut file, &layout, channel).map_err(failed)?;
+    Ok((samples, f64::from(layout.rate_hz)))
 }
 
 fn unreadable(file: &Path, error: &WavError) -> BuildError {
@@ -110,7 +116,8 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    fn at(&self, tick: u64) -> f64 {
+    /// The sample of a tick; none in the silence after them.
+    fn at(&self, tick: u64) -> Option<f64> {
         let length = self.samples.len() as u64;
         let sample = match self.at_end {
             AtEnd::Loop if length > 0 => tick % length,
@@ -119,19 +126,45 @@ impl Playback {
             _ => tick,
         };
         let sample = usize::try_from(sample).ok().and_then(|at| self.samples.get(at));
-        sample.copied().unwrap_or(0.0)
+        sample.copied()
     }
 }
 
 impl Processor for Playback {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
-            *y = self.at(now);
+            *y = self.at(now).unwrap_or(0.0);
         }
     }
 
     fn data_end(&self) -> Option<DataEnd> {
         self.at_end.after(self.samples.len() as u64)
+    }
+}
+
+/// The same times what full scale stands for.
+#[derive(Debug, Clone)]
+struct WavPlayback {
+    playback: Playback,
+    full_scale: f64,
+}
+
+impl Processor for WavPlayback {
+    fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
+        for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
+            let sample = self.playback.at(now);
+            *y = sample.map_or(0.0, |sample| sample * self.full_scale);
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if setting == 2 {
+            self.full_scale = value;
+        }
+    }
+
+    fn data_end(&self) -> Option<DataEnd> {
+        self.playback.data_end()
     }
 }
 

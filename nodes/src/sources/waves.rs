@@ -4,13 +4,14 @@ use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, 
 use std::f64::consts::TAU;
 
 use super::made;
+use crate::fallback::{Fallback, frequency_input};
 use crate::successor;
 
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
     pub struct SineSettings {
-        /// Its frequency, below half the rate.
-        [live, below_nyquist] frequency_hz: f64, in 0.0..=1e9;
+        /// Its frequency, below half the rate; needed where `frequency` is not connected.
+        [live, below_nyquist] frequency_hz: Option<f64> = None, in 0.0..=1e9;
         /// Its amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
         /// Phase at the start, as an angle of the sine.
@@ -19,6 +20,12 @@ haptograph_engine::settings! {
         quantity: String = "number".into();
     }
 }
+
+const FREQUENCY: Fallback = Fallback {
+    input: 0,
+    port: "frequency",
+    field: "frequency_hz",
+};
 
 /// A sine.
 pub struct Sine;
@@ -30,21 +37,32 @@ impl NodeKind for Sine {
         group: "sources",
         doc: "A sine. A new frequency goes on from the phase that was reached.",
         source: "",
-        inputs: &[],
+        inputs: &[frequency_input(
+            "frequency",
+            "The frequency in place of `frequency_hz`, tick by tick, kept within 0.499 of the rate; backwards below zero; NaN or \
+             infinite: as before.",
+        )],
         outputs: &[made("The sine.")],
         example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#,
     };
 
     fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        below_half_the_rate("frequency_hz", settings.frequency_hz, cx)?;
+        // Of one that comes as a signal nothing is known before its first tick.
+        let frequency_hz = FREQUENCY.setting(settings.frequency_hz, cx)?.unwrap_or(0.0);
+        below_half_the_rate("frequency_hz", frequency_hz, cx)?;
         Ok(Box::new(Oscillator {
-            turns_per_tick: settings.frequency_hz / cx.rate.hz(),
+            turns_per_tick: frequency_hz / cx.rate.hz(),
             amplitude: settings.amplitude,
             anchor: 0,
             anchor_turns: settings.phase_deg / 360.0,
             next: 0,
             rate_hz: cx.rate.hz(),
+            follows: FREQUENCY.is_connected(cx),
         }))
+    }
+
+    fn advice(settings: &SineSettings, cx: &BuildContext) -> Vec<BuildError> {
+        FREQUENCY.advice(settings.frequency_hz, cx).into_iter().collect()
     }
 }
 
@@ -68,17 +86,36 @@ struct Oscillator {
     /// The tick that comes next.
     next: u64,
     rate_hz: f64,
+    /// Is its frequency a signal?
+    follows: bool,
 }
 
 impl Oscillator {
     fn turns_at(&self, tick: u64) -> f64 {
         self.anchor_turns + (tick - self.anchor) as f64 * self.turns_per_tick
     }
+
+    /// The same where each tick has a frequency of its own: the phase is their sum.
+    fn follow(&mut self, frequency_hz: &[f64], y: &mut [f64]) {
+        let mut turns = self.anchor_turns;
+        for (y, hz) in y.iter_mut().zip(frequency_hz) {
+            if hz.is_finite() {
+                self.turns_per_tick = (hz / self.rate_hz).clamp(-0.499, 0.499);
+            }
+            *y = self.amplitude * (TAU * (turns - turns.floor())).sin();
+            turns += self.turns_per_tick;
+            turns -= turns.floor();
+        }
+        (self.anchor, self.anchor_turns) = (self.next, turns);
+    }
 }
 
 impl Processor for Oscillator {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         self.next = tick.first + tick.frames as u64;
+        if self.follows {
+            return self.follow(io.lanes(0), io.out(0));
+        }
         for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
             let turns = self.turns_at(now);
             *y = self.amplitude * (TAU * (turns - turns.floor())).sin();
@@ -87,6 +124,7 @@ impl Processor for Oscillator {
 
     fn set(&mut self, setting: usize, value: f64) {
         match setting {
+            0 if self.follows => {}
             0 => {
                 let turns = self.turns_at(self.next);
                 (self.anchor, self.anchor_turns) = (self.next, turns - turns.floor());
@@ -99,6 +137,9 @@ impl Processor for Oscillator {
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
+            if self.follows && new.follows {
+                new.turns_per_tick = self.turns_per_tick;
+            }
             let turns = self.turns_at(self.next);
             (new.anchor, new.next) = (self.next, self.next);
             new.anchor_turns = turns - turns.floor();
@@ -124,9 +165,9 @@ haptograph_engine::settings! {
     /// Settings of [`Chirp`].
     pub struct ChirpSettings {
         /// Frequency at the start.
-        from_hz: f64 = 10.0, in 1e-6..=1e9;
+        [live, below_nyquist] from_hz: f64 = 10.0, in 1e-6..=1e9;
         /// Frequency at the end, below half the rate.
-        to_hz: f64 = 500.0, in 1e-6..=1e9;
+        [live, below_nyquist] to_hz: f64 = 500.0, in 1e-6..=1e9;
         /// How long the sweep takes; silence follows.
         duration_s: f64 = 10.0, in 1e-6..=1e9;
         /// Amplitude, in the SI unit of `quantity`.
@@ -146,7 +187,8 @@ impl NodeKind for Chirp {
     const SPEC: NodeSpec = NodeSpec {
         name: "Chirp",
         group: "sources",
-        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator by.",
+        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator by. Another frequency of its \
+              ends goes on from the phase that was reached.",
         source: "",
         inputs: &[],
         outputs: &[made("The sweep.")],
@@ -156,13 +198,23 @@ impl NodeKind for Chirp {
     fn build(settings: ChirpSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         below_half_the_rate("from_hz", settings.from_hz, cx)?;
         below_half_the_rate("to_hz", settings.to_hz, cx)?;
-        Ok(Box::new(Sweeping { settings }))
+        Ok(Box::new(Sweeping {
+            settings,
+            ahead_turns: 0.0,
+            next_s: 0.0,
+            rate_hz: cx.rate.hz(),
+        }))
     }
 }
 
 #[derive(Debug, Clone)]
 struct Sweeping {
     settings: ChirpSettings,
+    /// By how much the phase is ahead of that of a sweep that always had these frequencies.
+    ahead_turns: f64,
+    /// When the next tick is.
+    next_s: f64,
+    rate_hz: f64,
 }
 
 impl Sweeping {
@@ -175,11 +227,18 @@ impl Sweeping {
         } = self.settings;
         let part = time_s / duration_s;
         let octaves = (to_hz / from_hz).ln();
-        if self.settings.sweep == Sweep::Linear || octaves.abs() < 1e-9 {
+        let turns = if self.settings.sweep == Sweep::Linear || octaves.abs() < 1e-9 {
             time_s * (from_hz + 0.5 * (to_hz - from_hz) * part)
         } else {
             from_hz * duration_s / octaves * (octaves * part).exp_m1()
-        }
+        };
+        turns + self.ahead_turns
+    }
+
+    /// Goes on from a phase that was reached.
+    fn go_on_from(&mut self, turns: f64) {
+        let ahead = self.ahead_turns + turns - self.turns_at(self.next_s);
+        self.ahead_turns = ahead - ahead.floor();
     }
 }
 
@@ -195,11 +254,33 @@ impl Processor for Sweeping {
                 0.0
             };
         }
+        self.next_s = tick.time_s(tick.frames);
     }
 
     fn set(&mut self, setting: usize, value: f64) {
-        if setting == 3 {
-            self.settings.amplitude = value;
+        if !value.is_finite() {
+            return;
+        }
+        // As when it is built: above zero and below half the rate.
+        let hz = value.clamp(1e-6, (0.5 * self.rate_hz).next_down());
+        let reached = self.turns_at(self.next_s);
+        match setting {
+            0 => self.settings.from_hz = hz,
+            1 => self.settings.to_hz = hz,
+            3 => self.settings.amplitude = value,
+            _ => return,
+        }
+        if setting != 3 {
+            self.go_on_from(reached);
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            (new.next_s, new.ahead_turns) = (self.next_s, self.ahead_turns);
+            if new.settings != self.settings {
+                new.go_on_from(self.turns_at(self.next_s));
+            }
         }
     }
 }
@@ -211,7 +292,7 @@ mod tests {
 
     fn sine(frequency_hz: f64, phase_deg: f64) -> Bench {
         let settings = SineSettings {
-            frequency_hz,
+            frequency_hz: Some(frequency_hz),
             amplitude: 2.0,
             phase_deg,
             quantity: "number".into(),
@@ -252,6 +333,9 @@ mod tests {
             };
             let chirp = Sweeping {
                 settings: settings.clone(),
+                ahead_turns: 0.0,
+                next_s: 0.0,
+                rate_hz: 1000.0,
             };
             let frequency_at = |t: f64| (chirp.turns_at(t + 1e-6) - chirp.turns_at(t - 1e-6)) / 2e-6;
             assert!((frequency_at(0.0) - 10.0).abs() < 1e-3);
@@ -267,12 +351,64 @@ mod tests {
     #[test]
     fn frequencies_beyond_half_the_rate_are_refused() {
         let settings = SineSettings {
-            frequency_hz: 500.0,
+            frequency_hz: Some(500.0),
             amplitude: 1.0,
             phase_deg: 0.0,
             quantity: "number".into(),
         };
         let refused = Bench::new::<Sine>(settings, 1000.0, &[]).err();
         assert_eq!(refused.and_then(|e| e.field), Some("frequency_hz"));
+    }
+
+    #[test]
+    fn a_frequency_that_is_a_signal_adds_up_to_the_phase() {
+        let settings = SineSettings {
+            frequency_hz: None,
+            amplitude: 2.0,
+            phase_deg: 0.0,
+            quantity: "number".into(),
+        };
+        assert!(Bench::new::<Sine>(settings.clone(), 1000.0, &[]).is_err());
+        let mut bench =
+            Bench::new::<Sine>(settings, 1000.0, &[haptograph_engine::frame::Kind::Scalar]).unwrap();
+        let frequency: Vec<f64> = (0..400)
+            .map(|k| match k {
+                0..100 => 20.0,
+                100..200 => 40.0,
+                200..300 => f64::NAN,
+                _ => -40.0,
+            })
+            .collect();
+        let y = bench.run_in_blocks(&[&frequency], &[1, 64, 7]).remove(0);
+        for (k, y) in y.iter().enumerate() {
+            // 2 turns in the first hundred ticks, then 4, 4, and 4 back.
+            let turns = match k {
+                0..100 => 0.02 * k as f64,
+                100..300 => 0.04 * (k - 100) as f64,
+                _ => -0.04 * (k - 300) as f64,
+            };
+            assert!((y - 2.0 * (TAU * turns).sin()).abs() < 1e-9, "{k}");
+        }
+    }
+
+    #[test]
+    fn a_chirp_that_is_turned_goes_on_from_its_phase() {
+        let settings = ChirpSettings {
+            from_hz: 10.0,
+            to_hz: 100.0,
+            duration_s: 4.0,
+            amplitude: 1.0,
+            sweep: Sweep::Logarithmic,
+            quantity: "current".into(),
+        };
+        let mut bench = Bench::new::<Chirp>(settings, 1000.0, &[]).unwrap();
+        let mut before = bench.run_source(500).remove(0)[499];
+        for (place, hz) in [(1, 60.0), (0, 30.0), (1, 1e9), (0, f64::NAN), (1, 80.0)] {
+            bench.processor().set(place, hz);
+            let y = bench.run_source(1).remove(0)[0];
+            // A tick at 100 Hz turns it by no more than this.
+            assert!((y - before).abs() < TAU * 0.1, "{place} {hz}: {before} to {y}");
+            before = y;
+        }
     }
 }

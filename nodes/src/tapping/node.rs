@@ -21,7 +21,7 @@ haptograph_engine::settings! {
         /// The surface whose taps are played, relative to the graph file.
         surface: PathBuf;
         /// Effective mass of handle and hand, g: acceleration becomes force.
-        mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
+        [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
         /// Time in free space after which the next contact can be a tap, ms.
         rearm_ms: f64 = OnsetSettings::default().rearm_s * 1e3, in 0.0..=10_000.0;
         /// Slowest tap, mm/s.
@@ -128,6 +128,12 @@ impl Processor for Striking {
                 value: struck.unwrap_or(0.0),
             }
             .to_lanes();
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        if let (1, Some(transient)) = (setting, &mut self.transient) {
+            transient.mass_kg = value * 1e-3;
         }
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub struct Transient {
     taps: Arc<Taps>,
-    mass_kg: f64,
+    pub(super) mass_kg: f64,
     /// Speed of the tap that rings, m/s, and the sample it has come to.
     ringing: Option<(f64, usize)>,
 }

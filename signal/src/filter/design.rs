@@ -3,6 +3,7 @@
 use super::{Biquad, Sections};
 use crate::Complex64;
 use std::f64::consts::PI;
+use std::ops::Deref;
 use thiserror::Error;
 
 /// Highest prototype order a design accepts. Beyond it single sections get too resonant to be of use.
@@ -61,13 +62,149 @@ pub enum DesignError {
     },
 }
 
+/// A design whose frequencies are open: [`at`](Self::at) gives its sections without allocating, so that a filter can be turned
+/// while it runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prototype {
+    /// Analog poles of a low-pass with its -3 dB point at 1 rad/s; none for the double pole.
+    poles: [Complex64; MAX_ORDER],
+    order: usize,
+    band: Band,
+}
+
+/// What a prototype is transformed to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Band {
+    Low,
+    High,
+    Between,
+    /// No transform of a prototype: two real poles by backward differences.
+    DoublePole,
+}
+
+impl Prototype {
+    /// Of [`butterworth_lowpass`].
+    ///
+    /// # Errors
+    /// [`DesignError::Order`].
+    pub fn butterworth_lowpass(order: usize) -> Result<Self, DesignError> {
+        Ok(Self::new(Band::Low, &butterworth_prototype(check(order)?)))
+    }
+
+    /// Of [`butterworth_highpass`].
+    ///
+    /// # Errors
+    /// [`DesignError::Order`].
+    pub fn butterworth_highpass(order: usize) -> Result<Self, DesignError> {
+        Ok(Self::new(Band::High, &butterworth_prototype(check(order)?)))
+    }
+
+    /// Of [`butterworth_bandpass`].
+    ///
+    /// # Errors
+    /// [`DesignError::Order`].
+    pub fn butterworth_bandpass(order: usize) -> Result<Self, DesignError> {
+        Ok(Self::new(Band::Between, &butterworth_prototype(check(order)?)))
+    }
+
+    /// Of [`bessel_lowpass`].
+    ///
+    /// # Errors
+    /// [`DesignError::Order`].
+    pub fn bessel_lowpass(order: usize) -> Result<Self, DesignError> {
+        Ok(Self::new(Band::Low, &bessel_prototype(check(order)?)))
+    }
+
+    /// Of [`double_pole`].
+    pub fn double_pole() -> Self {
+        Self::new(Band::DoublePole, &[])
+    }
+
+    fn new(band: Band, poles: &[Complex64]) -> Self {
+        let mut all = [Complex64::new(0.0, 0.0); MAX_ORDER];
+        all.iter_mut().zip(poles).for_each(|(to, pole)| *to = *pole);
+        Self {
+            poles: all,
+            order: poles.len(),
+            band,
+        }
+    }
+
+    /// The sections at a cut-off, Hz, at the edges of a band, Hz, or with poles at lambda, rad/s: where one number is enough,
+    /// the second counts for nothing. There are as many sections for any frequencies.
+    ///
+    /// # Errors
+    /// [`DesignError`] for a rate or frequencies outside the possible.
+    pub fn at(&self, [first, second]: [f64; 2], rate_hz: f64) -> Result<Cascade, DesignError> {
+        let poles = self.poles[..self.order].iter();
+        match self.band {
+            Band::Low => {
+                let cutoff = told(self.order, first, rate_hz)?;
+                let poles = poles.map(|p| bilinear(p * cutoff));
+                Ok(cascade(poles, Zeros::Nyquist, Complex64::new(1.0, 0.0)))
+            }
+            Band::High => {
+                let cutoff = told(self.order, first, rate_hz)?;
+                let poles = poles.map(|p| bilinear(cutoff / p));
+                Ok(cascade(poles, Zeros::Dc, Complex64::new(-1.0, 0.0)))
+            }
+            Band::Between => self.between(first, second, rate_hz),
+            Band::DoublePole => two_equal_poles(first, rate_hz),
+        }
+    }
+
+    fn between(&self, low_hz: f64, high_hz: f64, rate_hz: f64) -> Result<Cascade, DesignError> {
+        // There are two poles for each of the prototype.
+        let edge = |hz| told(2 * self.order, hz, rate_hz);
+        let (low, high) = (edge(low_hz)?, edge(high_hz)?);
+        if low_hz >= high_hz {
+            return Err(DesignError::EmptyBand { low_hz, high_hz });
+        }
+        let (width, centre_squared) = (high - low, low * high);
+        if width < NARROWEST * (1.0 + centre_squared) {
+            return Err(DesignError::NarrowBand { low_hz, high_hz });
+        }
+        let split = |p: &Complex64| {
+            // s^2 - p width s + centre^2 = 0
+            let half = p * (width / 2.0);
+            let root = (half * half - centre_squared).sqrt();
+            [half + root, half - root]
+        };
+        let poles = self.poles[..self.order].iter().flat_map(split).map(bilinear);
+        let centre = bilinear(Complex64::new(0.0, centre_squared.sqrt()));
+        Ok(cascade(poles, Zeros::DcAndNyquist, centre))
+    }
+}
+
+/// The sections of a design, without a place on the heap.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cascade {
+    sections: [Biquad; MAX_ORDER],
+    count: usize,
+}
+
+impl Deref for Cascade {
+    type Target = [Biquad];
+
+    fn deref(&self) -> &[Biquad] {
+        &self.sections[..self.count]
+    }
+}
+
+impl From<Cascade> for Sections {
+    fn from(cascade: Cascade) -> Self {
+        Self {
+            sections: cascade.to_vec(),
+        }
+    }
+}
+
 /// Butterworth low-pass, -3 dB at `cutoff_hz`, unit gain at 0.
 ///
 /// # Errors
 /// [`DesignError`] for an order, rate or cut-off outside the possible.
 pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = told(order, cutoff_hz, rate_hz)?;
-    lowpass(&butterworth_prototype(check(order)?), cutoff)
+    designed(&Prototype::butterworth_lowpass(order)?, [cutoff_hz; 2], rate_hz)
 }
 
 /// Butterworth high-pass, -3 dB at `cutoff_hz`, unit gain at the Nyquist frequency.
@@ -75,10 +212,7 @@ pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result
 /// # Errors
 /// As [`butterworth_lowpass`].
 pub fn butterworth_highpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = told(order, cutoff_hz, rate_hz)?;
-    let poles = butterworth_prototype(check(order)?);
-    let poles = poles.into_iter().map(|p| bilinear(cutoff / p));
-    Ok(cascade(poles, Zeros::Dc, Complex64::new(-1.0, 0.0)))
+    designed(&Prototype::butterworth_highpass(order)?, [cutoff_hz; 2], rate_hz)
 }
 
 /// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the centre.
@@ -91,26 +225,11 @@ pub fn butterworth_bandpass(
     high_hz: f64,
     rate_hz: f64,
 ) -> Result<Sections, DesignError> {
-    // There are two poles for each of the prototype.
-    let edge = |hz| told(2 * order, hz, rate_hz);
-    let (low, high) = (edge(low_hz)?, edge(high_hz)?);
-    if low_hz >= high_hz {
-        return Err(DesignError::EmptyBand { low_hz, high_hz });
-    }
-    let (width, centre_squared) = (high - low, low * high);
-    if width < NARROWEST * (1.0 + centre_squared) {
-        return Err(DesignError::NarrowBand { low_hz, high_hz });
-    }
-    let split = |p: Complex64| {
-        // s^2 - p width s + centre^2 = 0
-        let half = p * (width / 2.0);
-        let root = (half * half - centre_squared).sqrt();
-        [half + root, half - root]
-    };
-    let poles = butterworth_prototype(check(order)?);
-    let poles = poles.into_iter().flat_map(split).map(bilinear);
-    let centre = bilinear(Complex64::new(0.0, centre_squared.sqrt()));
-    Ok(cascade(poles, Zeros::DcAndNyquist, centre))
+    designed(
+        &Prototype::butterworth_bandpass(order)?,
+        [low_hz, high_hz],
+        rate_hz,
+    )
 }
 
 /// Bessel low-pass (flattest group delay), -3 dB at `cutoff_hz`, unit gain at 0.
@@ -120,8 +239,7 @@ pub fn butterworth_bandpass(
 /// # Errors
 /// As [`butterworth_lowpass`].
 pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
-    let cutoff = told(order, cutoff_hz, rate_hz)?;
-    lowpass(&bessel_prototype(check(order)?), cutoff)
+    designed(&Prototype::bessel_lowpass(order)?, [cutoff_hz; 2], rate_hz)
 }
 
 /// Two equal real poles at `lambda_rad_s`, by backward differences: `(lambda T)^2 / (1 + lambda T - z^-1)^2`.
@@ -132,6 +250,14 @@ pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sect
 /// # Errors
 /// [`DesignError::Rate`]; [`DesignError::Cutoff`] unless lambda is positive.
 pub fn double_pole(lambda_rad_s: f64, rate_hz: f64) -> Result<Sections, DesignError> {
+    designed(&Prototype::double_pole(), [lambda_rad_s; 2], rate_hz)
+}
+
+fn designed(prototype: &Prototype, frequencies: [f64; 2], rate_hz: f64) -> Result<Sections, DesignError> {
+    prototype.at(frequencies, rate_hz).map(Sections::from)
+}
+
+fn two_equal_poles(lambda_rad_s: f64, rate_hz: f64) -> Result<Cascade, DesignError> {
     let nyquist_hz = check_rate(rate_hz)? / 2.0;
     if !(lambda_rad_s.is_finite() && lambda_rad_s > 0.0) {
         let cutoff_hz = lambda_rad_s / (2.0 * PI);
@@ -149,12 +275,12 @@ pub fn double_pole(lambda_rad_s: f64, rate_hz: f64) -> Result<Sections, DesignEr
         });
     }
     let (gain, pole) = (step / (1.0 + step), 1.0 / (1.0 + step));
-    Ok(Sections {
-        sections: vec![Biquad {
-            b: [gain * gain, 0.0, 0.0],
-            a: [-2.0 * pole, pole * pole],
-        }],
-    })
+    let mut sections = [Biquad::IDENTITY; MAX_ORDER];
+    sections[0] = Biquad {
+        b: [gain * gain, 0.0, 0.0],
+        a: [-2.0 * pole, pole * pole],
+    };
+    Ok(Cascade { sections, count: 1 })
 }
 
 fn check(order: usize) -> Result<usize, DesignError> {
@@ -211,11 +337,6 @@ fn told(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> 
 /// s, in units of `2 rate`, to z.
 fn bilinear(s: Complex64) -> Complex64 {
     (1.0 + s) / (1.0 - s)
-}
-
-fn lowpass(prototype: &[Complex64], cutoff: f64) -> Result<Sections, DesignError> {
-    let poles = prototype.iter().map(|p| bilinear(p * cutoff));
-    Ok(cascade(poles, Zeros::Nyquist, Complex64::new(1.0, 0.0)))
 }
 
 /// Poles of the order-n Butterworth filter with its -3 dB point at 1 rad/s.
@@ -315,21 +436,33 @@ impl Zeros {
 }
 
 /// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the next.
-fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Complex64) -> Sections {
-    let (mut real, mut complex): (Vec<Complex64>, Vec<Complex64>) = poles.partition(|p| p.im.abs() < 1e-12);
-    complex.retain(|p| p.im > 0.0);
+fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Complex64) -> Cascade {
+    let mut room = [[Complex64::new(0.0, 0.0); 2 * MAX_ORDER]; 2];
+    let [real, complex] = &mut room;
+    let (mut reals, mut pairs) = (0, 0);
+    for pole in poles.take(2 * MAX_ORDER) {
+        if pole.im.abs() < 1e-12 {
+            real[reals] = pole;
+            reals += 1;
+        } else if pole.im > 0.0 {
+            complex[pairs] = pole;
+            pairs += 1;
+        }
+    }
+    let (real, complex) = (&mut real[..reals], &mut complex[..pairs]);
+    // Of so few elements neither allocates.
     complex.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
     real.sort_by(|a, b| a.re.total_cmp(&b.re));
     // Real poles come in pairs, the leftover of an odd order first.
-    let single = (real.len() % 2 == 1).then(|| real.remove(0));
-    let single = single.map(|p| (zeros.single(), [-p.re, 0.0]));
-    let real = real
+    let (single, paired) = real.split_at(reals % 2);
+    let single = single.iter().map(|p| (zeros.single(), [-p.re, 0.0]));
+    let paired = paired
         .chunks_exact(2)
         .map(|p| (zeros.pair(), [-(p[0].re + p[1].re), p[0].re * p[1].re]));
     let complex = complex
         .iter()
         .map(|p| (zeros.pair(), [-2.0 * p.re, p.norm_sqr()]));
-    let unit_gain = |(b, a)| {
+    let unit_gain = |(b, a): ([f64; 3], [f64; 2])| {
         let section = Biquad { b, a };
         let scale = 1.0 / section.gain_at(reference.inv()).norm();
         Biquad {
@@ -337,12 +470,11 @@ fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Comp
             a,
         }
     };
-    Sections {
-        sections: single
-            .into_iter()
-            .chain(real)
-            .chain(complex)
-            .map(unit_gain)
-            .collect(),
+    let mut sections = [Biquad::IDENTITY; MAX_ORDER];
+    let mut count = 0;
+    for (to, section) in sections.iter_mut().zip(single.chain(paired).chain(complex)) {
+        *to = unit_gain(section);
+        count += 1;
     }
+    Cascade { sections, count }
 }

@@ -318,3 +318,51 @@ fn extreme_frequencies_give_filters_that_are_right_or_an_error() {
     let narrow = butterworth_bandpass(2, 100.0, 100.0_f64.next_up(), rate_hz);
     assert!(matches!(narrow, Err(DesignError::NarrowBand { .. })));
 }
+
+#[test]
+fn a_turned_filter_goes_on_from_what_it_holds() {
+    let rate = 1000.0;
+    let prototypes = [
+        Prototype::butterworth_lowpass(1).unwrap(),
+        Prototype::butterworth_lowpass(5).unwrap(),
+        Prototype::bessel_lowpass(4).unwrap(),
+        Prototype::double_pole(),
+    ];
+    for prototype in prototypes {
+        let sections = |hz: f64| prototype.at([hz; 2], rate).unwrap();
+        let mut state = SectionsState::new(&sections(20.0).into());
+        state.settle_at(3.0);
+        for hz in [150.0, 400.0, 1.0, 60.0] {
+            state.turn(&sections(hz));
+            let mut y = [3.0; 50];
+            state.process_in_place(&mut y);
+            assert!(y.iter().all(|y| (y - 3.0).abs() < 1e-7), "{hz}: {y:?}");
+        }
+    }
+}
+
+#[test]
+fn turning_to_the_same_frequency_changes_nothing_that_can_be_heard() {
+    let rate = 1000.0;
+    for (prototype, hz) in [
+        (Prototype::butterworth_highpass(3).unwrap(), [40.0, 0.0]),
+        (Prototype::butterworth_bandpass(4).unwrap(), [40.0, 90.0]),
+        (Prototype::bessel_lowpass(5).unwrap(), [80.0, 0.0]),
+        (Prototype::double_pole(), [125.0, 0.0]),
+    ] {
+        let sections = prototype.at(hz, rate).unwrap();
+        let mut noise = Gaussian::new(3);
+        let mut x = [0.0; 400];
+        noise.fill(&mut x);
+        let mut plain = SectionsState::new(&sections.into());
+        let mut turned = plain.clone();
+        let (mut wanted, mut got) = (x, x);
+        plain.process_in_place(&mut wanted);
+        for part in got.chunks_mut(7) {
+            turned.turn(&sections);
+            turned.process_in_place(part);
+        }
+        let apart = wanted.iter().zip(&got).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-9, "{hz:?}");
+    }
+}

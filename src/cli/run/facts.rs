@@ -50,10 +50,12 @@ pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Val
             too_large,
             strangers,
             jumps,
+            refused_zeros,
         } = counts;
         let counts = json!({
             "accepted": accepted, "missing": missing, "outdated": outdated, "malformed": malformed,
             "not_numbers": not_numbers, "too_large": too_large, "strangers": strangers, "jumps": jumps,
+            "refused_zeros": refused_zeros,
         });
         (device.to_owned(), counts)
     };

@@ -178,7 +178,14 @@ impl Status {
             }
             InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
             InputState::Jumped => format!("{rate}, jumped: held back"),
-            InputState::Heard => rate,
+            InputState::Heard => {
+                let mut counts = facts.network.counts();
+                let counts = counts.find(|(device, _)| *device == input.device);
+                match counts.map_or(0, |(_, counts)| counts.refused_zeros) {
+                    0 => rate,
+                    refused => format!("{rate}, force not steady: no zero taken {refused} times"),
+                }
+            }
         }
     }
 }

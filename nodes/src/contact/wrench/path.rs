@@ -57,6 +57,11 @@ impl SurfacePath {
         })
     }
 
+    /// Turns the speed's filter to another cut-off, as [`SpeedEstimator::turn`].
+    pub fn turn(&mut self, frequency: f64) {
+        self.estimator.turn(frequency);
+    }
+
     /// Goes on from where another path is.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.estimator.copy_state_from(&other.estimator);

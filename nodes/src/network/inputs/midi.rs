@@ -93,7 +93,8 @@ impl DeviceKind for MidiInput {
         name: "MidiInput",
         doc: "One number from a MIDI device: a controller, a key or the pitch wheel, mapped to a range. It is heard in live \
               runs only, and by programs built with the feature `midi`. A controller is silent until it is first moved, as \
-              nobody knows where it stands. While the device is gone, every actuator that depends on it is at zero, unless \
+              nobody knows where it stands. \
+              A flood of more messages than can be taken counts as all keys let go. While the device is gone, every actuator that depends on it is at zero, unless \
               `on_silence` is `Hold`.",
         source: "",
         simulated: false,
@@ -147,6 +148,14 @@ impl From<&MidiMessage> for Message {
 pub(in crate::network) struct MidiSelector {
     message: Message,
     channel: Option<u32>,
+}
+
+#[cfg(feature = "midi")]
+impl MidiSelector {
+    /// Is it a key, which is held and let go?
+    fn is_key(&self) -> bool {
+        matches!(self.message, Message::Note(_))
+    }
 }
 
 impl fmt::Display for MidiSelector {

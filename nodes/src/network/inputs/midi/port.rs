@@ -17,7 +17,10 @@ const CLIENT: &str = "haptograph";
 const ALIVE: Duration = Duration::from_millis(10);
 /// How often it is looked for.
 const LOOK: Duration = Duration::from_millis(100);
-/// Messages that wait; more are lost, as after them the same is said again.
+/// Silence after which it is opened anew: one that was pulled out and put back between two looks has its old name, and the
+/// old connection hears nothing more.
+const IDLE: Duration = Duration::from_secs(1);
+/// Messages that wait. Where more come, some are lost: keys count as let go then, as one that was may have been among them.
 const MOST_WAITING: usize = 1024;
 
 /// Names of the ports that can be listened to.
@@ -40,13 +43,23 @@ struct Open {
     _connection: MidiInputConnection<()>,
 }
 
-/// Opens the first port whose name has `part` in it.
-fn open(part: &str, events: SyncSender<Event>) -> Result<Open> {
+/// Where the callbacks of the system put what they hear.
+#[derive(Clone)]
+struct Inbox {
+    events: SyncSender<Event>,
+    /// Something was lost.
+    overflowed: Arc<AtomicBool>,
+}
+
+/// Opens the port of this name, or else the first whose name has it in it.
+fn open(part: &str, inbox: Inbox) -> Result<Open> {
     let mut input = MidiInput::new(CLIENT).map_err(Error::other)?;
     input.ignore(Ignore::All);
     let ports = input.ports();
     let is_it = |port: &&midir::MidiInputPort| input.port_name(port).is_ok_and(|name| name.contains(part));
-    let Some(port) = ports.iter().find(is_it).cloned() else {
+    let is_exactly = |port: &&midir::MidiInputPort| input.port_name(port).is_ok_and(|name| name == part);
+    let exact = ports.iter().find(is_exactly);
+    let Some(port) = exact.or_else(|| ports.iter().find(is_it)).cloned() else {
         let found = match names()?.join("`, `") {
             none if none.is_empty() => "there is none".to_owned(),
             names => format!("there are `{names}`"),
@@ -58,7 +71,9 @@ fn open(part: &str, events: SyncSender<Event>) -> Result<Open> {
     let hear = move |_: u64, bytes: &[u8], (): &mut ()| {
         if let Some(event) = Event::understand(bytes) {
             // A flood is not waited for.
-            let _ = events.try_send(event);
+            if inbox.events.try_send(event).is_err() {
+                inbox.overflowed.store(true, Relaxed);
+            }
         }
     };
     let name = input.port_name(&port).map_err(Error::other)?;
@@ -73,12 +88,16 @@ fn open(part: &str, events: SyncSender<Event>) -> Result<Open> {
 /// Listens to a port until `stop`, on a thread of its own; one that is pulled out is looked for.
 pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let (events, arrived) = sync_channel(MOST_WAITING);
+    let inbox = Inbox {
+        events,
+        overflowed: Arc::default(),
+    };
     let (opened, outcome) = sync_channel(1);
     let part = part.to_owned();
     let thread = std::thread::Builder::new()
         .name(format!("input {part}"))
         .spawn(move || {
-            let first = open(&part, events.clone());
+            let first = open(&part, inbox.clone());
             let connection = match first {
                 Ok(connection) => {
                     let _ = opened.send(Ok(()));
@@ -89,7 +108,7 @@ pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>
                     return;
                 }
             };
-            attend(&part, (connection, events), &arrived, &routes, &stop);
+            attend(&part, (connection, inbox), &arrived, &routes, &stop);
         })?;
     outcome.recv().map_err(Error::other)??;
     Ok(thread)
@@ -98,17 +117,21 @@ pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>
 /// Takes what arrives, says that the port is there, and looks for one that is gone.
 fn attend(
     part: &str,
-    (connection, events): (Open, SyncSender<Event>),
+    (connection, inbox): (Open, Inbox),
     arrived: &Receiver<Event>,
     routes: &Routes,
     stop: &AtomicBool,
 ) {
     let mut connection = Some(connection);
-    let mut looked = Instant::now();
+    let (mut looked, mut heard) = (Instant::now(), Instant::now());
     while !stop.load(Relaxed) {
         let first = arrived.recv_timeout(ALIVE).ok();
         for event in first.into_iter().chain(arrived.try_iter()) {
+            heard = Instant::now();
             take(event, routes, connection.as_mut());
+        }
+        if inbox.overflowed.swap(false, Relaxed) {
+            let_go(routes);
         }
         if let Some(open) = &connection {
             open.told.iter().for_each(|link| stay(link));
@@ -116,9 +139,25 @@ fn attend(
         if looked.elapsed() >= LOOK {
             looked = Instant::now();
             let names = names().unwrap_or_default();
-            connection = connection
-                .filter(|open| names.contains(&open.name))
-                .or_else(|| open(part, events.clone()).ok());
+            connection = connection.filter(|open| names.contains(&open.name));
+            if let Some(known) = connection.take_if(|_| heard.elapsed() >= IDLE) {
+                heard = Instant::now();
+                // What it told holds: nobody can say whether it was away.
+                connection = open(&known.name, inbox.clone()).ok().map(|anew| Open {
+                    told: known.told,
+                    ..anew
+                });
+            }
+            connection = connection.or_else(|| open(part, inbox.clone()).ok());
+        }
+    }
+}
+
+/// All keys that are listened to count as let go.
+fn let_go(routes: &Routes) {
+    for route in &*routes.list() {
+        if matches!(&route.selector, Selector::Midi(selector) if selector.is_key()) {
+            route.link.tell_number(0.0);
         }
     }
 }

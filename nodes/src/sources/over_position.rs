@@ -1,0 +1,406 @@
+//! A recording that is laid out on a surface, and heard where the tool is.
+
+use super::made;
+use super::wav::read_at_any_rate;
+use crate::successor;
+use crate::vector::{direction, dot};
+use crate::wav::Layout;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::node::{
+    BuildContext, BuildError, Flow, InputSpec, Io, KindRule, NodeKind, NodeSpec, Presence, Processor,
+    QuantityRule, Tick, input,
+};
+use haptograph_signal::files::MAX_RECORDING_BYTES;
+use haptograph_signal::quantity::Quantity;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+haptograph_engine::choices! {
+    /// What lies beyond the ends of a recording that is laid out.
+    pub enum Beyond {
+        /// The recording again, its end joined to its beginning by a straight line.
+        Repeat,
+        /// Zero.
+        Silence,
+    }
+}
+
+haptograph_engine::settings! {
+    /// Settings of [`WavOverPosition`].
+    pub struct WavOverPositionSettings {
+        /// The WAV file, relative to the graph file: of any rate, at most 16 777 216 frames.
+        file: PathBuf;
+        /// Which channel, from 0.
+        channel: u32 = 0;
+        /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
+        [live] full_scale: f64 = 1.0;
+        /// What it is, by name.
+        quantity: String = "number".into();
+        /// Length of the recording on the surface; this or `recorded_mm_s`.
+        length_mm: Option<f64> = None, in 1e-3..=1e6;
+        /// Speed at which it was recorded: moved over at this speed, it sounds as it was; this or `length_mm`.
+        recorded_mm_s: Option<f64> = None, in 1e-3..=1e6;
+        /// Where it begins on the surface.
+        start_mm: f64 = 0.0, in -1e6..=1e6;
+        /// Direction in which it is laid out, of any length; counts where the position is a vector.
+        axis: [f64; 3] = [1.0, 0.0, 0.0];
+        /// What lies before and after it.
+        beyond: Beyond = Beyond::Repeat;
+        /// With `speed` connected: the amplitude rises from nothing at rest to all of it at this speed.
+        [live] full_at_mm_s: f64 = 10.0, in 1e-3..=1e6;
+    }
+}
+
+/// The most frames of a recording.
+const MOST_FRAMES: u64 = 1 << 24;
+
+/// Plays a recording by position.
+pub struct WavOverPosition;
+
+impl NodeKind for WavOverPosition {
+    type Settings = WavOverPositionSettings;
+    const SPEC: NodeSpec = NodeSpec {
+        name: "WavOverPosition",
+        group: "sources",
+        doc: "One channel of a WAV file, laid out on a surface and played by position instead of time: twice as fast sounds an \
+              octave higher, backwards plays backwards. A frame is the mean of the recording, joined by straight lines, over the \
+              way since the frame before. That keeps what is too fine for the speed from folding back: it falls by 3.9 dB at half \
+              the rate and by 13 dB and more at what would fold back to rest. At rest it holds the value at that place; connect \
+              `speed` for silence. A position of a slower clock needs a `Linear` bridge: between held positions nothing moves.",
+        source: "vibration by position: Strohmeier and Hornbaek, CHI 2017",
+        inputs: &[
+            InputSpec {
+                name: "position",
+                kind: KindRule::Linear,
+                quantity: QuantityRule::Is(Quantity::LENGTH),
+                flow: Flow::Sampled,
+                presence: Presence::Required,
+                doc: "Where the tool is, m: a way, or a 3-vector of which the part along `axis` counts. NaN or infinite: silence.",
+            },
+            input(
+                "speed",
+                Kind::Scalar,
+                Quantity::SPEED,
+                "Speed of the tool, m/s: the amplitude rises with it up to `full_at_mm_s`.",
+            )
+            .optional(),
+        ],
+        outputs: &[made("The recording at that place.")],
+        example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#,
+    };
+
+    fn build(settings: WavOverPositionSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+        let width = cx.input_widths.first().copied().unwrap_or(1);
+        if width == Kind::Wrench.width() {
+            return Err(
+                BuildError::at("position", "a position has one component or three")
+                    .help("take the part of the signal that is a length"),
+            );
+        }
+        let axis = direction(settings.axis).ok_or_else(|| {
+            BuildError::at("axis", "the axis has no direction").help("give one that is not zero")
+        })?;
+        let (samples, rate_hz) =
+            read_at_any_rate(&settings.file, settings.channel, MAX_RECORDING_BYTES, refuse_long)?;
+        let per_m = match (settings.length_mm, settings.recorded_mm_s) {
+            (Some(length_mm), None) => samples.len() as f64 / (length_mm * 1e-3),
+            (None, Some(recorded_mm_s)) => rate_hz / (recorded_mm_s * 1e-3),
+            (Some(_), Some(_)) => {
+                return Err(
+                    BuildError::at("recorded_mm_s", "the length says it already").help("remove one of them")
+                );
+            }
+            (None, None) => {
+                let message = "nothing says how long the recording is on the surface";
+                return Err(BuildError::of_node(message).help("add `length_mm: ...` or `recorded_mm_s: ...`"));
+            }
+        };
+        Ok(Box::new(Scanning {
+            recording: Arc::new(Recording::new(samples, settings.beyond == Beyond::Repeat)),
+            per_m,
+            start_m: settings.start_mm * 1e-3,
+            axis: (width == 3).then_some(axis),
+            full_scale: settings.full_scale,
+            full_at_m_s: settings.full_at_mm_s * 1e-3,
+            before: None,
+        }))
+    }
+}
+
+fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
+    let frames = layout.frames();
+    if (2..=MOST_FRAMES).contains(&frames) {
+        return Ok(());
+    }
+    let message = format!("the file has {frames} frames; 2 to {MOST_FRAMES} can be laid out");
+    Err(BuildError::at("file", message).help("cut out a part of it"))
+}
+
+/// Samples joined by straight lines; places are counted in samples.
+#[derive(Debug)]
+struct Recording {
+    samples: Box<[f64]>,
+    /// Integral from the first sample to each, and to the first again where it repeats.
+    sums: Box<[f64]>,
+    repeats: bool,
+}
+
+impl Recording {
+    /// Of at least two samples.
+    fn new(samples: Vec<f64>, repeats: bool) -> Self {
+        let again = samples.first().copied().filter(|_| repeats);
+        let next = samples.iter().skip(1).copied().chain(again);
+        let mut sum = 0.0;
+        let cells = samples.iter().zip(next).map(|(from, to)| {
+            sum += 0.5 * (from + to);
+            sum
+        });
+        Self {
+            sums: std::iter::once(0.0).chain(cells).collect(),
+            samples: samples.into(),
+            repeats,
+        }
+    }
+
+    /// Straight lines from end to end.
+    fn cells(&self) -> f64 {
+        (self.sums.len() - 1) as f64
+    }
+
+    /// The value at a place.
+    fn at(&self, place: f64) -> f64 {
+        let cells = self.cells();
+        if !self.repeats && !(0.0..=cells).contains(&place) {
+            return 0.0;
+        }
+        let place = if self.repeats {
+            place.rem_euclid(cells)
+        } else {
+            place
+        };
+        let cell = place as usize;
+        let part = place - cell as f64;
+        // The remainder can round up to the whole; what follows the last sample is the first.
+        let sample = |cell: usize| {
+            self.samples
+                .get(cell)
+                .or(self.samples.first())
+                .copied()
+                .unwrap_or(0.0)
+        };
+        sample(cell) + part * (sample(cell + 1) - sample(cell))
+    }
+
+    /// The integral from the first sample to another one, which may be beyond the ends.
+    fn integral_to(&self, sample: f64) -> f64 {
+        let cells = self.cells();
+        let whole = self.sums.last().copied().unwrap_or(0.0);
+        let (times, at) = if self.repeats {
+            ((sample / cells).floor(), sample.rem_euclid(cells))
+        } else {
+            (0.0, sample.clamp(0.0, cells))
+        };
+        times * whole + self.sums.get(at as usize).copied().unwrap_or(whole)
+    }
+
+    /// The mean between two places.
+    fn mean(&self, one: f64, other: f64) -> f64 {
+        let (from, to) = (one.min(other), one.max(other));
+        let (first, last) = (from.floor() + 1.0, to.floor());
+        if last < first {
+            // On one straight line.
+            return self.at(0.5 * (from + to));
+        }
+        let left = (first - from) * self.at(0.5 * (from + first));
+        let right = (to - last) * self.at(0.5 * (last + to));
+        let between = self.integral_to(last) - self.integral_to(first);
+        let mean = (left + between + right) / (to - from);
+        if mean.is_finite() { mean } else { 0.0 }
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Scanning {
+    recording: Arc<Recording>,
+    /// Samples a metre.
+    per_m: f64,
+    start_m: f64,
+    /// None where the position is a way.
+    axis: Option<[f64; 3]>,
+    full_scale: f64,
+    full_at_m_s: f64,
+    /// The place of the frame before; none at the start and after what is no number.
+    before: Option<f64>,
+}
+
+impl Scanning {
+    fn next(&mut self, position_m: f64, speed_m_s: Option<f64>) -> f64 {
+        let place = (position_m - self.start_m) * self.per_m;
+        if !place.is_finite() {
+            self.before = None;
+            return 0.0;
+        }
+        let mean = self.recording.mean(self.before.unwrap_or(place), place);
+        self.before = Some(place);
+        let share = match speed_m_s {
+            None => 1.0,
+            Some(speed_m_s) if speed_m_s.is_finite() => (speed_m_s.abs() / self.full_at_m_s).min(1.0),
+            Some(_) => 0.0,
+        };
+        self.full_scale * share * mean
+    }
+}
+
+impl Processor for Scanning {
+    fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
+        let (positions, speeds) = (io.lanes(0), io.lanes(1));
+        for (frame, y) in io.out(0).iter_mut().enumerate() {
+            let position_m = match self.axis {
+                None => positions.get(frame).copied(),
+                Some(axis) => positions.as_chunks().0.get(frame).map(|at| dot(*at, axis)),
+            };
+            *y = self.next(position_m.unwrap_or(f64::NAN), speeds.get(frame).copied());
+        }
+    }
+
+    fn set(&mut self, setting: usize, value: f64) {
+        match setting {
+            2 => self.full_scale = value,
+            9 => self.full_at_m_s = value.max(1e-3) * 1e-3,
+            _ => {}
+        }
+    }
+
+    fn copy_state_into(&self, new: &mut dyn Processor) {
+        if let Some(new) = successor::<Self>(new) {
+            new.before = self.before;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_engine::testing::Bench;
+    use std::f64::consts::TAU;
+    use std::path::Path;
+
+    /// A file of a sine with so many samples a period.
+    fn file(folder: &Path, samples: u32, period: f64) -> PathBuf {
+        let path = folder.join("felt.wav");
+        let spec = hound::WavSpec {
+            channels: 1,
+            sample_rate: 8000,
+            bits_per_sample: 32,
+            sample_format: hound::SampleFormat::Float,
+        };
+        let mut writer = hound::WavWriter::create(&path, spec).unwrap();
+        for k in 0..samples {
+            let sample = (TAU * f64::from(k) / period).sin();
+            writer.write_sample(sample as f32).unwrap();
+        }
+        writer.finalize().unwrap();
+        path
+    }
+
+    fn settings(file: PathBuf, beyond: Beyond) -> WavOverPositionSettings {
+        WavOverPositionSettings {
+            file,
+            channel: 0,
+            full_scale: 2.0,
+            quantity: "acceleration".into(),
+            length_mm: Some(100.0),
+            recorded_mm_s: None,
+            start_mm: 10.0,
+            axis: [0.0, 3.0, 0.0],
+            beyond,
+            full_at_mm_s: 10.0,
+        }
+    }
+
+    #[test]
+    fn the_value_of_a_place_is_felt_there_whatever_the_way_to_it() {
+        let folder = tempfile::tempdir().unwrap();
+        // A period of 10 mm, 100 samples.
+        let wanted = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
+        let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &[Kind::Scalar]).unwrap();
+        // 20 mm/s: 0.02 mm a tick, back and forth, over the joint at 110 mm.
+        let way_m: Vec<f64> = (0..4000)
+            .map(|k: i32| 1e-3 * (95.0 + 0.02 * f64::from(2000 - (k - 2000).abs())))
+            .collect();
+        let y = bench.run_in_blocks(&[&way_m], &[1, 7, 64]).remove(0);
+        for (k, y) in y.iter().enumerate().skip(1) {
+            // Between the places of this tick and the one before.
+            let place_m = 0.5 * (way_m[k] + way_m[k - 1]);
+            let wanted = 2.0 * (TAU * (place_m - 0.01) / 0.01).sin();
+            assert!((y - wanted).abs() < 3e-3, "{k}: {y} instead of {wanted}");
+        }
+    }
+
+    #[test]
+    fn what_is_too_fine_for_the_speed_is_averaged_away() {
+        let folder = tempfile::tempdir().unwrap();
+        // A period of 0.8 mm, 8 samples; at 100 Hz and 79 mm/s it would be heard at 1.25 Hz.
+        let wanted = settings(file(folder.path(), 1000, 8.0), Beyond::Repeat);
+        let mut bench = Bench::new::<WavOverPosition>(wanted, 100.0, &[Kind::Scalar]).unwrap();
+        let way_m: Vec<f64> = (0..500).map(|k| 0.79e-3 * f64::from(k)).collect();
+        let y = bench.run(&[&way_m]).remove(0);
+        let largest = y.iter().skip(1).fold(0.0_f64, |largest, y| largest.max(y.abs()));
+        // sin(pi f) / (pi f) at f = 0.9875 of the rate is 0.0127, of an amplitude of 2.
+        assert!((0.01..0.03).contains(&largest), "{largest}");
+    }
+
+    #[test]
+    fn it_is_silent_at_rest_and_beyond_its_ends_where_that_is_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let wanted = settings(file(folder.path(), 1000, 100.0), Beyond::Silence);
+        let kinds = [Kind::Vector, Kind::Scalar];
+        let mut bench = Bench::new::<WavOverPosition>(wanted, 1000.0, &kinds).unwrap();
+        let mut at = |y_mm: f64, speed_m_s: f64| {
+            let place = [0.5, 1e-3 * y_mm, -0.3];
+            // Twice: the second frame is the value of the place.
+            let positions = [place, place];
+            bench.run(&[positions.as_flattened(), &[speed_m_s; 2]])[0][1]
+        };
+        let crest_mm = 10.0 + 2.5;
+        assert!((at(crest_mm, 0.5) - 2.0).abs() < 1e-6);
+        assert!((at(crest_mm, -0.005) - 1.0).abs() < 1e-6);
+        for (y_mm, speed_m_s) in [
+            (crest_mm, 0.0),
+            (crest_mm, f64::NAN),
+            (f64::NAN, 0.5),
+            (1e300, 0.5),
+            (9.0, 0.5),
+            (111.0, 0.5),
+        ] {
+            assert_eq!(at(y_mm, speed_m_s), 0.0, "{y_mm} mm at {speed_m_s} m/s");
+        }
+    }
+
+    #[test]
+    fn a_length_is_given_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let good = settings(file(folder.path(), 1000, 100.0), Beyond::Repeat);
+        let refused = |settings| {
+            Bench::new::<WavOverPosition>(settings, 1000.0, &[Kind::Scalar])
+                .err()
+                .map(|error| error.field)
+        };
+        assert_eq!(refused(good.clone()), None);
+        let both = WavOverPositionSettings {
+            recorded_mm_s: Some(100.0),
+            ..good.clone()
+        };
+        assert_eq!(refused(both), Some(Some("recorded_mm_s")));
+        let none = WavOverPositionSettings {
+            length_mm: None,
+            ..good.clone()
+        };
+        assert_eq!(refused(none), Some(None));
+        let nowhere = WavOverPositionSettings {
+            axis: [0.0; 3],
+            ..good
+        };
+        assert_eq!(refused(nowhere), Some(Some("axis")));
+    }
+}
