@@ -93,7 +93,7 @@ fn materials_table(table: &DifferenceTable) -> String {
         "Not every texture is nearest to its own material."
     };
     format!(
-        "<table class=\"grid\"><tr><th></th>{}</tr>{}</table><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
+        "<div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}</tr>{}</table></div><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
         head(&table.columns),
         rows.collect::<String>(),
         table.baseline()
@@ -127,7 +127,7 @@ fn people_table(table: &DifferenceTable) -> String {
     );
     format!(
         "<p>Spectral difference of each person's textures and the same recordings of their own material.</p>\
-         <table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table>",
+         <div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table></div>",
         head(&table.columns),
         rows.collect::<String>()
     )
@@ -206,7 +206,7 @@ fn conditions(learned: &[(Surface, LearningReport)]) -> String {
     format!(
         "<p>What a texture loses when it responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
          power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
-         <table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table>"
+         <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table></div>"
     )
 }
 

@@ -35,8 +35,8 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power. Two \
          stationary takes as long as these parts are {:.2} dB apart.</p>\
-         <table class=\"grid\"><tr><th></th><th>LSD (dB)</th><th>over the floor</th><th>100 to 500 Hz</th><th>felt</th>\
-         <th>20 to 40 Hz</th><th>total</th><th>envelope</th><th>envelope between seeds</th></tr>{rows}</table>{}",
+         <div class=\"scroll\"><table class=\"grid\"><tr><th></th><th>LSD (dB)</th><th>over the floor</th><th>100 to 500 Hz</th><th>felt</th>\
+         <th>20 to 40 Hz</th><th>total</th><th>envelope</th><th>envelope between seeds</th></tr>{rows}</table></div>{}",
         split.estimator_db.0,
         figures_of(&[by_band(split), by_material(found, split)])
     )

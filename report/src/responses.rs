@@ -75,8 +75,8 @@ pub(super) fn section(texture: &TextureModel) -> String {
         .collect();
     format!(
         "<p>Played along one random walk: responding to force and speed (FS), to force at a constant speed (F), to speed at a constant \
-         force (S), and to neither (ϕ).</p>{}<table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
-         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table>",
+         force (S), and to neither (ϕ).</p>{}<div class=\"scroll\"><table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
+         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table></div>",
         figures_of(&plots(texture, &responses))
     )
 }
