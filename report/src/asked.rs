@@ -1,7 +1,7 @@
 //! Plots that a graph asks for by its nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several laid over
 //! each other.
 
-use super::figures::{Unit, axis_label};
+use super::figures::{self, Unit, axis_label};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::record::{Watch, watch};
 use super::theme::Ink;
@@ -279,9 +279,14 @@ impl Asked {
         });
         plot.y = Axis::of(axis_label(y));
         plot.size = (0.0, 300.0);
-        plot.caption = "Each dot is a moment: what comes first was as large as the axis below says, the other as the axis at \
-                        the side."
-            .to_owned();
+        let others: Vec<&str> = (self.signals.iter().skip(1))
+            .map(|signal| signal.stream.name.as_str())
+            .collect();
+        plot.caption = format!(
+            "Each dot is one moment: {} (side) at the {} (below) of that moment.",
+            others.join(" or "),
+            across.stream.name
+        );
         plot.marks = curves
             .iter()
             .filter_map(|curve| {
@@ -377,8 +382,9 @@ fn levels(curves: &[Curve<'_>], quantity: Quantity) -> String {
             } else {
                 String::new()
             };
+            let heating = figures::heating(&curve.trace.stream, envelope);
             Some(format!(
-                "{of}{level}, from {} to {}",
+                "{of}{level}, from {} to {}{heating}",
                 unit.text(low),
                 unit.text(high)
             ))

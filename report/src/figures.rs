@@ -2,11 +2,12 @@
 
 use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
-use super::record::{Content, Recorded, Spectra};
+use super::record::{Content, Recorded, SPECTRAL_RATE_HZ, Spectra};
 use super::scale::plain;
 use super::theme::Ink;
 use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
+use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{TextureModel, VertexKind};
 
@@ -54,8 +55,8 @@ impl Unit {
     }
 }
 
-/// `Force (N)`, by the quantity.
-pub(super) fn axis_label(quantity: Quantity) -> String {
+/// `Force`, by the quantity.
+pub(super) fn quantity_name(quantity: Quantity) -> String {
     let name = match quantity {
         Quantity::NUMBER => "value",
         other => other.name().unwrap_or("value"),
@@ -65,7 +66,12 @@ pub(super) fn axis_label(quantity: Quantity) -> String {
         .next()
         .map(|c| c.to_uppercase().collect::<String>())
         .unwrap_or_default();
-    let name = capital + letters.as_str();
+    capital + letters.as_str()
+}
+
+/// `Force (N)`, by the quantity.
+pub(super) fn axis_label(quantity: Quantity) -> String {
+    let name = quantity_name(quantity);
     match Unit::of(quantity).symbol.as_str() {
         "" => name,
         symbol => format!("{name} ({symbol})"),
@@ -159,7 +165,7 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
             marks: marks
                 .map(|(lane, style)| Mark::signal(style, lane, |si| unit.show(si)))
                 .collect(),
-            caption: levels(&lanes, &unit),
+            caption: levels(recorded, &lanes, &unit),
             ..frame(recorded)
         }
     };
@@ -167,7 +173,7 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
 }
 
 /// What a person looks for in a signal first: its range, and how strong it is about zero.
-fn levels(lanes: &[&Envelope], unit: &Unit) -> String {
+fn levels(recorded: &Recorded, lanes: &[&Envelope], unit: &Unit) -> String {
     let [lane] = lanes else {
         let most = lanes.iter().map(|lane| lane.peak()).fold(0.0, f64::max);
         return format!("No component goes beyond ±{}.", unit.text(most));
@@ -176,10 +182,30 @@ fn levels(lanes: &[&Envelope], unit: &Unit) -> String {
         return "No sample of it is a number.".to_owned();
     };
     let range = format!("from {} to {}", plain(unit.show(low)), unit.text(high));
+    let heating = heating(&recorded.stream, lane);
     match low < 0.0 && high > 0.0 {
-        true => format!("RMS {}, {range}.", unit.text(lane.rms())),
-        false => format!("Mean {}, {range}.", unit.text(lane.mean())),
+        true => format!("RMS {}, {range}{heating}.", unit.text(lane.rms())),
+        false => format!("Mean {}, {range}{heating}.", unit.text(lane.mean())),
     }
+}
+
+/// Parts of the RMS of a current above which its mean is worth a word.
+const LARGE_MEAN: f64 = 0.3;
+
+/// The mean of a current that is to be felt as a vibration, A, where it is a large part of it.
+pub(super) fn constant_current(stream: &Stream, lane: &Envelope) -> Option<f64> {
+    let vibrates = stream.quantity == Quantity::CURRENT
+        && stream.kind == Kind::Scalar
+        && stream.rate.hz() >= SPECTRAL_RATE_HZ;
+    (vibrates && lane.mean().abs() > LARGE_MEAN * lane.rms()).then(|| lane.mean())
+}
+
+/// What a large mean of a current does, to be added to a sentence.
+pub(super) fn heating(stream: &Stream, lane: &Envelope) -> String {
+    constant_current(stream, lane).map_or_else(String::new, |mean| {
+        let mean = Unit::of(Quantity::CURRENT).text(mean);
+        format!("; its mean of {mean} heats the coil and is not felt")
+    })
 }
 
 fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plot {
@@ -231,7 +257,8 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
                 height: bins,
                 values,
             },
-            x: (0.0, spectra.duration_s()),
+            // Half a segment at either end has no column of its own.
+            x: (0.0, recorded.duration_s()),
             y: (-0.5 * bin_hz, (bins as f64 - 0.5) * bin_hz),
             colours: (loudest - DEPTH_DB, loudest),
             label: format!("dB re 1 {}", density_unit(recorded.stream.quantity)),
@@ -259,7 +286,8 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
         .map(|(i, d)| (i as f64 * spectra.bin_hz(), *d))
         .filter(|p| p.1 > 0.0)
         .collect();
-    let (strongest_hz, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (_, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let strongest_hz = spectra.strongest_hz(spectra.bin_hz())?;
     let last_hz = points.last()?.0;
     Some(Plot {
         title: format!("{}, mean spectrum", recorded.stream.name),

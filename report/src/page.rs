@@ -6,7 +6,7 @@ use super::figures;
 use super::headlines::{Headline, cards, of_signals};
 use super::player;
 use super::plot::Plot;
-use super::record::Recorded;
+use super::record::{Friction, Recorded};
 use super::sound::Sound;
 use super::svg::escape;
 use super::theme;
@@ -26,6 +26,8 @@ pub struct Page<'a> {
     pub simulation: Simulation,
     /// The numbers to read first, before those of the sound.
     pub headlines: Vec<Headline>,
+    /// What tells the friction, of the signals.
+    pub friction: Option<Friction>,
     /// What is to be known of the run: names and values.
     pub facts: Vec<(String, String)>,
     /// What the reader should be warned of: limits that held back, faults, a run cut short.
@@ -86,7 +88,7 @@ const ALL_SIMULATED: &str = "All devices in this run were simulated: what is sho
 impl Page<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let mut headlines = of_signals(self.sound, &self.signals);
+        let mut headlines = of_signals(self.sound, &self.signals, self.friction.as_ref());
         headlines.extend(self.headlines.iter().cloned());
         let heads = cards(&headlines) + &self.simulation.remark();
         let mut main: Vec<Plot> = self.asked.iter().cloned().chain(self.maps()).collect();

@@ -14,6 +14,9 @@ pub struct Envelope {
     samples: u64,
     sum: f64,
     sum_of_squares: f64,
+    sum_of_sizes: f64,
+    /// Samples that are not zero.
+    present: u64,
 }
 
 /// Most stretches; at least half as many are left after joining.
@@ -32,6 +35,8 @@ impl Envelope {
             samples: 0,
             sum: 0.0,
             sum_of_squares: 0.0,
+            sum_of_sizes: 0.0,
+            present: 0,
         }
     }
 
@@ -49,6 +54,8 @@ impl Envelope {
             self.open = (self.open.0.min(sample), self.open.1.max(sample));
             self.sum += sample;
             self.sum_of_squares += sample * sample;
+            self.sum_of_sizes += sample.abs();
+            self.present += u64::from(sample != 0.0);
         }
         if self.open_samples == self.stretch {
             self.complete.push(self.open);
@@ -88,6 +95,19 @@ impl Envelope {
             0 => 0.0,
             samples => self.sum / samples as f64,
         }
+    }
+
+    /// Mean magnitude while it is not zero; 0 for a signal that always is.
+    pub fn mean_size(&self) -> f64 {
+        match self.present {
+            0 => 0.0,
+            present => self.sum_of_sizes / present as f64,
+        }
+    }
+
+    /// The part of the time in which it is not zero, 0 to 1.
+    pub fn presence(&self) -> f64 {
+        self.present as f64 / self.samples.max(1) as f64
     }
 
     /// Smallest and largest value; `None` where no sample is finite.
@@ -183,6 +203,17 @@ mod tests {
         assert!((MOST / 2..=MOST).contains(&points.len()));
         let at = points.iter().find(|p| p.2 == 9.0).unwrap().0;
         assert!((at - 765.432).abs() < 1.0, "{at}");
+    }
+
+    #[test]
+    fn the_mean_size_leaves_out_what_is_zero() {
+        let mut envelope = Envelope::new(1000.0);
+        envelope.extend([0.0, 2.0, -4.0, 0.0]);
+        assert_eq!((envelope.mean_size(), envelope.presence()), (3.0, 0.5));
+        assert_eq!(
+            (Envelope::new(1.0).mean_size(), Envelope::new(1.0).presence()),
+            (0.0, 0.0)
+        );
     }
 
     #[test]
