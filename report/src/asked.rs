@@ -225,9 +225,26 @@ impl Asked {
             let group: Vec<usize> = rest.iter().copied().filter(alike).collect();
             rest.retain(|i| !group.contains(i));
             let fast = self.signals[first].stream.rate.hz() >= FAST_HZ;
-            let curves: Vec<Curve<'_>> = curves(runs, |run| {
+            let mut curves: Vec<Curve<'_>> = curves(runs, |run| {
                 group.iter().filter_map(|i| run.traces.get(*i)).collect()
             });
+            if let Some(text) = constant(&curves) {
+                plots.push(Plot {
+                    caption: text,
+                    ..self.frame_of(&plots, &curves, runs.len() > 1, quantity)
+                });
+                continue;
+            }
+            let mut zeros = String::new();
+            if runs.len() == 1 {
+                curves.retain(|curve| {
+                    let is_zero = curve.trace.is_zero();
+                    if is_zero {
+                        zeros += &format!(" {}: {}.", curve.name, curve.trace.constant().unwrap_or_default());
+                    }
+                    !is_zero
+                });
+            }
             let frames: Vec<&[Curve<'_>]> = match fast && curves.len() > 1 {
                 true => curves.chunks(1).collect(),
                 false => vec![&curves[..]],
@@ -238,16 +255,7 @@ impl Asked {
                 None
             };
             for frame in frames {
-                let mut plot = self.frame();
-                match frame {
-                    [one, ..] if range.is_some() || runs.len() > 1 => {
-                        plot.title = format!("{}, {}", self.title, one.trace.stream.name);
-                    }
-                    _ if !plots.is_empty() => {
-                        plot.title = format!("{}: {}", self.title, quantity.name().unwrap_or("value"));
-                    }
-                    _ => {}
-                }
+                let mut plot = self.frame_of(&plots, frame, range.is_some() || runs.len() > 1, quantity);
                 plot.x = Axis::time();
                 plot.y = Axis::of(axis_label(quantity));
                 if let Some((low, high)) = range {
@@ -255,7 +263,7 @@ impl Asked {
                     plot.size = (0.0, 160.0);
                 }
                 plot.marks = frame.iter().flat_map(Curve::over_time).collect();
-                plot.caption = levels(frame, quantity);
+                plot.caption = levels(frame, quantity) + &zeros;
                 plots.push(plot);
             }
         }
@@ -323,6 +331,20 @@ impl Asked {
         vec![plot]
     }
 
+    /// An empty plot of these curves, after the others of the same node: with the signal's name in its title where there
+    /// is a frame for each, with the quantity's from the second on.
+    fn frame_of(&self, before: &[Plot], curves: &[Curve<'_>], one_each: bool, quantity: Quantity) -> Plot {
+        let title = match curves.first() {
+            Some(one) if one_each => format!("{}, {}", self.title, one.trace.stream.name),
+            _ if !before.is_empty() => format!("{}: {}", self.title, quantity.name().unwrap_or("value")),
+            _ => self.title.clone(),
+        };
+        Plot {
+            title,
+            ..self.frame()
+        }
+    }
+
     fn frame(&self) -> Plot {
         let simulated = self.signals.iter().any(|signal| signal.stream.simulated);
         Plot {
@@ -364,6 +386,23 @@ fn curves<'a>(runs: &[Drawn<'a>], traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>)
         traces.into_iter().enumerate().map(curve).collect::<Vec<_>>()
     };
     runs.iter().enumerate().flat_map(of_run).collect()
+}
+
+/// What there is to say of curves none of which ever changes.
+fn constant(curves: &[Curve<'_>]) -> Option<String> {
+    let values: Vec<String> = curves
+        .iter()
+        .map(|curve| curve.trace.constant())
+        .collect::<Option<_>>()?;
+    let (first, rest) = values.split_first()?;
+    if rest.iter().all(|value| value == first) {
+        return Some(format!("{first}."));
+    }
+    let named = curves.iter().zip(&values);
+    let named: Vec<String> = named
+        .map(|(curve, value)| format!("{} {value}", curve.name))
+        .collect();
+    Some(named.join(", ") + ".")
 }
 
 /// How large the signals of a frame are: the root mean square of one that goes both ways, the mean of another.
@@ -433,6 +472,28 @@ impl Trace {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Points(points) => points.kept().to_vec(),
             Kept::Signal(_) => Vec::new(),
+        }
+    }
+
+    /// What a signal is that never changes, in words.
+    fn constant(&self) -> Option<String> {
+        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Signal(envelope) => {
+                let value = Unit::of(self.stream.quantity).text(envelope.constant()?);
+                Some(format!("constant {value}"))
+            }
+            Kept::Points(events) => {
+                let never = self.stream.kind == Kind::Event && events.kept().is_empty();
+                never.then(|| "never".to_owned())
+            }
+        }
+    }
+
+    /// Is it zero, or without an event, all the time?
+    fn is_zero(&self) -> bool {
+        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Signal(envelope) => envelope.constant() == Some(0.0),
+            Kept::Points(events) => self.stream.kind == Kind::Event && events.kept().is_empty(),
         }
     }
 
@@ -574,6 +635,32 @@ mod tests {
         let (per_x, per_y) = ((x1 - x0) / PATH_FRAME.0, (y1 - y0) / PATH_FRAME.1);
         assert!((per_x / per_y - 1.0).abs() < 1e-9 && x1 < 50.0);
         assert!(matches!(&plot.marks[0], Mark::Line(_, points) if points[1].0.is_nan()));
+    }
+
+    #[test]
+    fn what_never_changes_is_said_and_not_drawn() {
+        let (moving, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 3.0]);
+        let (silent, second) = trace("shake", Kind::Scalar, 1000, Form::OverTime, &[0.0; 3]);
+        let (event, never) = trace("too hard", Kind::Event, 1000, Form::OverTime, &[0.0; 6]);
+        let asked = |signals: Vec<Watch>| Asked {
+            title: "Forces".into(),
+            form: Form::OverTime,
+            signals,
+        };
+        let drawn = |traces| Drawn { name: "", traces };
+        let both = [first, second];
+        let plots = asked(vec![moving, silent.clone()]).plots(&[drawn(&both)]);
+        assert_eq!((plots.len(), plots[0].marks.len()), (1, 1));
+        assert!(
+            plots[0].caption.ends_with("shake: constant 0 N."),
+            "{}",
+            plots[0].caption
+        );
+        for (signal, trace, text) in [(silent, &both[1], "constant 0 N."), (event, &never, "never.")] {
+            let plots = asked(vec![signal]).plots(&[drawn(std::slice::from_ref(trace))]);
+            assert_eq!((plots.len(), plots[0].caption.as_str()), (1, text));
+            assert!(!plots[0].to_figure().contains("<svg"), "{}", plots[0].to_figure());
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The page that a run leaves behind: one HTML file, everything in it, nothing fetched.
 
-mod signals;
+pub(super) mod signals;
 
 use super::figures;
 use super::headlines::{Headline, cards, of_signals};

@@ -30,6 +30,9 @@ impl Plot {
     }
 
     fn figure(&self, class: &str, what: &str) -> String {
+        if self.marks.is_empty() && !self.caption.is_empty() {
+            return self.sentence();
+        }
         let height = self.size().1 - AROUND;
         let frame = Rect {
             x: 0.0,
@@ -57,6 +60,15 @@ impl Plot {
             escape(&self.title),
             self.scales_for_script(&x, &y),
             self.body(frame, &x, &y),
+        )
+    }
+
+    /// A plot of nothing is what its caption says.
+    fn sentence(&self) -> String {
+        format!(
+            "<p><b>{}</b>: {}</p>\n",
+            escape(&self.title),
+            escape(&self.caption)
         )
     }
 
