@@ -225,7 +225,7 @@ impl Asked {
             let group: Vec<usize> = rest.iter().copied().filter(alike).collect();
             rest.retain(|i| !group.contains(i));
             let fast = self.signals[first].stream.rate.hz() >= FAST_HZ;
-            let mut curves: Vec<Curve<'_>> = curves(runs, |run| {
+            let mut curves: Vec<Curve<'_>> = curves(runs, true, |run| {
                 group.iter().filter_map(|i| run.traces.get(*i)).collect()
             });
             if let Some(text) = constant(&curves) {
@@ -274,7 +274,9 @@ impl Asked {
         let Some((across, _)) = self.signals.split_first() else {
             return Vec::new();
         };
-        let curves: Vec<Curve<'_>> = curves(runs, |run| run.traces.iter().skip(1).collect());
+        // One y of all runs is one curve only where the x is the same as well.
+        let share = all_equal(runs.iter().map(|run| run.traces.first()));
+        let curves: Vec<Curve<'_>> = curves(runs, share, |run| run.traces.iter().skip(1).collect());
         let Some(first) = curves.first() else {
             return Vec::new();
         };
@@ -309,12 +311,16 @@ impl Asked {
 
     fn path(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
         let mut plot = self.frame();
-        let curves = curves(runs, |run| run.traces.iter().collect());
+        let curves = curves(runs, true, |run| run.traces.iter().collect());
         let line = |curve: &Curve<'_>| {
             let unit = Unit::of(curve.trace.way_quantity());
             let points = curve.trace.points().into_iter();
             let shown = points.map(|(x, y)| (unit.show(x), unit.show(y)));
-            Mark::Line(curve.style().weight(Weight::Hair), shown.collect())
+            let style = match curve.is_dashed {
+                true => curve.style(),
+                false => curve.style().weight(Weight::Hair),
+            };
+            Mark::Line(style, shown.collect())
         };
         plot.marks = curves.iter().map(line).collect();
         let unit = runs
@@ -323,8 +329,15 @@ impl Asked {
             .map_or_else(String::new, |trace| Unit::of(trace.way_quantity()).symbol);
         plot.size = PATH_SIZE;
         plot.aspect = Some(PATH_FRAME.0 / PATH_FRAME.1);
-        plot.caption =
-            "Seen from above, both axes in one scale; a line is broken where nothing touches.".to_owned();
+        plot.caption = match self
+            .signals
+            .iter()
+            .all(|signal| signal.stream.kind == Kind::Contact)
+        {
+            true => "Seen from above, both axes in one scale; a line is broken where nothing touches.",
+            false => "Seen from above, both axes in one scale.",
+        }
+        .to_owned();
         let ((x_low, x_high), (y_low, y_high)) = square(&plot.marks);
         plot.x = Axis::of(format!("x ({unit})")).over(x_low, x_high);
         plot.y = Axis::of(format!("y ({unit})")).over(y_low, y_high);
@@ -364,28 +377,53 @@ const PATH_FRAME: (f64, f64) = (676.0, 342.0);
 struct Curve<'a> {
     name: String,
     ink: Ink,
+    is_dashed: bool,
     run: usize,
     trace: &'a Trace,
 }
 
-/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run.
-fn curves<'a>(runs: &[Drawn<'a>], traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>) -> Vec<Curve<'a>> {
-    let of_run = |(run, drawn): (usize, &Drawn<'a>)| {
-        let traces = traces(drawn);
-        let alone = traces.len() == 1;
-        let curve = move |(number, trace): (usize, &'a Trace)| Curve {
-            name: match (drawn.name, alone) {
-                ("", _) => trace.stream.name.clone(),
-                (name, true) => name.to_owned(),
-                (name, false) => format!("{name}: {}", trace.stream.name),
-            },
-            ink: Ink::number(if runs.len() > 1 { run } else { number }),
-            run,
-            trace,
-        };
-        traces.into_iter().enumerate().map(curve).collect::<Vec<_>>()
+/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run,
+/// whose second signal and those after it are dashed; a signal that is the same in all runs is one grey curve where `share`.
+fn curves<'a>(
+    runs: &[Drawn<'a>],
+    share: bool,
+    traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>,
+) -> Vec<Curve<'a>> {
+    let by_run: Vec<Vec<&'a Trace>> = runs.iter().map(traces).collect();
+    let most = by_run.iter().map(Vec::len).max().unwrap_or(0);
+    let several = runs.len() > 1;
+    let is_shared = |number: usize| {
+        several && share && all_equal(by_run.iter().map(|traces| traces.get(number).copied()))
     };
-    runs.iter().enumerate().flat_map(of_run).collect()
+    let shared: Vec<bool> = (0..most).map(is_shared).collect();
+    let mut found = Vec::new();
+    for (run, (drawn, traces)) in runs.iter().zip(&by_run).enumerate() {
+        for (number, trace) in traces.iter().enumerate() {
+            let signal = &trace.stream.name;
+            let (name, ink) = match (shared[number], drawn.name) {
+                (true, _) if run > 0 => continue,
+                (true, _) => (format!("{signal}, all runs"), Ink::Grey),
+                (false, "") => (signal.clone(), Ink::number(number)),
+                (false, name) if traces.len() == 1 => (name.to_owned(), Ink::of_run(run)),
+                (false, name) => (format!("{name}: {signal}"), Ink::of_run(run)),
+            };
+            let is_dashed = several && !shared[number] && number > 0;
+            found.push(Curve {
+                name,
+                ink,
+                is_dashed,
+                run,
+                trace,
+            });
+        }
+    }
+    found
+}
+
+/// Did all runs leave the same?
+fn all_equal<'a>(mut traces: impl Iterator<Item = Option<&'a Trace>>) -> bool {
+    let first = traces.next().flatten().map(Trace::kept);
+    traces.all(|trace| trace.map(Trace::kept) == first)
 }
 
 /// What there is to say of curves none of which ever changes.
@@ -442,7 +480,11 @@ fn levels(curves: &[Curve<'_>], quantity: Quantity) -> String {
 
 impl Curve<'_> {
     fn style(&self) -> Style {
-        Style::named(self.ink, self.name.as_str())
+        let style = Style::named(self.ink, self.name.as_str());
+        match self.is_dashed {
+            true => style.weight(Weight::Dashed),
+            false => style,
+        }
     }
 
     fn over_time(&self) -> Vec<Mark> {
@@ -635,6 +677,39 @@ mod tests {
         let (per_x, per_y) = ((x1 - x0) / PATH_FRAME.0, (y1 - y0) / PATH_FRAME.1);
         assert!((per_x / per_y - 1.0).abs() < 1e-9 && x1 < 50.0);
         assert!(matches!(&plot.marks[0], Mark::Line(_, points) if points[1].0.is_nan()));
+    }
+
+    #[test]
+    fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
+        let way = |name: &str, x: f64| {
+            trace(
+                name,
+                Kind::Vector,
+                1000,
+                Form::Path,
+                &[0.0, 0.0, 0.0, x, 1.0, 0.0],
+            )
+        };
+        let asked = Asked {
+            title: "Where".into(),
+            form: Form::Path,
+            signals: vec![way("hand", 1.0).0, way("found", 1.0).0],
+        };
+        let runs = [2.0, 3.0].map(|x| [way("hand", 1.0).1, way("found", x).1]);
+        let drawn = ["a", "b"].iter().zip(&runs);
+        let drawn: Vec<Drawn<'_>> = drawn.map(|(name, traces)| Drawn { name, traces }).collect();
+        let plots = asked.plots(&drawn);
+        let styles = plots[0].marks.iter().map(|mark| match mark {
+            Mark::Line(style, _) => (style.name.as_str(), style.weight),
+            other => panic!("{other:?}"),
+        });
+        let expected = [
+            ("hand, all runs", Weight::Hair),
+            ("a: found", Weight::Dashed),
+            ("b: found", Weight::Dashed),
+        ];
+        assert_eq!(styles.collect::<Vec<_>>(), expected);
+        assert!(!plots[0].caption.contains("touches"));
     }
 
     #[test]

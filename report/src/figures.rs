@@ -342,13 +342,10 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
         let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
         plot.x = plot.x.over(-0.015 * speed, 1.015 * speed);
         plot.y = plot.y.over(-0.02 * force, 1.02 * force);
-        let models = if paths.len() == 1 { Ink::Blue } else { Ink::Grey };
-        plot.marks.extend(triangulation_in(texture, models));
+        plot.marks.extend(triangulation(texture));
     }
-    // One stroke is orange over blue models; several have the colours of their runs, over grey ones.
-    let alone = usize::from(paths.len() == 1);
     for (number, (name, path)) in paths.into_iter().enumerate() {
-        let ink = Ink::number(number + alone);
+        let ink = Ink::of_run(number);
         let line = Style::named(ink, name).weight(Weight::Hair);
         plot.marks.push(Mark::Line(line, path.clone()));
         plot.marks
@@ -359,10 +356,6 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
 
 /// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
 pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
-    triangulation_in(texture, Ink::Blue)
-}
-
-fn triangulation_in(texture: &TextureModel, ink: Ink) -> Vec<Mark> {
     let at = |i: usize| {
         let model = &texture.models()[i];
         (model.speed_m_s * 1e3, model.force_n)
@@ -379,12 +372,12 @@ fn triangulation_in(texture: &TextureModel, ink: Ink) -> Vec<Mark> {
             .collect::<Vec<_>>()
     };
     let kinds = [
-        (Style::named(Ink::Grey, "border"), VertexKind::Edge),
+        (Style::named(Ink::Grey, "beyond the recording"), VertexKind::Edge),
         (
-            Style::named(ink, "model").weight(Weight::Bold),
+            Style::named(Ink::Blue, "model").weight(Weight::Bold),
             VertexKind::Measured,
         ),
-        (Style::named(ink, "law"), VertexKind::Fitted),
+        (Style::named(Ink::Blue, "law"), VertexKind::Fitted),
     ];
     let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
     let dots = dots.filter(|(_, places)| !places.is_empty());

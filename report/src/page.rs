@@ -158,7 +158,7 @@ pub(super) fn facts(facts: &[(String, String)]) -> String {
 }
 
 /// A file's name as an address relative to the page: whatever has a meaning there is written as its bytes.
-fn address(name: &str) -> String {
+pub(super) fn address(name: &str) -> String {
     let letter = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' => char::from(byte).to_string(),
         other => format!("%{other:02X}"),
