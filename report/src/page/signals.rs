@@ -78,7 +78,7 @@ fn is_slower(signal: &Recorded, other: &Recorded) -> bool {
     }
 }
 
-pub(in super::super) fn is_same(a: &Recorded, b: &Recorded) -> bool {
+pub(crate) fn is_same(a: &Recorded, b: &Recorded) -> bool {
     match (&a.content, &b.content) {
         (Content::Lanes(x, _), Content::Lanes(y, _)) => a.stream.quantity == b.stream.quantity && x == y,
         _ => false,
