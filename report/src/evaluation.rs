@@ -46,7 +46,7 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
 /// How many textures are nearest to what they were learned from, and how well the map tells materials apart.
 fn headlines(found: &Evaluation) -> Vec<Headline> {
     let table = &found.materials_table;
-    let textures = table.rows.len();
+    let textures = table.rows.len().min(table.columns.len());
     let nearest = (0..textures).filter(|i| table.is_least_of_row(*i, *i)).count();
     let mut list = vec![
         Headline::new(
