@@ -66,9 +66,7 @@ impl Case {
             }
         }
     }
-}
 
-impl Case {
     /// What it is called on the page: `gain = 2, seed = 3`.
     fn label(&self) -> String {
         let all = self.0.iter().map(|(name, value)| format!("{name} = {value}"));
