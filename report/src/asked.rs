@@ -1,7 +1,7 @@
 //! Plots that a graph asks for by its nodes `TimePlot`, `XyPlot` and `PathPlot`, of one run or of several laid over
 //! each other.
 
-use super::figures::{Unit, axis_label};
+use super::figures::{self, Unit, axis_label};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::record::{Watch, watch};
 use super::theme::Ink;
@@ -225,9 +225,26 @@ impl Asked {
             let group: Vec<usize> = rest.iter().copied().filter(alike).collect();
             rest.retain(|i| !group.contains(i));
             let fast = self.signals[first].stream.rate.hz() >= FAST_HZ;
-            let curves: Vec<Curve<'_>> = curves(runs, |run| {
+            let mut curves: Vec<Curve<'_>> = curves(runs, true, |run| {
                 group.iter().filter_map(|i| run.traces.get(*i)).collect()
             });
+            if let Some(text) = constant(&curves) {
+                plots.push(Plot {
+                    caption: text,
+                    ..self.frame_of(&plots, &curves, runs.len() > 1, quantity)
+                });
+                continue;
+            }
+            let mut zeros = String::new();
+            if runs.len() == 1 {
+                curves.retain(|curve| {
+                    let is_zero = curve.trace.is_zero();
+                    if is_zero {
+                        zeros += &format!(" {}: {}.", curve.name, curve.trace.constant().unwrap_or_default());
+                    }
+                    !is_zero
+                });
+            }
             let frames: Vec<&[Curve<'_>]> = match fast && curves.len() > 1 {
                 true => curves.chunks(1).collect(),
                 false => vec![&curves[..]],
@@ -238,16 +255,7 @@ impl Asked {
                 None
             };
             for frame in frames {
-                let mut plot = self.frame();
-                match frame {
-                    [one, ..] if range.is_some() || runs.len() > 1 => {
-                        plot.title = format!("{}, {}", self.title, one.trace.stream.name);
-                    }
-                    _ if !plots.is_empty() => {
-                        plot.title = format!("{}: {}", self.title, quantity.name().unwrap_or("value"));
-                    }
-                    _ => {}
-                }
+                let mut plot = self.frame_of(&plots, frame, range.is_some() || runs.len() > 1, quantity);
                 plot.x = Axis::time();
                 plot.y = Axis::of(axis_label(quantity));
                 if let Some((low, high)) = range {
@@ -255,7 +263,7 @@ impl Asked {
                     plot.size = (0.0, 160.0);
                 }
                 plot.marks = frame.iter().flat_map(Curve::over_time).collect();
-                plot.caption = levels(frame, quantity);
+                plot.caption = levels(frame, quantity) + &zeros;
                 plots.push(plot);
             }
         }
@@ -266,7 +274,9 @@ impl Asked {
         let Some((across, _)) = self.signals.split_first() else {
             return Vec::new();
         };
-        let curves: Vec<Curve<'_>> = curves(runs, |run| run.traces.iter().skip(1).collect());
+        // One y of all runs is one curve only where the x is the same as well.
+        let share = all_equal(runs.iter().map(|run| run.traces.first()));
+        let curves: Vec<Curve<'_>> = curves(runs, share, |run| run.traces.iter().skip(1).collect());
         let Some(first) = curves.first() else {
             return Vec::new();
         };
@@ -279,9 +289,14 @@ impl Asked {
         });
         plot.y = Axis::of(axis_label(y));
         plot.size = (0.0, 300.0);
-        plot.caption = "Each dot is a moment: what comes first was as large as the axis below says, the other as the axis at \
-                        the side."
-            .to_owned();
+        let others: Vec<&str> = (self.signals.iter().skip(1))
+            .map(|signal| signal.stream.name.as_str())
+            .collect();
+        plot.caption = format!(
+            "Each dot is one moment: {} (side) at the {} (below) of that moment.",
+            others.join(" or "),
+            across.stream.name
+        );
         plot.marks = curves
             .iter()
             .filter_map(|curve| {
@@ -296,12 +311,16 @@ impl Asked {
 
     fn path(&self, runs: &[Drawn<'_>]) -> Vec<Plot> {
         let mut plot = self.frame();
-        let curves = curves(runs, |run| run.traces.iter().collect());
+        let curves = curves(runs, true, |run| run.traces.iter().collect());
         let line = |curve: &Curve<'_>| {
             let unit = Unit::of(curve.trace.way_quantity());
             let points = curve.trace.points().into_iter();
             let shown = points.map(|(x, y)| (unit.show(x), unit.show(y)));
-            Mark::Line(curve.style().weight(Weight::Hair), shown.collect())
+            let style = match curve.is_dashed {
+                true => curve.style(),
+                false => curve.style().weight(Weight::Hair),
+            };
+            Mark::Line(style, shown.collect())
         };
         plot.marks = curves.iter().map(line).collect();
         let unit = runs
@@ -310,12 +329,33 @@ impl Asked {
             .map_or_else(String::new, |trace| Unit::of(trace.way_quantity()).symbol);
         plot.size = PATH_SIZE;
         plot.aspect = Some(PATH_FRAME.0 / PATH_FRAME.1);
-        plot.caption =
-            "Seen from above, both axes in one scale; a line is broken where nothing touches.".to_owned();
+        plot.caption = match self
+            .signals
+            .iter()
+            .all(|signal| signal.stream.kind == Kind::Contact)
+        {
+            true => "Seen from above, both axes in one scale; a line is broken where nothing touches.",
+            false => "Seen from above, both axes in one scale.",
+        }
+        .to_owned();
         let ((x_low, x_high), (y_low, y_high)) = square(&plot.marks);
         plot.x = Axis::of(format!("x ({unit})")).over(x_low, x_high);
         plot.y = Axis::of(format!("y ({unit})")).over(y_low, y_high);
         vec![plot]
+    }
+
+    /// An empty plot of these curves, after the others of the same node: with the signal's name in its title where there
+    /// is a frame for each, with the quantity's from the second on.
+    fn frame_of(&self, before: &[Plot], curves: &[Curve<'_>], one_each: bool, quantity: Quantity) -> Plot {
+        let title = match curves.first() {
+            Some(one) if one_each => format!("{}, {}", self.title, one.trace.stream.name),
+            _ if !before.is_empty() => format!("{}: {}", self.title, quantity.name().unwrap_or("value")),
+            _ => self.title.clone(),
+        };
+        Plot {
+            title,
+            ..self.frame()
+        }
     }
 
     fn frame(&self) -> Plot {
@@ -337,28 +377,70 @@ const PATH_FRAME: (f64, f64) = (676.0, 342.0);
 struct Curve<'a> {
     name: String,
     ink: Ink,
+    is_dashed: bool,
     run: usize,
     trace: &'a Trace,
 }
 
-/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run.
-fn curves<'a>(runs: &[Drawn<'a>], traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>) -> Vec<Curve<'a>> {
-    let of_run = |(run, drawn): (usize, &Drawn<'a>)| {
-        let traces = traces(drawn);
-        let alone = traces.len() == 1;
-        let curve = move |(number, trace): (usize, &'a Trace)| Curve {
-            name: match (drawn.name, alone) {
-                ("", _) => trace.stream.name.clone(),
-                (name, true) => name.to_owned(),
-                (name, false) => format!("{name}: {}", trace.stream.name),
-            },
-            ink: Ink::number(if runs.len() > 1 { run } else { number }),
-            run,
-            trace,
-        };
-        traces.into_iter().enumerate().map(curve).collect::<Vec<_>>()
+/// The curves of these traces of every run. A colour is that of a signal, or where there are several runs that of a run,
+/// whose second signal and those after it are dashed; a signal that is the same in all runs is one grey curve where `share`.
+fn curves<'a>(
+    runs: &[Drawn<'a>],
+    share: bool,
+    traces: impl Fn(&Drawn<'a>) -> Vec<&'a Trace>,
+) -> Vec<Curve<'a>> {
+    let by_run: Vec<Vec<&'a Trace>> = runs.iter().map(traces).collect();
+    let most = by_run.iter().map(Vec::len).max().unwrap_or(0);
+    let several = runs.len() > 1;
+    let is_shared = |number: usize| {
+        several && share && all_equal(by_run.iter().map(|traces| traces.get(number).copied()))
     };
-    runs.iter().enumerate().flat_map(of_run).collect()
+    let shared: Vec<bool> = (0..most).map(is_shared).collect();
+    let mut found = Vec::new();
+    for (run, (drawn, traces)) in runs.iter().zip(&by_run).enumerate() {
+        for (number, trace) in traces.iter().enumerate() {
+            let signal = &trace.stream.name;
+            let (name, ink) = match (shared[number], drawn.name) {
+                (true, _) if run > 0 => continue,
+                (true, _) => (format!("{signal}, all runs"), Ink::Grey),
+                (false, "") => (signal.clone(), Ink::number(number)),
+                (false, name) if traces.len() == 1 => (name.to_owned(), Ink::of_run(run)),
+                (false, name) => (format!("{name}: {signal}"), Ink::of_run(run)),
+            };
+            let is_dashed = several && !shared[number] && number > 0;
+            found.push(Curve {
+                name,
+                ink,
+                is_dashed,
+                run,
+                trace,
+            });
+        }
+    }
+    found
+}
+
+/// Did all runs leave the same?
+fn all_equal<'a>(mut traces: impl Iterator<Item = Option<&'a Trace>>) -> bool {
+    let first = traces.next().flatten().map(Trace::kept);
+    traces.all(|trace| trace.map(Trace::kept) == first)
+}
+
+/// What there is to say of curves none of which ever changes.
+fn constant(curves: &[Curve<'_>]) -> Option<String> {
+    let values: Vec<String> = curves
+        .iter()
+        .map(|curve| curve.trace.constant())
+        .collect::<Option<_>>()?;
+    let (first, rest) = values.split_first()?;
+    if rest.iter().all(|value| value == first) {
+        return Some(format!("{first}."));
+    }
+    let named = curves.iter().zip(&values);
+    let named: Vec<String> = named
+        .map(|(curve, value)| format!("{} {value}", curve.name))
+        .collect();
+    Some(named.join(", ") + ".")
 }
 
 /// How large the signals of a frame are: the root mean square of one that goes both ways, the mean of another.
@@ -377,8 +459,9 @@ fn levels(curves: &[Curve<'_>], quantity: Quantity) -> String {
             } else {
                 String::new()
             };
+            let heating = figures::heating(&curve.trace.stream, envelope);
             Some(format!(
-                "{of}{level}, from {} to {}",
+                "{of}{level}, from {} to {}{heating}",
                 unit.text(low),
                 unit.text(high)
             ))
@@ -397,7 +480,11 @@ fn levels(curves: &[Curve<'_>], quantity: Quantity) -> String {
 
 impl Curve<'_> {
     fn style(&self) -> Style {
-        Style::named(self.ink, self.name.as_str())
+        let style = Style::named(self.ink, self.name.as_str());
+        match self.is_dashed {
+            true => style.weight(Weight::Dashed),
+            false => style,
+        }
     }
 
     fn over_time(&self) -> Vec<Mark> {
@@ -427,6 +514,28 @@ impl Trace {
         match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
             Kept::Points(points) => points.kept().to_vec(),
             Kept::Signal(_) => Vec::new(),
+        }
+    }
+
+    /// What a signal is that never changes, in words.
+    fn constant(&self) -> Option<String> {
+        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Signal(envelope) => {
+                let value = Unit::of(self.stream.quantity).text(envelope.constant()?);
+                Some(format!("constant {value}"))
+            }
+            Kept::Points(events) => {
+                let never = self.stream.kind == Kind::Event && events.kept().is_empty();
+                never.then(|| "never".to_owned())
+            }
+        }
+    }
+
+    /// Is it zero, or without an event, all the time?
+    fn is_zero(&self) -> bool {
+        match &*self.shared.lock().unwrap_or_else(PoisonError::into_inner) {
+            Kept::Signal(envelope) => envelope.constant() == Some(0.0),
+            Kept::Points(events) => self.stream.kind == Kind::Event && events.kept().is_empty(),
         }
     }
 
@@ -568,6 +677,65 @@ mod tests {
         let (per_x, per_y) = ((x1 - x0) / PATH_FRAME.0, (y1 - y0) / PATH_FRAME.1);
         assert!((per_x / per_y - 1.0).abs() < 1e-9 && x1 < 50.0);
         assert!(matches!(&plot.marks[0], Mark::Line(_, points) if points[1].0.is_nan()));
+    }
+
+    #[test]
+    fn a_way_that_all_runs_share_is_one_curve_and_the_second_of_a_run_is_dashed() {
+        let way = |name: &str, x: f64| {
+            trace(
+                name,
+                Kind::Vector,
+                1000,
+                Form::Path,
+                &[0.0, 0.0, 0.0, x, 1.0, 0.0],
+            )
+        };
+        let asked = Asked {
+            title: "Where".into(),
+            form: Form::Path,
+            signals: vec![way("hand", 1.0).0, way("found", 1.0).0],
+        };
+        let runs = [2.0, 3.0].map(|x| [way("hand", 1.0).1, way("found", x).1]);
+        let drawn = ["a", "b"].iter().zip(&runs);
+        let drawn: Vec<Drawn<'_>> = drawn.map(|(name, traces)| Drawn { name, traces }).collect();
+        let plots = asked.plots(&drawn);
+        let styles = plots[0].marks.iter().map(|mark| match mark {
+            Mark::Line(style, _) => (style.name.as_str(), style.weight),
+            other => panic!("{other:?}"),
+        });
+        let expected = [
+            ("hand, all runs", Weight::Hair),
+            ("a: found", Weight::Dashed),
+            ("b: found", Weight::Dashed),
+        ];
+        assert_eq!(styles.collect::<Vec<_>>(), expected);
+        assert!(!plots[0].caption.contains("touches"));
+    }
+
+    #[test]
+    fn what_never_changes_is_said_and_not_drawn() {
+        let (moving, first) = trace("load", Kind::Scalar, 1000, Form::OverTime, &[1.0, 2.0, 3.0]);
+        let (silent, second) = trace("shake", Kind::Scalar, 1000, Form::OverTime, &[0.0; 3]);
+        let (event, never) = trace("too hard", Kind::Event, 1000, Form::OverTime, &[0.0; 6]);
+        let asked = |signals: Vec<Watch>| Asked {
+            title: "Forces".into(),
+            form: Form::OverTime,
+            signals,
+        };
+        let drawn = |traces| Drawn { name: "", traces };
+        let both = [first, second];
+        let plots = asked(vec![moving, silent.clone()]).plots(&[drawn(&both)]);
+        assert_eq!((plots.len(), plots[0].marks.len()), (1, 1));
+        assert!(
+            plots[0].caption.ends_with("shake: constant 0 N."),
+            "{}",
+            plots[0].caption
+        );
+        for (signal, trace, text) in [(silent, &both[1], "constant 0 N."), (event, &never, "never.")] {
+            let plots = asked(vec![signal]).plots(&[drawn(std::slice::from_ref(trace))]);
+            assert_eq!((plots.len(), plots[0].caption.as_str()), (1, text));
+            assert!(!plots[0].to_figure().contains("<svg"), "{}", plots[0].to_figure());
+        }
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! The page that an evaluation leaves behind: the tables and the map of thesis section 2.5, and what each surface was learned from.
 
+use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::responses::Responses;
+use super::scale::fixed;
 use super::svg::escape;
 use super::theme::Ink;
 use super::{learning, map_figures};
@@ -15,7 +17,10 @@ use std::collections::BTreeMap;
 
 /// The page of an evaluation, with the surface of each material and how it was learned.
 pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport)]) -> String {
-    let mut sections = vec![("Textures and materials", materials(found))];
+    let mut sections = vec![
+        ("", cards(&headlines(found))),
+        ("Textures and materials", materials(found)),
+    ];
     if let Some(people) = &found.people_table {
         sections.push(("People", people_table(people)));
     }
@@ -36,6 +41,34 @@ pub fn page(title: &str, found: &Evaluation, learned: &[(Surface, LearningReport
         sections: &sections,
     }
     .to_html()
+}
+
+/// How many textures are nearest to what they were learned from, and how well the map tells materials apart.
+fn headlines(found: &Evaluation) -> Vec<Headline> {
+    let table = &found.materials_table;
+    let textures = table.rows.len().min(table.columns.len());
+    let nearest = (0..textures).filter(|i| table.is_least_of_row(*i, *i)).count();
+    let mut list = vec![
+        Headline::new(
+            "Nearest to their own material",
+            format!("{nearest} of {textures}"),
+            "textures, by spectral difference",
+        ),
+        Headline::new(
+            "Baseline",
+            fixed(table.baseline(), 2),
+            "spectral difference to their own",
+        ),
+    ];
+    if let Some(map) = &found.map {
+        let purity = format!("{} %", fixed(100.0 * map.k_means_purity, 0));
+        list.push(Headline::new(
+            "Grouped with their own material",
+            purity,
+            "of the textures on the map",
+        ));
+    }
+    list
 }
 
 /// Table 2.1 with deviations pooled in either way.
@@ -93,7 +126,7 @@ fn materials_table(table: &DifferenceTable) -> String {
         "Not every texture is nearest to its own material."
     };
     format!(
-        "<table class=\"grid\"><tr><th></th>{}</tr>{}</table><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
+        "<div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}</tr>{}</table></div><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
         head(&table.columns),
         rows.collect::<String>(),
         table.baseline()
@@ -127,7 +160,7 @@ fn people_table(table: &DifferenceTable) -> String {
     );
     format!(
         "<p>Spectral difference of each person's textures and the same recordings of their own material.</p>\
-         <table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table>",
+         <div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}<th>mean</th><th>sd</th></tr>{}</table></div>",
         head(&table.columns),
         rows.collect::<String>()
     )
@@ -160,12 +193,13 @@ fn scree(map: &PerceptualMap) -> Plot {
         x: Axis::of("Dimensions")
             .over(0.5, points.len() as f64 + 0.5)
             .named((1..=points.len()).map(|d| (d as f64, d.to_string()))),
-        y: Axis::of("Kruskal's stress").over(0.0, 1.1 * most),
+        y: Axis::of("Kruskal's stress (1)").over(0.0, 1.1 * most),
         marks: vec![
-            Mark::Line(Style::of(Ink::Blue), points.clone()),
+            Mark::Line(Style::named(Ink::Blue, "stress"), points.clone()),
             Mark::Dots(Style::of(Ink::Blue).weight(Weight::Bold), points),
         ],
         size: (0.0, 200.0),
+        caption: "Where the curve is flat, more dimensions place the textures no better.".to_owned(),
         ..Plot::default()
     }
 }
@@ -190,14 +224,18 @@ fn conditions(learned: &[(Surface, LearningReport)]) -> String {
         .flat_map(|(symbol, losses)| {
             let all: Vec<VariationLoss> = losses.iter().map(|(_, loss)| *loss).collect();
             let differences = responsiveness_differences(&all);
-            losses.iter().zip(differences).map(move |((name, loss), difference)| {
-                format!(
-                    "<tr><td>{}</td><td>{symbol}</td><td>{:.3}</td><td>{:.1}</td><td>{difference:.2}</td></tr>",
-                    escape(name),
-                    loss.power,
-                    loss.centroid_hz
-                )
-            })
+            losses
+                .iter()
+                .zip(differences)
+                .map(move |((name, loss), difference)| {
+                    format!(
+                        "<tr><td>{}</td><td>{symbol}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+                        escape(name),
+                        fixed(loss.power, 3),
+                        fixed(loss.centroid_hz, 1),
+                        fixed(difference, 2)
+                    )
+                })
         })
         .collect();
     if rows.is_empty() {
@@ -206,7 +244,7 @@ fn conditions(learned: &[(Surface, LearningReport)]) -> String {
     format!(
         "<p>What a texture loses when it responds to force only (F), to speed only (S), or to neither (ϕ): variation over time of the windowed \
          power and spectral centroid, and both together in units of their deviation over the surfaces (SD).</p>\
-         <table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table>"
+         <div class=\"scroll\"><table class=\"grid\"><tr><th>surface</th><th>condition</th><th>power ((m/s²)²)</th><th>centroid (Hz)</th><th>SD</th></tr>{rows}</table></div>"
     )
 }
 
@@ -215,7 +253,10 @@ fn surfaces(learned: &[(Surface, LearningReport)]) -> String {
     let one = |(number, (surface, report)): (usize, &(Surface, LearningReport))| {
         let sections: String = learning::sections(surface, report)
             .iter()
-            .map(|(name, content)| format!("<h3>{name}</h3>{content}"))
+            .map(|(name, content)| match *name {
+                "" => content.clone(),
+                name => format!("<h3>{name}</h3>{content}"),
+            })
             .collect();
         let open = if number == 0 { " open" } else { "" };
         format!(

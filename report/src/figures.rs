@@ -2,11 +2,12 @@
 
 use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
-use super::record::{Content, Recorded, Spectra};
+use super::record::{Content, Recorded, SPECTRAL_RATE_HZ, Spectra};
 use super::scale::plain;
 use super::theme::Ink;
 use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
+use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
 use haptograph_surfaces::{TextureModel, VertexKind};
 
@@ -54,8 +55,8 @@ impl Unit {
     }
 }
 
-/// `Force (N)`, by the quantity.
-pub(super) fn axis_label(quantity: Quantity) -> String {
+/// `Force`, by the quantity.
+pub(super) fn quantity_name(quantity: Quantity) -> String {
     let name = match quantity {
         Quantity::NUMBER => "value",
         other => other.name().unwrap_or("value"),
@@ -65,7 +66,12 @@ pub(super) fn axis_label(quantity: Quantity) -> String {
         .next()
         .map(|c| c.to_uppercase().collect::<String>())
         .unwrap_or_default();
-    let name = capital + letters.as_str();
+    capital + letters.as_str()
+}
+
+/// `Force (N)`, by the quantity.
+pub(super) fn axis_label(quantity: Quantity) -> String {
+    let name = quantity_name(quantity);
     match Unit::of(quantity).symbol.as_str() {
         "" => name,
         symbol => format!("{name} ({symbol})"),
@@ -159,7 +165,7 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
             marks: marks
                 .map(|(lane, style)| Mark::signal(style, lane, |si| unit.show(si)))
                 .collect(),
-            caption: levels(&lanes, &unit),
+            caption: levels(recorded, &lanes, &unit),
             ..frame(recorded)
         }
     };
@@ -167,7 +173,7 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
 }
 
 /// What a person looks for in a signal first: its range, and how strong it is about zero.
-fn levels(lanes: &[&Envelope], unit: &Unit) -> String {
+fn levels(recorded: &Recorded, lanes: &[&Envelope], unit: &Unit) -> String {
     let [lane] = lanes else {
         let most = lanes.iter().map(|lane| lane.peak()).fold(0.0, f64::max);
         return format!("No component goes beyond ±{}.", unit.text(most));
@@ -176,10 +182,30 @@ fn levels(lanes: &[&Envelope], unit: &Unit) -> String {
         return "No sample of it is a number.".to_owned();
     };
     let range = format!("from {} to {}", plain(unit.show(low)), unit.text(high));
+    let heating = heating(&recorded.stream, lane);
     match low < 0.0 && high > 0.0 {
-        true => format!("RMS {}, {range}.", unit.text(lane.rms())),
-        false => format!("Mean {}, {range}.", unit.text(lane.mean())),
+        true => format!("RMS {}, {range}{heating}.", unit.text(lane.rms())),
+        false => format!("Mean {}, {range}{heating}.", unit.text(lane.mean())),
     }
+}
+
+/// Parts of the RMS of a current above which its mean is worth a word.
+const LARGE_MEAN: f64 = 0.3;
+
+/// The mean of a current that is to be felt as a vibration, A, where it is a large part of it.
+pub(super) fn constant_current(stream: &Stream, lane: &Envelope) -> Option<f64> {
+    let vibrates = stream.quantity == Quantity::CURRENT
+        && stream.kind == Kind::Scalar
+        && stream.rate.hz() >= SPECTRAL_RATE_HZ;
+    (vibrates && lane.mean().abs() > LARGE_MEAN * lane.rms()).then(|| lane.mean())
+}
+
+/// What a large mean of a current does, to be added to a sentence.
+pub(super) fn heating(stream: &Stream, lane: &Envelope) -> String {
+    constant_current(stream, lane).map_or_else(String::new, |mean| {
+        let mean = Unit::of(Quantity::CURRENT).text(mean);
+        format!("; its mean of {mean} heats the coil and is not felt")
+    })
 }
 
 fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plot {
@@ -231,7 +257,8 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
                 height: bins,
                 values,
             },
-            x: (0.0, spectra.duration_s()),
+            // Half a segment at either end has no column of its own.
+            x: (0.0, recorded.duration_s()),
             y: (-0.5 * bin_hz, (bins as f64 - 0.5) * bin_hz),
             colours: (loudest - DEPTH_DB, loudest),
             label: format!("dB re 1 {}", density_unit(recorded.stream.quantity)),
@@ -259,7 +286,8 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
         .map(|(i, d)| (i as f64 * spectra.bin_hz(), *d))
         .filter(|p| p.1 > 0.0)
         .collect();
-    let (strongest_hz, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (_, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let strongest_hz = spectra.strongest_hz(spectra.bin_hz())?;
     let last_hz = points.last()?.0;
     Some(Plot {
         title: format!("{}, mean spectrum", recorded.stream.name),
@@ -314,13 +342,10 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
         let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
         plot.x = plot.x.over(-0.015 * speed, 1.015 * speed);
         plot.y = plot.y.over(-0.02 * force, 1.02 * force);
-        let models = if paths.len() == 1 { Ink::Blue } else { Ink::Grey };
-        plot.marks.extend(triangulation_in(texture, models));
+        plot.marks.extend(triangulation(texture));
     }
-    // One stroke is orange over blue models; several have the colours of their runs, over grey ones.
-    let alone = usize::from(paths.len() == 1);
     for (number, (name, path)) in paths.into_iter().enumerate() {
-        let ink = Ink::number(number + alone);
+        let ink = Ink::of_run(number);
         let line = Style::named(ink, name).weight(Weight::Hair);
         plot.marks.push(Mark::Line(line, path.clone()));
         plot.marks
@@ -331,10 +356,6 @@ pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureMod
 
 /// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
 pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
-    triangulation_in(texture, Ink::Blue)
-}
-
-fn triangulation_in(texture: &TextureModel, ink: Ink) -> Vec<Mark> {
     let at = |i: usize| {
         let model = &texture.models()[i];
         (model.speed_m_s * 1e3, model.force_n)
@@ -351,12 +372,12 @@ fn triangulation_in(texture: &TextureModel, ink: Ink) -> Vec<Mark> {
             .collect::<Vec<_>>()
     };
     let kinds = [
-        (Style::named(Ink::Grey, "border"), VertexKind::Edge),
+        (Style::named(Ink::Grey, "beyond the recording"), VertexKind::Edge),
         (
-            Style::named(ink, "model").weight(Weight::Bold),
+            Style::named(Ink::Blue, "model").weight(Weight::Bold),
             VertexKind::Measured,
         ),
-        (Style::named(ink, "law"), VertexKind::Fitted),
+        (Style::named(Ink::Blue, "law"), VertexKind::Fitted),
     ];
     let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
     let dots = dots.filter(|(_, places)| !places.is_empty());

@@ -1,10 +1,11 @@
 //! The numbers that a page begins with.
 
-use super::figures::Unit;
-use super::record::{Content, Recorded};
+use super::figures::{self, Unit, quantity_name};
+use super::record::{Content, Friction, Recorded, SPECTRAL_RATE_HZ};
 use super::scale::plain;
 use super::sound::Sound;
 use super::svg::escape;
+use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_signal::quantity::Quantity;
 
@@ -32,61 +33,172 @@ impl Headline {
 
 /// Frequencies below this are motion, not vibration.
 const LOWEST_HZ: f64 = 10.0;
-/// Signals below this rate are measured of a hand, not played to it.
-const SLOW_HZ: f64 = 2000.0;
 
-/// Of the vibration: its level, its peak, where it is strongest; of the hand: how hard and how fast on average.
-pub(super) fn of_signals(sound: Option<&Sound>, signals: &[Recorded]) -> Vec<Headline> {
-    let heard = sound.and_then(|sound| {
-        signals
-            .iter()
-            .find(|signal| signal.stream.name == sound.stream.name)
-    });
-    let mut found = heard.map_or_else(Vec::new, vibration);
-    for (quantity, label) in [(Quantity::FORCE, "Mean force"), (Quantity::SPEED, "Mean speed")] {
-        found.extend(mean(signals, quantity, label));
+/// Of the vibration: its level, its peak, where it is strongest, and the part of a current that is not felt; then the
+/// friction, how hard and how fast the hand was.
+pub(super) fn of_signals(
+    sound: Option<&Sound>,
+    signals: &[Recorded],
+    friction: Option<&Friction>,
+) -> Vec<Headline> {
+    let vibrating = vibrating(sound, signals);
+    let mut found = vibrating.map_or_else(Vec::new, vibration);
+    found.extend(signals.iter().find_map(constant_current));
+    found.extend(
+        coefficient(signals, friction).map(|(mu, of)| Headline::new("Friction coefficient", plain(mu), of)),
+    );
+    let hand = signals
+        .iter()
+        .filter(|signal| vibrating.is_none_or(|other| other.stream.name != signal.stream.name));
+    let hand: Vec<&Recorded> = hand.collect();
+    for (quantity, mean, largest) in [
+        (Quantity::FORCE, "Mean force", Some("Largest force")),
+        (Quantity::SPEED, "Mean speed", None),
+    ] {
+        found.extend(sizes(&hand, quantity, mean, largest));
     }
     found
 }
 
-fn vibration(signal: &Recorded) -> Vec<Headline> {
-    let Content::Lanes(lanes, spectra) = &signal.content else {
-        return Vec::new();
-    };
-    let (unit, name) = (Unit::of(signal.stream.quantity), signal.stream.name.as_str());
-    let levels = lanes.first().map(|lane| {
-        [
-            Headline::new("RMS", unit.text(lane.rms()), name),
-            Headline::new("Peak", unit.text(lane.peak()), name),
-        ]
-    });
-    let strongest = spectra.as_ref().and_then(|spectra| {
-        let mut spectra = spectra.as_ref().clone();
-        spectra.finish();
-        let (bin_hz, mean) = (spectra.bin_hz(), spectra.mean());
-        let above = mean
-            .iter()
-            .enumerate()
-            .map(|(i, density)| (i as f64 * bin_hz, *density));
-        let above = above.filter(|(hz, density)| *hz >= LOWEST_HZ && *density > 0.0);
-        above.max_by(|a, b| a.1.total_cmp(&b.1))
-    });
-    let strongest =
-        strongest.map(|(hz, _)| Headline::new("Strongest frequency", format!("{} Hz", plain(hz)), name));
-    levels.into_iter().flatten().chain(strongest).collect()
+fn lanes(signal: &Recorded) -> &[Envelope] {
+    match &signal.content {
+        Content::Lanes(lanes, _) => lanes,
+        _ => &[],
+    }
 }
 
-/// The mean of the first slow scalar of a quantity.
-fn mean(signals: &[Recorded], quantity: Quantity, label: &str) -> Option<Headline> {
-    let signal = signals.iter().find(|signal| {
-        let stream = &signal.stream;
-        stream.quantity == quantity && stream.kind == Kind::Scalar && stream.rate.hz() < SLOW_HZ
-    })?;
-    let Content::Lanes(lanes, _) = &signal.content else {
-        return None;
+/// The signal that is felt as a vibration: an acceleration where there is one, else what is heard, else what else changes
+/// fast.
+fn vibrating<'a>(sound: Option<&Sound>, signals: &'a [Recorded]) -> Option<&'a Recorded> {
+    let is_heard = |signal: &Recorded| sound.is_some_and(|sound| sound.stream.name == signal.stream.name);
+    let changes = |lane: &Envelope| lane.range().is_some_and(|(low, high)| low < high);
+    let vibrates = |signal: &&Recorded| {
+        matches!(signal.stream.kind, Kind::Scalar | Kind::Vector)
+            && signal.stream.rate.hz() >= SPECTRAL_RATE_HZ
+            && lanes(signal).iter().any(changes)
     };
-    let text = Unit::of(quantity).text(lanes.first()?.mean());
-    Some(Headline::new(label, text, signal.stream.name.as_str()))
+    let fast: Vec<&Recorded> = signals.iter().filter(vibrates).collect();
+    let heard = fast.iter().copied().find(|signal| is_heard(signal));
+    let first = |quantity: Quantity| {
+        fast.iter()
+            .copied()
+            .find(|signal| signal.stream.quantity == quantity)
+    };
+    heard
+        .filter(|signal| signal.stream.quantity == Quantity::ACCELERATION)
+        .or_else(|| first(Quantity::ACCELERATION))
+        .or(heard)
+        .or_else(|| {
+            [Quantity::CURRENT, Quantity::FORCE, Quantity::VOLTAGE]
+                .into_iter()
+                .find_map(first)
+        })
+}
+
+fn vibration(signal: &Recorded) -> Vec<Headline> {
+    let (unit, name) = (Unit::of(signal.stream.quantity), signal.stream.name.as_str());
+    let what = match (signal.stream.quantity, name.strip_suffix(".delivered")) {
+        (Quantity::ACCELERATION, _) => "Vibration".to_owned(),
+        (Quantity::CURRENT, Some(actuator)) => format!("Current to {actuator}"),
+        (quantity, _) => quantity_name(quantity),
+    };
+    let mut found = vec![Headline::new(
+        &format!("{what}, RMS"),
+        unit.text(rms(lanes(signal))),
+        name,
+    )];
+    if let [lane] = lanes(signal) {
+        found.push(Headline::new(
+            &format!("{what}, peak"),
+            unit.text(lane.peak()),
+            name,
+        ));
+    }
+    if let Content::Lanes(_, Some(spectra)) = &signal.content {
+        let mut spectra = spectra.as_ref().clone();
+        spectra.finish();
+        let strongest = spectra.strongest_hz(LOWEST_HZ);
+        found.extend(
+            strongest.map(|hz| Headline::new("Strongest frequency", format!("{} Hz", plain(hz)), name)),
+        );
+    }
+    found
+}
+
+/// Of all components together.
+fn rms(lanes: &[Envelope]) -> f64 {
+    lanes.iter().map(|lane| lane.rms().powi(2)).sum::<f64>().sqrt()
+}
+
+fn constant_current(signal: &Recorded) -> Option<Headline> {
+    let mean = figures::constant_current(&signal.stream, lanes(signal).first()?)?;
+    Some(Headline::new(
+        "Constant current",
+        Unit::of(Quantity::CURRENT).text(mean),
+        format!("of {}: it heats the coil and is not felt", signal.stream.name),
+    ))
+}
+
+/// The friction coefficient of a run, and what it is of.
+pub(super) fn coefficient(signals: &[Recorded], friction: Option<&Friction>) -> Option<(f64, String)> {
+    let find = |name: &str| signals.iter().find(|signal| signal.stream.name == name);
+    let (mu, of) = match friction? {
+        Friction::Measured(name) => {
+            let lane = lanes(find(name)?).first()?;
+            (lane.mean_size(), format!("mean of {name}{}", meanwhile(lane)))
+        }
+        Friction::Forces { tangential, normal } => {
+            let (across, along) = (rms(lanes(find(tangential)?)), rms(lanes(find(normal)?)));
+            (across / along, format!("{tangential} by {normal}, RMS by RMS"))
+        }
+    };
+    (mu.is_finite() && mu > 0.0).then_some((mu, of))
+}
+
+/// In which time a mean is taken: that in which there is something.
+fn meanwhile(lane: &Envelope) -> String {
+    match 100.0 * lane.presence() {
+        percent if percent > 99.95 => String::new(),
+        percent => format!(" while it is not 0, {} % of the time", plain(percent)),
+    }
+}
+
+/// How large a quantity is: of its first slow scalar, else of another scalar, the mean size while there is any and the
+/// largest; else of a vector or wrench the root mean square.
+fn sizes(signals: &[&Recorded], quantity: Quantity, mean: &str, largest: Option<&str>) -> Vec<Headline> {
+    let unit = Unit::of(quantity);
+    let of_kind = |kind: Kind| {
+        let fitting = signals.iter().copied().filter(move |signal| {
+            let of = match kind {
+                Kind::Wrench => Quantity::FORCE,
+                _ => signal.stream.quantity,
+            };
+            signal.stream.kind == kind && of == quantity
+        });
+        fitting.filter(|signal| lanes(signal).iter().any(|lane| lane.presence() > 0.0))
+    };
+    let slow = of_kind(Kind::Scalar).find(|signal| signal.stream.rate.hz() < SPECTRAL_RATE_HZ);
+    if let Some(signal) = slow.or_else(|| of_kind(Kind::Scalar).next())
+        && let [lane] = lanes(signal)
+    {
+        let name = &signal.stream.name;
+        let of = match lane.range() {
+            Some((low, _)) if low < 0.0 => format!("size of {name}{}", meanwhile(lane)),
+            _ => format!("{name}{}", meanwhile(lane)),
+        };
+        let mean = Headline::new(mean, unit.text(lane.mean_size()), of);
+        let largest = largest.map(|label| Headline::new(label, unit.text(lane.peak()), name.as_str()));
+        return std::iter::once(mean).chain(largest).collect();
+    }
+    let vector = of_kind(Kind::Vector)
+        .next()
+        .or_else(|| of_kind(Kind::Wrench).next());
+    let of_vector = |signal: &Recorded| {
+        let label = format!("{}, RMS", quantity_name(quantity));
+        let size = rms(lanes(signal).get(..3).unwrap_or_default());
+        Headline::new(&label, unit.text(size), signal.stream.name.as_str())
+    };
+    vector.map(of_vector).into_iter().collect()
 }
 
 /// The numbers as a row of cards.
@@ -105,5 +217,94 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
             "<div class=\"heads\">{}</div>",
             some.iter().map(card).collect::<String>()
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::recorder;
+    use haptograph_engine::node::{FrameWriter, Stream};
+    use haptograph_signal::time::Rate;
+
+    fn signal(name: &str, kind: Kind, quantity: Quantity, hz: u64, value: impl Fn(f64) -> f64) -> Recorded {
+        let (mut recorder, record) = recorder(Stream {
+            name: name.into(),
+            kind,
+            quantity,
+            rate: Rate::from_hz(hz).unwrap(),
+            simulated: true,
+        });
+        let width = kind.width();
+        let frames = (0..2 * hz).flat_map(|i| vec![value(i as f64 / hz as f64); width]);
+        recorder.write(0, &frames.collect::<Vec<_>>()).unwrap();
+        record.content()
+    }
+
+    fn value(found: &[Headline], label: &str) -> (String, String) {
+        let found = found.iter().find(|headline| headline.label == label);
+        found
+            .map(|headline| (headline.value.clone(), headline.of.clone()))
+            .unwrap()
+    }
+
+    fn hum(t: f64) -> f64 {
+        (std::f64::consts::TAU * 120.0 * t).sin()
+    }
+
+    #[test]
+    fn an_acceleration_is_the_vibration_and_else_the_current_with_its_mean() {
+        let current = || {
+            signal("out.delivered", Kind::Scalar, Quantity::CURRENT, 48_000, |t| {
+                0.5 + 0.1 * hum(t)
+            })
+        };
+        let felt = signal("felt", Kind::Scalar, Quantity::ACCELERATION, 10_000, hum);
+        let found = of_signals(None, &[current(), felt], None);
+        assert_eq!(value(&found, "Vibration, RMS").0, "0.707 m/s\u{b2}");
+        assert_eq!(value(&found, "Strongest frequency").0, "120 Hz");
+        let found = of_signals(None, &[current()], None);
+        assert_eq!(value(&found, "Current to out, peak").0, "0.6 A");
+        assert_eq!(value(&found, "Constant current").0, "0.5 A");
+        let text = figures::over_time(&current(), crate::theme::Ink::Blue)
+            .remove(0)
+            .caption;
+        assert!(text.contains("heats the coil"), "{text}");
+    }
+
+    #[test]
+    fn a_force_is_taken_while_there_is_one_and_friction_by_what_measures_it() {
+        let half = |t: f64| if t < 1.0 { 0.0 } else { 2.0 };
+        let load = signal("tip.load", Kind::Scalar, Quantity::FORCE, 1000, half);
+        let drag = signal("drag", Kind::Vector, Quantity::FORCE, 1000, |t| {
+            0.4 * half(t) / 3f64.sqrt()
+        });
+        let mu = signal("brake.mu", Kind::Scalar, Quantity::NUMBER, 1000, |t| {
+            0.15 * half(t)
+        });
+        let signals = [load, drag, mu];
+        let forces = Friction::Forces {
+            tangential: "drag".into(),
+            normal: "tip.load".into(),
+        };
+        let found = of_signals(None, &signals, Some(&forces));
+        let (mean, of) = value(&found, "Mean force");
+        assert!(mean == "2 N" && of.contains("50 %"), "{mean} {of}");
+        assert_eq!(value(&found, "Friction coefficient").0, "0.4");
+        let measured = Friction::Measured("brake.mu".into());
+        assert_eq!(
+            value(
+                &of_signals(None, &signals, Some(&measured)),
+                "Friction coefficient"
+            )
+            .0,
+            "0.3"
+        );
+        assert_eq!(
+            coefficient(&signals, Some(&Friction::Measured("gone".into()))),
+            None
+        );
+        let only_vector = of_signals(None, &signals[1..2], None);
+        assert_eq!(value(&only_vector, "Force, RMS").0, "0.566 N");
     }
 }

@@ -3,6 +3,7 @@
 use super::learning;
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::scale::fixed;
 use super::svg::escape;
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::Holdout;
@@ -35,12 +36,18 @@ fn section(found: &Holdout, split: &SplitResult) -> String {
     format!(
         "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power. Two \
          stationary takes as long as these parts are {:.2} dB apart.</p>\
-         <table class=\"grid\"><tr><th></th><th>LSD (dB)</th><th>over the floor</th><th>100 to 500 Hz</th><th>felt</th>\
-         <th>20 to 40 Hz</th><th>total</th><th>envelope</th><th>envelope between seeds</th></tr>{rows}</table>{}",
+         <div class=\"scroll\"><table class=\"grid\"><tr><th></th><th>LSD (dB)</th><th>over the floor</th><th>100 to 500 Hz</th><th>felt</th>\
+         <th>20 to 40 Hz</th><th>total</th><th>envelope</th><th>envelope between seeds</th></tr>{rows}</table></div>{TERMS}{}",
         split.estimator_db.0,
         figures_of(&[by_band(split), by_material(found, split)])
     )
 }
+
+/// What the heads of the table mean.
+const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the training part's own spectrum, which no method that knows the material \
+    alone can be expected to beat by much; <b>over the floor</b>: LSD less the floor's. <b>felt</b>: LSD from 40 to 250 Hz, which skin feels \
+    best. <b>20 to 40 Hz</b> and <b>total</b>: error of the power there and of all of it, positive where too loud. \
+    <b>envelope</b>: error of the levels over 50 ms, and <b>between seeds</b> what two noises of one texture differ by.</p>";
 
 fn row(method: &MethodMean) -> String {
     let loses = if method.loses {
@@ -52,8 +59,8 @@ fn row(method: &MethodMean) -> String {
         Some(Mean {
             mean,
             error: Some(error),
-        }) => format!("<td>{mean:.2} ± {error:.2}</td>"),
-        Some(Mean { mean, error: None }) => format!("<td>{mean:.2}</td>"),
+        }) => format!("<td>{} ± {error:.2}</td>", fixed(mean, 2)),
+        Some(Mean { mean, error: None }) => format!("<td>{}</td>", fixed(mean, 2)),
         None => "<td>–</td>".to_owned(),
     };
     let cells = [
@@ -91,6 +98,7 @@ fn by_band(split: &SplitResult) -> Plot {
         x: Axis::of("Frequency (Hz)").log(),
         y: Axis::of("Error of power (dB)"),
         marks: split.methods.iter().map(line).collect(),
+        caption: "A curve at 0 is as loud as what was held out, in every band.".into(),
         ..Plot::default()
     }
 }
@@ -111,6 +119,7 @@ fn by_material(found: &Holdout, split: &SplitResult) -> Plot {
             .named(names.map(|(at, name)| (at as f64, name.clone()))),
         y: Axis::of("LSD (dB)").over(0.0, 1.1 * most),
         marks: split.methods.iter().map(dots).collect(),
+        caption: "The lower a dot, the more what is played is like what was held out.".into(),
         ..Plot::default()
     }
 }

@@ -1,7 +1,7 @@
 //! The page of an actuator that was identified: how it answers a current, and what the fit leaves.
 
 use super::headlines::{Headline, cards};
-use super::page::{Sheet, Simulation, figures_of};
+use super::page::{Sheet, Simulation, facts, figures_of};
 use super::plot::{Axis, Mark, Plot, Style};
 use super::scale::plain;
 use super::theme::Ink;
@@ -17,9 +17,31 @@ pub fn page(recording: &str, found: &Identified, simulation: &Simulation) -> Str
         ),
         badge: simulation.badge(),
         warnings: &[],
-        sections: &[("", headlines), ("The answer", figures_of(&plots(&found.bands)))],
+        sections: &[
+            ("The actuator", parameters(found) + &headlines),
+            ("Recording and fit", figures_of(&plots(&found.bands))),
+        ],
     }
     .to_html()
+}
+
+/// The answer itself: masses, springs and dampers.
+fn parameters(found: &Identified) -> String {
+    let Some(p) = found.parameters else {
+        return "<p>With <code>--magnet-g</code> and <code>--body-g</code> (or <code>--force-n-per-a</code>) the masses, springs and \
+                dampers are told apart.</p>"
+            .to_owned();
+    };
+    let value = |name: &str, value: f64, unit: &str| (name.to_owned(), format!("{} {unit}", plain(value)));
+    facts(&[
+        value("Force by current", p.force_n_per_a, "N/A"),
+        value("Magnet", 1e3 * p.magnet_kg, "g"),
+        value("Its suspension, stiffness", 1e-3 * p.suspension_n_per_m, "N/mm"),
+        value("Its suspension, damping", p.suspension_n_s_per_m, "N s/m"),
+        value("Body, tool and hand", 1e3 * p.body_kg, "g"),
+        value("Grip, stiffness", 1e-3 * p.hand_n_per_m, "N/mm"),
+        value("Grip, damping", p.hand_n_s_per_m, "N s/m"),
+    ])
 }
 
 fn headlines(found: &Identified) -> Vec<Headline> {
@@ -36,7 +58,10 @@ fn headlines(found: &Identified) -> Vec<Headline> {
         ),
         Headline::new(
             "Unexplained",
-            format!("{} %", plain(100.0 * found.unexplained)),
+            match 100.0 * found.unexplained {
+                little if little < 0.01 => "< 0.01 %".to_owned(),
+                percent => format!("{} %", plain(percent)),
+            },
             "of the power in the band",
         ),
         Headline::new(
@@ -61,11 +86,18 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
             Mark::Line(Style::named(Ink::Orange, "fit"), fitted),
         ]
     };
+    let sizes = || bands.iter().flat_map(|b| [b.measured.norm(), b.fitted.norm()]);
+    let (low, high) = sizes().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
+        (low.min(x), high.max(x))
+    });
     vec![
         Plot {
             title: "Magnitude".into(),
             x: frequency(),
-            y: Axis::of("Acceleration by current (m/s² per A)").log(),
+            // With room above the peak.
+            y: Axis::of("Acceleration by current (m/s² per A)")
+                .over(low / 1.3, 1.6 * high)
+                .log(),
             marks: both(curve(&|b| b.measured.norm()), curve(&|b| b.fitted.norm())),
             size: (0.0, 320.0),
             caption: "A peak is a resonance. Dots that leave the line at one end of the band tell of a sensor or a hold that the \

@@ -1,8 +1,9 @@
 //! The page that learning a surface leaves behind: what each part was learned from, and how well it fits.
 
+use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
-use super::scale::peak;
+use super::scale::{peak, plain};
 use super::svg::escape;
 use super::theme::Ink;
 use super::thinning::Decimated;
@@ -16,7 +17,7 @@ use haptograph_surfaces::learning::stiffness::StiffnessReport;
 use haptograph_surfaces::learning::taps::TapReport;
 use haptograph_surfaces::learning::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_surfaces::recording::ProcessedRecording;
-use haptograph_surfaces::{Line, Origin, Surface, Taps, TextureModel};
+use haptograph_surfaces::{Line, Origin, Surface, Taps, TextureModel, VertexKind};
 
 /// The page.
 pub fn page(surface: &Surface, report: &LearningReport) -> String {
@@ -56,11 +57,13 @@ pub(super) fn is_simulated(surface: &Surface) -> bool {
 
 /// A section for each part of the surface; parts that were not learned have none.
 pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'static str, String)> {
-    let mut sections = vec![];
+    let mut sections = vec![("", cards(&headlines(surface, report)))];
     if let (Some(texture), Some(found)) = (&surface.texture, &report.texture) {
-        sections.push(("Segments", segments(&report.drags, found)));
         sections.push(("Texture map", figures_of(&[map(texture, found)])));
-        sections.push(("Between models", loci::section(texture)));
+        sections.push((
+            "What it was learned from",
+            segments(surface, &report.drags, found),
+        ));
         if let Some(drag) = report.drags.first() {
             sections.push((
                 "Recorded and synthesised",
@@ -85,12 +88,82 @@ pub(super) fn sections(surface: &Surface, report: &LearningReport) -> Vec<(&'sta
     if let Some(found) = &report.stiffness {
         sections.push(("Stiffness", figures_of(&[stiffness(found)])));
     }
+    if let Some(texture) = &surface.texture {
+        sections.push(("Between models", loci::section(texture)));
+    }
     sections
 }
 
+/// What was learned, and from how much.
+fn headlines(surface: &Surface, report: &LearningReport) -> Vec<Headline> {
+    let mut found = Vec::new();
+    if let (Some(texture), Some(learned)) = (&surface.texture, &report.texture) {
+        let models = texture.models().iter().filter(|at| at.kind != VertexKind::Edge);
+        let order = format!("of order {}", learned.order);
+        found.push(Headline::new("Models", models.count().to_string(), order));
+        let used: Vec<&SegmentReport> = learned.segments.iter().filter(|s| s.fate == Fate::Kept).collect();
+        let rate_of = |s: &SegmentReport| report.drags.get(s.recording).map(|drag| drag.signals().rate_hz);
+        let length = |s: &&SegmentReport| Some(s.samples.len() as f64 / rate_of(s)?);
+        let used_s: f64 = used.iter().filter_map(length).sum();
+        let all_s: f64 = (report.drags.iter())
+            .map(|drag| drag.samples() as f64 / drag.signals().rate_hz)
+            .sum();
+        let of = format!("of {} s of dragging", plain(all_s));
+        found.push(Headline::new("Used", format!("{} s", plain(used_s)), of));
+        let range = |value: &dyn Fn(&SegmentReport) -> f64| {
+            let values = used.iter().map(|s| value(s));
+            let (low, high) = values.fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            format!("{} to {}", plain(low), plain(high))
+        };
+        if !used.is_empty() {
+            let speeds = format!("{} mm/s", range(&|s| 1e3 * s.speed_m_s));
+            let forces = format!("{} N", range(&|s| s.force_n));
+            found.push(Headline::new(
+                "Speeds covered",
+                speeds,
+                "medians of what was used",
+            ));
+            found.push(Headline::new(
+                "Forces covered",
+                forces,
+                "medians of what was used",
+            ));
+        }
+    }
+    if let Some(friction) = &report.friction {
+        let fit = format!("mu, R² = {}", plain(friction.line.r_squared));
+        found.push(Headline::new(
+            "Friction coefficient",
+            plain(friction.line.slope),
+            fit,
+        ));
+    }
+    if let Some(taps) = &report.taps {
+        let used = taps.contacts.iter().filter(|contact| contact.used).count();
+        found.push(Headline::new(
+            "Taps",
+            used.to_string(),
+            format!("of {} contacts", taps.contacts.len()),
+        ));
+    }
+    if let Some(press) = &report.stiffness {
+        let stiffness = format!("{} N/mm", plain(1e-3 * press.line.slope));
+        let fit = format!("R² = {}", plain(press.line.r_squared));
+        found.push(Headline::new("Stiffness", stiffness, fit));
+    }
+    found
+}
+
 /// Acceleration with its breaks; speed and force with the medians that label the models (Fig. 2.5).
-fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
+fn segments(surface: &Surface, drags: &[ProcessedRecording], found: &TextureReport) -> String {
     let mut plots = vec![];
+    // The method of the thesis cuts where the vibration changes, the usual one at equal distances.
+    let (piece, pieces) = match surface.provenance.settings.get("texture.method") {
+        Some(method) if method == "thesis" => ("segment", "segments"),
+        _ => ("window", "windows"),
+    };
     for (number, drag) in drags.iter().enumerate() {
         let signals = drag.signals();
         let seconds = drag.samples() as f64 / signals.rate_hz;
@@ -99,11 +172,15 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
         let breaks = |low: f64, high: f64| {
             let at = of_drag.iter().skip(1).map(|s| time_s(s.samples.start));
             Mark::Segments(
-                Style::of(Ink::Grey).weight(Weight::Dashed),
+                Style::named(Ink::Grey, format!("limit of a {piece}")).weight(Weight::Dashed),
                 at.map(|t| [(t, low), (t, high)]).collect(),
             )
         };
         let plot = |title: String, note: String, label: &str, low: f64, high: f64, marks: Vec<Mark>| Plot {
+            caption: match label {
+                "Acceleration (m/s²)" => format!("The recorded vibration, cut into {pieces}."),
+                _ => format!("A model is learned from each {piece}, for the median of the hand in it."),
+            },
             title,
             note,
             x: Axis::of("Time (s)").over(0.0, seconds),
@@ -130,14 +207,14 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             let mut marks = vec![medians(
                 |fate| *fate == Fate::Kept,
                 Ink::Orange,
-                "median of a model's segment",
+                &format!("median of a {piece} that is used"),
                 value,
             )];
             if of_drag.iter().any(|s| s.fate != Fate::Kept) {
                 marks.push(medians(
                     |fate| *fate != Fate::Kept,
                     Ink::Rose,
-                    "of a segment left out",
+                    &format!("of a {piece} left out"),
                     value,
                 ));
             }
@@ -148,10 +225,10 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
         } else {
             format!("Acceleration, drag {}", number + 1)
         };
-        let note = format!("{} segments, median order {}", of_drag.len(), found.order);
+        let note = format!("{} {pieces}, order {}", of_drag.len(), found.order);
         let loudest = 1.05 * peak(&signals.acceleration_m_s2);
         let acceleration = Mark::samples(
-            Style::of(Ink::Blue),
+            Style::named(Ink::Blue, "acceleration"),
             signals.rate_hz,
             &signals.acceleration_m_s2,
             1.0,
@@ -164,7 +241,12 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             loudest,
             vec![acceleration],
         ));
-        let speed = Mark::samples(Style::of(Ink::Teal), signals.rate_hz, &signals.speed_m_s, 1e3);
+        let speed = Mark::samples(
+            Style::named(Ink::Teal, "speed"),
+            signals.rate_hz,
+            &signals.speed_m_s,
+            1e3,
+        );
         let speeds = [vec![speed], labelled(&|s| s.speed_m_s * 1e3)].concat();
         let fastest = 1.05e3 * peak(&signals.speed_m_s);
         plots.push(plot(
@@ -176,7 +258,7 @@ fn segments(drags: &[ProcessedRecording], found: &TextureReport) -> String {
             speeds,
         ));
         let force = Mark::samples(
-            Style::of(Ink::Plum),
+            Style::named(Ink::Plum, "force"),
             signals.rate_hz,
             &signals.force_normal_n,
             1.0,
@@ -207,13 +289,33 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
     if !outliers.is_empty() {
         marks.push(Mark::Dots(Style::named(Ink::Rose, "outlier"), outliers));
     }
+    // Vertices at rest and in the air, which have no place on a logarithmic axis, stand at its beginning.
+    let least = |value: &dyn Fn((f64, f64)) -> f64| {
+        let values = texture
+            .models()
+            .iter()
+            .map(|at| value((at.speed_m_s * 1e3, at.force_n)));
+        0.7 * values.filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min)
+    };
+    let (slowest, lightest) = (least(&|(speed, _)| speed), least(&|(_, force)| force));
+    let into = |(speed, force): &mut (f64, f64)| (*speed, *force) = (speed.max(slowest), force.max(lightest));
+    for mark in &mut marks {
+        match mark {
+            Mark::Areas(_, areas) => areas.iter_mut().flatten().for_each(into),
+            Mark::Dots(_, points) => points.iter_mut().for_each(into),
+            _ => {}
+        }
+    }
     Plot {
         title: "Models over speed and force".into(),
         note: format!("{} triangles", texture.triangles().len()),
-        x: Axis::of("Speed (mm/s)").over(-0.015 * speed, 1.015 * speed),
-        y: Axis::of("Normal force (N)").over(-0.02 * force, 1.02 * force),
+        x: Axis::of("Speed (mm/s)").over(slowest, 1.05 * speed).log(),
+        y: Axis::of("Normal force (N)").over(lightest, 1.05 * force).log(),
         marks,
         size: (0.0, 400.0),
+        caption: "Every dot is a model of the vibration at this speed and force; between dots it is mixed of those at the corners of \
+                  the triangle. Speeds and forces beyond the recording are played by the grey ones."
+            .to_owned(),
         ..Plot::default()
     }
 }
@@ -227,6 +329,7 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
     };
     let loudest = 1.05 * peak(recorded).max(peak(&played));
     let over_time = |title: &str, ink: Ink, samples: &[f64]| Plot {
+        caption: "The two are to be as strong at the same moments; the noise in them is another.".to_owned(),
         title: title.into(),
         x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / rate_hz),
         y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
@@ -275,6 +378,8 @@ fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
         y: Axis::of("Density ((m/s²)²/Hz)").log(),
         marks: signals.iter().filter_map(line).collect(),
         size: (0.0, 250.0),
+        caption: "Where the curves lie on each other, what is played feels like what was recorded."
+            .to_owned(),
         ..Plot::default()
     }
 }
@@ -325,6 +430,7 @@ fn friction(found: &FrictionReport) -> Plot {
         y: Axis::of("Tangential force (N)"),
         marks,
         size: (0.0, 330.0),
+        caption: "The slope of the line is the friction coefficient.".to_owned(),
         ..Plot::default()
     }
 }
@@ -355,6 +461,7 @@ fn contacts(taps: &Taps, found: &TapReport) -> Plot {
         y: Axis::of("Peak normal force (N)"),
         marks,
         size: (0.0, 260.0),
+        caption: "The faster a tap, the harder: by this line a rendered tap grows with its speed.".to_owned(),
         ..Plot::default()
     }
 }
@@ -375,6 +482,7 @@ fn stiffness(found: &StiffnessReport) -> Plot {
             fitted(line, (from, deepest), 1e3, name),
         ],
         size: (0.0, 280.0),
+        caption: "The slope of the line is the stiffness.".to_owned(),
         ..Plot::default()
     }
 }

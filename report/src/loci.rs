@@ -103,15 +103,19 @@ fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
     Plot {
         title: title.into(),
         note: format!("largest radius {:.4}", radius(path)),
-        x: Axis::of("Real part").over(-1.1, 1.1),
-        y: Axis::of("Imaginary part").over(-1.1, 1.1),
+        x: Axis::of("Real part (1)").over(-1.1, 1.1),
+        y: Axis::of("Imaginary part (1)").over(-1.1, 1.1),
         marks: vec![
-            Mark::Line(Style::of(Ink::Grey), circle),
-            Mark::Dots(Style::of(Ink::Orange).weight(Weight::Hair), path.to_vec()),
-            Mark::Dots(Style::of(Ink::Blue), own.to_vec()),
+            Mark::Line(Style::named(Ink::Grey, "unit circle"), circle),
+            Mark::Dots(
+                Style::named(Ink::Orange, "between").weight(Weight::Hair),
+                path.to_vec(),
+            ),
+            Mark::Dots(Style::named(Ink::Blue, "models"), own.to_vec()),
         ],
         size: (384.0, 378.0),
         aspect: Some(1.0),
+        caption: "A pole outside of the circle is a filter that runs away.".to_owned(),
         ..Plot::default()
     }
 }

@@ -59,6 +59,9 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
         marks,
         size: (0.0, 520.0),
         aspect: Some(ASPECT),
+        caption: "Textures that lie close to each other differ little. The axes have no meaning of their own; the arrows say where \
+                  power and spectral centroid grow."
+            .to_owned(),
         ..Plot::default()
     }
 }
@@ -152,6 +155,8 @@ pub(super) fn tree(map: &PerceptualMap) -> Plot {
         ),
         marks,
         size: (0.0, 90.0 + 15.0 * count as f64),
+        caption: "The farther to the left two branches join, the more alike they are; a colour is a material, as on the map."
+            .to_owned(),
         ..Plot::default()
     }
 }

@@ -1,12 +1,12 @@
 //! The page that a run leaves behind: one HTML file, everything in it, nothing fetched.
 
-mod signals;
+pub(super) mod signals;
 
 use super::figures;
 use super::headlines::{Headline, cards, of_signals};
 use super::player;
 use super::plot::Plot;
-use super::record::Recorded;
+use super::record::{Friction, Recorded};
 use super::sound::Sound;
 use super::svg::escape;
 use super::theme;
@@ -26,6 +26,8 @@ pub struct Page<'a> {
     pub simulation: Simulation,
     /// The numbers to read first, before those of the sound.
     pub headlines: Vec<Headline>,
+    /// What tells the friction, of the signals.
+    pub friction: Option<Friction>,
     /// What is to be known of the run: names and values.
     pub facts: Vec<(String, String)>,
     /// What the reader should be warned of: limits that held back, faults, a run cut short.
@@ -86,7 +88,7 @@ const ALL_SIMULATED: &str = "All devices in this run were simulated: what is sho
 impl Page<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let mut headlines = of_signals(self.sound, &self.signals);
+        let mut headlines = of_signals(self.sound, &self.signals, self.friction.as_ref());
         headlines.extend(self.headlines.iter().cloned());
         let heads = cards(&headlines) + &self.simulation.remark();
         let mut main: Vec<Plot> = self.asked.iter().cloned().chain(self.maps()).collect();
@@ -156,7 +158,7 @@ pub(super) fn facts(facts: &[(String, String)]) -> String {
 }
 
 /// A file's name as an address relative to the page: whatever has a meaning there is written as its bytes.
-fn address(name: &str) -> String {
+pub(super) fn address(name: &str) -> String {
     let letter = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'/' => char::from(byte).to_string(),
         other => format!("%{other:02X}"),

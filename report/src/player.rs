@@ -1,7 +1,8 @@
 //! The player of a page: the sound itself, what it is, and its strongest moment up close.
 
-use super::figures::{Unit, axis_label};
+use super::figures::axis_label;
 use super::plot::{Axis, Mark, Plot, Style};
+use super::scale::plain;
 use super::sound::{PEAK_DBFS, RATE_HZ, Sound};
 use super::svg::escape;
 use super::theme::Ink;
@@ -34,10 +35,10 @@ fn about(sound: &Sound) -> String {
         false => format!("resampled from {} to {RATE_HZ} Hz, ", stream.rate),
     };
     format!(
-        "{extent} {}{simulated}: {resampled}without its mean, its highest peak of {} set to {PEAK_DBFS} dB of full scale, so that \
-         its loudness says nothing of its strength.",
+        "{extent} {}{simulated}: {resampled}without its mean, its highest peak set to {} dB of full scale, so that its \
+         loudness says nothing of its strength.",
         stream.name,
-        Unit::of(stream.quantity).text(sound.peak),
+        plain(PEAK_DBFS),
     )
 }
 

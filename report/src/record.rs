@@ -3,7 +3,7 @@
 
 use super::thinning::{Decimated, Envelope};
 use haptograph_engine::frame::{Contact, Event, Kind, Weights};
-use haptograph_engine::graph::{Graph, NodeId};
+use haptograph_engine::graph::{Graph, Node, NodeId};
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_signal::quantity::Quantity;
@@ -40,6 +40,9 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
         if node.device().is_some() {
             (0..node.outputs.len()).for_each(|output| want((index, output)));
         }
+        (0..node.outputs.len())
+            .filter(|output| is_friction_coefficient(node, *output))
+            .for_each(|output| want((index, output)));
         let on_map = node.outputs.iter().any(|output| output.kind == Kind::Weights);
         let shown = |kind: Kind| matches!(kind, Kind::Weights | Kind::Contact);
         for (output, _) in node
@@ -62,6 +65,64 @@ pub fn watched(graph: &Graph) -> Vec<Watch> {
         .into_iter()
         .filter_map(|(node, output)| watch(graph, node, output))
         .collect()
+}
+
+/// What tells the friction of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Friction {
+    /// A signal that is the coefficient.
+    Measured(String),
+    /// Signals of the tangential and the normal force.
+    Forces {
+        /// The tangential force.
+        tangential: String,
+        /// The normal force.
+        normal: String,
+    },
+}
+
+/// What tells the friction of a run: the first port that declares itself a friction coefficient; else the force that ports
+/// named `friction` read by the one that ports named `load` read, where there is one of each.
+pub fn friction(graph: &Graph) -> Option<Friction> {
+    let nodes = graph.nodes();
+    let mut outputs = nodes
+        .ids()
+        .flat_map(|node| (0..nodes[node].outputs.len()).map(move |output| (node, output)));
+    let name = |(node, output): (NodeId, usize)| watch(graph, node, output).map(|watch| watch.stream.name);
+    if let Some(measured) = outputs.find(|(node, output)| is_friction_coefficient(&nodes[*node], *output)) {
+        return name(measured).map(Friction::Measured);
+    }
+    let read_as = |port: &str| {
+        let mut sources: Vec<(NodeId, usize)> = Vec::new();
+        for node in nodes.ids() {
+            for read in nodes.incoming(node) {
+                let input = nodes[node].inputs.get(read.edge.input);
+                let source = (read.from, read.edge.output);
+                let fits = input.is_some_and(|input| input.name == port && input.quantity == Quantity::FORCE);
+                if fits && !sources.contains(&source) {
+                    sources.push(source);
+                }
+            }
+        }
+        match sources.as_slice() {
+            [one] => name(*one),
+            _ => None,
+        }
+    };
+    Some(Friction::Forces {
+        tangential: read_as("friction")?,
+        normal: read_as("load")?,
+    })
+}
+
+/// Ports say what they are in their description; the quantity is a plain number.
+fn is_friction_coefficient(node: &Node, output: usize) -> bool {
+    let Some(port) = node.outputs.get(output) else {
+        return false;
+    };
+    let declared = node.entry.spec.outputs.iter().find(|spec| spec.name == port.name);
+    port.quantity == Quantity::NUMBER
+        && declared.is_some_and(|spec| spec.doc.starts_with("Friction coefficient"))
 }
 
 /// An output of a graph as something to be recorded; `None` where there is none, or no clock.
@@ -156,7 +217,7 @@ impl FrameWriter for Recorder {
 /// Points of a path or cloud that are kept at most.
 const MOST_POINTS: usize = 3000;
 /// Scalars at this rate or above get a spectrogram.
-const SPECTRAL_RATE_HZ: f64 = 2000.0;
+pub(super) const SPECTRAL_RATE_HZ: f64 = 2000.0;
 
 impl Content {
     fn of(stream: &Stream) -> Self {
@@ -329,6 +390,27 @@ impl Spectra {
         (self.columns.len() * self.every * self.segment / 2) as f64 / self.rate_hz
     }
 
+    /// Where the mean spectrum is strongest at or above a frequency, in Hz: the top of a parabola through the levels of the
+    /// strongest bin and its neighbours. `None` for silence.
+    pub fn strongest_hz(&self, from_hz: f64) -> Option<f64> {
+        let (mean, bin_hz) = (self.mean(), self.bin_hz());
+        let lowest = (from_hz / bin_hz).ceil() as usize;
+        let peak = (lowest..mean.len())
+            .filter(|bin| mean[*bin] > 0.0)
+            .max_by(|a, b| mean[*a].total_cmp(&mean[*b]))?;
+        let level = |bin: usize| mean.get(bin).map(|density| density.max(1e-300).ln());
+        let around = peak.checked_sub(1).and_then(level).zip(level(peak + 1));
+        let beside = around.zip(level(peak)).map_or(0.0, |((below, above), top)| {
+            let bend = below - 2.0 * top + above;
+            if bend < 0.0 {
+                0.5 * (below - above) / bend
+            } else {
+                0.0
+            }
+        });
+        Some((peak as f64 + beside.clamp(-0.5, 0.5)) * bin_hz)
+    }
+
     /// The mean of all columns: Welch's estimate over the whole signal.
     pub fn mean(&self) -> Vec<f64> {
         let bins = self.columns.first().map_or(0, Vec::len);
@@ -385,6 +467,21 @@ mod tests {
         assert!((peak as f64 * spectra.bin_hz() - 500.0).abs() <= spectra.bin_hz());
         let power: f64 = mean.iter().sum::<f64>() * spectra.bin_hz();
         assert!((power - 0.5).abs() < 0.01, "{power}");
+    }
+
+    #[test]
+    fn the_strongest_frequency_lies_between_bins() {
+        for (rate_hz, tone_hz) in [(48_000, 120.0), (10_000, 120.0), (10_000, 245.0)] {
+            let mut spectra = Spectra::new(f64::from(rate_hz));
+            let tone: Vec<f64> = (0..2 * rate_hz)
+                .map(|i| (std::f64::consts::TAU * tone_hz * f64::from(i) / f64::from(rate_hz)).sin())
+                .collect();
+            spectra.extend(&tone);
+            spectra.finish();
+            let found = spectra.strongest_hz(10.0).unwrap();
+            assert!((found - tone_hz).abs() < 0.5, "{found} of {tone_hz} at {rate_hz}");
+        }
+        assert_eq!(Spectra::new(10_000.0).strongest_hz(10.0), None);
     }
 
     #[test]

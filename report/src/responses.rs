@@ -2,7 +2,7 @@
 
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
-use super::scale::peak;
+use super::scale::{fixed, peak};
 use super::theme::Ink;
 use super::{figures, thinning::Decimated};
 use haptograph_signal::spectrum::welch;
@@ -66,17 +66,17 @@ pub(super) fn section(texture: &TextureModel) -> String {
         .iter()
         .map(|(condition, loss)| {
             format!(
-                "<tr><td>{}</td><td>{:.3}</td><td>{:.1}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td>{}</td></tr>",
                 condition.symbol(),
-                loss.power,
-                loss.centroid_hz
+                fixed(loss.power, 3),
+                fixed(loss.centroid_hz, 1)
             )
         })
         .collect();
     format!(
         "<p>Played along one random walk: responding to force and speed (FS), to force at a constant speed (F), to speed at a constant \
-         force (S), and to neither (ϕ).</p>{}<table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
-         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table>",
+         force (S), and to neither (ϕ).</p>{}<div class=\"scroll\"><table><tr><th>condition</th><th>power variation lost ((m/s²)²)</th>\
+         <th>spectral centroid variation lost (Hz)</th></tr>{rows}</table></div>",
         figures_of(&plots(texture, &responses))
     )
 }
@@ -112,6 +112,9 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
         y: Axis::of("Normal force (N)").over(-0.02 * force, 1.02 * force),
         marks,
         size: (0.0, 330.0),
+        caption: "Each condition plays the models along its line: the less of the map a line crosses, the less the vibration follows \
+                  the hand."
+            .to_owned(),
         ..Plot::default()
     }];
     let loudest = 1.05
@@ -124,6 +127,7 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
     for ((condition, played), ink) in responses.played.iter().zip(inks) {
         plots.push(Plot {
             title: condition.symbol().into(),
+            caption: what(*condition).to_owned(),
             x: Axis::of("Time (s)").over(0.0, SECONDS),
             y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
             marks: vec![Mark::samples(Style::of(ink), hand.rate_hz, played, 1.0)],
@@ -132,6 +136,15 @@ fn plots(texture: &TextureModel, responses: &Responses) -> Vec<Plot> {
         });
     }
     plots
+}
+
+fn what(condition: Condition) -> &'static str {
+    match condition {
+        Condition::ForceAndSpeed => "Follows the force and the speed of the hand.",
+        Condition::Force => "Follows the force only.",
+        Condition::Speed => "Follows the speed only.",
+        Condition::Neither => "Follows neither.",
+    }
 }
 
 /// A few taps from the slowest to the fastest, with their inks.
@@ -166,6 +179,7 @@ pub(super) fn tap_waves(taps: &Taps) -> Plot {
         // The fastest is the loudest: it goes below the others.
         marks: chosen(taps).into_iter().rev().map(wave).collect(),
         size: (0.0, 240.0),
+        caption: "What is played at a contact: the faster the tip comes, the stronger.".to_owned(),
         ..Plot::default()
     }
 }
@@ -185,6 +199,7 @@ pub(super) fn tap_spectra(taps: &Taps) -> Plot {
         y: Axis::of("Density ((m/s²)²/Hz)").log(),
         marks: chosen(taps).into_iter().filter_map(spectrum).collect(),
         size: (0.0, 240.0),
+        caption: "A hard material rings at high frequencies, a soft one at low.".to_owned(),
         ..Plot::default()
     }
 }

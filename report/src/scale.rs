@@ -106,6 +106,11 @@ pub(crate) fn plain(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// A number with so many decimals and a true minus sign.
+pub(crate) fn fixed(value: f64, decimals: usize) -> String {
+    format!("{value:.decimals$}").replace('-', "\u{2212}")
+}
+
 fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let rough = (high - low) / most.max(1) as f64;
     let decade = 10f64.powf(rough.log10().floor());
@@ -279,5 +284,6 @@ mod tests {
         ] {
             assert_eq!(plain(value), shown);
         }
+        assert_eq!(fixed(-2.38, 1), "\u{2212}2.4");
     }
 }

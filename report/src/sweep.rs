@@ -2,9 +2,11 @@
 
 use super::asked::{Asked, Drawn};
 use super::figures::{self, Unit};
-use super::page::{Sheet, Simulation, facts, figures_of, line_up};
+use super::headlines::coefficient;
+use super::page::signals::is_same;
+use super::page::{Sheet, Simulation, address, facts, figures_of, line_up};
 use super::plot::{Axis, Mark, Plot, Style};
-use super::record::{Content, Recorded};
+use super::record::{Content, Friction, Recorded};
 use super::scale::plain;
 use super::svg::escape;
 use super::theme::Ink;
@@ -15,6 +17,8 @@ use haptograph_surfaces::TextureModel;
 pub struct SweptRun<'a> {
     /// What was set for it.
     pub name: String,
+    /// Its own page, from the folder of this one.
+    pub page: Option<String>,
     /// Its signals, the same in every run.
     pub signals: Vec<Recorded>,
     /// What it left for each plot that the graph asks for.
@@ -32,6 +36,8 @@ pub struct SweepPage<'a> {
     pub about: String,
     /// What of it comes from simulated devices.
     pub simulation: Simulation,
+    /// What tells the friction, of the signals.
+    pub friction: Option<Friction>,
     /// What is to be known of all runs: names and values.
     pub facts: Vec<(String, String)>,
     /// The plots that the graph asks for.
@@ -67,7 +73,10 @@ impl SweepPage<'_> {
         }
         line_up(&mut plots, self.runs.iter().flat_map(|run| &run.signals));
         let sections = [
-            ("How the runs differ", self.table() + &self.simulation.remark()),
+            (
+                "How the runs differ",
+                self.links() + &self.table() + &self.simulation.remark(),
+            ),
             ("Side by side", figures_of(&plots)),
             ("Mean spectra", figures_of(&self.spectra())),
             ("The runs", facts(&self.facts)),
@@ -80,6 +89,38 @@ impl SweepPage<'_> {
             sections: &sections,
         }
         .to_html()
+    }
+
+    /// A line with the pages of the runs.
+    fn links(&self) -> String {
+        let links = self.runs.iter().filter_map(|run| {
+            let page = address(run.page.as_deref()?);
+            Some(format!("<a href=\"{page}\">{}</a>", escape(&run.name)))
+        });
+        let links: Vec<String> = links.collect();
+        match links.as_slice() {
+            [] => String::new(),
+            links => format!(
+                "<p>Each run has a page of its own, with its sound: {}.</p>",
+                links.join(", ")
+            ),
+        }
+    }
+
+    /// The signals that say something of their own: those before which there is another that is the same in every run are
+    /// left out.
+    fn distinct(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.signals()).filter(|signal| !(0..*signal).any(|other| self.are_same(other, *signal)))
+    }
+
+    /// Are two signals the same in every run?
+    fn are_same(&self, a: usize, b: usize) -> bool {
+        self.runs
+            .iter()
+            .all(|run| match (run.signals.get(a), run.signals.get(b)) {
+                (Some(a), Some(b)) => is_same(a, b),
+                _ => false,
+            })
     }
 
     /// One signal in all runs.
@@ -105,11 +146,11 @@ impl SweepPage<'_> {
     }
 
     fn spectra(&self) -> Vec<Plot> {
-        (0..self.signals())
+        self.distinct()
             .filter_map(|signal| {
                 let mut plots: Vec<Plot> = Vec::new();
                 for (number, (name, recorded)) in self.across(signal).into_iter().enumerate() {
-                    let mut plot = figures::mean_spectrum(recorded, Ink::number(number))?;
+                    let mut plot = figures::mean_spectrum(recorded, Ink::of_run(number))?;
                     for mark in &mut plot.marks {
                         if let Mark::Line(style, _) = mark {
                             *style = Style::named(style.ink, name);
@@ -127,6 +168,8 @@ impl SweepPage<'_> {
                 let (low, high) = loudest.y.range?;
                 plot.y = Axis { ..plot.y }.over(low, high);
                 plot.size.1 = 280.0;
+                plot.caption = "Over each whole run. The skin feels vibration best near 250 Hz, and hardly any above 1 kHz."
+                    .to_owned();
                 plot.marks = plots.into_iter().flat_map(|plot| plot.marks).collect();
                 Some(plot)
             })
@@ -137,13 +180,18 @@ impl SweepPage<'_> {
     /// same in all runs are named only.
     fn table(&self) -> String {
         let heads = self.runs.iter().enumerate().map(|(number, run)| {
-            let ink = Ink::number(number).class();
+            let ink = Ink::of_run(number).class();
             format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.name))
         });
-        let rows = (0..self.signals()).filter_map(|signal| self.row(signal));
+        let rows = self.distinct().filter_map(|signal| self.row(signal));
         let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
         differing.sort_by(|a, b| b.spread.total_cmp(&a.spread));
-        let cells = differing.iter().map(Row::to_html).collect::<String>();
+        let friction = self.friction_row();
+        let cells = friction
+            .iter()
+            .chain(&differing)
+            .map(Row::to_html)
+            .collect::<String>();
         let same: Vec<&str> = same.iter().map(|row| row.name.as_str()).collect();
         let same = match same.as_slice() {
             [] => String::new(),
@@ -162,6 +210,22 @@ impl SweepPage<'_> {
         table + &same
     }
 
+    /// The friction coefficient in every run.
+    fn friction_row(&self) -> Option<Row> {
+        let of_run = |run: &SweptRun<'_>| coefficient(&run.signals, self.friction.as_ref());
+        let found: Vec<(f64, String)> = self.runs.iter().map(of_run).collect::<Option<_>>()?;
+        let of = match self.friction.as_ref()? {
+            Friction::Measured(name) => format!("mean of {name} while it is not 0"),
+            Friction::Forces { tangential, normal } => format!("{tangential} by {normal}"),
+        };
+        let levels: Vec<f64> = found.iter().map(|(mu, _)| *mu).collect();
+        Some(Row {
+            name: format!("Friction coefficient, {of}"),
+            cells: levels.iter().map(|mu| plain(*mu)).collect(),
+            spread: spread(&levels),
+        })
+    }
+
     fn row(&self, signal: usize) -> Option<Row> {
         let across = self.across(signal);
         let stream = &across.first()?.1.stream;
@@ -177,17 +241,28 @@ impl SweepPage<'_> {
             .iter()
             .map(|(_, recorded)| level(recorded))
             .collect::<Option<_>>()?;
-        let most = levels.iter().copied().fold(0.0, f64::max);
-        let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+        let copies = (signal + 1..self.signals()).filter(|other| self.are_same(signal, *other));
+        let copies = copies.filter_map(|other| self.runs.first()?.signals.get(other));
+        let name = std::iter::once(stream.name.as_str())
+            .chain(copies.map(|copy| copy.stream.name.as_str()))
+            .collect::<Vec<_>>()
+            .join(", ");
         Some(Row {
             name: match unit.symbol.as_str() {
-                "" => stream.name.clone(),
-                symbol => format!("{} ({symbol})", stream.name),
+                "" => name,
+                symbol => format!("{name} ({symbol})"),
             },
             cells: levels.iter().map(|level| plain(unit.show(*level))).collect(),
-            spread: if most > least { most / least } else { 1.0 },
+            spread: spread(&levels),
         })
     }
+}
+
+/// The largest of levels by the smallest.
+fn spread(levels: &[f64]) -> f64 {
+    let most = levels.iter().copied().fold(0.0, f64::max);
+    let least = levels.iter().copied().fold(f64::INFINITY, f64::min);
+    if most > least { most / least } else { 1.0 }
 }
 
 /// Runs whose levels differ by less than this are the same to a hand: a ratio.

@@ -35,6 +35,11 @@ impl Ink {
         Self::CYCLE[i % Self::CYCLE.len()]
     }
 
+    /// The colour of the run number `i` of several: never the first, which is that of a texture's models.
+    pub(crate) fn of_run(i: usize) -> Self {
+        Self::CYCLE[1 + i % (Self::CYCLE.len() - 1)]
+    }
+
     /// The suffix of its CSS classes: `s0` strokes with it, `f0` fills, `t0` tints an area, a page has grounds `b0`.
     pub(crate) fn class(self) -> &'static str {
         match self {

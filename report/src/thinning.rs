@@ -14,6 +14,9 @@ pub struct Envelope {
     samples: u64,
     sum: f64,
     sum_of_squares: f64,
+    sum_of_sizes: f64,
+    /// Samples that are not zero.
+    present: u64,
 }
 
 /// Most stretches; at least half as many are left after joining.
@@ -32,6 +35,8 @@ impl Envelope {
             samples: 0,
             sum: 0.0,
             sum_of_squares: 0.0,
+            sum_of_sizes: 0.0,
+            present: 0,
         }
     }
 
@@ -49,6 +54,8 @@ impl Envelope {
             self.open = (self.open.0.min(sample), self.open.1.max(sample));
             self.sum += sample;
             self.sum_of_squares += sample * sample;
+            self.sum_of_sizes += sample.abs();
+            self.present += u64::from(sample != 0.0);
         }
         if self.open_samples == self.stretch {
             self.complete.push(self.open);
@@ -90,12 +97,64 @@ impl Envelope {
         }
     }
 
+    /// Mean magnitude while it is not zero; 0 for a signal that always is.
+    pub fn mean_size(&self) -> f64 {
+        match self.present {
+            0 => 0.0,
+            present => self.sum_of_sizes / present as f64,
+        }
+    }
+
+    /// The part of the time in which it is not zero, 0 to 1.
+    pub fn presence(&self) -> f64 {
+        self.present as f64 / self.samples.max(1) as f64
+    }
+
     /// Smallest and largest value; `None` where no sample is finite.
     pub fn range(&self) -> Option<(f64, f64)> {
         let (low, high) = self
             .stretches()
             .fold(EMPTY, |(low, high), (l, h)| (low.min(l), high.max(h)));
         (low <= high).then_some((low, high))
+    }
+
+    /// The value of a signal that never changes.
+    pub fn constant(&self) -> Option<f64> {
+        let (low, high) = self.range()?;
+        (high - low <= 1e-12 * high.abs().max(low.abs())).then_some(low)
+    }
+
+    /// Is this the same curve as another, seen at another rate? Their extremes over equal parts of the time, and their
+    /// levels, differ by less than a plot would show.
+    pub fn resembles(&self, other: &Self) -> bool {
+        let (extremes, others) = (self.coarse(), other.coarse());
+        let duration_s = |of: &Self| of.samples as f64 / of.rate_hz;
+        let (duration_s, other_s) = (duration_s(self), duration_s(other));
+        if (duration_s - other_s).abs() > 0.01 * duration_s
+            || (self.rms() - other.rms()).abs() > 0.02 * self.rms()
+        {
+            return false;
+        }
+        let (mut apart, mut size) = (0.0, 0.0);
+        for ((low, high), (other_low, other_high)) in extremes.into_iter().zip(others) {
+            apart += (low - other_low).powi(2) + (high - other_high).powi(2);
+            size += low * low + high * high;
+        }
+        // Where a part has no sample in it, there is nothing to compare, and this is no number.
+        apart < 0.05 * 0.05 * size
+    }
+
+    /// Extremes over equal parts of the whole.
+    fn coarse(&self) -> [(f64, f64); 60] {
+        let mut parts = [EMPTY; 60];
+        let per_second = parts.len() as f64 * self.rate_hz / self.samples.max(1) as f64;
+        let last = parts.len() - 1;
+        for (time_s, low, high) in self.points() {
+            if let Some(part) = parts.get_mut(((time_s * per_second) as usize).min(last)) {
+                *part = (part.0.min(low), part.1.max(high));
+            }
+        }
+        parts
     }
 
     /// Largest magnitude; 0 where there is none.
@@ -186,6 +245,17 @@ mod tests {
     }
 
     #[test]
+    fn the_mean_size_leaves_out_what_is_zero() {
+        let mut envelope = Envelope::new(1000.0);
+        envelope.extend([0.0, 2.0, -4.0, 0.0]);
+        assert_eq!((envelope.mean_size(), envelope.presence()), (3.0, 0.5));
+        assert_eq!(
+            (Envelope::new(1.0).mean_size(), Envelope::new(1.0).presence()),
+            (0.0, 0.0)
+        );
+    }
+
+    #[test]
     fn a_short_signal_is_shown_sample_by_sample() {
         let mut envelope = Envelope::new(10.0);
         envelope.extend([1.0, f64::NAN, 3.0]);
@@ -194,6 +264,25 @@ mod tests {
             envelope.points().collect::<Vec<_>>(),
             [(0.0, 1.0, 1.0), (0.2, 3.0, 3.0)]
         );
+    }
+
+    #[test]
+    fn a_curve_is_known_again_at_another_rate() {
+        let curve = |rate_hz: u32, hz: f64| {
+            let mut envelope = Envelope::new(f64::from(rate_hz));
+            let time_s = (0..3 * rate_hz).map(|i| f64::from(i) / f64::from(rate_hz));
+            envelope.extend(time_s.map(|t| (6.0 * t).sin() * (hz * t).sin()));
+            envelope
+        };
+        let fine = curve(48_000, 400.0);
+        assert!(fine.resembles(&curve(10_000, 400.0)) && curve(10_000, 400.0).resembles(&fine));
+        let mut louder = Envelope::new(10_000.0);
+        louder.extend((0..30_000).map(|i| 1.2 * (f64::from(i) * 6e-4).sin()));
+        assert!(!fine.resembles(&louder) && !fine.resembles(&Envelope::new(10.0)));
+        assert_eq!((fine.constant(), Envelope::new(1.0).constant()), (None, None));
+        let mut flat = Envelope::new(1.0);
+        flat.extend([2.0, 2.0]);
+        assert_eq!(flat.constant(), Some(2.0));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
 use crate::engine::run::{Offline, Outlets};
 use crate::report::asked::Drawn;
-use crate::report::record::Record;
+use crate::report::record::{Record, friction};
 use crate::report::sweep::{SweepPage, SweptRun};
 use clap::ArgGroup;
 use serde_json::json;
@@ -64,6 +64,15 @@ impl Case {
                 let all = settings.iter().map(|(name, value)| format!("{name}={value}"));
                 all.collect::<Vec<_>>().join(", ")
             }
+        }
+    }
+
+    /// What it is called on the page: `gain = 2, seed = 3`.
+    fn label(&self) -> String {
+        let all = self.0.iter().map(|(name, value)| format!("{name} = {value}"));
+        match self.0.as_slice() {
+            [] => "as it is".to_owned(),
+            _ => all.collect::<Vec<_>>().join(", "),
         }
     }
 }
@@ -124,6 +133,7 @@ impl Arguments {
 /// One run that is done.
 struct Done {
     name: String,
+    label: String,
     graph: Graph,
     shown: Shown,
     summary: Summary,
@@ -150,12 +160,12 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let cases = arguments.cases();
     let short = arguments.case.is_empty() && arguments.over.len() == 1;
     // All graphs are checked before the first runs.
-    let graphs: Vec<(String, run::Arguments, Graph)> = cases
+    let graphs: Vec<(&Case, run::Arguments, Graph)> = cases
         .iter()
         .map(|case| {
             let run = arguments_of(arguments, case);
             let graph = run.graph.load(registry, run.seed).map_err(Failure::Graph)?;
-            Ok((case.name(short), run, graph))
+            Ok((case, run, graph))
         })
         .collect::<Result<_, Failure>>()?;
     for (_, _, graph) in &graphs {
@@ -171,7 +181,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let (stop, planned) = (run::stop_on_interrupt()?, graphs.len());
     folder.begin();
     let mut done = Vec::new();
-    for (number, (name, run_arguments, graph)) in graphs.into_iter().enumerate() {
+    for (number, (case, run_arguments, graph)) in graphs.into_iter().enumerate() {
         let place = folder.path().join(format!("{:02}", number + 1));
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
         let mut outlets = Outlets::new(&graph);
@@ -192,7 +202,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         }
         shown.forget_sound();
         done.push(Done {
-            name,
+            name: case.name(short),
+            label: case.label(),
             graph,
             shown,
             summary,
@@ -269,22 +280,23 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     let textures = surfaces
         .iter()
         .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
-    let runs = done.iter().map(|run| SweptRun {
-        name: run.name.clone(),
+    let runs = done.iter().enumerate().map(|(number, run)| SweptRun {
+        name: run.label.clone(),
+        page: Some(format!("{:02}/report.html", number + 1)),
         signals: run.shown.records.iter().map(Record::content).collect(),
         drawn: run
             .shown
             .asked
             .iter()
             .map(|(_, traces)| Drawn {
-                name: &run.name,
+                name: &run.label,
                 traces,
             })
             .collect(),
         warnings: run.summary.warnings().to_vec(),
     });
     let fact = |name: &str, value: String| (name.to_owned(), value);
-    let names: Vec<&str> = done.iter().map(|run| run.name.as_str()).collect();
+    let names: Vec<&str> = done.iter().map(|run| run.label.as_str()).collect();
     let swept: Vec<&str> = arguments.over.iter().map(|(name, _)| name.as_str()).collect();
     let mut facts = vec![
         fact("Graph", arguments.graph.graph.display().to_string()),
@@ -299,6 +311,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
         simulation: first.summary.simulation().clone(),
+        friction: friction(&first.graph),
         facts,
         asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),
         runs: runs.collect(),

@@ -2,6 +2,22 @@
 // One cursor and one zoom for all plots over time, the player's place in them, and 50 ms of the vibration up close.
 // The page is whole without it.
 (() => {
+  // Where something is cut off at a side it fades, and a line says how to see the rest.
+  for (const box of document.querySelectorAll(".scroll, figure:not(.plot)")) {
+    const hint = document.createElement("p");
+    hint.className = "swipe";
+    hint.textContent = "swipe sideways";
+    box.before(hint);
+    const fade = () => {
+      const rest = box.scrollWidth - box.clientWidth;
+      hint.hidden = rest < 2;
+      box.classList.toggle("cut-left", rest >= 2 && box.scrollLeft > 1);
+      box.classList.toggle("cut-right", rest >= 2 && rest - box.scrollLeft > 1);
+    };
+    box.addEventListener("scroll", fade, { passive: true });
+    new ResizeObserver(fade).observe(box);
+  }
+
   const SPAN = 1000; // the marks' own width
   const SVG = "http://www.w3.org/2000/svg";
   const numbers = (text) => (text.match(/-?\d+(\.\d+)?/g) || []).map(Number);

@@ -16,6 +16,11 @@ pub(super) fn section(signals: &[Recorded], shown: &[String]) -> String {
             constant.push(format!("{name} ({value})"));
         } else if let Some(other) = signals[..number].iter().find(|other| is_same(other, signal)) {
             same.push(format!("{name} as {}", other.stream.name));
+        } else if let Some(other) = signals.iter().find(|other| is_slower(signal, other)) {
+            same.push(format!(
+                "{name} at {} as {} at {}",
+                signal.stream.rate, other.stream.name, other.stream.rate
+            ));
         } else {
             let ink = Ink::number(plots.len());
             let mut over_time = figures::over_time(signal, ink);
@@ -44,20 +49,36 @@ pub(super) fn section(signals: &[Recorded], shown: &[String]) -> String {
 
 /// The value of a signal that never changes.
 fn constant_value(signal: &Recorded) -> Option<String> {
-    let Content::Lanes(lanes, _) = &signal.content else {
-        return None;
-    };
     let unit = figures::Unit::of(signal.stream.quantity);
-    let values = lanes.iter().map(|lane| {
-        let (low, high) = lane.range()?;
-        (high - low <= 1e-12 * high.abs().max(low.abs())).then(|| unit.text(low))
-    });
+    let lanes = match &signal.content {
+        Content::Lanes(lanes, _) => lanes,
+        Content::Events(_, 0) => return Some("no event".to_owned()),
+        Content::Contact(depth, _) if depth.constant() == Some(0.0) => return Some("no contact".to_owned()),
+        _ => return None,
+    };
+    let values = lanes
+        .iter()
+        .map(|lane| lane.constant().map(|value| unit.text(value)));
     let mut values = values.collect::<Option<Vec<String>>>()?;
     values.dedup();
     Some(values.join(", "))
 }
 
-fn is_same(a: &Recorded, b: &Recorded) -> bool {
+/// Is the other the same signal at a higher rate?
+fn is_slower(signal: &Recorded, other: &Recorded) -> bool {
+    let alike = signal.stream.quantity == other.stream.quantity && signal.stream.kind == other.stream.kind;
+    if !alike || signal.stream.rate.hz() >= other.stream.rate.hz() {
+        return false;
+    }
+    match (&signal.content, &other.content) {
+        (Content::Lanes(slow, _), Content::Lanes(fast, _)) => {
+            slow.iter().zip(fast).all(|(a, b)| a.resembles(b))
+        }
+        _ => false,
+    }
+}
+
+pub(crate) fn is_same(a: &Recorded, b: &Recorded) -> bool {
     match (&a.content, &b.content) {
         (Content::Lanes(x, _), Content::Lanes(y, _)) => a.stream.quantity == b.stream.quantity && x == y,
         _ => false,

@@ -183,6 +183,7 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
     let scalar =
         |name: &str, values: Vec<f64>| record(name, Kind::Scalar, Quantity::FORCE, 125, values.into_iter());
     let wave = || (0..500).map(|i| (f64::from(i) * 0.1).sin()).collect::<Vec<_>>();
+    let hum = |hz: u64| (0..4 * hz).map(move |i| (20.0 * i as f64 / hz as f64).sin());
     let steps = || (0..500).map(f64::from).collect::<Vec<_>>();
     let page = Page {
         signals: vec![
@@ -190,13 +191,20 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
             scalar("flat", vec![0.5; 500]),
             scalar("twin", wave()),
             scalar("asked", steps()),
+            record("slow twin", Kind::Scalar, Quantity::LENGTH, 1000, hum(1000)),
+            record("fast twin", Kind::Scalar, Quantity::LENGTH, 10_000, hum(10_000)),
         ],
         asked_signals: vec!["asked".into()],
         ..Page::default()
     };
     let html = page.to_html();
-    assert_eq!(html.matches("<figure class=\"plot\"").count(), 1);
-    for said in ["flat (0.5 N)", "twin as drawn", "Shown above over time: asked"] {
+    assert_eq!(html.matches("<figure class=\"plot\"").count(), 2);
+    for said in [
+        "slow twin at 1000 Hz as fast twin at 10000 Hz",
+        "flat (0.5 N)",
+        "twin as drawn",
+        "Shown above over time: asked",
+    ] {
         assert!(html.contains(said), "{said}");
     }
 }

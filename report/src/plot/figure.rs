@@ -5,7 +5,7 @@ use super::super::scale::{Scale, Spread};
 use super::super::svg::{Rect, Svg, escape, num};
 use super::super::theme;
 use super::marks::{draw_mark, draw_words};
-use super::{Axis, Image, Mark, Plot};
+use super::{Axis, Image, Mark, Plot, Weight};
 
 /// Width of the marks' own coordinates.
 const SPAN: f64 = 1000.0;
@@ -30,6 +30,9 @@ impl Plot {
     }
 
     fn figure(&self, class: &str, what: &str) -> String {
+        if self.marks.is_empty() && !self.caption.is_empty() {
+            return self.sentence();
+        }
         let height = self.size().1 - AROUND;
         let frame = Rect {
             x: 0.0,
@@ -57,6 +60,15 @@ impl Plot {
             escape(&self.title),
             self.scales_for_script(&x, &y),
             self.body(frame, &x, &y),
+        )
+    }
+
+    /// A plot of nothing is what its caption says.
+    fn sentence(&self) -> String {
+        format!(
+            "<p><b>{}</b>: {}</p>\n",
+            escape(&self.title),
+            escape(&self.caption)
         )
     }
 
@@ -90,14 +102,14 @@ impl Plot {
             _ if style.name.is_empty() => return None,
             _ => "",
         };
-        let round = if matches!(mark, Mark::Dots(..)) {
-            " round"
-        } else {
-            ""
+        let shape = match mark {
+            Mark::Dots(..) => " round",
+            _ if style.weight == Weight::Dashed => " dashed",
+            _ => "",
         };
         let swatch = match style.name.as_str() {
             "" => String::new(),
-            _ => format!("<i class=\"swatch b{}{round}\"></i>", style.ink.class()),
+            _ => format!("<i class=\"swatch b{}{shape}\"></i>", style.ink.class()),
         };
         Some(format!(
             "<span class=\"key\">{swatch}{} {value}</span>",
@@ -126,7 +138,9 @@ impl Plot {
         let ys = Self::ticks(&self.y, y, frame.height);
         let mut svg = Svg::default();
         svg.raw(format_args!("<g class=\"ticks\">"));
+        let few = xs.len() <= 6;
         for (number, (value, text)) in xs.iter().enumerate() {
+            let number = if few { 0 } else { number };
             tick_across(&mut svg, &across(*value), text, number);
         }
         svg.raw(format_args!("</g>"));

@@ -11,7 +11,7 @@ use crate::report::asked::{Drawn, Form};
 use crate::report::drawing;
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::record::{Record, watch};
+use crate::report::record::{Record, friction, watch};
 use crate::report::sound::Sound;
 use crate::surfaces::{Surface, files};
 use serde_json::{Value, json};
@@ -172,6 +172,7 @@ impl Summary {
                 .collect(),
             warnings: self.warnings.clone(),
             headlines: self.headlines.clone(),
+            friction: friction(graph),
             files: files_beside(graph),
             sound,
             asked_signals: asked_signals(graph, shown),
