@@ -180,6 +180,7 @@ fn with_bystander() -> (Graph, NodeIndex) {
         simulated: false,
         fingerprint: 1,
         live: Vec::new(),
+        written: Vec::new(),
         files: Vec::new(),
     };
     graph.nodes.add_node(bystander);

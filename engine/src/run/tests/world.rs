@@ -283,6 +283,7 @@ impl World {
             simulated: false,
             fingerprint: self.fingerprint,
             live: Vec::new(),
+            written: Vec::new(),
             files: Vec::new(),
         });
         self.nodes.len() - 1
