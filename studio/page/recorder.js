@@ -1,5 +1,6 @@
 // Records what hands and settings do from the first frame of a new run on, and does it again.
 import { find, make, setText } from "./dom.js";
+import { reportLink } from "./surfaces.js";
 
 export function mountRecorder(studio) {
     const [record, replay, keep] = ["record", "replay", "keep"].map(find);
@@ -17,6 +18,7 @@ export function mountRecorder(studio) {
     studio.connection.on("recording", (message) => {
         use(message.recording);
         const where = message.saved ? `in ${message.saved}` : "press Keep to download it";
+        find("recording-report").replaceChildren(...(message.report ? [reportLink(message.report)] : []));
         studio.say(message.error ? "bad" : "good", message.error ?? `${message.seconds.toFixed(1)} s were recorded: ${where}`);
     });
     studio.loadRecording = use;

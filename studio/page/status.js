@@ -155,9 +155,21 @@ function showBadge(studio) {
     const state = !studio.connection.open ? (studio.lost ? "lost" : "connecting") : (studio.status?.state ?? "connecting");
     find("state").dataset.state = state;
     setText(find("state"), state === "lost" ? "no engine" : state);
+    showMoves(studio);
     const owner = find("owner");
     owner.disabled = studio.status?.owner !== false;
     setText(owner, !studio.status ? "" : studio.status.owner ? "the pad is yours" : "Take over");
+}
+
+// Whether anything real can move: what the engine says of its devices.
+function showMoves(studio) {
+    const real = studio.graph?.devices?.filter(({ simulated }) => !simulated);
+    const badge = find("moves");
+    badge.style.visibility = real ? "visible" : "hidden";
+    if (!real) return;
+    badge.dataset.state = real.length ? "stopped" : "";
+    setText(find("moves-what"), real.length ? "real" : "simulated");
+    setText(find("moves-more"), real.length ? `: ${real.map(({ name }) => name).join(", ")}` : ": nothing real moves");
 }
 
 // From the pointer to the ear, where something is heard; else to the engine.

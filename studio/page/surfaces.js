@@ -138,8 +138,19 @@ async function learn(studio, file) {
     const timer = setInterval(() => showProgress(studio, file, text, progress), 150);
     const reply = await answer;
     clearInterval(timer);
-    if (reply.ok) end("good", `${file.name} was learned. Its swatch is below: click it and stroke it.`);
-    else end("bad", `${file.name} was not learned: ${reply.error}`);
+    if (!reply.ok) return end("bad", `${file.name} was not learned: ${reply.error}`);
+    const parameter = parameterOf(studio.graph);
+    const chosen = parameter ? await studio.parameter(parameter.name, quoted(reply.change)) : { ok: false };
+    const says = chosen.ok ? "it is on the pad: stroke it" : `its swatch is below${chosen.error ? `: ${chosen.error}` : ""}`;
+    end("good", `${file.name} was learned; ${says}.`);
+    if (reply.report) text.after(reportLink(reply.report));
+}
+
+// The page that a folder of the studio's holds, in a tab of its own.
+export function reportLink(folder) {
+    const address = new URL(`report/${encodeURIComponent(folder)}`, location.href);
+    address.search = new URLSearchParams({ token: new URLSearchParams(location.search).get("token") ?? "" });
+    return make("a", { class: "report", href: address.href, target: "_blank", rel: "noopener", text: "Report" });
 }
 
 function showProgress(studio, file, text, progress) {

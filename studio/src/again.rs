@@ -10,7 +10,7 @@ use std::time::Duration;
 
 /// The file in a run's folder that holds what was done.
 pub const STROKES: &str = "strokes.json";
-/// Folders of one graph.
+/// Folders of one name.
 const MOST_FOLDERS: usize = 10_000;
 /// The longest time that is run at once, s: what is probed has room for more.
 const MOST_AT_ONCE_S: f64 = 0.5;
@@ -94,6 +94,7 @@ impl Stage {
 
     /// Saves a recording where there is a folder for it, and sends it to the page that made it.
     fn hand_over(&mut self, recording: &Recording) {
+        let page_error = self.page_error.take();
         let written = self.folder.take().map(|folder| {
             let path = folder.join(STROKES);
             let text = serde_json::to_vec(recording).map_err(std::io::Error::other);
@@ -102,12 +103,19 @@ impl Stage {
         });
         let (saved, error) = match written {
             None => (None, None),
-            Some(Ok(folder)) => (Some(folder.display().to_string()), None),
+            Some(Ok(folder)) => {
+                let error =
+                    page_error.map(|error| format!("the page about the recording is not on disk: {error}"));
+                (Some(folder), error)
+            }
             Some(Err(error)) => (None, Some(format!("the recording is not on disk: {error}"))),
         };
+        let report = saved.as_ref().filter(|_| error.is_none());
+        let report = report.and_then(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()));
         self.tell_owner(&json!({
             "type": "recording", "name": format!("{}-{STROKES}", recording.graph), "seconds": recording.seconds(),
-            "saved": saved, "error": error, "recording": recording,
+            "saved": saved.map(|folder| folder.display().to_string()), "report": report, "error": error,
+            "recording": recording,
         }));
     }
 
@@ -118,22 +126,21 @@ impl Stage {
         }
     }
 
-    /// A new folder for a run of this graph, where runs are kept.
-    pub fn new_folder(&self) -> std::io::Result<Option<PathBuf>> {
+    /// A new folder of this name and a number, where runs are kept.
+    pub fn new_folder(&self, name: &str) -> std::io::Result<Option<PathBuf>> {
         let Some(out) = &self.out else { return Ok(None) };
         std::fs::create_dir_all(out)?;
-        let name = self.source.name();
         for number in 1..MOST_FOLDERS {
-            let folder = out.join(format!("{name}-strokes-{number}"));
+            let folder = out.join(format!("{name}-{number}"));
             match std::fs::create_dir(&folder) {
                 Ok(()) => return Ok(Some(folder)),
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
             }
         }
-        Err(std::io::Error::other(
-            "there are ten thousand recordings of this graph: remove some",
-        ))
+        Err(std::io::Error::other(format!(
+            "there are ten thousand folders of `{name}`: remove some"
+        )))
     }
 
     /// Runs so many frames where the caller drives, with what is done again before each.

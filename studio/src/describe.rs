@@ -99,6 +99,12 @@ pub fn graph(stage: &Stage) -> Value {
         })
     });
     let sound = stage.sound.as_ref();
+    let devices = graph.devices().iter();
+    let devices = devices.filter(|device| !stage.loaded.pads.contains(&device.name));
+    let devices = devices.map(|device| {
+        let spec = device.entry.spec;
+        json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
+    });
     json!({
         "type": "graph",
         "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
@@ -110,6 +116,7 @@ pub fn graph(stage: &Stage) -> Value {
         "parameters": parameters(stage),
         "maps": maps(graph),
         "actuators": actuators.collect::<Vec<_>>(),
+        "devices": devices.collect::<Vec<_>>(),
         "sound": sound.map(|sound| json!({ "rate_hz": sound.rate_hz, "what": sound.port })),
         "surfaces": surfaces(stage),
     })
@@ -198,26 +205,34 @@ fn maps(graph: &Graph) -> Vec<Value> {
 
 /// The surfaces in the folder of the graph's own, by their paths from the graph.
 fn surfaces(stage: &Stage) -> Vec<Value> {
-    let paths = surface_files(stage.source.folder());
-    let shown = paths.iter().filter_map(|path| {
-        let written = path.metadata().and_then(|found| found.modified()).ok();
-        let mut known = SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, shown)) = known.get(path).filter(|(then, _)| *then == written) {
-            return Some(shown.clone());
-        }
-        let surface = files::load(path).ok()?;
-        let from_graph = path.strip_prefix(stage.source.folder()).unwrap_or(path);
-        let shown = json!({
-            "path": format!("{:?}", from_graph.to_string_lossy()), "name": surface.name,
-            "swatch": swatch(surface.texture.as_ref()?).ok()?,
-        });
-        if known.len() >= MOST_SURFACES {
-            known.clear();
-        }
-        known.insert(path.clone(), (written, shown.clone()));
-        Some(shown)
+    let folder = stage.source.folder();
+    let paths = surface_files(folder);
+    paths.iter().filter_map(|path| surface(path, folder)).collect()
+}
+
+/// A surface as it is shown; drawn once, which takes a while.
+pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
+    let known = || SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
+    let written = path.metadata().and_then(|found| found.modified()).ok();
+    if let Some((_, shown)) = known().get(path).filter(|(then, _)| *then == written) {
+        return Some(shown.clone());
+    }
+    let surface = files::load(path).ok()?;
+    let shown = json!({
+        "path": from_graph(path, graph), "name": surface.name,
+        "swatch": swatch(surface.texture.as_ref()?).ok()?,
     });
-    shown.collect()
+    let mut known = known();
+    if known.len() >= MOST_SURFACES {
+        known.clear();
+    }
+    known.insert(path.to_owned(), (written, shown.clone()));
+    Some(shown)
+}
+
+/// A path from the graph's folder, as a parameter wants it.
+pub fn from_graph(path: &Path, graph: &Path) -> String {
+    format!("{:?}", path.strip_prefix(graph).unwrap_or(path).to_string_lossy())
 }
 
 /// The files beside a graph that can be surfaces.

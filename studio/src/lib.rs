@@ -12,6 +12,7 @@ mod actuators;
 mod again;
 mod describe;
 mod drive;
+mod envelope;
 mod load;
 #[cfg(not(target_family = "wasm"))]
 mod native;
@@ -20,6 +21,7 @@ pub mod page;
 mod pages;
 mod publish;
 mod record;
+mod run_page;
 mod scope;
 mod stage;
 mod talk;

@@ -42,20 +42,16 @@ impl Source {
         with
     }
 
+    /// The same with these parameters in place of the defaults.
+    pub fn with_set(&self, set: Vec<(String, String)>) -> Self {
+        Self { set, ..self.clone() }
+    }
+
     /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
     pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
         let document = Document::parse(&self.path, text)?;
-        let set = self.set.iter();
-        let mut options = CheckOptions {
-            set: set
-                .map(|(name, value)| (name.clone(), self.resolved(value)))
-                .collect(),
-            hosted: Hosted::All,
-            ..CheckOptions::default()
-        };
-        options
-            .set
-            .retain(|(name, _)| document.parameters().any(|(known, _)| known == name));
+        let mut options = self.options(&document);
+        options.hosted = Hosted::All;
         let hosted = check(&document, &self.registry, &options)?;
         let pads = pads::endpoints(&hosted);
         options.hosted = Hosted::Also(pads.clone());
@@ -74,6 +70,18 @@ impl Source {
             pads,
             parameters,
         })
+    }
+
+    /// How a document is checked: with the parameters that are set, of those that it has.
+    pub fn options(&self, document: &Document) -> CheckOptions {
+        let set = self.set.iter();
+        let set = set.filter(|(name, _)| document.parameters().any(|(known, _)| known == name));
+        CheckOptions {
+            set: set
+                .map(|(name, value)| (name.clone(), self.resolved(value)))
+                .collect(),
+            ..CheckOptions::default()
+        }
     }
 
     /// Values that come from elsewhere name files from the working directory; the page names them as the graph does.

@@ -5,10 +5,11 @@ use super::load::Source;
 use super::pages::{Line, LineError};
 use super::publish::Publisher;
 use super::stage::{Host, Stage, StageError};
-use super::talk::{self, Next};
+use super::talk::{self, Next, Work};
 use super::wire::{self, Said};
 use haptograph_engine::registry::Registry;
 use serde::Deserialize;
+use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
@@ -45,6 +46,10 @@ impl Opened {
     }
 }
 
+fn no_disk() -> StageError {
+    StageError::Other("an engine in a page has no disk".to_owned())
+}
+
 impl Line for Sender<Message> {
     fn send(&mut self, message: Message) -> Result<(), LineError> {
         Sender::send(self, message).map_err(|_| LineError::Gone)
@@ -70,7 +75,7 @@ impl Engine {
     pub fn open(opened: Opened, registry: &Registry) -> Result<Self, String> {
         let mut stage = Stage::open(opened.source(registry), HOST).map_err(|error| match error {
             StageError::Graph(wrong) => haptograph_engine::diagnostic::render(&wrong, false),
-            StageError::Other(why) => why,
+            error => error.to_string(),
         })?;
         let (line, out) = channel();
         let (page, first) = talk::greet(&mut stage, Box::new(line.clone()));
@@ -93,32 +98,28 @@ impl Engine {
 
     /// Takes a message of the page, and does at once what it asks for.
     pub fn hear(&mut self, message: &Message) {
-        let no_disk = "an engine in a page has no disk";
         let answer = match talk::hear(&mut self.stage, self.page, message) {
             Next::Nothing => return,
             Next::Say(answer) => answer,
-            Next::Load {
-                request,
-                source,
-                text,
-                applies,
-            } => {
-                let loaded = source.load(&text);
-                match applies {
-                    true => talk::put(
-                        &mut self.stage,
-                        request,
-                        source,
-                        loaded.map_err(StageError::Graph),
-                    ),
-                    false => talk::checked(request, loaded.err().as_ref(), None),
-                }
-            }
-            Next::Save { request, .. } | Next::Learn { request, .. } => {
-                talk::reply(request, Err(StageError::Other(no_disk.to_owned())))
-            }
+            Next::Do { request, work } => self.work(request, work),
+            Next::Learn { request, .. } => talk::reply(request, Err(no_disk())),
         };
         self.say(super::publish::text(&answer));
+    }
+
+    fn work(&mut self, request: u64, work: Work) -> Value {
+        if matches!(work, Work::Save(_)) {
+            return talk::reply(request, Err(no_disk()));
+        }
+        let applies = !matches!(work, Work::Check(_));
+        let (source, text) = work.graph(&self.stage);
+        let loaded = source.load(&text);
+        if !applies {
+            return talk::checked(request, loaded.err().as_ref(), None);
+        }
+        let loaded = loaded.map_err(StageError::Graph);
+        let put = loaded.and_then(|loaded| talk::put(&mut self.stage, source, loaded));
+        talk::reply(request, put)
     }
 
     /// Runs so many frames of the driver, and returns what is played of them at [`sound_hz`](Self::sound_hz), 1 being the

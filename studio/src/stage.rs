@@ -3,10 +3,12 @@
 use super::actuators::{Actuator, Sound};
 use super::again::After;
 use super::drive::{Drive, DrivenBy};
+use super::envelope::Confirmed;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Page;
 use super::record::{Recording, Replay, meant, moved};
+use super::run_page::{self, Kept};
 use super::scope::{self, Port, Scope};
 use super::wire::Pointer;
 use haptograph_engine::diagnostic::Diagnostics;
@@ -14,6 +16,7 @@ use haptograph_engine::host::{PlayOptions, Player};
 use haptograph_engine::run::Session;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a run may take to fall to zero.
@@ -45,6 +48,13 @@ pub enum StageError {
     /// The graph is wrong.
     #[error("the graph has errors")]
     Graph(Diagnostics),
+    /// It permits what the file did not permit when the studio was opened: one sentence for each.
+    #[error(
+        "limits cannot be raised, nor actuators added or devices changed, from the page: {}; nothing is changed. Edit \
+         the file itself, with an editor on the machine of the studio, and open the studio again",
+        .0.join("; ")
+    )]
+    Beyond(Vec<String>),
     /// It cannot be played or put in place.
     #[error("{0}")]
     Other(String),
@@ -67,6 +77,8 @@ pub struct Stage {
     pub loaded: Loaded,
     /// The text of the file as it was read or saved last.
     pub on_disk: String,
+    /// What no edit may go beyond; none where nothing real can be reached.
+    pub confirmed: Option<Arc<Confirmed>>,
     pub state: State,
     pub session: Option<Session>,
     pub drive: Option<Drive>,
@@ -83,6 +95,10 @@ pub struct Stage {
     pub out: Option<PathBuf>,
     pub folder: Option<PathBuf>,
     pub recorder: Option<Recording>,
+    /// What the page in that folder will show.
+    kept: Vec<Kept>,
+    /// Why that page is not there.
+    pub page_error: Option<String>,
     pub replay: Option<Replay>,
     /// How it goes on after the run.
     pub after: After,
@@ -106,6 +122,7 @@ impl Stage {
             source,
             loaded,
             on_disk: text,
+            confirmed: None,
             state: State::Stopped,
             session: None,
             drive: None,
@@ -119,6 +136,8 @@ impl Stage {
             out: None,
             folder: None,
             recorder: None,
+            kept: Vec::new(),
+            page_error: None,
             replay: None,
             after: After::Nothing,
             owed_s: 0.0,
@@ -148,7 +167,8 @@ impl Stage {
         options.probes = ports.iter().map(|port| port.name.clone()).collect();
         if matches!(how, After::Record) {
             let failed = |error| other(format!("there is no folder to record to: {error}"));
-            self.folder = self.new_folder().map_err(failed)?;
+            let name = format!("{}-strokes", self.source.name());
+            self.folder = self.new_folder(&name).map_err(failed)?;
             options.folder = self.folder.clone();
         }
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
@@ -172,6 +192,11 @@ impl Stage {
         match how {
             After::Record => {
                 self.recorder = Some(Recording::begin(&self.source, &self.loaded.text, self.rate_hz));
+                // Without a folder nobody reads it.
+                self.kept = match self.folder {
+                    Some(_) => Kept::of(graph),
+                    None => Vec::new(),
+                };
             }
             After::Replay(recording) => self.replay = Some(Replay::of(*recording)),
             After::Nothing | After::Live => {}
@@ -202,10 +227,20 @@ impl Stage {
         {
             self.close_recording();
         }
+        let now_s = self.now_s();
         let (Some(session), Some(drive)) = (self.session.take(), self.drive.take()) else {
             return;
         };
         let ended = drive.join().map(|player| player.finish(session));
+        if !self.kept.is_empty() {
+            self.look_at_scopes(now_s);
+        }
+        let kept = std::mem::take(&mut self.kept);
+        if let (Some(folder), Some(ended), true) = (&self.folder, &ended, self.recorder.is_some()) {
+            let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
+            let written = run_page::write(folder, &self.source, graph, outcome, &kept);
+            self.page_error = written.err().map(|error| error.to_string());
+        }
         let failed = ended.is_none_or(|ended| ended.panicked);
         self.state = if failed { State::Failed } else { State::Stopped };
         self.pads.clear();
@@ -237,9 +272,7 @@ impl Stage {
         if let Some(session) = &mut self.session {
             session.poll();
         }
-        for scope in &mut self.scopes {
-            scope.look(now_s);
-        }
+        self.look_at_scopes(now_s);
         for actuator in &mut self.actuators {
             let port = format!("{}.delivered", actuator.name);
             if let Some(scope) = self.scopes.iter().find(|scope| scope.port.name == port) {
@@ -251,6 +284,15 @@ impl Stage {
         }
         if self.recorder.as_ref().is_some_and(Recording::is_full) {
             self.record(false);
+        }
+    }
+
+    fn look_at_scopes(&mut self, now_s: f64) {
+        for scope in &mut self.scopes {
+            scope.look(now_s);
+        }
+        for kept in &mut self.kept {
+            kept.take(&self.scopes);
         }
     }
 

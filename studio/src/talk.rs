@@ -5,7 +5,7 @@ use super::load::{Loaded, Source};
 use super::pages::Line;
 use super::publish::text;
 use super::stage::{Stage, StageError};
-use super::wire::{self, Message, Said};
+use super::wire::{self, Message, Pointer, Said, WireError};
 use haptograph_engine::diagnostic::{Diagnostics, to_json};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -16,18 +16,40 @@ pub enum Next {
     Nothing,
     /// It is answered.
     Say(Value),
-    /// A text is to be loaded, which takes a while; then [`checked`] or [`put`].
-    Load {
-        request: u64,
-        source: Source,
-        text: String,
-        /// Does it take over?
-        applies: bool,
-    },
-    /// A text is to be written to the graph's file; then [`reply`].
-    Save { request: u64, text: String },
-    /// A recording is to become a surface, which takes long; then [`learned`].
+    /// It takes a while; the answer is a reply to this request.
+    Do { request: u64, work: Work },
+    /// A recording is to become a surface, which takes long; then [`reply`].
     Learn { request: u64, name: String, csv: String },
+}
+
+/// What is done with the text of a graph. It is made of what runs when its turn comes.
+pub enum Work {
+    /// What is wrong with this text?
+    Check(String),
+    /// It takes over.
+    Apply(String),
+    /// Another value of a parameter.
+    Parameter(String, String),
+    /// The text is written to the graph's file.
+    Save(String),
+}
+
+impl Work {
+    /// The graph that is to be loaded: what it is made of, and its text.
+    pub fn graph(self, stage: &Stage) -> (Source, String) {
+        match self {
+            Self::Check(text) | Self::Apply(text) | Self::Save(text) => (stage.source.clone(), text),
+            Self::Parameter(name, value) => (stage.source.with(name, value), stage.loaded.text.clone()),
+        }
+    }
+}
+
+/// A message, understood.
+pub enum Heard {
+    /// Pointers on the pad of that number.
+    Pointers(usize, Vec<Pointer>),
+    /// What the page says; none of a kind that is not known.
+    Said(Option<Said>),
 }
 
 /// A page comes: its number, and what it is told first.
@@ -39,19 +61,27 @@ pub fn greet(stage: &mut Stage, line: Box<dyn Line>) -> (u64, [Message; 2]) {
 
 /// Does what a message asks for, as far as that is quick.
 pub fn hear(stage: &mut Stage, page: u64, message: &Message) -> Next {
+    act_on(stage, page, read(message))
+}
+
+/// Reads a message, which takes a while where it is long.
+pub fn read(message: &Message) -> Result<Heard, WireError> {
     match message {
-        Message::Binary(bytes) => match wire::pointers(bytes) {
-            Ok((pad, points)) => {
-                stage.point(page, pad, &points);
-                Next::Nothing
-            }
-            Err(error) => refused(&error),
-        },
-        Message::Text(said) => match wire::said(said) {
-            Ok(Some(said)) => act(stage, page, said),
-            Ok(None) => Next::Nothing,
-            Err(error) => refused(&error),
-        },
+        Message::Binary(bytes) => wire::pointers(bytes).map(|(pad, points)| Heard::Pointers(pad, points)),
+        Message::Text(said) => wire::said(said).map(Heard::Said),
+    }
+}
+
+/// Does what was read, as far as that is quick.
+pub fn act_on(stage: &mut Stage, page: u64, heard: Result<Heard, WireError>) -> Next {
+    match heard {
+        Ok(Heard::Pointers(pad, points)) => {
+            stage.point(page, pad, &points);
+            Next::Nothing
+        }
+        Ok(Heard::Said(Some(said))) => act(stage, page, said),
+        Ok(Heard::Said(None)) => Next::Nothing,
+        Err(error) => refused(&error),
     }
 }
 
@@ -70,26 +100,34 @@ fn act(stage: &mut Stage, page: u64, said: Said) -> Next {
         // Whoever sees that something goes wrong may stop it.
         Said::Stop => stage.halt(),
         Said::Own => stage.owner = Some(page),
-        Said::Check { request, text } => {
-            let source = stage.source.clone();
-            return Next::Load {
-                request,
-                source,
-                text,
-                applies: false,
-            };
-        }
+        Said::Check { request, text } => return done_later(request, Work::Check(text)),
         said if stage.owner == Some(page) => return act_as_owner(stage, page, said),
         said => return refused_to_guest(&said),
     }
     Next::Nothing
 }
 
+fn done_later(request: u64, work: Work) -> Next {
+    Next::Do { request, work }
+}
+
+const NOT_OWNER: &str = "another page owns the pads and the graph; take over first";
+
 fn refused_to_guest(said: &Said) -> Next {
-    let why = "another page owns the pads and the graph; take over first";
     match said.request() {
-        Some(request) => Next::Say(reply(request, Err(StageError::Other(why.to_owned())))),
-        None => refused(&why),
+        Some(request) => Next::Say(reply(request, Err(StageError::Other(NOT_OWNER.to_owned())))),
+        None => refused(&NOT_OWNER),
+    }
+}
+
+/// Does a page still own the graph when the turn of what it asked for comes?
+///
+/// # Errors
+/// [`StageError`]: it went, or another took over.
+pub fn is_owner(stage: &Stage, page: u64) -> Result<(), StageError> {
+    match stage.owner == Some(page) {
+        true => Ok(()),
+        false => Err(StageError::Other(NOT_OWNER.to_owned())),
     }
 }
 
@@ -107,42 +145,30 @@ fn act_as_owner(stage: &mut Stage, page: u64, said: Said) -> Next {
             let changed = json!({ "type": "settings", "settings": [{ "name": name, "value": value }] });
             tell_others(stage, page, &changed);
         }
-        Said::Apply { request, text } => {
-            let source = stage.source.clone();
-            return Next::Load {
-                request,
-                source,
-                text,
-                applies: true,
-            };
-        }
+        Said::Apply { request, text } => return done_later(request, Work::Apply(text)),
         Said::Parameter { request, name, value } => {
-            return Next::Load {
-                request,
-                source: stage.source.with(name, value),
-                text: stage.loaded.text.clone(),
-                applies: true,
-            };
+            return done_later(request, Work::Parameter(name, value));
         }
         Said::Record { on } => stage.record(on),
         Said::Replay { request, recording } => {
             let begun = stage.do_again(recording);
             return Next::Say(reply(request, begun));
         }
-        Said::Save { request, text } => return Next::Save { request, text },
+        Said::Save { request, text } => return done_later(request, Work::Save(text)),
         Said::Learn { request, name, csv } => return Next::Learn { request, name, csv },
         _ => {}
     }
     Next::Nothing
 }
 
-/// Puts what was loaded in place of the graph that runs; what is answered.
-pub fn put(stage: &mut Stage, request: u64, source: Source, loaded: Result<Loaded, StageError>) -> Value {
-    let taken = loaded.and_then(|loaded| stage.take(source, loaded));
-    if taken.is_ok() {
-        tell_graph(stage);
-    }
-    reply(request, taken)
+/// Puts what was loaded in place of the graph that runs.
+///
+/// # Errors
+/// [`StageError`]: it cannot be put in place.
+pub fn put(stage: &mut Stage, source: Source, loaded: Loaded) -> Result<String, StageError> {
+    let change = stage.take(source, loaded)?;
+    tell_graph(stage);
+    Ok(change)
 }
 
 /// What is answered where a text was only checked, which took so long, where that is known.
@@ -154,19 +180,24 @@ pub fn checked(request: u64, wrong: Option<&Diagnostics>, took: Option<Duration>
 
 /// What is answered where something was done, or not.
 pub fn reply(request: u64, result: Result<String, StageError>) -> Value {
-    let (error, diagnostics, change) = match result {
-        Ok(change) => (None, Value::Array(Vec::new()), Some(change)),
-        Err(StageError::Graph(wrong)) => (
-            Some("the graph has errors; what ran goes on".to_owned()),
-            listed(&wrong),
-            None,
-        ),
-        Err(StageError::Other(why)) => (Some(why), Value::Array(Vec::new()), None),
-    };
-    json!({
-        "type": "reply", "request": request, "ok": error.is_none(), "error": error,
-        "diagnostics": diagnostics, "change": change,
-    })
+    let mut reply = json!({
+        "type": "reply", "request": request, "ok": result.is_ok(), "error": null, "diagnostics": [],
+        "beyond": [], "change": null,
+    });
+    match result {
+        Ok(change) => reply["change"] = change.into(),
+        Err(StageError::Graph(wrong)) => {
+            reply["error"] = "the graph has errors; nothing is changed".into();
+            reply["diagnostics"] = listed(&wrong);
+        }
+        Err(error) => {
+            reply["error"] = error.to_string().into();
+            if let StageError::Beyond(beyond) = error {
+                reply["beyond"] = beyond.into();
+            }
+        }
+    }
+    reply
 }
 
 fn listed(wrong: &Diagnostics) -> Value {

@@ -2,6 +2,7 @@
 
 use haptograph_studio::{Options, Studio};
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -227,6 +228,183 @@ fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     );
 }
 
+/// A table of drags over something rough: so many seconds at 2 kHz.
+fn drags(seconds: usize) -> String {
+    let (mut table, mut seed) = ("time_s,accel_m_s2,force_normal_n,speed_mm_s\n".to_owned(), 1_u64);
+    for row in 0..seconds * 2000 {
+        let at_s = row as f64 / 2000.0;
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let (speed, force) = (110.0 + 80.0 * (1.3 * at_s).sin(), 1.2 + 0.8 * (2.1 * at_s).sin());
+        let accel = ((seed >> 40) as f64 / f64::from(1_u32 << 24) - 0.5) * 0.05 * speed * force;
+        let _ = writeln!(table, "{at_s:.4},{accel:.5},{force:.4},{speed:.3}");
+    }
+    table
+}
+
+#[test]
+fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_afterwards() {
+    let (folder, path) = copied();
+    let out = folder.path().join("out");
+    let studio = open_with(&path, &out);
+    let mut page = Page::of(&studio);
+    let learn = |request: u64| json!({ "type": "learn", "request": request, "name": "../my felt.csv", "csv": drags(60) });
+    page.say(&learn(1));
+    page.say(&learn(2));
+    page.say(&json!({ "type": "stop" }));
+    let (mut seen, mut report) = (Vec::new(), String::new());
+    while seen.len() < 3 {
+        let said = page
+            .wait(|said| said["type"] == "reply" || said["type"] == "status" && said["state"] == "stopped");
+        match said["type"] == "reply" {
+            true if said["request"] == 1 => {
+                assert_eq!(
+                    (&said["ok"], &said["change"]),
+                    (&json!(true), &json!("\"surfaces/my-felt.ron\"")),
+                    "{said}"
+                );
+                seen.push("learned");
+            }
+            true => {
+                assert_eq!(said["ok"], false, "one at a time: {said}");
+                seen.push("refused");
+            }
+            false if !seen.contains(&"stopped") => seen.push("stopped"),
+            false => {}
+        }
+    }
+    assert_eq!(seen, ["refused", "stopped", "learned"]);
+    assert!(folder.path().join("surfaces/my-felt.ron").is_file());
+    assert!(out.join(&report).join("report.html").is_file());
+    let (host, token) = (studio.address(), studio.token());
+    for (path, status) in [
+        (format!("{report}?token={token}"), "200"),
+        (report.clone(), "403"),
+        (format!("..%2F..?token={token}"), "404"),
+        (format!("none?token={token}"), "404"),
+    ] {
+        let answer = asked(&studio, &format!("GET /report/{path} HTTP/1.1\r\nHost: {host}"));
+        assert!(
+            answer.lines().next().is_some_and(|first| first.contains(status)),
+            "{path}: {answer}"
+        );
+    }
+    assert_eq!(
+        page.graph["devices"][0]["simulated"], true,
+        "{}",
+        page.graph["devices"]
+    );
+    page.say(&json!({ "type": "resume" }));
+    let value = json!({ "type": "parameter", "name": "surface", "value": "\"surfaces/my-felt.ron\"" });
+    let chosen = page.request(value);
+    assert_eq!(chosen["ok"], true, "{chosen}");
+    page.say(&json!({ "type": "scope", "ports": [{ "name": VIBRATION, "raw": true }] }));
+    assert!(rms(&page.stroke(100.0, 1.0, 2.0)) > 0.1);
+}
+
+#[test]
+fn what_one_page_asks_for_is_done_in_its_order() {
+    let (_folder, path) = copied();
+    let studio = open(&path);
+    let mut page = Page::of(&studio);
+    for (request, name, value) in [
+        (1, "gain", "0.5"),
+        (2, "surface", "\"surfaces/t3-tile.ron\""),
+        (3, "gain", "0.25"),
+    ] {
+        page.say(&json!({ "type": "parameter", "request": request, "name": name, "value": value }));
+    }
+    for request in 1..=3 {
+        let reply = page.wait(|said| said["type"] == "reply");
+        assert_eq!(
+            (&reply["request"], &reply["ok"]),
+            (&json!(request), &json!(true)),
+            "{reply}"
+        );
+    }
+    let mut next = Page::of(&studio);
+    let value = |name: &str| {
+        let parameters = next.graph["parameters"].as_array().expect("a list");
+        let known = parameters
+            .iter()
+            .find(|known| known["name"] == name)
+            .expect("there is one");
+        known["value"].as_str().expect("a text").to_owned()
+    };
+    assert_eq!(
+        (value("gain"), value("surface")),
+        ("0.25".to_owned(), "\"surfaces/t3-tile.ron\"".to_owned())
+    );
+    // More than can wait is refused, and nothing is lost of what is not.
+    for request in 0..100 {
+        next.say(&json!({ "type": "check", "request": request, "text": "" }));
+    }
+    let mut answered: Vec<u64> = Vec::new();
+    while answered.len() < 100 {
+        let reply = next.wait(|said| said["type"] == "reply");
+        assert_eq!(reply["ok"], false);
+        answered.extend(reply["request"].as_u64());
+    }
+    answered.sort_unstable();
+    assert!(answered.into_iter().eq(0..100));
+}
+
+#[test]
+fn no_edit_from_the_page_raises_a_limit_or_changes_a_device() {
+    let (_folder, path) = copied();
+    let studio = open(&path);
+    let mut page = Page::of(&studio);
+    let text = page.graph["text"].as_str().expect("a text").to_owned();
+    for (from, to) in [
+        ("peak_a: 0.5", "peak_a: 0.6"),
+        (
+            "\"out\": ActuatorSink(",
+            "\"too\": ActuatorSink(endpoint: \"haptuator\", current: Resample(\"drive\"), limit: (peak_a: 0.1, continuous_a: 0.1)), \"out\": ActuatorSink(",
+        ),
+        ("amperes_full_scale: 1.0", "amperes_full_scale: 0.2"),
+        (
+            "\"haptuator\": SimulatedHaptuator()",
+            "\"haptuator\": UdpDevice(listen: \"127.0.0.1:0\")",
+        ),
+        (
+            "\"/dev/input/by-id/usb-Tablet-event-mouse\"",
+            "\"/dev/input/event0\"",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let edited = text.replace(from, to);
+        for way in ["apply", "save"] {
+            let refused = page.request(json!({ "type": way, "text": edited }));
+            // What has errors is refused for these.
+            let is_shown = !refused["beyond"].as_array().expect("a list").is_empty()
+                || !refused["diagnostics"].as_array().expect("a list").is_empty();
+            assert!(refused["ok"] == false && is_shown, "{way} {to}: {refused}");
+        }
+    }
+    let hand = page.request(json!({ "type": "parameter", "name": "hand", "value": "\"/dev/input/event0\"" }));
+    assert_eq!(
+        (
+            &hand["ok"],
+            hand["beyond"].as_array().map(|beyond| beyond.is_empty())
+        ),
+        (&json!(false), Some(false))
+    );
+    let wrong = page.request(json!({ "type": "save", "text": text.replace("ActuatorSink", "Sink") }));
+    assert_eq!(
+        (&wrong["ok"], &wrong["diagnostics"][0]["code"]),
+        (&json!(false), &json!("E0201"))
+    );
+    assert_eq!(std::fs::read_to_string(&path).expect("it is there"), text);
+    // Down, and up again as far as it was.
+    for lower in [text.replace("peak_a: 0.5", "peak_a: 0.3"), text] {
+        for way in ["apply", "save"] {
+            let reply = page.request(json!({ "type": way, "text": lower }));
+            assert_eq!(reply["ok"], true, "{way}: {reply}");
+        }
+    }
+}
+
 #[test]
 fn a_recorded_stroke_is_done_again_with_the_same_samples() {
     let out = tempfile::tempdir().expect("a folder");
@@ -244,12 +422,22 @@ fn a_recorded_stroke_is_done_again_with_the_same_samples() {
     let frames = kept["recording"]["frames"].as_u64().expect("a number") as usize;
     assert!(frames as f64 > rate_hz && rms(&felt) > 1e-3);
     let folder = PathBuf::from(kept["saved"].as_str().expect("it is saved"));
-    for name in ["strokes.json", "texture.wav", "current.wav"] {
+    for name in ["strokes.json", "texture.wav", "current.wav", "report.html"] {
         assert!(
             folder.join(name).metadata().is_ok_and(|file| file.len() > 1000),
             "{name}"
         );
     }
+    let facts = std::fs::read(folder.join("run.json")).expect("it is there");
+    let facts: Value = serde_json::from_slice(&facts).expect("JSON");
+    assert!(
+        facts["driver_frames"]
+            .as_u64()
+            .is_some_and(|run| run >= frames as u64),
+        "{facts}"
+    );
+    let shown = std::fs::read_to_string(folder.join("report.html")).expect("it is there");
+    assert!(shown.contains("texture/filter.acceleration") && shown.contains("texture.wav"));
     let reply = page.request(json!({ "type": "replay", "recording": kept["recording"] }));
     assert_eq!(reply["ok"], true, "{reply}");
     page.wait(|said| said["type"] == "graph");
@@ -300,18 +488,15 @@ fn a_page_that_goes_is_a_silence() {
     assert_eq!(silent["state"], "running");
 }
 
-/// The status line of a plain request.
+/// The status line and the headers of a plain request.
 fn asked(studio: &Studio, head: &str) -> String {
     let mut stream = TcpStream::connect(studio.address()).expect("it listens");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
     write!(stream, "{head}\r\nConnection: close\r\n\r\n").expect("sent");
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
-    String::from_utf8_lossy(&answer)
-        .lines()
-        .next()
-        .unwrap_or_default()
-        .to_owned()
+    let answer = String::from_utf8_lossy(&answer);
+    answer.split("\r\n\r\n").next().unwrap_or_default().to_owned()
 }
 
 #[test]
@@ -349,13 +534,51 @@ fn only_its_own_page_with_the_token_is_let_in() {
         ),
     ] {
         let answer = asked(&studio, &head);
-        assert!(answer.contains(status), "{head}: {answer}");
+        let first = answer.lines().next().unwrap_or_default();
+        assert!(first.contains(status), "{head}: {answer}");
+        // No page of this server calls another.
+        let policy = answer
+            .lines()
+            .find_map(|line| line.strip_prefix("content-security-policy: "));
+        let calls = policy.and_then(|policy| policy.split("; ").find(|part| part.starts_with("connect-src")));
+        let port = host.port();
+        let own = format!("connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}");
+        assert_eq!(calls, Some(&*own), "{answer}");
+    }
+}
+
+/// A message that only the owner may send, damaged in what it carries.
+fn owners_attack(next: &mut impl FnMut(usize) -> usize, request: usize) -> Value {
+    let text = [
+        "",
+        "Graph(format: 1)",
+        "Graph(format: 1, nodes: { \"a\": Sine(",
+        "((((((((",
+        "\u{0}",
+    ][next(5)];
+    let far = [i64::MAX, -1, 0, 4_000_000_000][next(4)];
+    match next(8) {
+        0 => json!({ "type": "apply", "request": request, "text": text }),
+        1 => json!({ "type": "save", "request": request, "text": text }),
+        2 => {
+            json!({ "type": "parameter", "request": request, "name": "surface", "value": "\"/etc/passwd\"" })
+        }
+        3 => json!({ "type": "parameter", "request": request, "name": "gain", "value": text }),
+        4 => json!({ "type": "learn", "request": request, "name": "../../x.csv", "csv": text }),
+        5 => json!({ "type": "record", "on": [json!("yes"), json!(false), json!(1)][next(3)] }),
+        6 if request % 1000 < 20 => json!({ "type": "record", "on": true }),
+        _ => json!({ "type": "replay", "request": request, "recording": {
+            "format": 1, "haptograph": "", "graph": "", "text": text, "set": [], "rate_hz": 48000.0, "frames": 9,
+            "moves": [[9, next(9), far.unsigned_abs(), [far, far], 1_000_000]], "turns": [[9, "out.gain", far]],
+        } }),
     }
 }
 
 #[test]
 fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
-    let studio = open(&shipped("texturepad.ron"));
+    let (folder, path) = copied();
+    let before = std::fs::read_to_string(&path).expect("it is there");
+    let studio = open(&path);
     let mut watching = Page::of(&studio);
     let words = [
         "{",
@@ -381,8 +604,13 @@ fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
     };
     while sent < 10_000 {
         let mut hostile = Page::of(&studio);
+        // The first is the guest of the page that watches, the others own what they attack.
+        if sent > 0 {
+            hostile.say(&json!({ "type": "own" }));
+        }
         for _ in 0..200 {
-            let message = match next(3) {
+            let message = match next(4) {
+                3 => Message::text(owners_attack(&mut next, sent).to_string()),
                 0 => Message::text(
                     (0..next(12))
                         .map(|_| words[next(words.len())])
@@ -399,10 +627,12 @@ fn ten_thousand_hostile_messages_move_nothing_and_end_nothing() {
             }
         }
     }
-    let status = watching
-        .wait(|said| said["type"] == "status" && said["pages"].as_u64().is_some_and(|pages| pages <= 2));
-    assert_eq!(
-        (&status["state"], &status["actuators"][0]["delivered_peak"]),
-        (&json!("running"), &json!(0.0))
-    );
+    let status = watching.wait(|said| {
+        let few = said["pages"].as_u64().is_some_and(|pages| pages <= 2);
+        said["type"] == "status" && few && said["state"] == "running"
+    });
+    assert_eq!(status["actuators"][0]["delivered_peak"], 0.0);
+    assert_eq!(std::fs::read_to_string(&path).expect("it is there"), before);
+    let surfaces = std::fs::read_dir(folder.path().join("surfaces")).expect("a folder");
+    assert_eq!(surfaces.count(), 2, "nothing was learned");
 }

@@ -7,8 +7,10 @@ use super::expand::parts;
 use super::values::{Parameters, Place, in_order, suggest};
 use crate::device::{Channel, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Span};
-use crate::document::value::{Name, Value};
+use crate::document::Document;
+use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::{KindRule, QuantityRule};
+use crate::registry::Registry;
 use crate::settings::{Fields, Setting};
 use haptograph_signal::quantity::Quantity;
 use std::collections::HashMap;
@@ -94,6 +96,87 @@ pub(super) fn read(
         devices.names.insert(name.text.clone(), place);
     }
     Some(devices)
+}
+
+/// A device as a set of endpoints declares it, with its parameters' values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DeclaredDevice {
+    /// Name of the endpoint.
+    pub endpoint: String,
+    /// As RON in one line, its settings in the order of their names.
+    pub written: String,
+    /// Is its kind a simulation? A kind that is not registered counts as real.
+    pub is_simulated: bool,
+}
+
+/// The devices of the set that the options name, whether or not they are part of this build.
+pub fn declared_devices(
+    document: &Document,
+    registry: &Registry,
+    options: &CheckOptions,
+) -> Vec<DeclaredDevice> {
+    let mut cx = Context {
+        document,
+        registry,
+        sources: document.sources.clone(),
+        diagnostics: Vec::new(),
+        files: Vec::new(),
+    };
+    let mut parameters = Parameters::read(&mut cx, &options.endpoints, &options.set);
+    let mut sets = document.endpoints.iter();
+    let set = sets.find(|(name, _)| name.text == options.endpoints);
+    let devices = set.map(|(_, devices)| devices.as_slice()).unwrap_or_default();
+    let declared = devices.iter().map(|(name, value)| {
+        // What cannot be replaced stands as it is written; the check reports it.
+        let replaced = parameters.replace(&mut cx, value, Place::Graph, &mut Vec::new());
+        let value = replaced.as_ref().unwrap_or(value);
+        let kind = match &value.shape {
+            Shape::Tagged(tagged) => tagged.name.as_ref(),
+            _ => None,
+        };
+        let entry = kind.and_then(|kind| registry.device(&kind.text));
+        DeclaredDevice {
+            endpoint: name.text.clone(),
+            written: written(value),
+            is_simulated: entry.is_some_and(|entry| entry.spec.simulated),
+        }
+    });
+    declared.collect()
+}
+
+/// A value as RON: values that mean the same are written the same.
+fn written(value: &Value) -> String {
+    let all = |values: &[Value]| values.iter().map(written).collect::<Vec<_>>().join(", ");
+    match &value.shape {
+        Shape::Unit => "()".to_owned(),
+        Shape::Bool(flag) => flag.to_string(),
+        Shape::Number(number, _) => number.to_string(),
+        Shape::String(text) => format!("{text:?}"),
+        Shape::List(values) => format!("[{}]", all(values)),
+        Shape::Map(pairs) => {
+            let pairs = pairs.iter();
+            let mut pairs: Vec<String> = pairs
+                .map(|(key, value)| format!("{}: {}", written(key), written(value)))
+                .collect();
+            pairs.sort();
+            format!("{{ {} }}", pairs.join(", "))
+        }
+        Shape::Tagged(Tagged { name, body }) => {
+            let name = name.as_ref().map_or("", |name| &name.text);
+            match body {
+                Body::Bare => name.to_owned(),
+                Body::Tuple(values) => format!("{name}({})", all(values)),
+                Body::Fields(fields) => {
+                    let fields = fields.iter();
+                    let mut fields: Vec<String> = fields
+                        .map(|(name, value)| format!("{}: {}", name.text, written(value)))
+                        .collect();
+                    fields.sort();
+                    format!("{name}({})", fields.join(", "))
+                }
+            }
+        }
+    }
 }
 
 /// An endpoint of the calling program, whatever is written of it.

@@ -21,6 +21,7 @@ mod values;
 mod wires;
 
 pub use check::{CheckOptions, Hosted, check};
+pub use devices::{DeclaredDevice, declared_devices};
 pub use latency::PathLatency;
 pub use nodes::{Connection, NodeId, Nodes};
 
@@ -273,6 +274,14 @@ impl Graph {
     pub fn limits(&self) -> impl Iterator<Item = (&str, Limit)> {
         self.nodes.node_weights().filter_map(|node| match &node.work {
             Work::Actuator { limit, .. } => Some((&*node.path, *limit)),
+            _ => None,
+        })
+    }
+
+    /// The actuator sinks: each with the device that it drives, and what it may give.
+    pub fn actuators(&self) -> impl Iterator<Item = (&Node, &GraphDevice, Limit)> {
+        self.nodes.node_weights().filter_map(|node| match &node.work {
+            Work::Actuator { device, limit, .. } => Some((node, self.devices.get(*device)?, *limit)),
             _ => None,
         })
     }

@@ -70,7 +70,13 @@ pub fn export(options: &Export, registry: &Registry) -> Result<Exported, StudioE
 }
 
 fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Exported, StudioError> {
-    is_free(&options.folder)?;
+    // Where the folder is a link, what it leads to is replaced.
+    let target = options
+        .folder
+        .canonicalize()
+        .or_else(|_| std::path::absolute(&options.folder));
+    let target = target.map_err(other)?;
+    is_free(&target)?;
     let taken = options
         .graphs
         .iter()
@@ -85,8 +91,17 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     }
     let all: BTreeSet<&PathBuf> = taken.iter().flat_map(|taken| &taken.files).collect();
     let root = root_of(&all);
+    let failed = |error: std::io::Error| other(format!("cannot export to {}: {error}", target.display()));
+    let beside = target.parent().unwrap_or(Path::new("/"));
+    std::fs::create_dir_all(beside).map_err(failed)?;
+    // Removed again unless it takes the target's place.
+    let whole = tempfile::Builder::new()
+        .prefix(".haptograph-site-")
+        .tempdir_in(beside)
+        .map_err(failed)?;
+    let new = whole.path().join("new");
     let mut site = Site {
-        folder: &options.folder,
+        folder: &new,
         exported: Exported { files: 0, bytes: 0 },
     };
     for path in &all {
@@ -96,10 +111,26 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     }
     write_page(&mut site)?;
     site.write(Path::new(MODULE), module)?;
-    // Last: what has it is whole.
     let listed = listing(&taken, &all, &root);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
-    Ok(site.exported)
+    let exported = site.exported;
+    replace(&target, &new, &whole.path().join("old")).map_err(failed)?;
+    Ok(exported)
+}
+
+/// Puts a folder in the place of another, which is there until then, and again where this fails.
+fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
+    let was = match std::fs::rename(target, old) {
+        Ok(()) => true,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => false,
+        Err(error) => return Err(error),
+    };
+    std::fs::rename(new, target).inspect_err(|_| {
+        if was {
+            // Where this fails too, the old one goes with the temporary folder's error.
+            let _ = std::fs::rename(old, target);
+        }
+    })
 }
 
 /// Refuses a folder with something in it that is no site.
@@ -131,7 +162,7 @@ fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Ta
     };
     let stage = Stage::open(source, page::HOST).map_err(|error| match error {
         StageError::Graph(wrong) => StudioError::Graph(wrong),
-        StageError::Other(why) => other(format!("{}: {why}", path.display())),
+        error => other(format!("{}: {error}", path.display())),
     })?;
     let graph = &stage.loaded.graph;
     let sources = graph.sources().iter().filter(|source| source.is_file);
@@ -299,13 +330,31 @@ mod tests {
         let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
         assert!(page.contains("wasm-unsafe-eval") && page.contains(SITE) && !page.contains("src=\"/"));
         assert!(folder.path().join("vendor/codemirror.LICENSE").is_file() && exported.files > files.len());
-        // Once more over itself, but over nothing else.
+        // Once more in its own place, with nothing of the old one left, but in that of nothing else.
+        std::fs::write(folder.path().join("files/of-before.ron"), "old").expect("written");
         export(&["texturepad.ron"], folder.path()).expect("it is written again");
+        assert!(!folder.path().join("files/of-before.ron").exists());
         std::fs::remove_file(folder.path().join(SITE)).expect("it was there");
         assert!(matches!(
             export(&["texturepad.ron"], folder.path()),
             Err(StudioError::Other(_))
         ));
+        assert!(
+            folder.path().join("index.html").is_file(),
+            "what was refused is as it was"
+        );
+    }
+
+    #[test]
+    fn an_export_that_fails_leaves_the_old_site_and_nothing_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("site");
+        export(&["texturepad.ron"], &site).expect("it is written");
+        assert!(export(&["two-drivers.ron"], &site).is_err());
+        let (new, old) = (folder.path().join("none"), folder.path().join("old"));
+        assert!(replace(&site, &new, &old).is_err());
+        assert!(site.join(SITE).is_file());
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1);
     }
 
     #[test]

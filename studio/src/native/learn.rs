@@ -10,8 +10,17 @@ use std::path::{Path, PathBuf};
 /// The longest name that a surface gets from its recording.
 const MOST_LETTERS: usize = 60;
 
-/// Learns a table that was called `name` and writes its surface into `folder`, beside whatever is there. Says where.
-pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<PathBuf, String> {
+/// A surface that was learned.
+#[derive(Debug)]
+pub struct Learned {
+    /// Its file.
+    pub path: PathBuf,
+    /// The page about how it was learned.
+    pub report: String,
+}
+
+/// Learns a table that was called `name` and writes its surface into `folder`, beside whatever is there.
+pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<Learned, String> {
     let stem = stem(name);
     let workplace = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;
     let taken = workplace.path().join(format!("{stem}.csv"));
@@ -22,7 +31,7 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<PathBuf, Strin
             .replace(&*workplace.path().to_string_lossy(), "")
     };
     let (recording, _) = load_with(&[taken], &ImportSettings::default()).map_err(|error| shown(&error))?;
-    let (surface, _) =
+    let (surface, report) =
         learn(&stem, &[recording], &LearnSettings::default(), &|_| ()).map_err(|error| shown(&error))?;
     if surface.texture.is_none() {
         return Err("no texture can be learned from it: it holds no drag with force and speed".to_owned());
@@ -40,7 +49,10 @@ pub fn surface(name: &str, table: &[u8], folder: &Path) -> Result<PathBuf, Strin
             number => folder.join(format!("{stem}-{number}.ron")),
         };
         match file.persist_noclobber(&path) {
-            Ok(_) => return Ok(path),
+            Ok(_) => {
+                let report = haptograph_report::learning::page(&surface, &report);
+                return Ok(Learned { path, report });
+            }
             Err(error) if error.error.kind() == std::io::ErrorKind::AlreadyExists => file = error.file,
             Err(error) => return Err(failed(error.error)),
         }

@@ -1,9 +1,12 @@
 //! The server: the page, and one WebSocket a page.
 
 use super::assets::PAGE;
-use super::{converse, lock, pump};
+use super::converse::{self, Turns};
+use super::{lock, pump};
 use crate::drive::DrivenBy;
+use crate::envelope::Confirmed;
 use crate::load::Source;
+use crate::run_page::REPORT;
 use crate::stage::{Host, Stage, StageError};
 use crate::wire::{MOST_LEARNED_BYTES, SUBPROTOCOL};
 use axum::Router;
@@ -15,6 +18,7 @@ use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::registry::Registry;
+use haptograph_signal::files;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -22,6 +26,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use tokio::sync::oneshot;
 
+/// The longest report that is served, bytes.
+const MOST_REPORT_BYTES: u64 = 64 << 20;
 /// Pages at once.
 const MOST_PAGES: usize = 16;
 /// The engine on this machine.
@@ -31,9 +37,21 @@ const HOST: Host = Host {
     can_save: true,
     can_learn: true,
 };
-/// What the page may load: its own files only.
-const POLICY: &str = "default-src 'self'; connect-src 'self' ws:; img-src 'self' data: blob:; \
-                      style-src 'self' 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+/// What the page may load and call besides the WebSocket of its own server: its own files only.
+const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
+                      frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+/// The policy of a server at this port. Browsers that do not count WebSockets as `'self'` are told their addresses.
+fn policy(port: u16) -> HeaderValue {
+    let own = own_hosts(port).map(|host| format!("ws://{host}")).join(" ");
+    let policy = format!("{POLICY}; connect-src 'self' {own}");
+    HeaderValue::from_str(&policy).unwrap_or(HeaderValue::from_static(POLICY))
+}
+
+/// The names under which a page of this machine reaches the server.
+fn own_hosts(port: u16) -> [String; 2] {
+    ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}"))
+}
 
 /// What is served.
 #[derive(Debug, Clone)]
@@ -59,6 +77,15 @@ pub enum StudioError {
     Other(String),
 }
 
+impl From<StageError> for StudioError {
+    fn from(error: StageError) -> Self {
+        match error {
+            StageError::Graph(wrong) => Self::Graph(wrong),
+            error => Self::Other(error.to_string()),
+        }
+    }
+}
+
 fn other(error: impl std::fmt::Display) -> StudioError {
     StudioError::Other(error.to_string())
 }
@@ -76,6 +103,7 @@ pub struct Studio {
 #[derive(Clone)]
 struct Shared {
     stage: Arc<Mutex<Stage>>,
+    turns: Turns,
     token: Arc<str>,
     port: u16,
 }
@@ -91,10 +119,9 @@ impl Studio {
             registry: registry.clone(),
             set: options.set.clone(),
         };
-        let mut stage = Stage::open(source, HOST).map_err(|error| match error {
-            StageError::Graph(wrong) => StudioError::Graph(wrong),
-            StageError::Other(why) => StudioError::Other(why),
-        })?;
+        let mut stage = Stage::open(source, HOST)?;
+        let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
+        stage.confirmed = Some(Arc::new(confirmed));
         stage.out = Some(options.out.clone());
         let token = token().map_err(other)?;
         let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, options.port));
@@ -114,6 +141,7 @@ impl Studio {
             .map_err(other)?;
         let shared = Shared {
             stage,
+            turns: Turns::default(),
             token: token.as_str().into(),
             port: address.port(),
         };
@@ -188,6 +216,7 @@ fn router(shared: Shared) -> Router {
     Router::new()
         .route("/", get(index))
         .route("/live", get(live))
+        .route("/report/{folder}", get(report))
         .route("/{*path}", get(asset))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
         .with_state(shared)
@@ -195,7 +224,7 @@ fn router(shared: Shared) -> Router {
 
 /// Does a request come from a page of this server, under its own name? One from elsewhere must not move anything.
 fn is_own(headers: &HeaderMap, port: u16) -> bool {
-    let own = ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}"));
+    let own = own_hosts(port);
     let said = |name| {
         headers
             .get(name)
@@ -211,8 +240,8 @@ async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Re
         false => (StatusCode::FORBIDDEN, "this studio serves its own page only").into_response(),
     };
     let headers = response.headers_mut();
+    headers.insert(header::CONTENT_SECURITY_POLICY, policy(shared.port));
     for (name, value) in [
-        ("content-security-policy", POLICY),
         ("x-content-type-options", "nosniff"),
         ("referrer-policy", "no-referrer"),
         ("cache-control", "no-store"),
@@ -240,6 +269,24 @@ async fn index(State(shared): State<Shared>, Query(query): Query<HashMap<String,
     match is_let_in(&shared, &query) {
         true => asset(Path("index.html".to_owned())).await,
         false => (StatusCode::FORBIDDEN, Html(LOCKED)).into_response(),
+    }
+}
+
+/// The page in a folder of the studio's: of a run, or of what was learned.
+async fn report(
+    State(shared): State<Shared>,
+    Path(folder): Path<String>,
+    Query(query): Query<HashMap<String, String>>,
+) -> Response {
+    if !is_let_in(&shared, &query) {
+        return (StatusCode::FORBIDDEN, Html(LOCKED)).into_response();
+    }
+    let out = lock(&shared.stage).out.clone();
+    let is_name = !folder.is_empty() && !folder.starts_with('.') && !folder.contains(['/', '\\', ':', '\0']);
+    let path = out.filter(|_| is_name).map(|out| out.join(folder).join(REPORT));
+    match path.and_then(|path| files::read(&path, MOST_REPORT_BYTES).ok()) {
+        Some(page) => ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], page).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
     }
 }
 
@@ -275,5 +322,5 @@ async fn live(
         .protocols([SUBPROTOCOL])
         .max_message_size(MOST_LEARNED_BYTES)
         .max_frame_size(MOST_LEARNED_BYTES);
-    upgrade.on_upgrade(move |socket| converse::run(socket, shared.stage))
+    upgrade.on_upgrade(move |socket| converse::run(socket, shared.stage, shared.turns))
 }

@@ -1,0 +1,346 @@
+//! What a graph may drive, and how hard, in every set of endpoints of its file: what no edit from a page may go beyond.
+
+use super::load::Source;
+use super::stage::StageError;
+use haptograph_engine::diagnostic::{Diagnostics, Severity};
+use haptograph_engine::document::Document;
+use haptograph_engine::graph::{DeclaredDevice, Graph, Hosted, check, declared_devices};
+use haptograph_engine::node::Limit;
+
+/// What the person who opened the studio answers for: the graph's file, and the parameters on the command line.
+#[derive(Debug)]
+pub struct Confirmed {
+    set: Vec<(String, String)>,
+    /// Of the file as it is, and with the parameters.
+    as_written: SafetyEnvelope,
+    as_set: SafetyEnvelope,
+}
+
+impl Confirmed {
+    /// Of a graph as it is opened.
+    ///
+    /// # Errors
+    /// The text is no graph at all.
+    pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
+        let as_written = SafetyEnvelope::of(&source.with_set(Vec::new()), text)?;
+        let as_set = match source.set.is_empty() {
+            true => as_written.clone(),
+            false => SafetyEnvelope::of(source, text)?,
+        };
+        Ok(Self {
+            set: source.set.clone(),
+            as_written,
+            as_set,
+        })
+    }
+
+    /// May a text run?
+    ///
+    /// # Errors
+    /// [`StageError`]: what it permits beyond what was opened.
+    pub fn permits_run(&self, source: &Source, text: &str) -> Result<(), StageError> {
+        within(&self.as_set, source, text)
+    }
+
+    /// May a text be written to the file? It may be run by itself, or as the studio was opened.
+    ///
+    /// # Errors
+    /// [`StageError`]: what it permits beyond what was opened.
+    pub fn permits_save(&self, source: &Source, text: &str) -> Result<(), StageError> {
+        within(&self.as_written, &source.with_set(Vec::new()), text)?;
+        if self.set.is_empty() {
+            return Ok(());
+        }
+        within(&self.as_set, &source.with_set(self.set.clone()), text)
+    }
+}
+
+fn within(envelope: &SafetyEnvelope, source: &Source, text: &str) -> Result<(), StageError> {
+    match envelope.exceeded_by(&SafetyEnvelope::of(source, text)?) {
+        beyond if beyond.is_empty() => Ok(()),
+        beyond => Err(StageError::Beyond(beyond)),
+    }
+}
+
+/// The actuators, their limits and the devices of a graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SafetyEnvelope {
+    sets: Vec<EndpointSet>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct EndpointSet {
+    name: String,
+    /// The first error where the graph cannot run with these endpoints.
+    actuators: Result<Vec<Actuator>, String>,
+    /// Those that are not simulated.
+    devices: Vec<DeclaredDevice>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Actuator {
+    sink: String,
+    kind: &'static str,
+    unit: String,
+    endpoint: String,
+    limit: Limit,
+}
+
+impl SafetyEnvelope {
+    /// Of a text as if it stood in the graph's file.
+    ///
+    /// # Errors
+    /// The text is no graph at all.
+    pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
+        let document = Document::parse(&source.path, text)?;
+        let sets = document.endpoints().map(|name| {
+            let mut options = source.options(&document);
+            name.clone_into(&mut options.endpoints);
+            let mut devices = declared_devices(&document, &source.registry, &options);
+            devices.retain(|device| !device.is_simulated);
+            // Limits are the same whatever the devices are, and not every kind of device is part of every build. Only
+            // some sources need theirs to know what they read.
+            options.hosted = Hosted::All;
+            let graph = check(&document, &source.registry, &options).or_else(|_| {
+                options.hosted = Hosted::AsWritten;
+                check(&document, &source.registry, &options)
+            });
+            EndpointSet {
+                name: name.to_owned(),
+                actuators: graph
+                    .map(|graph| actuators(&graph))
+                    .map_err(|wrong| first(&wrong)),
+                devices,
+            }
+        });
+        Ok(Self { sets: sets.collect() })
+    }
+
+    /// What another permits beyond this one, one sentence each; none where it is as safe.
+    pub fn exceeded_by(&self, next: &Self) -> Vec<String> {
+        let mut beyond = Vec::new();
+        for set in &next.sets {
+            match self.sets.iter().find(|known| known.name == set.name) {
+                Some(known) => known.compare(set, &mut beyond),
+                None => beyond.push(format!("the set of endpoints `{}` is new", set.name)),
+            }
+        }
+        beyond
+    }
+}
+
+impl EndpointSet {
+    fn compare(&self, next: &Self, beyond: &mut Vec<String>) {
+        let name = &self.name;
+        for device in &next.devices {
+            let endpoint = &device.endpoint;
+            match self.devices.iter().find(|known| known.endpoint == *endpoint) {
+                Some(known) if known == device => {}
+                Some(known) => beyond.push(format!(
+                    "endpoint `{endpoint}` of `{name}` changes from {} to {}",
+                    known.written, device.written
+                )),
+                None => beyond.push(format!(
+                    "endpoint `{endpoint}` of `{name}` becomes the device {}",
+                    device.written
+                )),
+            }
+        }
+        match (&self.actuators, &next.actuators) {
+            (_, Err(why)) if self.actuators.is_ok() => {
+                beyond.push(format!("the limits of `{name}` cannot be determined: {why}"));
+            }
+            (known, Ok(actuators)) => {
+                for actuator in actuators {
+                    let known = known.iter().flatten().find(|known| known.sink == actuator.sink);
+                    actuator.compare(known, name, beyond);
+                }
+            }
+            (_, Err(_)) => {}
+        }
+    }
+}
+
+impl Actuator {
+    fn compare(&self, known: Option<&Self>, set: &str, beyond: &mut Vec<String>) {
+        let sink = &self.sink;
+        let Some(known) = known else {
+            beyond.push(format!("actuator `{sink}` of `{set}` is new"));
+            return;
+        };
+        for (what, was, now) in [
+            ("kind", known.kind, self.kind),
+            ("unit", &*known.unit, &*self.unit),
+            ("endpoint", &*known.endpoint, &*self.endpoint),
+        ] {
+            if was != now {
+                beyond.push(format!(
+                    "actuator `{sink}` of `{set}`: {what} changes from `{was}` to `{now}`"
+                ));
+            }
+        }
+        let slew = |limit: &Limit| limit.slew_per_s.unwrap_or(f64::INFINITY);
+        let (was, now, unit) = (&known.limit, &self.limit, &self.unit);
+        for (what, was, now, unit) in [
+            ("peak", was.peak, now.peak, unit.clone()),
+            ("continuous", was.continuous, now.continuous, unit.clone()),
+            ("window", was.window_s, now.window_s, "s".to_owned()),
+            ("slew", slew(was), slew(now), format!("{unit}/s")),
+        ] {
+            if now > was {
+                let now = match now.is_finite() {
+                    true => format!("{now} {unit}"),
+                    false => "no limit".to_owned(),
+                };
+                beyond.push(format!(
+                    "limit of `{sink}` of `{set}`: {what} rises from {was} {unit} to {now}"
+                ));
+            }
+        }
+    }
+}
+
+fn actuators(graph: &Graph) -> Vec<Actuator> {
+    let each = graph.actuators().map(|(node, device, limit)| Actuator {
+        sink: node.path.clone(),
+        kind: node.entry.spec.name,
+        unit: node
+            .outputs
+            .first()
+            .map_or_else(String::new, |output| output.quantity.unit()),
+        endpoint: device.name.clone(),
+        limit,
+    });
+    each.collect()
+}
+
+fn first(wrong: &Diagnostics) -> String {
+    let errors = wrong
+        .list
+        .iter()
+        .filter(|found| found.severity == Severity::Error);
+    let mut errors = errors.map(|found| format!("{}: {}", found.code, found.message));
+    errors.next().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// What an edit of the TexturePad goes beyond.
+    fn beyond(edit: impl Fn(&str) -> String, set: &[(&str, &str)]) -> Vec<String> {
+        let mut source = Source {
+            path: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron"),
+            registry: haptograph_nodes::registry(),
+            set: Vec::new(),
+        };
+        let text = source.read().expect("it ships");
+        // The limit comes from a parameter.
+        let text = text
+            .replace("peak_a: 0.5", "peak_a: Param(\"most\")")
+            .replace("parameters: {", "parameters: { \"most\": 0.5,");
+        let known = SafetyEnvelope::of(&source, &text).expect("a graph");
+        assert_eq!(known.sets.len(), 5);
+        let edited = edit(&text);
+        source.set = set
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+            .collect();
+        known.exceeded_by(&SafetyEnvelope::of(&source, &edited).expect("a graph"))
+    }
+
+    fn replaced(from: &'static str, to: &'static str) -> impl Fn(&str) -> String {
+        move |text| {
+            assert!(text.contains(from), "{from}");
+            text.replace(from, to)
+        }
+    }
+
+    #[test]
+    fn what_raises_nothing_is_within_the_envelope() {
+        for (from, to) in [
+            ("nodes: {", "nodes: { "),
+            ("\"most\": 0.5", "\"most\": 0.3"),
+            ("continuous_a: 0.25", "continuous_a: 0.1"),
+            ("window_s: 10", "window_s: 5"),
+            (", window_s: 10", ""),
+            ("radius_mm: 30", "radius_mm: 20"),
+            ("SimulatedHaptuator()", "SimulatedHaptuator( )"),
+            (
+                "amperes_full_scale: 1.0, buffer_frames: 64",
+                "buffer_frames: 64, amperes_full_scale: 1",
+            ),
+        ] {
+            assert_eq!(beyond(replaced(from, to), &[]), [""; 0], "{to}");
+        }
+        assert_eq!(
+            beyond(str::to_owned, &[("gain", "0.02"), ("most", "0.4")]),
+            [""; 0]
+        );
+    }
+
+    #[test]
+    fn what_raises_a_limit_or_changes_a_device_is_beyond_it_in_every_set() {
+        for (from, to, said, times) in [
+            (
+                "\"most\": 0.5",
+                "\"most\": 0.6",
+                "peak rises from 0.5 A to 0.6 A",
+                5,
+            ),
+            ("continuous_a: 0.25", "continuous_a: 0.3", "continuous rises", 5),
+            ("window_s: 10", "window_s: 11", "window rises", 5),
+            ("\"out", "\"other", "`other` of `live` is new", 1),
+            (
+                "amperes_full_scale: 1.0",
+                "amperes_full_scale: 0.1",
+                "`haptuator` of `live` changes",
+                1,
+            ),
+            (
+                "pressed_n: 3.0",
+                "pressed_n: 0.1",
+                "`stylus` of `live` changes",
+                1,
+            ),
+            (
+                "\"osc\": {",
+                "\"soon\": {",
+                "the set of endpoints `soon` is new",
+                1,
+            ),
+            (
+                "SimulatedHaptuator()",
+                "Soundcard(amperes_full_scale: 1)",
+                "becomes the device Soundcard",
+                1,
+            ),
+            (
+                "parameters: {",
+                "defaults: { \"live\": { \"most\": 1 } }, parameters: {",
+                "`out` of `live`: peak rises",
+                1,
+            ),
+        ] {
+            let beyond = beyond(replaced(from, to), &[]);
+            let count = beyond.iter().filter(|beyond| beyond.contains(said)).count();
+            assert_eq!(count, times, "{to}: {beyond:?}");
+        }
+        assert_eq!(beyond(str::to_owned, &[("most", "0.6")]).len(), 5);
+        assert!(!beyond(str::to_owned, &[("hand", "\"/dev/input/event9\"")]).is_empty());
+    }
+
+    #[test]
+    fn a_set_that_cannot_run_any_more_shows_no_limits() {
+        let broken = replaced(
+            "\"stylus\": EvdevDevice(path: Param(\"hand\"), pressed_n: 3.0),",
+            "",
+        );
+        let beyond = beyond(broken, &[]);
+        assert!(
+            beyond.len() == 1 && beyond[0].contains("the limits of `live` cannot be determined: E"),
+            "{beyond:?}"
+        );
+    }
+}
