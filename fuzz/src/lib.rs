@@ -7,8 +7,7 @@ use haptograph_engine::document::value::{Body, Shape, Tagged, Value};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::run::{ARRIVALS, LiveOptions, Offline, Outlets, ReplayBounds, Session};
-use haptograph_nodes::actuators::identify::{Known, identify};
-use haptograph_nodes::actuators::sweep_file::SweepFile;
+use haptograph_nodes::actuators::identify::{Known, Sweep, identify};
 use haptograph_nodes::contact::mesh::{MeshFormat, TriangleMesh};
 use haptograph_nodes::network::protocol::{Command, State};
 use haptograph_nodes::network::understand;
@@ -197,10 +196,18 @@ pub fn table(bytes: &[u8]) -> bool {
         ..lenient.clone()
     };
     let imports = [ImportSettings::strict(), by_its_own_times, lenient, known];
+    let _ = recording::load_column(&path, "x");
+    for import in &imports {
+        let _ = recording::load_signal(&path, None, import);
+    }
     let read = imports.map(|import| accepted(recording::load_with(std::slice::from_ref(&path), &import)));
     for (recording, findings) in read.iter().flatten() {
         assert!(recording::write_archive(recording).is_ok());
-        assert!(findings.iter().all(|finding| !finding.to_string().is_empty()));
+        assert!(
+            findings
+                .iter()
+                .all(|(_, finding)| !finding.to_string().is_empty())
+        );
     }
     read.iter().any(Option::is_some)
 }
@@ -270,10 +277,16 @@ pub fn packet(bytes: &[u8]) -> bool {
 /// A recorded sweep is identified or refused.
 pub fn sweep(bytes: &[u8]) -> bool {
     let (_folder, path) = in_a_file(bytes);
-    let Some(file) = accepted(SweepFile::read(&path)) else {
+    let Some((file, _)) = accepted(recording::load_sweep(&path, &ImportSettings::default())) else {
         return false;
     };
-    accepted(identify(&file.sweep([20.0, 400.0]), Known::Nothing)).is_some()
+    let sweep = Sweep {
+        current_a: &file.current_a,
+        acceleration_m_s2: &file.acceleration_m_s2,
+        rate_hz: file.rate_hz,
+        band_hz: [20.0, 400.0],
+    };
+    accepted(identify(&sweep, Known::Nothing)).is_some()
 }
 
 /// Two drivers, a ring between them, a live input and an actuator.

@@ -7,5 +7,4 @@ pub mod drive;
 pub mod force_sink;
 pub mod identify;
 pub mod limit;
-pub mod sweep_file;
 pub mod two_mass;

@@ -2,19 +2,21 @@
 
 mod signal;
 
+use super::import::{NamedColumn, Tables, named_column};
 use super::table::{facts, significant};
 use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::metrics::level::{envelope_error_db, excess_kurtosis, levels_db};
 use crate::surfaces::metrics::spectral::Comparison;
 use crate::surfaces::metrics::{BandErrors, Bands, Deviations, WindowSettings, compare};
+use crate::surfaces::recording::ImportSettings;
 use serde_json::{Value, json};
 use signal::Signal;
 use std::path::PathBuf;
 
-/// Compare two vibrations: errors by third octave, of levels, and of windows
+/// Compare two vibrations: errors by third octave and of windows
 ///
-/// A vibration is a WAV file (in the unit that the note beside it says, if a run wrote it), a CSV file with a header (its acceleration or its
+/// A vibration is a WAV file (in the unit that the note beside it or --full-scale says), a table with a header (its acceleration or its
 /// only column; see --column), or any recording that `learn` takes, whose acceleration is processed as there. Both are compared over the time
 /// that both cover; where one is louder than the other, errors are above zero if that is the first.
 #[derive(Debug, clap::Args)]
@@ -26,9 +28,9 @@ pub struct Arguments {
     /// The rate to compare at: files that do not say their rate have this one, files with a higher one are brought down to it
     #[arg(long = "rate", value_name = "HZ")]
     rate_hz: Option<f64>,
-    /// The column of CSV files, or the channel of WAV files, from 0
-    #[arg(long, value_name = "NAME")]
-    column: Option<String>,
+    /// The column of tables, or the channel of WAV files, from 0; or the column that holds a quantity, as for learn: accel=acc_z
+    #[arg(long = "column", value_name = "NAME", value_parser = named_column, help_heading = "Reading tables")]
+    columns: Vec<NamedColumn>,
     /// Samples in a window of NSE and PE; 25.6 ms if not given
     #[arg(long, value_name = "N")]
     window: Option<usize>,
@@ -41,6 +43,8 @@ pub struct Arguments {
     /// Print all measures as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    tables: Tables,
 }
 
 fn deviations(text: &str) -> Result<Deviations, String> {
@@ -62,10 +66,10 @@ struct Found {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let column = arguments.column.as_deref();
+    let (column, import) = import(arguments)?;
     let (a, b) = (
-        Signal::read(&arguments.a, column)?,
-        Signal::read(&arguments.b, column)?,
+        Signal::read(&arguments.a, column, &import)?,
+        Signal::read(&arguments.b, column, &import)?,
     );
     signal::warn_of_units([&a, &b]);
     let rate_hz = signal::common_rate_hz([&a, &b], arguments.rate_hz)?;
@@ -91,6 +95,24 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     ));
     shown.extend(simulated.map(|which| ("simulated", which)));
     say(&facts(&shown))
+}
+
+/// The column that is compared, where one is named, and how tables are read.
+fn import(arguments: &Arguments) -> Result<(Option<&str>, ImportSettings), Failure> {
+    let (mut plain, mut quantities) = (None, vec![]);
+    for column in &arguments.columns {
+        match column {
+            NamedColumn::Plain(name) if plain.is_none() => plain = Some(name.as_str()),
+            NamedColumn::Plain(name) => {
+                return Err(Failure::Message(format!(
+                    "--column names two signals; give one, or say what {name} holds: --column QUANTITY={name}"
+                )));
+            }
+            NamedColumn::Quantity(quantity, name) => quantities.push((quantity.clone(), name.clone())),
+        }
+    }
+    let import = arguments.tables.settings(&quantities).map_err(Failure::Message)?;
+    Ok((plain, import))
 }
 
 fn windows(arguments: &Arguments, rate_hz: f64) -> WindowSettings {
@@ -151,7 +173,6 @@ fn describe(found: &Found) -> Vec<(&'static str, String)> {
             "excess kurtosis",
             format!("{:.2} and {:.2}", found.kurtosis[0], found.kurtosis[1]),
         ),
-        ("levels over 50 ms", db(Some(found.envelope_db))),
         (
             "normalized spectral error (NSE)",
             significant(found.windows.nse, 4),

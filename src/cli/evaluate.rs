@@ -2,6 +2,7 @@
 
 mod holdout;
 
+use super::import::Import;
 use super::output::{Force, LEDGER, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
@@ -10,12 +11,12 @@ use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::holdout::hold_out_contact;
 use crate::surfaces::evaluate::{
-    DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudySettings, TableSettings,
-    Take, evaluate,
+    DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudyError, StudySettings,
+    TableSettings, Take, evaluate,
 };
 use crate::surfaces::learning::{LearnSettings, learn};
 use crate::surfaces::metrics::Pooling;
-use crate::surfaces::recording::{AnyRecording, Gesture};
+use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
 use clap::ValueEnum;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -52,6 +53,8 @@ pub struct Arguments {
     json: bool,
     #[command(flatten)]
     settings: learning::Settings,
+    #[command(flatten)]
+    import: Import,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -65,14 +68,21 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
-    let takes = read_takes(&arguments.dir)?;
+    let import = arguments.import.settings().map_err(Failure::Message)?;
+    let takes = read_takes(&arguments.dir, &import)?;
     if arguments.holdout {
         return run_holdout(arguments, page.as_ref(), &takes);
     }
     let settings = study_settings(arguments);
     let progress = Progress::of("evaluating");
-    let found = evaluate(&takes, &settings, &|part| progress.at(part))
-        .map_err(|error| Failure::file("evaluate", &arguments.dir, &error))?;
+    let found = evaluate(&takes, &settings, &|part| progress.at(part)).map_err(|error| match error {
+        // Parts of a take can be held out where there is no other.
+        StudyError::NoTest { .. } => {
+            let error = format!("{error}; or --holdout, which tests on parts of each take");
+            Failure::file("evaluate", &arguments.dir, &error)
+        }
+        error => Failure::file("evaluate", &arguments.dir, &error),
+    })?;
     drop(progress);
     let page = match &page {
         Some(page) => Some(write_report(page, arguments, &takes, &found)?),
@@ -190,7 +200,7 @@ fn study_settings(arguments: &Arguments) -> StudySettings {
 }
 
 /// All takes in a folder; of the toolkit's triples the first file stands for all three.
-fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
+fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
     let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
     let mut files: BTreeMap<RecordingName, PathBuf> = BTreeMap::new();
     let mut paths: Vec<PathBuf> = entries
@@ -214,13 +224,13 @@ fn read_takes(dir: &Path) -> Result<Vec<Take>, Failure> {
                 files.entry(name).or_insert(path);
             }
             None => remark(&format!(
-                "warning: passed over {}: it is not named <material>.<person>.<take>.<extension>\n",
+                "warning: skipped {}: it is not named <material>.<person>.<take>.<extension>\n",
                 path.display()
             )),
         }
     }
     let read = |(name, path): (RecordingName, PathBuf)| {
-        let recording = recording::load(&path)?.recording;
+        let recording = recording::load_with(&path, import)?.recording;
         Ok(Take { name, recording })
     };
     files.into_iter().map(read).collect()

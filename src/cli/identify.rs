@@ -1,22 +1,23 @@
 //! `haptograph identify`: the parameters of a voice-coil actuator from a recorded sweep.
 
+use super::import::Import;
 use super::output::{Force, Output};
-use super::{Failure, recording, say};
+use super::{Failure, recording, remark, say};
 use crate::engine::registry::Registry;
 use crate::engine::settings::Setting;
-use crate::nodes::actuators::identify::{Identified, Known, identify};
-use crate::nodes::actuators::sweep_file::SweepFile;
+use crate::nodes::actuators::identify::{Identified, Known, Sweep, identify};
 use crate::nodes::simulated::haptuator::TwoMassSettings;
 use crate::report::identification;
 use crate::report::page::Simulation;
+use crate::surfaces::recording::load_sweep;
 use clap::ArgGroup;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Fit a voice-coil actuator on its tool to a recorded sweep of current and acceleration
 ///
-/// A table with the columns `time_s`, a current (`..._a`) and an acceleration (`..._m_s2`), about ten seconds long; `haptograph
-/// run graphs/identify.ron` makes one. A sweep alone tells the resonances, their quality and the gain. With the magnet's
+/// A table with the columns `time_s`, a current (`..._a`) and an acceleration (`..._m_s2`), or whichever --column time, current and accel
+/// name, about ten seconds long; `haptograph run graphs/identify.ron` makes one. A sweep alone tells the resonances, their quality and the gain. With the magnet's
 /// mass and either the mass of all that moves with the tool, or the force per current, it tells every mass, spring and damper:
 /// one mass does not suffice, as seven parameters of which one scale cannot be seen stand against five numbers.
 #[derive(Debug, clap::Args)]
@@ -47,6 +48,8 @@ pub struct Arguments {
     /// Print the fit as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    import: Import,
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
@@ -78,12 +81,23 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
-    let file = SweepFile::read(&arguments.recording).map_err(|error| Failure::Message(error.to_string()))?;
-    let found = identify(
-        &file.sweep([arguments.from_hz, arguments.to_hz]),
-        arguments.known(),
-    )
-    .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
+    let import = arguments.import.settings().map_err(Failure::Message)?;
+    let (file, findings) =
+        load_sweep(&arguments.recording, &import).map_err(|error| recording::failure(&error))?;
+    for finding in &findings {
+        remark(&format!(
+            "warning: {}\n",
+            recording::said(&arguments.recording, finding)
+        ));
+    }
+    let sweep = Sweep {
+        current_a: &file.current_a,
+        acceleration_m_s2: &file.acceleration_m_s2,
+        rate_hz: file.rate_hz,
+        band_hz: [arguments.from_hz, arguments.to_hz],
+    };
+    let found = identify(&sweep, arguments.known())
+        .map_err(|error| Failure::file("identify", &arguments.recording, &error))?;
     let simulated = recording::is_simulated(&arguments.recording)?;
     let page = page.map(|page| page.write(&show(arguments, &found, simulated)));
     let page = page.transpose()?;

@@ -5,6 +5,7 @@ mod summary;
 use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
+use super::recording::Loaded;
 use super::{Failure, recording, remark, say, say_json, segment, spare, surface};
 use crate::engine::registry::Registry;
 use crate::surfaces::learning::law::LawSettings;
@@ -194,10 +195,13 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let page = page
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
-    let recordings = files
-        .iter()
-        .map(|(path, gesture)| read(path, *gesture, &import))
-        .collect::<Result<Vec<_>, _>>()?;
+    let (mut recordings, mut warnings, mut is_implausible) = (vec![], vec![], false);
+    for (path, gesture) in &files {
+        let loaded = read(path, *gesture, &import)?;
+        recordings.push(loaded.recording);
+        warnings.extend(loaded.warnings);
+        is_implausible |= loaded.is_implausible;
+    }
     refuse_twins(&files, &recordings)?;
     let settings = LearnSettings {
         processing: arguments.settings.processing(),
@@ -218,21 +222,24 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             .with_setting(format!("recording {} file", index + 1), file);
     }
     let output = surface::save(&learned, &output)?;
-    summary::warn_of_shortness(&learned, &report);
-    for missing in &report.missing {
-        let said = by_file(&missing.to_string(), &missing.reason, &files, &recordings);
+    let missing = report.missing.iter();
+    let missing = missing.map(|missing| by_file(&missing.to_string(), &missing.reason, &files, &recordings));
+    for said in summary::shortness(&learned, &report).into_iter().chain(missing) {
         remark(&format!("warning: {said}\n"));
+        warnings.push(said);
     }
     let page = page.map(|page| page.write(&crate::report::learning::page(&learned, &report)));
     let page = page.transpose()?;
     if arguments.json {
         let recordings = recordings.len();
-        return say_json(
-            &json!({ "written": [output], "page": page, "name": name, "recordings": recordings }),
-        );
+        let coverage = summary::coverage(&learned, &report, is_implausible);
+        return say_json(&json!({
+            "written": [output], "page": page, "name": name, "recordings": recordings,
+            "coverage": coverage, "warnings": warnings,
+        }));
     }
     let looked = page.map_or_else(String::new, |page| format!("look at {}\n", page.display()));
-    say(&(summary::describe(&learned, &report, &output) + &looked))
+    say(&(summary::describe(&learned, &report, &output, is_implausible) + &looked))
 }
 
 /// What is said of a recording by its number, by its file.
@@ -270,21 +277,24 @@ fn files(arguments: &Arguments) -> Vec<(&Path, Option<Gesture>)> {
         .collect()
 }
 
-fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Result<AnyRecording, Failure> {
-    let loaded = recording::load_with(path, import)?;
+fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Result<Loaded, Failure> {
+    let mut loaded = recording::load_with(path, import)?;
     let own = loaded.recording.gesture();
     let Some(gesture) = gesture else {
-        return Ok(loaded.recording);
+        return Ok(loaded);
     };
     if loaded.says_gesture && own != gesture {
-        remark(&format!(
-            "warning: {} says of itself that it is a {}; it is taken as a {}, as asked\n",
+        let said = format!(
+            "{} says of itself that it is a {}; it is taken as a {}, as asked",
             path.display(),
             own.word(),
             gesture.word()
-        ));
+        );
+        remark(&format!("warning: {said}\n"));
+        loaded.warnings.push(said);
     }
-    Ok(loaded.recording.with_gesture(gesture))
+    loaded.recording = loaded.recording.with_gesture(gesture);
+    Ok(loaded)
 }
 
 /// A recording that is there twice would count twice.

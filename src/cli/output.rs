@@ -89,7 +89,14 @@ impl Output {
             .tempdir_in(folder)
             .map_err(|error| failed(&error))?;
         let file = waiting.path().join(self.path.file_name().unwrap_or_default());
-        let made = write(&file).map_err(|error| failed(&error))?;
+        // Nobody knows the file by the name that it has until it is whole.
+        let made = write(&file).map_err(|error| {
+            let said = error
+                .to_string()
+                .replace(&*file.to_string_lossy(), &self.path.to_string_lossy());
+            let twice = format!("cannot write {}: ", self.path.display());
+            failed(&said.strip_prefix(&twice).unwrap_or(&said))
+        })?;
         Ok((place(&file, &self.path, self.force)?, made))
     }
 }

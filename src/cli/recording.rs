@@ -5,7 +5,7 @@ use crate::engine::settings::closest;
 use crate::signal::files::{self, MAX_RECORDING_BYTES};
 use crate::surfaces::Origin;
 use crate::surfaces::recording::{
-    self, AnyRecording, COLUMNS, CsvHead, ImportSettings, LoadError, ReadError, csv_head,
+    self, AnyRecording, COLUMNS, CsvHead, Finding, ImportSettings, LoadError, ReadError, csv_head, decoded,
 };
 use ron::extensions::Extensions;
 use serde::Deserialize;
@@ -24,41 +24,84 @@ pub struct Loaded {
     pub recording: AnyRecording,
     /// Whether the file itself says what the hand did.
     pub says_gesture: bool,
+    /// What was found and repaired, as it was said.
+    pub warnings: Vec<String>,
+    /// Whether a quantity is larger or smaller than hands make it.
+    pub is_implausible: bool,
 }
 
-/// Reads a recording in which nothing has to be repaired, and warns of columns that nothing is learned from.
-pub fn load(path: &Path) -> Result<Loaded, Failure> {
-    load_with(path, &ImportSettings::strict())
-}
-
-/// Reads a recording, of several files where their names are joined by `+`, and warns of what was repaired and of columns that nothing is
-/// learned from.
+/// Reads a recording, of several files where their names are joined by `+`, and warns of what was found and repaired.
 pub fn load_with(path: &Path, import: &ImportSettings) -> Result<Loaded, Failure> {
+    let loaded = try_load(path, import).map_err(|error| failure(&error))?;
+    for warning in &loaded.warnings {
+        remark(&format!("warning: {warning}\n"));
+    }
+    Ok(loaded)
+}
+
+/// The same; says nothing yet.
+pub fn try_load(path: &Path, import: &ImportSettings) -> Result<Loaded, LoadError> {
     let paths = parts(path);
     let head = head(&paths[0]);
-    for (path, head) in paths.iter().map(|path| (path, self::head(path))) {
-        warn_of_ignored(path, head.as_ref(), import);
-    }
-    let mut import = import.clone();
-    if import.full_scale_m_s2.is_none() {
-        import.full_scale_m_s2 = paths.iter().find_map(|path| note(path).ok()?.full_scale);
-    }
-    let (recording, findings) = recording::load_with(&paths, &import).map_err(|error| match &error {
-        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
-            Ok(bytes) if !bytes.iter().take(512).any(|byte| *byte == 0) => {
-                wrong(path, &bytes, source, &error.to_string())
-            }
-            _ => Failure::Message(error.to_string()),
-        },
-        _ => Failure::Message(error.to_string()),
-    })?;
-    for finding in findings {
-        remark(&format!("warning: {}: {finding}\n", path.display()));
-    }
+    let import = with_full_scale(&paths, import);
+    let (recording, findings) = recording::load_with(&paths, &import)?;
     Ok(Loaded {
         recording,
         says_gesture: head.is_none_or(|head| head.says_gesture),
+        is_implausible: { findings.iter() }
+            .any(|(_, finding)| matches!(finding, Finding::Implausible { .. })),
+        warnings: findings
+            .iter()
+            .map(|(path, finding)| said(path, finding))
+            .collect(),
     })
+}
+
+/// The full scale that the note beside a WAV file says, where none is given.
+fn with_full_scale(paths: &[PathBuf], import: &ImportSettings) -> ImportSettings {
+    let noted = || paths.iter().find_map(|path| note(path).ok()?.full_scale);
+    ImportSettings {
+        full_scale_m_s2: import.full_scale_m_s2.or_else(noted),
+        ..import.clone()
+    }
+}
+
+/// A finding with its file; columns that are not used with what may have been meant.
+pub fn said(path: &Path, finding: &Finding) -> String {
+    let Finding::NotUsed { columns } = finding else {
+        return format!("{}: {finding}", path.display());
+    };
+    let names = columns
+        .iter()
+        .take(MOST_NAMED)
+        .map(|name| match closest(name, COLUMNS) {
+            Some(meant) => format!("{name:?} (did you mean {meant}?)"),
+            None => format!("{name:?}"),
+        });
+    let names = names.collect::<Vec<_>>().join(", ");
+    match columns.len().saturating_sub(MOST_NAMED) {
+        0 => format!("{}: not used: {names}", path.display()),
+        more => format!("{}: not used: {names}, and {more} more", path.display()),
+    }
+}
+
+/// Columns that are named at once.
+const MOST_NAMED: usize = 8;
+
+/// The failure to read a file, shown at its place where that is text.
+pub fn failure(error: &LoadError) -> Failure {
+    match error {
+        LoadError::Read { path, source } => match files::read(path, MAX_RECORDING_BYTES) {
+            Ok(bytes) if is_text(&bytes) => wrong(path, &bytes, source, &error.to_string()),
+            _ => Failure::Message(error.to_string()),
+        },
+        LoadError::Io { .. } => Failure::Message(error.to_string()),
+    }
+}
+
+fn is_text(bytes: &[u8]) -> bool {
+    let is_other = |byte: &u8| *byte < 0x20 && !byte.is_ascii_whitespace();
+    !bytes.iter().take(4096).any(is_other) && !bytes.starts_with(b"PK") && !bytes.starts_with(b"MATLAB ")
 }
 
 /// The files of a take: one, or several joined by `+`.
@@ -66,36 +109,6 @@ pub fn parts(path: &Path) -> Vec<PathBuf> {
     match path.to_str() {
         Some(text) if text.contains('+') && !path.exists() => text.split('+').map(PathBuf::from).collect(),
         _ => vec![path.to_owned()],
-    }
-}
-
-fn warn_of_ignored(path: &Path, head: Option<&CsvHead>, import: &ImportSettings) {
-    let is_mapped = |name: &&String| import.columns.values().any(|column| column == *name);
-    let ignored = head.iter().flat_map(|head| &head.ignored);
-    let (mut alike, mut others) = (vec![], vec![]);
-    for name in ignored.filter(|name| !is_mapped(name)) {
-        match closest(name, COLUMNS) {
-            Some(meant) => alike.push((name, meant)),
-            None => others.push(format!("{name:?}")),
-        }
-    }
-    for (name, meant) in alike {
-        remark(&format!(
-            "warning: {}: column {name:?} is not understood and passed over; did you mean {meant}?\n",
-            path.display()
-        ));
-    }
-    if !others.is_empty() {
-        let (columns, are) = match others.len() {
-            1 => ("column", "is"),
-            _ => ("columns", "are"),
-        };
-        remark(&format!(
-            "warning: {}: {columns} {} {are} not understood and passed over; known are {}\n",
-            path.display(),
-            others.join(", "),
-            COLUMNS.join(", ")
-        ));
     }
 }
 
@@ -142,27 +155,18 @@ pub fn is_simulated(path: &Path) -> Result<bool, Failure> {
     Ok(origin == Some(Origin::Simulated) || note(path)?.simulated)
 }
 
-/// The failure to read a signal from a CSV file.
-pub fn unreadable(path: &Path, bytes: &[u8], error: &ReadError) -> Failure {
-    wrong(
-        path,
-        bytes,
-        error,
-        &format!("cannot read {}: {error}", path.display()),
-    )
-}
-
+/// The place in the text is shown, or else named: not both.
 fn wrong(path: &Path, bytes: &[u8], error: &ReadError, message: &str) -> Failure {
     let shown = error.place(bytes).and_then(|place| {
         let line = bytes.split(|&byte| byte == b'\n').nth(place.line - 1)?;
-        let line = String::from_utf8_lossy(line);
         let name = path.display().to_string();
+        let message = format!("cannot read {name}: {}", error.what());
         Some(snippet::at(
             &name,
-            line.trim_end(),
+            decoded(line).trim_end(),
             place.line,
             place.column,
-            message,
+            &message,
         ))
     });
     shown.map_or_else(|| Failure::Message(message.to_owned()), Failure::Shown)

@@ -2,24 +2,22 @@
 
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, read_file, recording, remark, say};
+use super::{Failure, recording, remark, say};
 use crate::engine::registry::Registry;
-use crate::signal::files::{self, MAX_RECORDING_BYTES};
 use crate::surfaces::learning::segmentation::{
     GeneticSettings, Segmentation, SegmentationMethod, SegmentationSettings, VarianceEstimate, segment,
 };
-use crate::surfaces::recording::read_column;
+use crate::surfaces::recording::load_column;
 use clap::ValueEnum;
 use clap::error::ErrorKind;
 use serde::Serialize;
-use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Find where a signal changes its character, by minimum description length
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A CSV file with a header
+    /// A table with a header: CSV, a spreadsheet, or a MATLAB file up to -v7
     file: PathBuf,
     /// The column to segment, by its name in the header
     #[arg(long, value_name = "NAME")]
@@ -87,7 +85,8 @@ struct Json<'a> {
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     refuse_idle_flags(arguments)?;
-    let signal = column(&arguments.file, &arguments.column)?;
+    let signal =
+        load_column(&arguments.file, &arguments.column).map_err(|error| recording::failure(&error))?;
     let simulated = recording::is_simulated(&arguments.file)?;
     warn_of_offset(&signal);
     let settings = SegmentationSettings {
@@ -117,15 +116,6 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         });
     }
     say(&describe(&found, signal.len(), simulated))
-}
-
-/// A column of a file of any length, line by line.
-fn column(path: &Path, name: &str) -> Result<Vec<f64>, Failure> {
-    let file = files::open(path, MAX_RECORDING_BYTES).map_err(|error| Failure::file("read", path, &error))?;
-    read_column(BufReader::with_capacity(1 << 16, file), name).map_err(|error| match read_file(path) {
-        Ok(bytes) => recording::unreadable(path, &bytes, &error),
-        Err(failure) => failure,
-    })
 }
 
 /// What means nothing to the exact search is a misunderstanding.

@@ -45,6 +45,17 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 
 /// A surface from a file; what is wrong in the file is shown at its place.
 pub fn load(path: &Path) -> Result<Surface, Failure> {
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if path.is_file()
+        && ["csv", "npz", "wav", "mat", "xlsx"]
+            .iter()
+            .any(|known| extension == *known)
+    {
+        let file = path.display();
+        return Err(Failure::Message(format!(
+            "{file} is a recording, not a surface; learn one from it: haptograph learn {file} -o surface.ron"
+        )));
+    }
     files::load(path).map_err(|error| match &error {
         files::FileError::Read { path, error: read } => {
             match (read.place, bounded::read(path, files::MAX_FILE_BYTES)) {

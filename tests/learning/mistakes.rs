@@ -130,8 +130,7 @@ fn what_is_passed_over_or_overruled_is_said() {
     let learned = haptograph(folder, &["learn", "typo.csv", "-o", "typo.ron"], "");
     let warned = String::from_utf8_lossy(&learned.stderr);
     assert!(
-        warned.contains("column \"forc_normal_n\" is not understood")
-            && warned.contains("did you mean force_normal_n?"),
+        warned.contains("not used: \"forc_normal_n\" (did you mean force_normal_n?)"),
         "{warned}"
     );
 }
@@ -243,4 +242,149 @@ fn what_is_wrong_in_a_surface_file_is_shown_at_its_place() {
     let told = fail(folder.path(), &["surface", "show", "bad.xml"]);
     assert!(told.contains("bad.xml:2:") && told.contains("slippery"), "{told}");
     assert!(fail(folder.path(), &["surface", "show", "none.ron"]).contains("none.ron"));
+}
+
+#[test]
+fn every_command_reads_the_tables_that_learn_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = folder.path().join("study");
+    fs::create_dir(&study).unwrap();
+    for take in 1..3_u8 {
+        let rows = noise(20_000, take.into());
+        let rows: String = rows
+            .iter()
+            .enumerate()
+            .map(|(i, a)| format!("{};{};1;{}\n", i as f64 / 10.0, a / 9.80665, 50 + i / 200))
+            .collect();
+        let text = format!("Logger 7\n\nt;acc;Fz;v\nms;g;N;mm/s\n{rows}");
+        fs::write(study.join(format!("leder.anna.{take}.csv")), text).unwrap();
+    }
+    let mapping = [
+        "--column",
+        "time=t",
+        "--column",
+        "accel=acc",
+        "--column",
+        "force_normal=Fz",
+        "--column",
+        "speed=v",
+    ];
+    let with = |arguments: &[&str]| haptograph(folder.path(), &[arguments, &mapping[..]].concat(), "");
+    let (one, two) = ("study/leder.anna.1.csv", "study/leder.anna.2.csv");
+    let learned = with(&["learn", one, "-o", "leder.ron", "--json"]);
+    let learned: Value = serde_json::from_slice(&learned.stdout).unwrap();
+    assert!(learned["coverage"]["used_s"].as_f64().unwrap() > 1.0, "{learned}");
+    assert!(
+        !learned["warnings"].as_array().unwrap().is_empty(),
+        "two seconds are few: {learned}"
+    );
+    let compared = with(&["compare", one, two, "--json"]);
+    let compared: Value = serde_json::from_slice(&compared.stdout).unwrap();
+    assert!(compared["rate_hz"] == 10_000.0 && compared["lsd_db"].as_f64().unwrap() > 0.0);
+    let column = [
+        "compare", one, one, "--column", "acc", "--column", "time=t", "--json",
+    ];
+    let column = haptograph(folder.path(), &column, "");
+    let column: Value = serde_json::from_slice(&column.stdout).unwrap();
+    assert!(
+        column["lsd_db"] == 0.0 && column["rate_hz"] == 10_000.0,
+        "{column}"
+    );
+    let held_out = with(&["evaluate", "study", "--holdout", "--json"]);
+    assert!(held_out.status.success(), "{}", told_by(&held_out));
+    fs::remove_file(folder.path().join(two)).unwrap();
+    assert!(told_by(&with(&["evaluate", "study"])).contains("--holdout"));
+    let unsaid = fail(folder.path(), &["learn", one, "-o", "x.ron"]);
+    assert!(
+        unsaid.contains("missing: accel, force_normal, speed, time. Columns here: t, acc, Fz, v.")
+            && !unsaid.contains("not used"),
+        "{unsaid}"
+    );
+}
+
+#[test]
+fn a_wav_file_without_a_unit_is_compared_with_a_warning_or_its_full_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 10_000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let signal = noise(20_000, 1);
+    let mut writer = hound::WavWriter::create(folder.path().join("a.wav"), spec).unwrap();
+    signal
+        .iter()
+        .for_each(|x| writer.write_sample((x / 8.0) as f32).unwrap());
+    writer.finalize().unwrap();
+    column(&folder.path().join("a.csv"), "accel_m_s2", &signal);
+    let compare = |more: &[&str]| {
+        let arguments = [&["compare", "a.wav", "a.csv", "--rate", "10000", "--json"], more].concat();
+        let output = haptograph(folder.path(), &arguments, "");
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (
+            found["lsd_db"].as_f64().unwrap(),
+            String::from_utf8_lossy(&output.stderr).into_owned(),
+        )
+    };
+    let (lsd_db, warned) = compare(&[]);
+    assert!(
+        lsd_db > 15.0 && warned.contains("a.wav does not say its unit") && warned.contains("--full-scale")
+    );
+    let (lsd_db, warned) = compare(&["--full-scale", "8"]);
+    assert!(lsd_db < 1e-3 && warned.is_empty(), "{lsd_db}: {warned}");
+}
+
+#[test]
+fn implausible_speeds_are_said_once_without_advice_on_coverage() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = noise(20_000, 1)
+        .iter()
+        .enumerate()
+        .map(|(i, a)| format!("{a},1,{}\n", 50 + i / 200))
+        .collect();
+    let text = format!("# rate_hz: 10000\naccel_m_s2,force_normal_n,speed_m_s\n{rows}");
+    fs::write(folder.path().join("fast.csv"), text).unwrap();
+    let learned = haptograph(folder.path(), &["learn", "fast.csv", "-o", "fast.ron"], "");
+    let warned = String::from_utf8_lossy(&learned.stderr);
+    assert!(
+        warned.contains("fast.csv: the largest speed in column \"speed_m_s\" is 149 m/s"),
+        "{warned}"
+    );
+    assert_eq!(warned.matches("--unit speed=mm/s").count(), 1, "{warned}");
+    assert!(!String::from_utf8_lossy(&learned.stdout).contains("record next"));
+}
+
+#[test]
+fn files_of_one_kind_given_for_another_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    column(&folder.path().join("x.csv"), "accel_m_s2", &noise(100, 1));
+    let shown = fail(folder.path(), &["surface", "show", "x.csv"]);
+    assert!(
+        shown.contains("x.csv is a recording, not a surface") && shown.contains("learn x.csv"),
+        "{shown}"
+    );
+    let spelled = fail(
+        folder.path(),
+        &["learn", "x.csv", "-o", "x.ron", "--column", "spede=v"],
+    );
+    assert!(spelled.contains("did you mean speed?"), "{spelled}");
+    // The name that a file has until it is whole is nobody's business.
+    let converted = fail(workshop(), &["surface", "convert", "t1.ron", "warped.xml"]);
+    assert!(
+        converted.contains("warped.xml") && !converted.contains(".haptograph-"),
+        "{converted}"
+    );
+    fs::copy(workshop().join("t1.ron"), folder.path().join("t1.ron")).unwrap();
+    fs::write(folder.path().join("x.csv.ron"), "Recording(simulated: true)").unwrap();
+    let selected = haptograph(
+        folder.path(),
+        &["surface", "select", ".", "--count", "1", "--json"],
+        "",
+    );
+    assert!(
+        selected.status.success() && selected.stderr.is_empty(),
+        "{}",
+        told_by(&selected)
+    );
 }

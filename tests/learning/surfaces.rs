@@ -59,7 +59,10 @@ fn breaks_are_found_and_printed_as_agreed() {
 
     fs::write(folder.path().join("bad.csv"), "a,y\r\n1,2\r\n3,x\r\n").unwrap();
     let told = fail(folder.path(), &["segment", "bad.csv", "--column", "y", "--json"]);
-    assert!(told.contains("line 3, column 2"), "{told}");
+    assert!(
+        told.contains("bad.csv:3:3") && !told.contains("column 2"),
+        "{told}"
+    );
     assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("there are a, y"));
 }
 

@@ -91,7 +91,9 @@ pub fn read(py: Python<'_>, paths: Vec<PathBuf>, import: Import) -> PyResult<Rec
     };
     Ok(Recording {
         recording: Arc::new(recording),
-        findings: findings.iter().map(ToString::to_string).collect(),
+        findings: { findings.iter() }
+            .map(|(path, finding)| format!("{}: {finding}", path.display()))
+            .collect(),
     })
 }
 

@@ -47,7 +47,8 @@ impl NodeKind for CsvSource {
         name: "CsvSource",
         group: "sources",
         doc: "Plays a column of a CSV file with a header. A column `time_s` says when; without one each row is a tick. \
-              Lines that begin with `#` are passed over. \
+              Lines that begin with `#` are passed over. Where a cell is empty, as a slower sensor leaves it, the column holds its \
+              last value, and before its first value that one. \
               The unit at the end of the column's name is converted to SI. Where the rows end the run ends, unless `at_end` says \
               otherwise.",
         source: "",
@@ -149,7 +150,13 @@ impl Table {
             let number = |column: usize| {
                 let text = record.get(column).unwrap_or_default();
                 let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-                number.ok_or_else(|| failed(format!("line {line}: '{text}' is not a finite number")))
+                number.ok_or_else(|| {
+                    let name = headers.get(column).unwrap_or_default();
+                    failed(match text {
+                        "" => format!("line {line}: the cell of {name} is empty"),
+                        _ => format!("line {line}: '{text}' in {name} is not a finite number"),
+                    })
+                })
             };
             if let Some(time) = time {
                 let time_s = number(time)?;
@@ -160,8 +167,20 @@ impl Table {
                 }
                 times.push(time_s);
             }
-            values.push(scale * number(column)?);
+            values.push(match record.get(column) {
+                Some("") => values.last().copied().unwrap_or(f64::NAN),
+                _ => scale * number(column)?,
+            });
         }
+        let first = values.iter().copied().find(|value| !value.is_nan());
+        if !values.is_empty() && first.is_none() {
+            return Err(failed(format!("all cells of {} are empty", settings.column)));
+        }
+        // Rows before the first value.
+        values
+            .iter_mut()
+            .take_while(|value| value.is_nan())
+            .for_each(|value| *value = first.unwrap_or(0.0));
         if values.is_empty() {
             return Err(failed("there are no rows".into()));
         }
@@ -316,5 +335,21 @@ mod tests {
         );
         let file = File::new("force_n\nmany\n");
         assert_eq!(field(file.settings("force_n", "force")), Some("file"));
+        let refused = Bench::new::<CsvSource>(file.settings("force_n", "force"), 10.0, &[])
+            .err()
+            .unwrap();
+        assert!(refused.to_string().contains("'many' in force_n"), "{refused}");
+        let file = File::new("time_s,force_n\n0,\n1,\n");
+        assert_eq!(field(file.settings("force_n", "force")), Some("file"), "no value");
+    }
+
+    #[test]
+    fn a_slower_column_holds_where_its_cells_are_empty() {
+        let file = File::new("time_s,accel_m_s2,force_n\n0.0,1,\n0.1,2,5\n0.2,3,\n0.3,4,7\n0.4,5,\n");
+        let mut bench = Bench::new::<CsvSource>(file.settings("force_n", "force"), 10.0, &[]).unwrap();
+        assert_eq!(bench.run_source(5)[0], [5.0, 5.0, 5.0, 7.0, 7.0]);
+        let mut bench =
+            Bench::new::<CsvSource>(file.settings("accel_m_s2", "acceleration"), 10.0, &[]).unwrap();
+        assert_eq!(bench.run_source(5)[0], [1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 }

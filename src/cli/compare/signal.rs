@@ -1,13 +1,14 @@
 //! One vibration from whatever file it is in.
 
-use crate::cli::{Failure, read_file, recording as recordings, remark};
+use crate::cli::recording::{self as recordings, Loaded};
+use crate::cli::{Failure, remark};
 use crate::nodes::wav::{read_channel, read_layout};
 use crate::signal::files;
 use crate::signal::resample::{Quality, resample_whole};
 use crate::signal::time::Rate;
 use crate::surfaces::Origin;
 use crate::surfaces::learning::processing::{combined, processed};
-use crate::surfaces::recording::read_signal;
+use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,7 @@ pub struct Signal {
     rate_hz: Option<f64>,
     /// Of the samples, where the file says it.
     unit: Option<String>,
+    is_wav: bool,
     /// Is it known to come from simulated devices?
     pub simulated: bool,
 }
@@ -30,17 +32,19 @@ pub struct Signal {
 type Read = (Vec<f64>, Option<f64>, Option<String>, bool);
 
 impl Signal {
-    /// The vibration in a file; `column` names the column of a CSV file or the channel of a WAV file.
-    pub fn read(path: &Path, column: Option<&str>) -> Result<Self, Failure> {
-        let (samples, rate_hz, unit, simulated) = match is_wav(path)? {
-            true => wav(path, column)?,
-            false => other(path, column)?,
+    /// The vibration in a file; `column` names the column of a table or the channel of a WAV file.
+    pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
+        let is_wav = is_wav(path)?;
+        let (samples, rate_hz, unit, simulated) = match is_wav {
+            true => wav(path, column, import.full_scale_m_s2)?,
+            false => other(path, column, import)?,
         };
         Ok(Self {
             path: path.to_owned(),
             samples,
             rate_hz,
             unit,
+            is_wav,
             simulated,
         })
     }
@@ -63,23 +67,29 @@ impl Signal {
 }
 
 /// Says where two vibrations are not known to be alike.
-pub fn warn_of_units([a, b]: [&Signal; 2]) {
-    let said = match (&a.unit, &b.unit) {
-        (Some(one), Some(other)) if one != other => format!(
-            "{} is in {one}, {} in {other}; PE and SD mean nothing",
-            a.path.display(),
-            b.path.display()
-        ),
-        (Some(unit), None) | (None, Some(unit)) => {
-            let unknown = if a.unit.is_none() { a } else { b };
-            format!(
-                "{} does not say its unit; PE and SD hold if it is {unit}, as the other's",
-                unknown.path.display()
-            )
-        }
-        _ => return,
-    };
-    remark(&format!("warning: {said}\n"));
+pub fn warn_of_units(signals: [&Signal; 2]) {
+    if let [(a, Some(one)), (b, Some(other))] = signals.map(|signal| (signal.path.display(), &signal.unit))
+        && one != other
+    {
+        remark(&format!(
+            "warning: {a} is in {one}, {b} in {other}: no level means anything, LSD included\n"
+        ));
+    }
+    let known = signals.iter().find_map(|signal| signal.unit.as_deref());
+    for signal in signals.into_iter().filter(|signal| signal.unit.is_none()) {
+        let path = signal.path.display();
+        let said = match (signal.is_wav, known) {
+            (true, _) => {
+                "all levels, LSD included, hold only if 1.0 is 1 m/s2; say it by --full-scale".to_owned()
+            }
+            (false, Some(unit)) => format!(
+                "all levels, LSD included, hold only if it is {unit}, as the other's; say it by --unit accel=g"
+            ),
+            // Of two columns that are alike, levels hold in their own unit.
+            (false, None) => continue,
+        };
+        remark(&format!("warning: {path} does not say its unit: {said}\n"));
+    }
 }
 
 /// The rate that two vibrations are compared at.
@@ -101,48 +111,43 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
             };
             let path = unknown.path.display();
             Err(Failure::Message(format!(
-                "{path} does not say its rate; give it by --rate, or a column time_s in the file"
+                "{path} does not say its rate; give it by --rate or --sample-rate, or a column time_s in the file"
             )))
         }
     }
 }
 
-/// What is in a file that is no WAV file.
-fn other(path: &Path, column: Option<&str>) -> Result<Read, Failure> {
-    match &read_file(path)?[..] {
-        bytes if bytes.starts_with(b"PK") || is_xml(bytes) => recording(path),
-        bytes if column.is_none() && is_recording(bytes) => recording(path),
-        bytes => {
-            let column =
-                read_signal(bytes, column).map_err(|error| recordings::unreadable(path, bytes, &error))?;
-            let unit = column.unit.map(str::to_owned);
-            let simulated = recordings::is_simulated(path)?;
-            Ok((column.values, column.rate_hz, unit, simulated))
+/// What is in a file that is no WAV file: the acceleration of a recording, or the signal of a table that is none.
+fn other(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
+    if column.is_none() {
+        match recordings::try_load(path, import) {
+            Err(LoadError::Read {
+                source: ReadError::Missing { .. },
+                ..
+            }) => {}
+            Err(error) => return Err(recordings::failure(&error)),
+            Ok(loaded) => return recording(path, loaded),
         }
     }
+    let (signal, findings) =
+        load_signal(path, column, import).map_err(|error| recordings::failure(&error))?;
+    for finding in &findings {
+        remark(&format!("warning: {}\n", recordings::said(path, finding)));
+    }
+    let unit = signal.unit.map(str::to_owned);
+    Ok((
+        signal.values,
+        signal.rate_hz,
+        unit,
+        recordings::is_simulated(path)?,
+    ))
 }
 
-fn is_xml(bytes: &[u8]) -> bool {
-    bytes
-        .strip_prefix(b"\xef\xbb\xbf")
-        .unwrap_or(bytes)
-        .trim_ascii_start()
-        .starts_with(b"<")
-}
-
-/// Whether a CSV file has what a recording has besides acceleration.
-fn is_recording(bytes: &[u8]) -> bool {
-    let mut lines = bytes
-        .split(|&byte| byte == b'\n')
-        .filter(|line| !line.starts_with(b"#"));
-    let header = String::from_utf8_lossy(lines.next().unwrap_or_default()).to_ascii_lowercase();
-    header.contains("accel")
-        && header.contains("force")
-        && (header.contains("speed") || header.contains("position"))
-}
-
-fn recording(path: &Path) -> Result<Read, Failure> {
-    let recording = recordings::load(path)?.recording;
+fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
+    for warning in &loaded.warnings {
+        remark(&format!("warning: {warning}\n"));
+    }
+    let recording = loaded.recording;
     let processed =
         processed(&recording, &Default::default()).map_err(|error| Failure::file("process", path, &error))?;
     let signals = processed.signals();
@@ -155,7 +160,7 @@ fn recording(path: &Path) -> Result<Read, Failure> {
 }
 
 /// The only channel, that of the given number, or three axes combined.
-fn wav(path: &Path, channel: Option<&str>) -> Result<Read, Failure> {
+fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
     // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
     let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
@@ -169,7 +174,11 @@ fn wav(path: &Path, channel: Option<&str>) -> Result<Read, Failure> {
     }
     let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
     let note = recordings::note(path)?;
-    let full_scale = note.full_scale.unwrap_or(1.0);
+    let full_scale = full_scale_m_s2.or(note.full_scale).unwrap_or(1.0);
+    let unit = match full_scale_m_s2 {
+        Some(_) => Some("m/s2".to_owned()),
+        None => note.unit,
+    };
     let mut one = |channel: usize| -> Result<Vec<f64>, Failure> {
         let mut samples = read_channel(&mut file, &layout, channel).map_err(|error| failed(&error))?;
         samples.iter_mut().for_each(|sample| *sample *= full_scale);
@@ -198,7 +207,7 @@ fn wav(path: &Path, channel: Option<&str>) -> Result<Read, Failure> {
             )));
         }
     };
-    Ok((chosen, Some(rate_hz), note.unit, note.simulated))
+    Ok((chosen, Some(rate_hz), unit, note.simulated))
 }
 
 fn is_wav(path: &Path) -> Result<bool, Failure> {

@@ -1,49 +1,60 @@
 //! What `learn` says of what it learned.
 
-use super::super::remark;
 use super::super::table::{facts, significant};
 use crate::surfaces::learning::LearningReport;
 use crate::surfaces::learning::coverage::Coverage;
 use crate::surfaces::learning::taps::TapReport;
 use crate::surfaces::learning::texture::{Fate, TextureReport};
 use crate::surfaces::{Surface, Taps, TextureModel};
+use serde_json::{Value, json};
 use std::path::Path;
 
-/// How much of the plane of force and speed was visited, and what to record next.
-fn verdict(coverage: &Coverage) -> String {
+/// How much of the plane of force and speed was visited, and what to record next, unless a quantity is in the wrong unit.
+fn verdict(coverage: &Coverage, is_implausible: bool) -> String {
     let text = format!(
         "{} of 9 areas of speed and force, {} s used",
         9 - coverage.missing().len(),
         significant(coverage.used_s, 3)
     );
-    match coverage.next_to_record() {
+    match coverage.next_to_record().filter(|_| !is_implausible) {
         Some(next) => format!("{text}; record next: {next}"),
         None => text,
     }
 }
 
-/// Too little to trust is learned from, and said.
-pub fn warn_of_shortness(surface: &Surface, report: &LearningReport) {
-    let (Some(texture), Some(report)) = (&surface.texture, &report.texture) else {
-        return;
-    };
+/// The same as JSON; nothing where there is no texture.
+pub fn coverage(surface: &Surface, report: &LearningReport, is_implausible: bool) -> Option<Value> {
+    let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
     let coverage = Coverage::of(&report.segments, texture.rate_hz());
-    if coverage.is_short() {
-        remark(&format!(
-            "warning: the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s\n",
+    Some(json!({
+        "areas": 9 - coverage.missing().len(),
+        "of": 9,
+        "used_s": coverage.used_s,
+        "segments": coverage.segments,
+        "record_next": coverage.next_to_record().filter(|_| !is_implausible),
+    }))
+}
+
+/// Too little to trust is learned from, and said.
+pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
+    let (texture, report) = (surface.texture.as_ref()?, report.texture.as_ref()?);
+    let coverage = Coverage::of(&report.segments, texture.rate_hz());
+    coverage.is_short().then(|| {
+        format!(
+            "the texture is learned from {} s in {} segments; record 3 s and 3 segments at least, better 10 s",
             significant(coverage.used_s, 3),
             coverage.segments
-        ));
-    }
+        )
+    })
 }
 
 /// What was written where, and of what it was learned.
-pub fn describe(surface: &Surface, report: &LearningReport, output: &Path) -> String {
+pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_implausible: bool) -> String {
     let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
         found.push(("texture", describe_texture(texture, report)));
         let coverage = Coverage::of(&report.segments, texture.rate_hz());
-        found.push(("coverage", verdict(&coverage)));
+        found.push(("coverage", verdict(&coverage, is_implausible)));
     }
     if let Some(friction) = surface.friction {
         let mu = significant(friction.mu(), 3);

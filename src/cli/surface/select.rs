@@ -76,8 +76,9 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
     for path in paths {
         let surface = match files::load(&path) {
             Ok(surface) => surface,
+            Err(_) if is_note(&path) => continue,
             Err(error) => {
-                remark(&format!("warning: passed over: {error}\n"));
+                remark(&format!("warning: skipped: {error}\n"));
                 continue;
             }
         };
@@ -107,6 +108,12 @@ pub(super) fn collect(dir: &Path) -> Result<Vec<Surface>, Failure> {
         )));
     }
     Ok(by_name.into_values().map(|(_, surface)| surface).collect())
+}
+
+/// Whether a run wrote it beside a recording, as `take.wav.ron`.
+fn is_note(path: &Path) -> bool {
+    let of = path.file_stem().map(Path::new).and_then(Path::extension);
+    of.is_some_and(|of| of.eq_ignore_ascii_case("wav") || of.eq_ignore_ascii_case("csv"))
 }
 
 fn walk(dir: &Path, paths: &mut Vec<PathBuf>) -> std::io::Result<()> {

@@ -8,19 +8,18 @@
 //! | `force_x_n` .. `force_z_n`, `torque_x_n_m` .. (or `_n_mm`; optional), `position_x_mm` .. (or `_m`), `orientation_w`, `_x`, `_y`, `_z` | raw |
 //!
 //! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor had no sample.
-//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are ignored; [`csv_head`] tells which.
+//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are not used, which is a finding. A preamble above the header and a row of units below it are passed over.
 
 mod join;
 mod table;
 mod units;
 mod write;
 
+pub(super) use table::{Cells, Fault, SignalColumns, Table, Wanted, check_mapping, missing_columns, number};
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
-pub(super) use table::number_of;
-pub(super) use table::{
-    Cells, Fault, Lines, Table, check_mapping, not_a_number, noted_rate_hz, number, unequal,
-};
-pub(super) use units::{Scale, parse_name, parse_unit, si_unit};
+pub(super) use table::{is_wanted, number_of};
+pub use units::QUANTITIES;
+pub(super) use units::{Scale, example_unit, is_unit, parse_name, parse_unit};
 pub use write::{RawTable, write_csv};
 
 use super::import::{Finding, ImportSettings, plausibility};
@@ -60,8 +59,6 @@ pub const COLUMNS: [&str; 21] = [
 /// What a CSV file says before its rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CsvHead {
-    /// Names of the columns that are none of ours, and passed over.
-    pub ignored: Vec<String>,
     /// Whether a line `# gesture: ...` says what the hand did.
     pub says_gesture: bool,
     /// Where it comes from, by a line `# origin: ...`.
@@ -74,10 +71,9 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     if is_binary || bytes.trim_ascii_start().starts_with(b"<") {
         return None;
     }
-    let (_, head) = Rows::new(bytes).ok()?;
-    let unknown = |name: &&String| !name.is_empty() && parse_name(&name.to_ascii_lowercase()).is_none();
+    let is_ours = |name: &str| parse_name(&name.to_lowercase()).is_some();
+    let (_, head) = Rows::new(bytes, &is_ours).ok()?;
     Some(CsvHead {
-        ignored: head.names.iter().filter(unknown).cloned().collect(),
         says_gesture: head.notes.contains_key("gesture"),
         origin: head.notes.get("origin").and_then(|word| Origin::from_word(word)),
     })
@@ -87,7 +83,7 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
 /// themselves.
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
     let import = ImportSettings::strict();
-    let table = Table::read(bytes, &import)?;
+    let table = Table::read(bytes, &import, Wanted::Recording)?;
     let read = recording(&mut [table], source, &import).map_err(|fault| fault.error)?;
     Ok(read.0)
 }
@@ -97,7 +93,7 @@ pub(super) fn recording(
     tables: &mut [Table],
     source: &str,
     import: &ImportSettings,
-) -> Result<(AnyRecording, Vec<Finding>), Fault> {
+) -> Result<(AnyRecording, Vec<(usize, Finding)>), Fault> {
     let gesture = match noted(tables, "gesture") {
         Some((table, word)) => Gesture::from_word(word).ok_or_else(|| {
             table.fault(
@@ -121,7 +117,7 @@ pub(super) fn recording(
         .iter()
         .any(|(quantity, unit)| quantity.starts_with("accel") && unit == "1")
     {
-        findings.push(Finding::UnknownUnit);
+        findings.push((0, Finding::UnknownUnit));
         provenance = provenance.with_setting(VIBRATION_UNIT, "not known; not m/s2");
     }
     let is_raw = tables
@@ -131,11 +127,13 @@ pub(super) fn recording(
         true => raw(tables, gesture, provenance).map(AnyRecording::Raw)?,
         false => join::processed(tables, gesture, provenance).map(AnyRecording::Processed)?,
     };
-    findings.extend(
-        tables
-            .iter_mut()
-            .flat_map(|table| std::mem::take(&mut table.findings)),
-    );
+    for table in tables.iter_mut() {
+        findings.extend(
+            std::mem::take(&mut table.findings)
+                .into_iter()
+                .map(|finding| (table.file, finding)),
+        );
+    }
     if let AnyRecording::Processed(processed) = &recording {
         let signals = processed.signals();
         let columns = [
@@ -143,13 +141,14 @@ pub(super) fn recording(
             ("force_normal", &signals.force_normal_n),
             ("speed", &signals.speed_m_s),
         ];
-        let known = |(name, _): &(&str, &Vec<f64>)| import.units.get(*name).is_none_or(|unit| unit != "1");
-        findings.extend(
-            columns
-                .into_iter()
-                .filter(known)
-                .filter_map(|(name, values)| plausibility(name, values)),
-        );
+        for (name, values) in columns {
+            if import.units.get(name).is_some_and(|unit| unit == "1") {
+                continue;
+            }
+            let place = |table: &Table| Some((table.file, table.header_of(name)?.to_owned()));
+            let (file, column) = tables.iter().find_map(place).unwrap_or((0, name.to_owned()));
+            findings.extend(plausibility(name, &column, values).map(|finding| (file, finding)));
+        }
     }
     Ok((recording, findings))
 }
@@ -164,17 +163,26 @@ fn noted<'a>(tables: &'a [Table], key: &str) -> Option<(&'a Table, &'a String)> 
 /// A constant in SI by its name with unit, such as `speed_mm_s`.
 pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String> {
     let lower = name.to_ascii_lowercase();
-    let (plain, scale) =
-        parse_name(&lower).unwrap_or_else(|| Err(format!("{name} is none of a recording's quantities")))?;
+    let (plain, scale) = parse_name(&lower).unwrap_or_else(|| {
+        Err(format!(
+            "{name} is none of a recording's quantities, such as speed_mm_s"
+        ))
+    })?;
     match number(value.as_bytes(), scale) {
         Some(si) => Ok((plain, si)),
-        None => Err(format!("{value:?} is no finite number")),
+        None => Err(format!("{value:?} is not a finite number")),
     }
 }
 
 fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, Fault> {
     // Where no table has it, the first says what is missing.
     let place = |tables: &[Table], name: &str| tables.iter().position(|table| table.has(name)).unwrap_or(0);
+    let all = ["accel", "position"]
+        .iter()
+        .flat_map(|quantity| AXES.map(|axis| format!("{quantity}_{axis}")));
+    let all = all.chain(["w", "x", "y", "z"].map(|part| format!("orientation_{part}")));
+    let all = all.chain(AXES.map(|axis| format!("force_{axis}")));
+    refuse_missing(tables, all.collect())?;
     let mut sensor = |names: &[&str]| {
         let place = place(tables, names[0]);
         tables[place].sensor(names)
@@ -214,6 +222,25 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     )?)
 }
 
+/// Names all columns that are in no table, at once; and the time, where nothing says how fast the samples of a table follow.
+pub(super) fn refuse_missing(tables: &[Table], wanted: Vec<String>) -> Result<(), ReadError> {
+    let is_used = |table: &&Table| wanted.iter().any(|name| table.has(name));
+    let used: Vec<&Table> = tables.iter().filter(is_used).collect();
+    let lacks_rate = used.is_empty() && tables.iter().all(Table::lacks_rate)
+        || used.iter().any(|table| table.lacks_rate());
+    let mut missing: Vec<String> = { wanted.iter() }
+        .filter(|name| !tables.iter().any(|table| table.has(name)))
+        .cloned()
+        .collect();
+    if lacks_rate {
+        missing.push("time".to_owned());
+    }
+    match missing.is_empty() {
+        true => Ok(()),
+        false => Err(missing_columns(&tables.iter().collect::<Vec<_>>(), missing)),
+    }
+}
+
 fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T> {
     Series {
         rate_hz: rows.rate_hz,
@@ -234,7 +261,7 @@ impl ReadError {
         let text = bytes.split(|&byte| byte == b'\n').nth(line - 1)?;
         Some(Place {
             line,
-            column: cell_start(bytes, text, cell),
+            column: cell_start(text, cell),
         })
     }
 }

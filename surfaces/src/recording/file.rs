@@ -1,9 +1,9 @@
 //! Recordings on disk: what kind a file is, told by its content, and where reading failed.
 
-use super::csv::{self, Table};
+use super::csv::{self, Table, Wanted};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
-use super::{AnyRecording, ReadError, read_archive, read_hatt, write_archive, write_csv};
+use super::{AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv};
 use crate::files::write_atomically;
 use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader, Read};
@@ -17,14 +17,14 @@ pub fn load(path: &Path) -> Result<AnyRecording, LoadError> {
     load_with(&[path.to_owned()], &ImportSettings::strict()).map(|(recording, _)| recording)
 }
 
-/// A recording from a file, or from several tables that share a clock, and what was found and repaired in them.
+/// A recording from a file, or from several tables that share a clock, and what was found and repaired in which of them.
 ///
 /// Tables are CSV, spreadsheets (the first sheet), MATLAB files before version 7.3 and WAV files. A WAV file alone is joined with the table
 /// of the same name beside it.
 pub fn load_with(
     paths: &[PathBuf],
     import: &ImportSettings,
-) -> Result<(AnyRecording, Vec<Finding>), LoadError> {
+) -> Result<(AnyRecording, Vec<(PathBuf, Finding)>), LoadError> {
     let paths = with_neighbour(paths);
     if let [path] = &paths[..] {
         match kind(path)? {
@@ -38,26 +38,95 @@ pub fn load_with(
     }
     let mut tables = vec![];
     for (file, path) in paths.iter().enumerate() {
-        let mut table = table(path, import)?;
+        let mut table = table(path, import, Wanted::Recording)?;
         table.file = file;
         tables.push(table);
     }
     let first = &paths[0];
     csv::check_mapping(&tables, import).map_err(|source| read_error(first, source))?;
     let source: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
-    csv::recording(&mut tables, &source.join(" + "), import)
-        .map_err(|fault| read_error(&paths[fault.file], fault.error))
+    let read = csv::recording(&mut tables, &source.join(" + "), import);
+    let (recording, findings) = read.map_err(|fault| match (fault.error, &paths[..]) {
+        (ReadError::Missing { missing, .. }, [path])
+            if is_wav(path) && !missing.contains(&"accel".to_owned()) =>
+        {
+            let table = name_of(&path.with_extension("csv"));
+            read_error(path, ReadError::NoTable { missing, table })
+        }
+        (error, _) => read_error(&paths[fault.file], error),
+    })?;
+    let of_files = findings
+        .into_iter()
+        .map(|(file, finding)| (paths[file].clone(), finding));
+    Ok((recording, of_files.collect()))
+}
+
+/// The numbers of a column of any table as they stand; see [`read_column`](super::read_column).
+pub fn load_column(path: &Path, name: &str) -> Result<Vec<f64>, LoadError> {
+    let import = ImportSettings::strict();
+    let read = table(path, &import, Wanted::AsItStands(name))?.as_it_stands();
+    read.map_err(|source| read_error(path, source))
+}
+
+/// The signal in a column of any table, repaired as recordings are; see [`read_signal`](super::read_signal). `--unit accel=…` is its unit.
+pub fn load_signal(
+    path: &Path,
+    name: Option<&str>,
+    import: &ImportSettings,
+) -> Result<(Column, Vec<Finding>), LoadError> {
+    let mut table = table(path, import, Wanted::Signal(name))?;
+    let column = signal::signal(&mut table).map_err(|source| read_error(path, source))?;
+    Ok((column, table.findings))
+}
+
+/// A recorded sweep of an actuator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// Current, A.
+    pub current_a: Vec<f64>,
+    /// Felt acceleration, m/s².
+    pub acceleration_m_s2: Vec<f64>,
+    /// Samples a second.
+    pub rate_hz: f64,
+}
+
+/// A sweep from any table: time, and the columns of current and acceleration, which are told by their units or by the settings.
+pub fn load_sweep(path: &Path, import: &ImportSettings) -> Result<(Sweep, Vec<Finding>), LoadError> {
+    let wrong = |source| read_error(path, source);
+    let mut table = table(path, import, Wanted::Sweep)?;
+    csv::check_mapping(std::slice::from_ref(&table), import).map_err(wrong)?;
+    let wanted = ["current", "accel"].map(str::to_owned).to_vec();
+    csv::refuse_missing(std::slice::from_ref(&table), wanted).map_err(wrong)?;
+    let even = table
+        .take(&["current", "accel"])
+        .map_err(|fault| wrong(fault.error))?;
+    let mut columns = even.columns.into_iter();
+    let sweep = Sweep {
+        current_a: columns.next().unwrap_or_default(),
+        acceleration_m_s2: columns.next().unwrap_or_default(),
+        rate_hz: even.rate_hz,
+    };
+    Ok((sweep, table.findings))
+}
+
+fn is_wav(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("wav"))
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }
 
 /// The files of a take: a WAV file alone takes in the table beside it.
 fn with_neighbour(paths: &[PathBuf]) -> Vec<PathBuf> {
     let mut all = paths.to_vec();
     if let [path] = paths {
-        let is_wav = path
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("wav"));
         let tables = ["csv", "xlsx", "mat"].map(|extension| path.with_extension(extension));
-        all.extend(tables.into_iter().find(|table| is_wav && table.is_file()));
+        all.extend(tables.into_iter().find(|table| is_wav(path) && table.is_file()));
     }
     all
 }
@@ -97,20 +166,22 @@ fn kind(path: &Path) -> Result<Kind, LoadError> {
     })
 }
 
-fn table(path: &Path, import: &ImportSettings) -> Result<Table, LoadError> {
+fn table(path: &Path, import: &ImportSettings, wanted: Wanted<'_>) -> Result<Table, LoadError> {
     let read = match kind(path)? {
-        Kind::Csv => Table::read(open(path)?, import),
-        Kind::Wav => formats::wav(&all(path)?, import),
-        Kind::Matlab => formats::matlab(&all(path)?, import),
-        Kind::Spreadsheet => formats::spreadsheet(&all(path)?, import),
+        Kind::Csv => Table::read(open(path)?, import, wanted),
+        Kind::Wav => formats::wav(&all(path)?, import, wanted),
+        Kind::Matlab => formats::matlab(&all(path)?, import, wanted),
+        Kind::Spreadsheet => formats::spreadsheet(&all(path)?, import, wanted),
         Kind::OtherSpreadsheet => Err(ReadError::Io(
             "of spreadsheets .xlsx alone is read; save it as that, or as CSV".to_owned(),
         )),
         Kind::Archive | Kind::Hatt => Err(ReadError::Io(
-            "this is a whole recording already; only tables can be joined".to_owned(),
+            "this is a whole recording already; only tables are joined, or read by columns".to_owned(),
         )),
     };
-    read.map_err(|source| read_error(path, source))
+    let mut table = read.map_err(|source| read_error(path, source))?;
+    table.label = name_of(path);
+    Ok(table)
 }
 
 fn all(path: &Path) -> Result<Vec<u8>, LoadError> {
@@ -178,6 +249,6 @@ fn read_error(path: &Path, source: ReadError) -> LoadError {
 pub enum LoadError {
     #[error("cannot read {}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },
-    #[error("{} is no recording: {source}", path.display())]
+    #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: ReadError },
 }

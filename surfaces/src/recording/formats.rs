@@ -17,6 +17,7 @@ pub(super) use spreadsheet::spreadsheet;
 pub(super) fn spreadsheet(
     _: &[u8],
     _: &super::ImportSettings,
+    _: super::csv::Wanted<'_>,
 ) -> Result<super::csv::Table, super::ReadError> {
     let message = "this is a spreadsheet, which this build does not read: save it as CSV";
     Err(super::ReadError::Io(message.to_owned()))

@@ -4,8 +4,9 @@ mod even;
 mod repair;
 
 pub(super) use even::{Timing, resampled, timing};
-pub(super) use repair::{interpolate_missing, remove_outliers};
+pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
 
+use super::rows::listed;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -66,10 +67,25 @@ impl ImportSettings {
     }
 }
 
+/// A cell that could not be read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BadCell {
+    /// In the file, from 1.
+    pub line: u64,
+    /// In the file, from 1.
+    pub column: usize,
+    /// What stands there, where it is known.
+    pub text: Option<String>,
+}
+
 /// Something worth knowing of a file that was read.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs)] // Display says it
 pub enum Finding {
+    /// Columns that nothing is read from.
+    NotUsed { columns: Vec<String> },
+    /// A unit was given where the file says another.
+    OtherUnit { column: String, given: String },
     /// Rows that were not evenly spaced, and were resampled.
     Jitter {
         rms_s: f64,
@@ -79,28 +95,56 @@ pub enum Finding {
     },
     /// Times of a coarser resolution than the rows' spacing; rows count as even.
     CoarseTimes { resolution_s: f64, rate_hz: f64 },
-    /// Cells that were interpolated.
+    /// A rate that no vibration is recorded at: is the unit of the time right?
+    StrangeRate { column: String, rate_hz: f64 },
+    /// Cells that were interpolated, and the first that could not be read.
     Interpolated {
         quantity: String,
         unreadable: usize,
         empty: usize,
         of: usize,
+        first: Option<BadCell>,
     },
     /// Single samples far off both neighbours that were interpolated.
     Outliers { quantity: String, count: usize },
+    /// Samples that stay at the largest or smallest value.
+    Clipped {
+        quantity: String,
+        count: usize,
+        of: usize,
+    },
+    /// One file of a take begins later or ends earlier than another, of which that much is not used.
+    Cut {
+        begins: bool,
+        short: String,
+        short_s: f64,
+        long: String,
+        long_s: f64,
+    },
     /// Larger or smaller than a hand can make it: is the unit right?
     Implausible {
         quantity: &'static str,
+        column: String,
         largest: f64,
         unit: &'static str,
+        advice: &'static str,
     },
     /// The unit of the vibration is not known.
     UnknownUnit,
 }
 
+/// A number for a message: seven digits, without needless zeros.
+pub(super) fn shown(value: f64) -> f64 {
+    format!("{value:.6e}").parse().unwrap_or(value)
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
+            Self::NotUsed { columns } => write!(f, "not used: {}", listed(columns)),
+            Self::OtherUnit { column, given } => {
+                write!(f, "column {column:?} says another unit than --unit {given}, which counts")
+            }
             Self::Jitter {
                 rms_s,
                 interval_s,
@@ -112,30 +156,65 @@ impl fmt::Display for Finding {
                 if *missing_rows > 0 {
                     write!(f, ", {missing_rows} rows are missing")?;
                 }
-                write!(f, "; resampled to {rate_hz} Hz")
+                write!(f, "; resampled to {} Hz", shown(*rate_hz))
             }
             Self::CoarseTimes { resolution_s, rate_hz } => write!(
                 f,
                 "time stamps resolve {:.3} ms, which is coarser than the rows; the rows count as even, {rate_hz:.3} a second",
                 resolution_s * 1000.0
             ),
+            Self::StrangeRate { column, rate_hz } => {
+                let unit = if *rate_hz < 1000.0 { "ms" } else { "s" };
+                write!(
+                    f,
+                    "{} rows a second by column {column:?}: is time in {unit}? then --unit time={unit}",
+                    shown(*rate_hz)
+                )
+            }
             Self::Interpolated {
                 quantity,
                 unreadable,
                 empty,
                 of,
-            } => write!(
-                f,
-                "{quantity}: {unreadable} unreadable and {empty} empty cells of {of} were interpolated"
-            ),
+                first,
+            } => {
+                write!(f, "{quantity}: {unreadable} unreadable and {empty} empty cells of {of} were interpolated")?;
+                let Some(BadCell { line, column, text }) = first else {
+                    return Ok(());
+                };
+                write!(f, "; the first unreadable one is in line {line}, column {column}")?;
+                text.as_ref().map_or(Ok(()), |text| write!(f, ": {text:?}"))
+            }
             Self::Outliers { quantity, count: 1 } => {
                 write!(f, "{quantity}: a single outlier was replaced by its neighbours' mean")
             }
             Self::Outliers { quantity, count } => {
                 write!(f, "{quantity}: {count} single outliers were replaced by their neighbours' mean")
             }
-            Self::Implausible { quantity, largest, unit } => {
-                write!(f, "the largest {quantity} is {largest:.3} {unit}: is its unit right?")
+            Self::Clipped { quantity, count, of } => {
+                write!(f, "{quantity} is clipped: {count} of {of} samples stay at its largest or smallest value")
+            }
+            Self::Cut {
+                begins,
+                short,
+                short_s,
+                long,
+                long_s,
+            } => {
+                let verb = if *begins { "begins" } else { "ends" };
+                let rest = shown((long_s - short_s).abs());
+                let (short_s, long_s) = (shown(*short_s), shown(*long_s));
+                write!(f, "{short} {verb} at {short_s} s, {long} at {long_s} s: {rest} s of {long} are not used")
+            }
+            Self::Implausible {
+                quantity,
+                column,
+                largest,
+                unit,
+                advice,
+            } => {
+                let largest = shown(*largest);
+                write!(f, "the largest {quantity} in column {column:?} is {largest} {unit}, {advice}")
             }
             Self::UnknownUnit => f.write_str(
                 "the unit of the vibration is not known: what is learned has no m/s², and is only as loud as the sensor's numbers",
@@ -144,22 +223,63 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The most that hand and tool make of each quantity, and the least that its largest is: quantity, SI unit, least, most.
-const PLAUSIBLE: [(&str, &str, &str, f64, f64); 3] = [
-    ("accel", "acceleration", "m/s2", 1e-3, 5000.0),
-    ("force_normal", "normal force", "N", 1e-2, 200.0),
-    ("speed", "speed", "m/s", 1e-3, 5.0),
+/// What hand and tool make of a quantity, and what to say of less and more.
+struct Plausible {
+    name: &'static str,
+    quantity: &'static str,
+    unit: &'static str,
+    least: f64,
+    most: f64,
+    too_small: &'static str,
+    too_large: &'static str,
+}
+
+const PLAUSIBLE: [Plausible; 3] = [
+    Plausible {
+        name: "accel",
+        quantity: "acceleration",
+        unit: "m/s2",
+        least: 1e-3,
+        most: 5000.0,
+        too_small: "less than any sensor's noise; is it g? then --unit accel=g",
+        too_large: "more than any tool's; is it mm/s2? then --unit accel=mm/s2",
+    },
+    Plausible {
+        name: "force_normal",
+        quantity: "normal force",
+        unit: "N",
+        least: 1e-2,
+        most: 200.0,
+        too_small: "lighter than any hand; is it N? then --unit force_normal=N",
+        too_large: "firmer than any hand; is it mN? then --unit force_normal=mN",
+    },
+    Plausible {
+        name: "speed",
+        quantity: "speed",
+        unit: "m/s",
+        least: 1e-3,
+        most: 5.0,
+        too_small: "slower than any stroke; is it m/s? then --unit speed=m/s",
+        too_large: "faster than a hand; is it mm/s? then --unit speed=mm/s",
+    },
 ];
 
 /// Whether the largest magnitude of a quantity is one that hands and tools make.
-pub(super) fn plausibility(name: &str, values: &[f64]) -> Option<Finding> {
-    let &(_, quantity, unit, least, most) = PLAUSIBLE.iter().find(|(known, ..)| *known == name)?;
+pub(super) fn plausibility(name: &str, column: &str, values: &[f64]) -> Option<Finding> {
+    let plausible = PLAUSIBLE.iter().find(|known| known.name == name)?;
     let largest = values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     // Silence has no unit to be wrong about.
-    let is_plausible = largest == 0.0 || (least..=most).contains(&largest);
-    (!is_plausible).then_some(Finding::Implausible {
-        quantity,
+    if largest == 0.0 || (plausible.least..=plausible.most).contains(&largest) {
+        return None;
+    }
+    Some(Finding::Implausible {
+        quantity: plausible.quantity,
+        column: column.to_owned(),
         largest,
-        unit,
+        unit: plausible.unit,
+        advice: match largest < plausible.least {
+            true => plausible.too_small,
+            false => plausible.too_large,
+        },
     })
 }

@@ -20,7 +20,10 @@ impl Folder {
 
 fn read(paths: &[PathBuf], import: &ImportSettings) -> Result<(ProcessedRecording, Vec<Finding>), LoadError> {
     load_with(paths, import).map(|(recording, findings)| match recording {
-        AnyRecording::Processed(processed) => (processed, findings),
+        AnyRecording::Processed(processed) => (
+            processed,
+            findings.into_iter().map(|(_, finding)| finding).collect(),
+        ),
         AnyRecording::Raw(_) => panic!("a raw recording"),
     })
 }
@@ -81,7 +84,8 @@ fn columns_and_units_are_said_where_the_file_does_not() {
     assert_eq!(signals.rate_hz, 1000.0);
     assert_eq!(signals.acceleration_m_s2, [4.903325, 9.80665, -4.903325]);
     assert_eq!(signals.speed_m_s, [0.1, 0.2, 0.2]);
-    assert_eq!(findings, []);
+    let columns = vec!["note".to_owned()];
+    assert_eq!(findings, [Finding::NotUsed { columns }]);
     // Without a unit, at the header's cell.
     let unsaid = ImportSettings::default()
         .with_column("accel", "acc")
@@ -146,6 +150,11 @@ fn single_cells_and_outliers_are_repaired_and_counted_or_refused() {
         unreadable,
         empty,
         of: 500,
+        first: (unreadable > 0).then(|| BadCell {
+            line: 102,
+            column: 2,
+            text: Some("?".to_owned()),
+        }),
     };
     let spike = Finding::Outliers {
         quantity: "accel".to_owned(),
@@ -480,4 +489,304 @@ fn other_spreadsheets_are_refused_with_what_to_do() {
         let error = read(&[path], &ImportSettings::default()).expect_err("it is not read");
         assert!(error.to_string().contains("save it as"), "{error}");
     }
+}
+
+fn import(columns: &[(&str, &str)], units: &[(&str, &str)]) -> ImportSettings {
+    let import = columns
+        .iter()
+        .fold(ImportSettings::default(), |import, (quantity, column)| {
+            import.with_column(quantity, column).expect("a quantity")
+        });
+    units.iter().fold(import, |import, (quantity, unit)| {
+        import.with_unit(quantity, unit).expect("a unit")
+    })
+}
+
+#[test]
+fn a_preamble_and_a_row_of_units_are_no_data() {
+    let folder = Folder::new();
+    let lines = "0;0,5;1;100\n1;1,0;2;200\n2;-0,5;2;200\n";
+    let table = format!("Logger 7;\nDatum: 3.4.2024;12\n\nt;Beschl\u{e4};Kraft;v\nms;g;N;mm/s\n{lines}");
+    let latin: Vec<u8> = table
+        .chars()
+        .map(|c| u8::try_from(u32::from(c)).expect("Latin-1"))
+        .collect();
+    let mapped = import(
+        &[
+            ("time", "t"),
+            ("accel", "Beschl\u{e4}"),
+            ("force_normal", "Kraft"),
+            ("speed", "v"),
+        ],
+        &[],
+    );
+    for (name, bytes) in [("utf8.csv", table.clone().into_bytes()), ("latin.csv", latin)] {
+        let path = folder.with(name, bytes);
+        let (recording, findings) = read(&[path], &mapped).expect("a recording");
+        let signals = recording.signals();
+        assert_eq!(signals.acceleration_m_s2, [4.903325, 9.80665, -4.903325]);
+        assert_eq!(
+            (signals.rate_hz, &signals.speed_m_s[..]),
+            (1000.0, &[0.1, 0.2, 0.2][..])
+        );
+        assert_eq!(findings, []);
+    }
+    // Without a mapping the header is told by its shape, and all that is missing at once.
+    let path = folder.with("unsaid.csv", &table);
+    let Err(LoadError::Read {
+        source: ReadError::Missing { missing, columns },
+        ..
+    }) = read(&[path], &ImportSettings::default())
+    else {
+        panic!("columns are missing")
+    };
+    assert_eq!(missing, ["accel", "force_normal", "speed", "time"]);
+    assert_eq!(columns, ["t", "Beschl\u{e4}", "Kraft", "v"]);
+    let twice = folder.with("twice.csv", "x\ntime_s,accel_g\n1,2\ntime_s,accel_g\n1,2\n");
+    assert_eq!(
+        line_of(read(&[twice], &ImportSettings::default()).expect_err("two headers")),
+        (2, 0)
+    );
+    let words = folder.with(
+        "words.csv",
+        format!("t;Beschl\u{e4};Kraft;v\nsec;Gs;Newton;kmh\n{lines}"),
+    );
+    assert_eq!(
+        line_of(read(&[words], &mapped).expect_err("unknown units")),
+        (2, 0)
+    );
+    let half = folder.with(
+        "half.csv",
+        format!("t;Beschl\u{e4};Kraft;v\nms;Gs;N;mm/s\n{lines}"),
+    );
+    assert_eq!(
+        line_of(read(&[half], &mapped).expect_err("an unknown unit")),
+        (1, 2)
+    );
+}
+
+#[test]
+fn units_in_brackets_are_understood_and_contradictions_said() {
+    let folder = Folder::new();
+    let rows = "0,0.5,1,100\n0.001,1,2,200\n0.002,-0.5,2,200\n";
+    let ours = folder.with(
+        "ours.csv",
+        format!("time [s],accel [g],force_normal [N],speed (mm/s)\n{rows}"),
+    );
+    let (recording, findings) = read(std::slice::from_ref(&ours), &ImportSettings::default()).expect("units");
+    assert_eq!(recording.signals().acceleration_m_s2[0], 4.903325);
+    assert_eq!((recording.signals().speed_m_s[0], findings), (0.1, vec![]));
+    let theirs = folder.with(
+        "theirs.csv",
+        format!("Zeit [s],Beschleunigung [g],Kraft [N],v [mm/s]\n{rows}"),
+    );
+    let columns = [
+        ("time", "Zeit [s]"),
+        ("accel", "Beschleunigung [g]"),
+        ("force_normal", "Kraft [N]"),
+        ("speed", "v [mm/s]"),
+    ];
+    let (mapped, _) = read(&[theirs], &import(&columns, &[])).expect("units in brackets");
+    assert_eq!(mapped.signals(), recording.signals());
+    let (other, findings) = read(&[ours], &import(&[], &[("speed", "m/s")])).expect("the given unit counts");
+    assert_eq!(other.signals().speed_m_s[0], 100.0);
+    assert!(findings.contains(&Finding::OtherUnit {
+        column: "speed (mm/s)".to_owned(),
+        given: "speed=m/s".to_owned()
+    }));
+    assert!(findings.iter().any(|finding| matches!(
+        finding,
+        Finding::Implausible { column, largest: 200.0, .. } if column == "speed (mm/s)"
+    )));
+}
+
+#[test]
+fn strange_rates_and_clipped_samples_are_noticed() {
+    let folder = Folder::new();
+    let lines: String = rows(200)
+        .map(|(t, a, f, v)| format!("{},{},{f},{v}\n", t * 100.0, a.clamp(-0.8, 0.8)))
+        .collect();
+    let path = folder.with("leder.csv", format!("{HEAD}{lines}"));
+    let (recording, findings) = read(&[path], &ImportSettings::default()).expect("a recording");
+    assert!(
+        matches!(&findings[0], Finding::StrangeRate { column, rate_hz: 10.0 } if column == "time_s"),
+        "{findings:?}"
+    );
+    let cut = recording
+        .signals()
+        .acceleration_m_s2
+        .iter()
+        .filter(|a| a.abs() == 0.8)
+        .count();
+    let Some(Finding::Clipped { count, of: 200, .. }) = findings.get(1) else {
+        panic!("{findings:?}")
+    };
+    assert!(*count > 10 && *count <= cut, "{count} of {cut}");
+}
+
+#[test]
+fn what_cannot_be_read_is_counted_and_located() {
+    let folder = Folder::new();
+    let mut lines = table(1000);
+    for row in (5..1000).step_by(95) {
+        lines[row] = format!("{:.4},oops,1,80\n", row as f64 / 1000.0);
+    }
+    let path = folder.with("x.csv", format!("{HEAD}{}", lines.concat()));
+    let error = read(&[path], &ImportSettings::default()).expect_err("11 of 1000");
+    let LoadError::Read {
+        source:
+            ReadError::CsvCell {
+                line: 7,
+                column: 2,
+                message,
+            },
+        ..
+    } = error
+    else {
+        panic!("{error}")
+    };
+    assert!(
+        message.contains("\"oops\"") && message.contains("11 of 1000") && message.contains("1 in 100"),
+        "{message}"
+    );
+}
+
+#[test]
+fn what_one_file_has_beyond_another_is_said_and_a_lone_wav_asks_for_its_table() {
+    let folder = Folder::new();
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: 1000,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let wav = folder.0.path().join("w3.wav");
+    let mut writer = hound::WavWriter::create(&wav, spec).expect("a file");
+    rows(10_001).for_each(|(_, a, ..)| writer.write_sample(a as f32).expect("a sample"));
+    writer.finalize().expect("a file");
+    let import = ImportSettings {
+        full_scale_m_s2: Some(50.0),
+        ..ImportSettings::default()
+    };
+    let alone = read(std::slice::from_ref(&wav), &import).expect_err("no table");
+    let LoadError::Read {
+        source: ReadError::NoTable { missing, table },
+        ..
+    } = alone
+    else {
+        panic!("{alone}")
+    };
+    assert_eq!(
+        (&missing[..], &*table),
+        (&["force_normal".to_owned(), "speed".to_owned()][..], "w3.csv")
+    );
+    let slow: String = (0..201)
+        .map(|i| format!("{},1,50\n", f64::from(i) / 100.0))
+        .collect();
+    folder.with("w3.csv", format!("time_s,force_normal_n,speed_mm_s\n{slow}"));
+    let (recording, findings) = read(&[wav], &import).expect("a recording");
+    assert_eq!(recording.samples(), 2001);
+    let cut = Finding::Cut {
+        begins: false,
+        short: "w3.csv".to_owned(),
+        short_s: 2.0,
+        long: "w3.wav".to_owned(),
+        long_s: 10.0,
+    };
+    assert_eq!(findings, std::slice::from_ref(&cut));
+    assert_eq!(
+        cut.to_string(),
+        "w3.csv ends at 2 s, w3.wav at 10 s: 8 s of w3.wav are not used"
+    );
+}
+
+#[test]
+fn variables_of_other_lengths_are_named_and_have_no_lines() {
+    let folder = Folder::new();
+    let file = matlab_file(&[
+        variable("acc", 200, 1, &[0.5; 200]),
+        variable("Fz", 20, 1, &[1.0; 20]),
+        variable("v", 200, 1, &[80.0; 200]),
+    ]);
+    let path = folder.with("x.mat", &file);
+    let said = |import: &ImportSettings| {
+        read(std::slice::from_ref(&path), import)
+            .expect_err("not all is there")
+            .to_string()
+    };
+    let unsaid = said(&ImportSettings::default());
+    assert!(
+        unsaid.contains("acc, v, Fz (20 values)") && !unsaid.contains("line"),
+        "{unsaid}"
+    );
+    let columns = [("accel", "acc"), ("force_normal", "Fz"), ("speed", "v")];
+    let mapped = said(&import(
+        &columns,
+        &[("accel", "g"), ("force", "N"), ("speed", "mm/s")],
+    ));
+    assert!(
+        mapped.contains("variable Fz has 20 values, acc 200: all need the same length"),
+        "{mapped}"
+    );
+    // One column as it stands, and what is not text is not shown.
+    assert_eq!(load_column(&path, "v").expect("a column"), [80.0; 200]);
+    let binary = folder.with("x.bin", [7_u8; 3000]);
+    let error = load_column(&binary, "v").expect_err("no table").to_string();
+    assert!(error.contains("not text") && error.len() < 300, "{error}");
+}
+
+#[test]
+fn a_signal_is_read_from_the_same_tables_and_repaired() {
+    let folder = Folder::new();
+    let mut lines: Vec<String> = rows(500)
+        .map(|(t, a, ..)| format!("{};{a}\n", t * 1000.0))
+        .collect();
+    lines[100] = "100;?\n".to_owned();
+    let path = folder.with("x.csv", format!("t;acc\nms;g\n{}", lines.concat()));
+    let (signal, findings) =
+        load_signal(&path, Some("acc"), &import(&[("time", "t")], &[])).expect("a signal");
+    assert_eq!(
+        (signal.unit, signal.rate_hz, signal.values.len()),
+        (Some("m/s2"), Some(1000.0), 500)
+    );
+    assert!((signal.values[1] - 9.80665 * 0.7_f64.sin()).abs() < 1e-9);
+    assert!(
+        matches!(&findings[..], [Finding::Interpolated { unreadable: 1, first: Some(cell), .. }] if cell.line == 103),
+        "{findings:?}"
+    );
+    let strict = ImportSettings {
+        strict: true,
+        ..import(&[("time", "t")], &[])
+    };
+    assert_eq!(
+        line_of(load_signal(&path, Some("acc"), &strict).expect_err("strict")),
+        (103, 2)
+    );
+}
+
+#[test]
+fn sweeps_are_found_by_units_or_by_what_is_said() {
+    let folder = Folder::new();
+    let sweep = |text: &str, import: &ImportSettings| load_sweep(&folder.with("sweep.csv", text), import);
+    let plain = ImportSettings::default();
+    let by_unit = "time_s,felt_mm_s2,out.delivered_ma\n0,1000,250\n0.001,2000,500\n0.002,0,0\n";
+    let (found, _) = sweep(by_unit, &plain).expect("units");
+    assert_eq!(found.acceleration_m_s2, [1.0, 2.0, 0.0]);
+    assert_eq!(found.current_a, [0.25, 0.5, 0.0]);
+    assert_eq!(found.rate_hz, 1000.0);
+    let theirs = "t;a;i [mA]\n0;1,0;250\n1;2,0;500\n2;0,0;0\n";
+    let said = import(
+        &[("time", "t"), ("accel", "a")],
+        &[("time", "ms"), ("accel", "m/s2")],
+    );
+    let (mapped, _) = sweep(theirs, &said).expect("what is said");
+    assert_eq!(mapped, found);
+    let missing = sweep("time_s,x_m_s2\n0,1\n1,1\n", &plain).expect_err("no current");
+    assert!(missing.to_string().contains("--column current="), "{missing}");
+    let two = sweep("time_s,x_m_s2,a_a,b_a\n0,1,1,1\n1,1,1,1\n", &plain).expect_err("two currents");
+    assert!(two.to_string().contains("--column current="), "{two}");
+    let strict = ImportSettings::strict();
+    let cell = sweep("time_s,x_m_s2,i_a\n0,1,1\n1,x,1\n", &strict).expect_err("no number");
+    assert!(cell.to_string().contains("\"x\" in x_m_s2"), "{cell}");
+    assert_eq!(line_of(cell), (3, 2));
 }

@@ -23,19 +23,21 @@ mod spool;
 
 #[cfg(not(target_family = "wasm"))]
 pub use archive::{read_archive, write_archive};
-pub use csv::{COLUMNS, CsvHead, RawTable, csv_head, read_csv, write_csv};
+pub use csv::{COLUMNS, CsvHead, QUANTITIES, RawTable, csv_head, read_csv, write_csv};
 pub use error::ReadError;
-pub use file::{LoadError, load, load_with, save};
+pub use file::{LoadError, Sweep, load, load_column, load_signal, load_sweep, load_with, save};
 pub use hatt::read_hatt;
-pub use import::{Finding, ImportSettings};
+pub use import::{BadCell, Finding, ImportSettings};
 #[cfg(target_family = "wasm")]
 pub use no_archive::{Spool, assemble, read_archive, spool_folder, write_archive};
+pub use rows::decoded;
 pub use series::Series;
 pub use signal::{Column, read_column, read_signal};
 #[cfg(not(target_family = "wasm"))]
 pub use spool::{Spool, assemble, spool_folder};
 
 use crate::Provenance;
+use import::shown;
 use std::sync::Arc;
 
 /// A recording as the sensors gave it.
@@ -421,7 +423,7 @@ fn all_finite(values: &[f64]) -> bool {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum RecordingError {
-    #[error("the rate of the {quantity} is {rate_hz} Hz; it must be a finite number above 0")]
+    #[error("the rate of the {quantity} is {} Hz; it must be a finite number above 0", shown(*rate_hz))]
     Rate { quantity: &'static str, rate_hz: f64 },
     #[error("the {quantity} starts at {start_s} s; that must be a finite number")]
     Start { quantity: &'static str, start_s: f64 },
@@ -440,7 +442,7 @@ pub enum RecordingError {
     )]
     NotFinite { quantity: &'static str, sample: usize },
     #[error(
-        "the orientation of sample {sample} (from 0) is a quaternion of length {length}; it must be a unit quaternion"
+        "the orientation of sample {sample} (from 0) is a quaternion of length {}; it must be a unit quaternion", shown(*length)
     )]
     Orientation { sample: usize, length: f64 },
     #[error(
@@ -448,10 +450,11 @@ pub enum RecordingError {
     )]
     Calibration,
     #[error(
-        "motion, force and acceleration never overlap: the last begins at {begin_s} s, the first ends at {end_s} s; check their start times"
+        "motion, force and acceleration never overlap: the last begins at {} s, the first ends at {} s; check their start times",
+        shown(*begin_s), shown(*end_s)
     )]
     NoOverlap { begin_s: f64, end_s: f64 },
-    #[error("the speed at sample {sample} (from 0) is {speed_m_s} m/s; a speed cannot be negative")]
+    #[error("the speed at sample {sample} (from 0) is {} m/s; a speed cannot be negative", shown(*speed_m_s))]
     NegativeSpeed { sample: usize, speed_m_s: f64 },
 }
 

@@ -1,9 +1,7 @@
 //! One signal from any CSV file with a header: a column of numbers, and how fast they follow one another where the file says so.
 
-use super::ReadError;
-use super::csv::{Lines, Scale, not_a_number, noted_rate_hz, number, parse_name, si_unit, unequal};
-use super::import::timing;
-use super::rows::{Head, Rows};
+use super::csv::{SignalColumns, Table, Wanted, missing_columns};
+use super::{ImportSettings, ReadError};
 use crate::learning::processing;
 use std::io::BufRead;
 
@@ -23,171 +21,42 @@ pub struct Column {
 /// The numbers of the column called `name` as they stand, whatever their unit. In the table of a raw recording, where slower sensors leave
 /// cells empty, these are passed over; elsewhere an empty cell is an error.
 pub fn read_column(source: impl BufRead, name: &str) -> Result<Vec<f64>, ReadError> {
-    let (rows, head) = Rows::new(source)?;
-    let index = find(&head.names, head.line, name)?;
-    Ok(columns(rows, &head.names, &[(index, Scale::One)], None)?
-        .values
-        .remove(0))
+    Table::read(source, &ImportSettings::strict(), Wanted::AsItStands(name))?.as_it_stands()
 }
 
 /// The signal in the column called `name`. Without a name: the acceleration (three axes are high-passed and combined as in learning), or
-/// the only column that is not time.
+/// the only column that is not time. Nothing is repaired; see [`load_signal`](super::load_signal).
 pub fn read_signal(source: impl BufRead, name: Option<&str>) -> Result<Column, ReadError> {
-    let (rows, Head { names, line, notes }) = Rows::new(source)?;
-    let indices = match name {
-        Some(name) => vec![find(&names, line, name)?],
-        None => choose(&names, line)?,
-    };
-    let wanted: Vec<_> = indices
-        .iter()
-        .map(|&index| (index, scale(&names[index])))
-        .collect();
-    let time = names
-        .iter()
-        .position(|name| quantity(name).as_deref() == Some("time"));
-    let rows = columns(rows, &names, &wanted, time)?;
-    let rate_hz = match (noted_rate_hz(&notes)?, time) {
-        (None, Some(_)) => {
-            let found = timing(&rows.times, true);
-            let wrong = |(row, message)| ReadError::Csv {
-                line: rows.lines.of(row),
-                message,
-            };
-            Some(found.map_err(wrong)?.rate_hz)
-        }
-        (noted, _) => noted,
-    };
-    let values = match <[Vec<f64>; 3]>::try_from(rows.values) {
+    signal(&mut Table::read(
+        source,
+        &ImportSettings::strict(),
+        Wanted::Signal(name),
+    )?)
+}
+
+/// The signal of a table that was read for it.
+pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
+    let SignalColumns {
+        name,
+        unit,
+        rate_hz,
+        values,
+    } = table.signal()?;
+    let values = match <[Vec<f64>; 3]>::try_from(values) {
         Ok([x, y, z]) => {
             let axes: Vec<[f64; 3]> = x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect();
-            let rate_hz = rate_hz.ok_or_else(|| ReadError::Csv {
-                line: 1,
-                message: "axes are combined above 20 Hz, which takes their rate: add a column time_s, or a line `# rate_hz: \
-                          10000` above the header"
-                    .to_owned(),
-            })?;
+            let rate_hz = rate_hz.ok_or_else(|| missing_columns(&[table], vec!["time".to_owned()]))?;
             let combined = processing::combined(&axes, rate_hz, &Default::default());
-            combined.map_err(|error| ReadError::Csv {
-                line: 1,
-                message: error.to_string(),
-            })?
+            combined.map_err(|error| ReadError::Io(error.to_string()))?
         }
         Err(values) => values.into_iter().next().unwrap_or_default(),
     };
-    let name = indices
-        .iter()
-        .map(|&index| &*names[index])
-        .collect::<Vec<_>>()
-        .join(", ");
-    let unit = indices
-        .first()
-        .and_then(|&index| si_unit(&names[index].to_ascii_lowercase()));
     Ok(Column {
         name,
         values,
         unit,
         rate_hz,
     })
-}
-
-/// The column of that name; in other letter case if none has it exactly.
-fn find(names: &[String], line: u64, name: &str) -> Result<usize, ReadError> {
-    let exact = names.iter().position(|known| known == name.trim());
-    let found = exact.or_else(|| {
-        names
-            .iter()
-            .position(|known| known.eq_ignore_ascii_case(name.trim()))
-    });
-    found.ok_or_else(|| ReadError::Csv {
-        line,
-        message: format!("there is no column {name:?}; there are {}", names.join(", ")),
-    })
-}
-
-/// The quantity of a column such as `accel_x`, where the name follows the convention.
-fn quantity(name: &str) -> Option<String> {
-    parse_name(&name.to_ascii_lowercase())?
-        .ok()
-        .map(|(quantity, _)| quantity)
-}
-
-fn scale(name: &str) -> Scale {
-    match parse_name(&name.to_ascii_lowercase()) {
-        Some(Ok((_, scale))) => scale,
-        _ => Scale::One,
-    }
-}
-
-/// The columns to take where none is named: one, or three axes.
-fn choose(names: &[String], line: u64) -> Result<Vec<usize>, ReadError> {
-    let position = |wanted: &str| {
-        names
-            .iter()
-            .position(|name| quantity(name).as_deref() == Some(wanted))
-    };
-    if let Some(index) = position("accel") {
-        return Ok(vec![index]);
-    }
-    let axes: Option<Vec<usize>> = ["accel_x", "accel_y", "accel_z"]
-        .into_iter()
-        .map(position)
-        .collect();
-    if let Some(axes) = axes {
-        return Ok(axes);
-    }
-    let signals = (0..names.len()).filter(|&index| quantity(&names[index]).as_deref() != Some("time"));
-    match signals.collect::<Vec<_>>()[..] {
-        [index] => Ok(vec![index]),
-        _ => Err(ReadError::Csv {
-            line,
-            message: format!("which column is the signal? There are {}", names.join(", ")),
-        }),
-    }
-}
-
-/// Rows of chosen columns.
-struct Values {
-    values: Vec<Vec<f64>>,
-    /// Empty unless asked for.
-    times: Vec<f64>,
-    lines: Lines,
-}
-
-/// Columns by their index, with that of time where it is asked for.
-fn columns(
-    mut rows: Rows<impl BufRead>,
-    names: &[String],
-    wanted: &[(usize, Scale)],
-    time: Option<usize>,
-) -> Result<Values, ReadError> {
-    let has = |wanted: &str| names.iter().any(|name| quantity(name).as_deref() == Some(wanted));
-    let is_raw = has("accel_x") && (has("force_x") || has("position_x"));
-    let mut read = Values {
-        values: vec![vec![]; wanted.len()],
-        times: vec![],
-        lines: Lines::default(),
-    };
-    let time = time.map(|index| (index, scale(&names[index])));
-    while let Some(row) = rows.next()? {
-        if row.cells() != names.len() {
-            return Err(unequal(&row, names.len()));
-        }
-        if is_raw && wanted.iter().all(|&(index, _)| row.cell(index).is_empty()) {
-            continue;
-        }
-        read.lines.push(row.line);
-        let value = |index: usize, scale: Scale| {
-            let cell = row.cell(index);
-            number(cell, scale).ok_or_else(|| not_a_number(row.line, index, &names[index], cell))
-        };
-        for (&(index, scale), values) in wanted.iter().zip(&mut read.values) {
-            values.push(value(index, scale)?);
-        }
-        if let Some((index, scale)) = time {
-            read.times.push(value(index, scale)?);
-        }
-    }
-    Ok(read)
 }
 
 #[cfg(test)]
@@ -217,12 +86,12 @@ mod tests {
         let error = |text: &[u8]| read_column(text, "b").unwrap_err().to_string();
         assert_eq!(
             error(b"a,b\n1,2\n3,x\n"),
-            "line 3, column 2: \"x\" in b is no finite number"
+            "line 3, column 2: \"x\" in b is not a finite number"
         );
         assert_eq!(error(b"a,b\n1,\n"), "line 2, column 2: the cell of b is empty");
         assert_eq!(
             error(b"a,b\n1,nan\n"),
-            "line 2, column 2: \"nan\" in b is no finite number"
+            "line 2, column 2: \"nan\" in b is not a finite number"
         );
         assert_eq!(
             error(b"a,b\n1,2\n3\n"),
@@ -230,7 +99,7 @@ mod tests {
         );
         assert_eq!(
             error(b"# note\r\na,b\r\n\r\n1,2\r\n# note\r\n3,x\r\n"),
-            "line 6, column 2: \"x\" in b is no finite number"
+            "line 6, column 2: \"x\" in b is not a finite number"
         );
         assert_eq!(
             error(b"# note\na,c\n1,2\n"),
@@ -264,6 +133,7 @@ mod tests {
     fn letters_of_another_encoding_do_no_harm_where_nobody_asks_for_them() {
         let latin = b"# source: B\xfccher\nx,gr\xf6\xdfe\n1,2\n";
         assert_eq!(read_column(&latin[..], "x").unwrap(), [1.0]);
+        assert_eq!(read_column(&latin[..], "größe").unwrap(), [2.0]);
         let error = read_column(&b"\xff\xfex\0\n\0"[..], "x").unwrap_err().to_string();
         assert!(error.contains("save it as UTF-8"), "{error}");
     }
@@ -295,7 +165,10 @@ mod tests {
             (vec![9.80665], None, Some("m/s2"))
         );
         let error = read_signal(&b"a,b\n1,2\n"[..], None).unwrap_err().to_string();
-        assert_eq!(error, "line 1: which column is the signal? There are a, b");
+        assert_eq!(
+            error,
+            "line 1: which column is the signal? Say it by --column; there are a, b"
+        );
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 use super::super::{ProcessedRecording, ReadError, Series, Signals};
 use super::table::{Even, Fault, Table};
-use super::{AXES, Gesture};
+use super::{AXES, Gesture, refuse_missing};
 use crate::Provenance;
 use crate::learning::processing;
+use crate::recording::import::{Finding, shown};
 
 /// What is taken besides the vibration.
 const SLOW: [&str; 3] = ["force_normal", "speed", "force_tangential"];
@@ -15,9 +16,17 @@ pub(super) fn processed(
     provenance: Provenance,
 ) -> Result<ProcessedRecording, Fault> {
     let has_axes = |table: &Table| AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
+    let has_axes_somewhere = tables.iter().any(has_axes);
+    let mut wanted: Vec<String> = ["force_normal", "speed"].map(str::to_owned).to_vec();
+    match has_axes_somewhere && !tables.iter().any(|table| table.has("accel")) {
+        true => wanted.extend(AXES.map(|axis| format!("accel_{axis}"))),
+        false => wanted.insert(0, "accel".to_owned()),
+    }
+    refuse_missing(tables, wanted)?;
     let has_vibration = |table: &Table| table.has("accel") || has_axes(table);
     let first = tables.iter().position(has_vibration).unwrap_or(0);
     tables.swap(0, first);
+    let names_of_files: Vec<String> = tables.iter().map(|table| table.label.clone()).collect();
     let Some((vibration, others)) = tables.split_first_mut() else {
         return Err(ReadError::Io("there are no tables".to_owned()).into());
     };
@@ -31,6 +40,7 @@ pub(super) fn processed(
     }
     let elsewhere = |name: &str| others.iter().position(|table| table.has(name));
     let (mut here, mut there) = (vec![], vec![]);
+    let mut files = vec![];
     for name in SLOW {
         match elsewhere(name) {
             Some(table) if !vibration.has(name) => there.push((name, table)),
@@ -43,6 +53,7 @@ pub(super) fn processed(
     let mut slow = vec![];
     for (name, table) in there {
         let one = others[table].take(&[name])?;
+        files.push(names_of_files[table + 1].as_str());
         slow.push((
             name,
             Series {
@@ -52,6 +63,8 @@ pub(super) fn processed(
             },
         ));
     }
+    let cuts = cuts(&taken, &slow, &names_of_files[0], &files);
+    vibration.findings.extend(cuts);
     cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.fault(header_line, message))?;
     let mut columns = taken.columns.into_iter();
     let acceleration = names
@@ -95,6 +108,39 @@ fn zipped([x, y, z]: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
     x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
 }
 
+/// Shorter rests need no word, s.
+const UNUSED_S: f64 = 0.1;
+
+/// Where files of one take begin or end far from one another: what of the longest is not used.
+fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str]) -> Vec<Finding> {
+    let samples = taken.columns.first().map_or(0, Vec::len);
+    let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
+    let spans: Vec<(&str, f64, f64)> = std::iter::once((own, taken.start_s, own_end))
+        .chain(
+            series
+                .iter()
+                .zip(files)
+                .map(|((_, s), file)| (*file, s.start_s, s.end_s())),
+        )
+        .collect();
+    let extremes = |begins: bool| {
+        let at = |&(file, begin, end): &(&str, f64, f64)| (file.to_owned(), if begins { begin } else { end });
+        let all = spans.iter().map(at);
+        let by_time = |a: &(String, f64), b: &(String, f64)| a.1.total_cmp(&b.1);
+        let (first, last) = (all.clone().min_by(by_time)?, all.max_by(by_time)?);
+        // The one that begins last, or ends first, is the shorter.
+        let ((short, short_s), (long, long_s)) = if begins { (last, first) } else { (first, last) };
+        ((long_s - short_s).abs() > UNUSED_S && short != long).then_some(Finding::Cut {
+            begins,
+            short,
+            short_s,
+            long,
+            long_s,
+        })
+    };
+    [true, false].into_iter().filter_map(extremes).collect()
+}
+
 /// Keeps the samples that lie in the time of all series.
 fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Result<(), String> {
     let samples = taken.columns.first().map_or(0, Vec::len);
@@ -106,7 +152,9 @@ fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Resul
     let end = series.iter().map(|(_, s)| s.end_s()).fold(own_end, f64::min);
     if begin >= end {
         return Err(format!(
-            "the files share no time: the last begins at {begin} s, the first ends at {end} s"
+            "the files share no time: the last begins at {} s, the first ends at {} s",
+            shown(begin),
+            shown(end)
         ));
     }
     let place = |time: f64| (time - taken.start_s) * taken.rate_hz;

@@ -1,12 +1,14 @@
 //! Rows and columns, with every cell's place for those who have to mend it.
 
 use super::super::import::{
-    Finding, ImportSettings, Timing, interpolate_missing, remove_outliers, resampled, timing,
+    BadCell, Finding, ImportSettings, Timing, clipped, interpolate_missing, remove_outliers, resampled,
+    timing,
 };
-use super::super::rows::{Head, Row, Rows};
+use super::super::rows::{Head, Row, Rows, listed};
 use super::super::{ReadError, RecordingError, Series};
-use super::units::{Scale, parse_name, parse_unit, plain_name, unit_at_end};
+use super::units::{QUANTITIES, Scale, is_of, parse_unit, plain_name, unit_in_file, unit_of_column};
 use crate::files::decimal::parse_thousandth;
+use haptograph_signal::quantity::Quantity;
 use std::collections::BTreeMap;
 use std::io::BufRead;
 
@@ -18,16 +20,35 @@ const LONGEST_SLOW_REPAIR_S: f64 = 0.05;
 const MOST_UNREADABLE: f64 = 0.01;
 /// Tables of this many rows or fewer may have one nevertheless.
 const FEW_ROWS: usize = 100;
+/// Vibrations of a rate beyond these have times in another unit than their column says, Hz.
+const RATES_HZ: [f64; 2] = [100.0, 1e6];
+
+/// Which columns of a table are read.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::recording) enum Wanted<'a> {
+    /// Those of a recording.
+    Recording,
+    /// Time, and the column of this name, or else the acceleration or the only other column.
+    Signal(Option<&'a str>),
+    /// The column of this name, its numbers as they stand.
+    AsItStands(&'a str),
+    /// Time, current and acceleration of an actuator.
+    Sweep,
+}
 
 /// The columns that are understood, in SI. Cells that were empty are NaN, cells that could not be read infinite.
 pub(in crate::recording) struct Table {
     /// Which of a take's files it is.
     pub(in crate::recording) file: usize,
+    /// The file's name.
+    pub(in crate::recording) label: String,
     pub(super) header_line: u64,
     pub(super) notes: BTreeMap<String, String>,
-    pub(super) findings: Vec<Finding>,
+    pub(in crate::recording) findings: Vec<Finding>,
     /// All columns of the file.
-    names: Vec<String>,
+    pub(super) names: Vec<String>,
+    /// Whether it has lines (or rows of a sheet) that a person can go to.
+    has_lines: bool,
     columns: Vec<Column>,
     lines: Lines,
     strict: bool,
@@ -37,10 +58,15 @@ pub(in crate::recording) struct Table {
 struct Column {
     /// Without unit.
     name: String,
+    /// In the file.
+    header: String,
     /// In the file, from 1.
     number: usize,
+    /// In SI of this unit, of columns that are no quantity of ours.
+    unit: Option<&'static str>,
     values: Vec<f64>,
     unreadable: usize,
+    first_unreadable: Option<BadCell>,
 }
 
 /// The line of each row, kept where they do not simply follow.
@@ -77,11 +103,16 @@ impl Lines {
 /// A table that was not text: NaN for empty cells, infinite for unreadable ones.
 #[derive(Default)]
 pub(in crate::recording) struct Cells {
+    /// 0 where the table has no lines.
     pub header_line: u64,
     pub names: Vec<String>,
+    /// Of the row below the names; may be empty.
+    pub units: Vec<String>,
     pub notes: BTreeMap<String, String>,
     pub columns: Vec<Vec<f64>>,
     pub lines: Lines,
+    /// Columns of another length, and that.
+    pub others: Vec<(String, usize)>,
 }
 
 /// What is wrong, and with which of a take's files.
@@ -115,10 +146,10 @@ impl Table {
     pub(in crate::recording) fn read(
         source: impl BufRead,
         import: &ImportSettings,
+        wanted: Wanted<'_>,
     ) -> Result<Self, ReadError> {
-        let (mut rows, head) = Rows::new(source)?;
-        let (wanted, mut table) = Self::empty(head, import)?;
-        let mut first_unreadable = None;
+        let (mut rows, head) = Rows::new(source, &|name| is_wanted(name, import, wanted))?;
+        let (chosen, mut table) = Self::empty(head, import, wanted)?;
         while let Some(row) = rows.next()? {
             let line = row.line;
             let columns = table.names.len();
@@ -126,104 +157,150 @@ impl Table {
                 return Err(unequal(&row, columns));
             }
             table.lines.push(line);
-            for (&(index, scale), column) in wanted.iter().zip(&mut table.columns) {
+            for (&(index, scale), column) in chosen.iter().zip(&mut table.columns) {
                 let cell = row.cell(index);
                 column.values.push(match cell {
                     b"" => f64::NAN,
                     cell => number(cell, scale).unwrap_or_else(|| {
                         column.unreadable += 1;
-                        let error = not_a_number(line, index, &column.name, cell);
-                        first_unreadable.get_or_insert(error);
+                        column.first_unreadable.get_or_insert_with(|| BadCell {
+                            line,
+                            column: index + 1,
+                            text: Some(String::from_utf8_lossy(cell).chars().take(20).collect()),
+                        });
                         f64::INFINITY
                     }),
                 });
             }
         }
-        table.checked(first_unreadable, import)
+        table.checked(import, wanted)
     }
 
     /// No rows yet.
-    fn empty(head: Head, import: &ImportSettings) -> Result<(Vec<Wanted>, Self), ReadError> {
-        let (wanted, columns) = choose(&head, import)?;
-        let table = Self {
+    fn empty(
+        head: Head,
+        import: &ImportSettings,
+        wanted: Wanted<'_>,
+    ) -> Result<(Vec<Chosen>, Self), ReadError> {
+        let mut table = Self {
             file: 0,
+            label: String::new(),
             header_line: head.line,
+            has_lines: head.line > 0,
             notes: head.notes,
             names: head.names,
             findings: vec![],
-            columns,
+            columns: vec![],
             lines: Lines::default(),
             strict: import.strict,
             given_rate_hz: import.rate_hz,
         };
-        Ok((wanted, table))
+        let chosen = table.choose(&head.units, import, wanted)?;
+        Ok((chosen, table))
     }
 
     pub(in crate::recording) fn of_cells(
         mut cells: Cells,
         import: &ImportSettings,
+        wanted: Wanted<'_>,
     ) -> Result<Self, ReadError> {
         let head = Head {
-            line: cells.header_line.max(1),
+            line: cells.header_line,
             names: cells.names,
+            units: cells.units,
             notes: cells.notes,
         };
-        let (wanted, mut table) = Self::empty(head, import)?;
+        if let Some((name, length)) = cells
+            .others
+            .iter()
+            .find(|(name, _)| is_wanted(name, import, wanted))
+        {
+            let longest = head.names.iter().find(|name| is_wanted(name, import, wanted));
+            let longest = longest.or(head.names.first()).map_or("another", String::as_str);
+            return Err(ReadError::Io(format!(
+                "variable {name} has {length} values, {longest} {}: all need the same length",
+                cells.lines.rows()
+            )));
+        }
+        let (chosen, mut table) = Self::empty(head, import, wanted)?;
+        let others = cells.others.into_iter();
+        table
+            .names
+            .extend(others.map(|(name, length)| format!("{name} ({length} values)")));
         table.lines = cells.lines;
-        let mut first_unreadable = None;
-        for (&(index, scale), column) in wanted.iter().zip(&mut table.columns) {
+        for (&(index, scale), column) in chosen.iter().zip(&mut table.columns) {
             column.values = std::mem::take(&mut cells.columns[index]);
             for (row, value) in column.values.iter_mut().enumerate() {
                 if value.is_infinite() {
                     column.unreadable += 1;
-                    let error = ReadError::CsvCell {
+                    column.first_unreadable.get_or_insert_with(|| BadCell {
                         line: table.lines.of(row),
                         column: index + 1,
-                        message: format!("the cell of {} holds no number", column.name),
-                    };
-                    first_unreadable.get_or_insert(error);
+                        text: None,
+                    });
                 }
                 *value = scale.si(*value);
             }
         }
-        table.checked(first_unreadable, import)
+        table.checked(import, wanted)
     }
 
     /// The table, unless more is unreadable than accidents explain.
-    fn checked(
-        mut self,
-        first_unreadable: Option<ReadError>,
-        import: &ImportSettings,
-    ) -> Result<Self, ReadError> {
+    fn checked(mut self, import: &ImportSettings, wanted: Wanted<'_>) -> Result<Self, ReadError> {
         let rows = self.lines.rows();
         let allowed =
             ((rows as f64 * MOST_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
-        let too_many = self.columns.iter().any(|column| column.unreadable > allowed);
-        match first_unreadable {
-            Some(error) if import.strict || too_many => Err(error),
-            _ => {
-                self.fill_constants(&import.constants);
-                Ok(self)
-            }
+        let refused = |column: &&Column| column.unreadable > if import.strict { 0 } else { allowed };
+        if let Some(column) = self.columns.iter().find(refused)
+            && let Some(cell) = &column.first_unreadable
+        {
+            let what = match &cell.text {
+                Some(text) => format!("{text:?} in {} is not a finite number", column.header),
+                None => format!("the cell of {} holds no number", column.header),
+            };
+            let message = match import.strict {
+                true => what,
+                false => format!(
+                    "{what}; {} of {rows} cells of this column cannot be read; 1 in 100 is allowed",
+                    column.unreadable
+                ),
+            };
+            return Err(self.cell_error(cell.line, column.number, message));
         }
+        if matches!(wanted, Wanted::Recording) {
+            self.fill_constants(&import.constants);
+        }
+        Ok(self)
     }
 
     fn fill_constants(&mut self, constants: &BTreeMap<String, f64>) {
         for (name, &value) in constants {
             self.columns.retain(|column| column.name != *name);
             self.columns.push(Column {
-                name: name.clone(),
-                number: 1,
                 values: vec![value; self.lines.rows()],
-                unreadable: 0,
+                ..Column::new(name.clone(), name, 0)
             });
         }
     }
 
     fn error(&self, line: u64, message: impl ToString) -> ReadError {
-        ReadError::Csv {
-            line,
-            message: message.to_string(),
+        let message = message.to_string();
+        match self.has_lines {
+            true => ReadError::Csv { line, message },
+            false if line == self.header_line => ReadError::Io(message),
+            false => ReadError::Io(format!("sample {line} (from 1): {message}")),
+        }
+    }
+
+    /// `column` counts from 1.
+    fn cell_error(&self, line: u64, column: usize, message: String) -> ReadError {
+        match self.has_lines {
+            true => ReadError::CsvCell {
+                line,
+                column,
+                message,
+            },
+            false => self.error(line, message),
         }
     }
 
@@ -242,25 +319,20 @@ impl Table {
         self.columns.iter().any(|column| column.name == name)
     }
 
+    /// What a column is called in the file.
+    pub(super) fn header_of(&self, name: &str) -> Option<&str> {
+        let found = self.columns.iter().find(|column| column.name == name);
+        found.map(|column| &*column.header)
+    }
+
     fn needed(&self, name: &str) -> Result<usize, ReadError> {
         let found = self.columns.iter().position(|column| column.name == name);
-        found.ok_or_else(|| {
-            let known: Vec<_> = self.columns.iter().map(|column| &column.name[..]).collect();
-            let known = match known.is_empty() {
-                true => "none".to_owned(),
-                false => known.join(", "),
-            };
-            let message = match name {
-                "time" => format!(
-                    "nothing says how fast the samples follow one another; understood were: {known}; give the rate \
-                     (--sample-rate HZ), a column time_s, or in a MATLAB file a number fs"
-                ),
-                _ => format!(
-                    "a column of {name} is missing; understood were: {known}; rename the column, or say which it is (--column)"
-                ),
-            };
-            self.error(self.header_line, message)
-        })
+        found.ok_or_else(|| missing_columns(&[self], vec![name.to_owned()]))
+    }
+
+    /// Whether nothing says how fast the samples follow one another.
+    pub(super) fn lacks_rate(&self) -> bool {
+        !self.has("time") && self.given_rate_hz.is_none() && !self.notes.contains_key("rate_hz")
     }
 
     fn rate_without_times(&self) -> Result<Option<f64>, ReadError> {
@@ -300,7 +372,7 @@ impl Table {
     }
 
     /// The samples of columns without empty cells, which are taken out of the table.
-    pub(super) fn take(&mut self, names: &[&str]) -> Result<Even, Fault> {
+    pub(in crate::recording) fn take(&mut self, names: &[&str]) -> Result<Even, Fault> {
         self.taken(names).map_err(|error| self.at_fault(error))
     }
 
@@ -313,9 +385,10 @@ impl Table {
         let mut columns = vec![];
         for (name, place) in names.iter().zip(places) {
             let mut values = std::mem::take(&mut self.columns[place].values);
+            self.look_at(name, &values, &timing);
             self.repair(name, place, &mut values, timing.rate_hz)?;
             columns.push(match timing.is_uneven {
-                true => resampled(&times, &values, &timing, name.starts_with("accel")),
+                true => resampled(&times, &values, &timing, is_vibration(name)),
                 false => values,
             });
         }
@@ -335,20 +408,22 @@ impl Table {
         rate_hz: f64,
     ) -> Result<(), ReadError> {
         let Column {
-            number, unreadable, ..
+            number,
+            unreadable,
+            ref first_unreadable,
+            ..
         } = self.columns[place];
-        let at = |row: usize, message: String| ReadError::CsvCell {
-            line: self.lines.of(row),
-            column: number,
-            message,
-        };
+        let first = first_unreadable.clone().filter(|_| self.has_lines);
+        let at = |row: usize, message: String| self.cell_error(self.lines.of(row), number, message);
         if self.strict {
             return match values.iter().position(|x| x.is_nan()) {
-                Some(row) => Err(self.error(self.lines.of(row), format!("{name} is missing"))),
-                None => Ok(()),
+                Some(row) if name != SIGNAL => {
+                    Err(self.error(self.lines.of(row), format!("{name} is missing")))
+                }
+                _ => self.refuse_empty(place, values),
             };
         }
-        let longest = match name.starts_with("accel") {
+        let longest = match is_vibration(name) {
             true => LONGEST_REPAIR,
             false => ((LONGEST_SLOW_REPAIR_S * rate_hz).ceil() as usize).max(LONGEST_REPAIR),
         };
@@ -369,6 +444,7 @@ impl Table {
                 unreadable,
                 empty,
                 of,
+                first,
             });
         }
         if outliers > 0 {
@@ -378,6 +454,33 @@ impl Table {
             });
         }
         Ok(())
+    }
+
+    /// What is odd in a vibration, and no repair mends.
+    fn look_at(&mut self, name: &str, values: &[f64], timing: &Timing) {
+        if !is_vibration(name) {
+            return;
+        }
+        if self.given_rate_hz.is_none()
+            && let Some(time) = self.header_of("time")
+            && !(RATES_HZ[0]..=RATES_HZ[1]).contains(&timing.rate_hz)
+        {
+            let finding = Finding::StrangeRate {
+                column: time.to_owned(),
+                rate_hz: timing.rate_hz,
+            };
+            if !self.findings.contains(&finding) {
+                self.findings.push(finding);
+            }
+        }
+        let count = clipped(values);
+        if count > 0 {
+            self.findings.push(Finding::Clipped {
+                quantity: name.to_owned(),
+                count,
+                of: values.len(),
+            });
+        }
     }
 
     /// Samples of columns that belong together, from the rows where they are not empty.
@@ -407,12 +510,11 @@ impl Table {
         let mut columns = vec![];
         for (name, &place) in names.iter().zip(&places) {
             let mut values: Vec<f64> = rows.iter().map(|&row| self.columns[place].values[row]).collect();
-            let unreadable =
-                interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| ReadError::CsvCell {
-                    line: self.lines.of(rows[at.start]),
-                    column: self.columns[place].number,
-                    message: format!("{name} cannot be read in {} rows from here on", at.len()),
-                })?;
+            self.look_at(name, &values, &timing);
+            let unreadable = interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| {
+                let message = format!("{name} cannot be read in {} rows from here on", at.len());
+                self.cell_error(self.lines.of(rows[at.start]), self.columns[place].number, message)
+            })?;
             let quantity = (*name).to_owned();
             if unreadable > 0 {
                 let (empty, of) = (0, values.len());
@@ -421,10 +523,14 @@ impl Table {
                     unreadable,
                     empty,
                     of,
+                    first: self.columns[place]
+                        .first_unreadable
+                        .clone()
+                        .filter(|_| self.has_lines),
                 });
             }
             columns.push(match timing.is_uneven {
-                true => resampled(&times, &values, &timing, name.starts_with("accel")),
+                true => resampled(&times, &values, &timing, is_vibration(name)),
                 false => values,
             });
         }
@@ -441,33 +547,321 @@ impl Table {
 }
 
 /// Index and scale of a column to read.
-type Wanted = (usize, Scale);
+type Chosen = (usize, Scale);
 
-/// The columns to read: those that are mapped, and those whose names are ours.
-fn choose(head: &Head, import: &ImportSettings) -> Result<(Vec<Wanted>, Vec<Column>), ReadError> {
-    let mut wanted = vec![];
-    let mut columns: Vec<Column> = vec![];
-    for (index, name) in head.names.iter().enumerate() {
-        let wrong = |message| ReadError::CsvCell {
-            line: head.line,
-            column: index + 1,
-            message,
-        };
-        let Some((plain, scale)) = understood(name, import).transpose().map_err(wrong)? else {
-            continue;
-        };
-        if columns.iter().any(|known| known.name == plain) {
-            return Err(wrong(format!("this is a second column of {plain}")));
-        }
-        wanted.push((index, scale));
-        columns.push(Column {
-            name: plain,
+impl Column {
+    fn new(name: String, header: &str, index: usize) -> Self {
+        Self {
+            name,
+            header: header.to_owned(),
             number: index + 1,
+            unit: None,
             values: vec![],
             unreadable: 0,
-        });
+            first_unreadable: None,
+        }
     }
-    Ok((wanted, columns))
+}
+
+/// What is read as a signal, whatever it is.
+const SIGNAL: &str = "signal";
+
+fn is_vibration(name: &str) -> bool {
+    name.starts_with("accel") || name == SIGNAL
+}
+
+/// Whether a column of that name would be read.
+pub(in crate::recording) fn is_wanted(name: &str, import: &ImportSettings, wanted: Wanted<'_>) -> bool {
+    let is = |asked: &str| asked.trim().eq_ignore_ascii_case(name);
+    match wanted {
+        Wanted::AsItStands(asked) => is(asked),
+        Wanted::Signal(Some(asked)) => is(asked) || plain(name, import).is_some_and(|plain| plain == "time"),
+        Wanted::Recording | Wanted::Signal(None) => plain(name, import).is_some(),
+        Wanted::Sweep => plain(name, import).is_some() || is_of(name, "", Quantity::CURRENT),
+    }
+}
+
+impl Table {
+    /// Notes which columns to read, and which not.
+    fn choose(
+        &mut self,
+        units: &[String],
+        import: &ImportSettings,
+        wanted: Wanted<'_>,
+    ) -> Result<Vec<Chosen>, ReadError> {
+        let names = std::mem::take(&mut self.names);
+        let chosen = match wanted {
+            Wanted::AsItStands(name) => self.find(&names, name).map(|index| {
+                self.columns
+                    .push(Column::new(SIGNAL.to_owned(), &names[index], index));
+                vec![(index, Scale::One)]
+            }),
+            _ => self.chosen(&names, units, import, wanted),
+        };
+        self.names = names;
+        let chosen = chosen?;
+        if matches!(wanted, Wanted::Recording) {
+            let is_unused = |&(index, name): &(usize, &String)| {
+                !name.is_empty() && !chosen.iter().any(|(chosen, _)| *chosen == index)
+            };
+            let unused = self.names.iter().enumerate().filter(is_unused);
+            let columns: Vec<String> = unused.map(|(_, name)| name.clone()).collect();
+            if !columns.is_empty() {
+                self.findings.push(Finding::NotUsed { columns });
+            }
+        }
+        Ok(chosen)
+    }
+
+    fn chosen(
+        &mut self,
+        names: &[String],
+        units: &[String],
+        import: &ImportSettings,
+        wanted: Wanted<'_>,
+    ) -> Result<Vec<Chosen>, ReadError> {
+        let below = |index: usize| units.get(index).map_or("", String::as_str);
+        let mut plain: Vec<Option<String>> = names.iter().map(|name| self::plain(name, import)).collect();
+        match wanted {
+            Wanted::Recording | Wanted::AsItStands(_) => {}
+            Wanted::Sweep => self.choose_sweep(names, units, &mut plain)?,
+            Wanted::Signal(asked) => {
+                let is = |plain: &Option<String>, wanted: &str| plain.as_deref() == Some(wanted);
+                let has = |wanted: &str| plain.iter().any(|plain| is(plain, wanted));
+                let signal = match asked {
+                    Some(name) => Some(self.find(names, name)?),
+                    None if has("accel")
+                        || ["accel_x", "accel_y", "accel_z"].iter().all(|axis| has(axis)) =>
+                    {
+                        None
+                    }
+                    None => {
+                        let others =
+                            (0..names.len()).filter(|&i| !is(&plain[i], "time") && !names[i].is_empty());
+                        match others.collect::<Vec<_>>()[..] {
+                            [index] => Some(index),
+                            _ => {
+                                let message = format!(
+                                    "which column is the signal? Say it by --column; there are {}",
+                                    listed(names)
+                                );
+                                return Err(self.error(self.header_line, message));
+                            }
+                        }
+                    }
+                };
+                let has_accel = has("accel");
+                for (index, plain) in plain.iter_mut().enumerate() {
+                    let is_kept = match (signal, plain.as_deref()) {
+                        (_, Some("time")) => true,
+                        (None, Some("accel")) => true,
+                        (None, Some(axis)) => !has_accel && axis.starts_with("accel_"),
+                        _ => false,
+                    };
+                    if signal == Some(index) {
+                        *plain = Some(SIGNAL.to_owned());
+                    } else if !is_kept {
+                        *plain = None;
+                    }
+                }
+            }
+        }
+        let mut chosen = vec![];
+        for (index, (name, plain)) in names.iter().zip(plain).enumerate() {
+            let Some(plain) = plain else { continue };
+            let wrong = |message| self.cell_error(self.header_line, index + 1, message);
+            if self.has(&plain) {
+                return Err(wrong(format!("this is a second column of {plain}")));
+            }
+            let mut column = Column::new(plain.clone(), name, index);
+            let scale = match &*plain {
+                SIGNAL => {
+                    let given = import.units.get("accel").filter(|unit| *unit != "1");
+                    let (scale, unit) = match given.map(|unit| parse_unit("accel", unit)).transpose() {
+                        Ok(Some(scale)) => (scale, Some("m/s2")),
+                        Ok(None) => match unit_of_column(name, below(index)) {
+                            Some((scale, unit)) => (scale, Some(unit)),
+                            None => (Scale::One, None),
+                        },
+                        Err(message) => return Err(wrong(message)),
+                    };
+                    column.unit = unit;
+                    scale
+                }
+                _ => {
+                    let (scale, contradicted) = scale(name, below(index), &plain, import).map_err(wrong)?;
+                    if let Some(given) = contradicted {
+                        self.findings.push(Finding::OtherUnit {
+                            column: name.clone(),
+                            given,
+                        });
+                    }
+                    scale
+                }
+            };
+            chosen.push((index, scale));
+            self.columns.push(column);
+        }
+        Ok(chosen)
+    }
+
+    /// The only columns of current and acceleration, where they are not said.
+    fn choose_sweep(
+        &self,
+        names: &[String],
+        units: &[String],
+        plain: &mut [Option<String>],
+    ) -> Result<(), ReadError> {
+        for (quantity, wanted) in [(Quantity::CURRENT, "current"), (Quantity::ACCELERATION, "accel")] {
+            if plain.iter().flatten().any(|plain| plain == wanted) {
+                continue;
+            }
+            let below = |index: usize| units.get(index).map_or("", String::as_str);
+            let fitting = (0..names.len()).filter(|&index| is_of(&names[index], below(index), quantity));
+            match fitting.collect::<Vec<_>>()[..] {
+                [] => {}
+                [index] => plain[index] = Some(wanted.to_owned()),
+                [first, ..] => {
+                    let message = format!(
+                        "several columns are {wanted} by their unit; say which: --column {wanted}={:?}",
+                        names[first]
+                    );
+                    return Err(self.error(self.header_line, message));
+                }
+            }
+        }
+        for plain in plain.iter_mut() {
+            let is_ours = |plain: &String| ["time", "current", "accel"].contains(&plain.as_str());
+            *plain = plain.take().filter(is_ours);
+        }
+        Ok(())
+    }
+
+    /// The column of that name; in other letter case if none has it exactly.
+    fn find(&self, names: &[String], asked: &str) -> Result<usize, ReadError> {
+        let exact = names.iter().position(|known| known == asked.trim());
+        let found = exact.or_else(|| {
+            names
+                .iter()
+                .position(|known| known.eq_ignore_ascii_case(asked.trim()))
+        });
+        found.ok_or_else(|| {
+            let message = format!("there is no column {asked:?}; there are {}", listed(names));
+            self.error(self.header_line, message)
+        })
+    }
+
+    /// A column that was chosen as a signal, as its numbers stand; in the table of a raw recording, where slower sensors leave cells empty,
+    /// without these.
+    pub(in crate::recording) fn as_it_stands(&mut self) -> Result<Vec<f64>, ReadError> {
+        let place = self.needed(SIGNAL)?;
+        let mut values = std::mem::take(&mut self.columns[place].values);
+        match self.is_raw() {
+            true => values.retain(|value| !value.is_nan()),
+            false => self.refuse_empty(place, &values)?,
+        }
+        Ok(values)
+    }
+
+    fn refuse_empty(&self, place: usize, values: &[f64]) -> Result<(), ReadError> {
+        let Column { number, header, .. } = &self.columns[place];
+        match values.iter().position(|value| value.is_nan()) {
+            Some(row) => {
+                let message = format!("the cell of {header} is empty");
+                Err(self.cell_error(self.lines.of(row), *number, message))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn is_raw(&self) -> bool {
+        let quantity = |name: &String| plain_name(&name.to_lowercase()).map(|(plain, _)| plain);
+        let has = |wanted: &str| self.names.iter().filter_map(quantity).any(|name| name == wanted);
+        has("accel_x") && (has("force_x") || has("position_x"))
+    }
+
+    /// The columns that were chosen as a signal, their name and unit, and their rate where it is known.
+    pub(in crate::recording) fn signal(&mut self) -> Result<SignalColumns, ReadError> {
+        let is_signal = |column: &&Column| column.name != "time";
+        let chosen: Vec<&Column> = self.columns.iter().filter(is_signal).collect();
+        let names: Vec<String> = chosen.iter().map(|column| column.name.clone()).collect();
+        let headers: Vec<&str> = chosen.iter().map(|column| &*column.header).collect();
+        let name = headers.join(", ");
+        let unit = match &chosen[..] {
+            [column] if column.name == SIGNAL => column.unit,
+            _ => Some("m/s2"),
+        };
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let has_rate = !self.lacks_rate();
+        if !has_rate {
+            self.given_rate_hz = Some(1.0);
+        }
+        let (rate_hz, values) = match self.is_raw() {
+            true => {
+                let series = self.sensed(&names)?;
+                let column = |index: usize| series.samples.iter().map(|row| row[index]).collect();
+                (series.rate_hz, (0..names.len()).map(column).collect())
+            }
+            false => {
+                let even = self.taken(&names)?;
+                (even.rate_hz, even.columns)
+            }
+        };
+        Ok(SignalColumns {
+            name,
+            unit,
+            rate_hz: has_rate.then_some(rate_hz),
+            values,
+        })
+    }
+}
+
+/// One signal, or its three axes.
+pub(in crate::recording) struct SignalColumns {
+    pub name: String,
+    pub unit: Option<&'static str>,
+    pub rate_hz: Option<f64>,
+    pub values: Vec<Vec<f64>>,
+}
+
+/// The quantity of ours that a column holds, by the settings or else by its name.
+fn plain(name: &str, import: &ImportSettings) -> Option<String> {
+    if let Some((plain, _)) = import.columns.iter().find(|(_, column)| *column == name) {
+        return Some(plain.clone());
+    }
+    let (plain, _) = plain_name(&name.to_lowercase())?;
+    // What is mapped elsewhere counts, and not what is called so.
+    let is_elsewhere = import.columns.contains_key(&plain) || import.constants.contains_key(&plain);
+    (QUANTITIES.contains(&&*plain) && !is_elsewhere).then_some(plain)
+}
+
+/// The scale of a column, and the unit that was given where the file says another.
+fn scale(
+    name: &str,
+    below: &str,
+    plain: &str,
+    import: &ImportSettings,
+) -> Result<(Scale, Option<String>), String> {
+    let is_mapped = import.columns.get(plain).is_some_and(|column| column == name);
+    // The unit of `accel` is that of its axes too.
+    let whole = plain.split('_').next().unwrap_or(plain);
+    let given = import.units.get(plain).or_else(|| import.units.get(whole));
+    let own = unit_in_file(name, below, plain, is_mapped);
+    let Some(unit) = given else {
+        return own.map(|scale| (scale, None));
+    };
+    let scale = parse_unit(plain, unit)?;
+    let contradicts = unit.trim() != "1" && own.is_ok_and(|own| own != scale);
+    Ok((scale, contradicts.then(|| format!("{plain}={unit}"))))
+}
+
+/// That columns are missing, and which there are.
+pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<String>) -> ReadError {
+    let names = tables.iter().flat_map(|table| &table.names).cloned();
+    ReadError::Missing {
+        missing,
+        columns: names.filter(|name| !name.is_empty()).collect(),
+    }
 }
 
 /// Columns that are asked for have to be in one of the tables.
@@ -475,49 +869,16 @@ pub(in crate::recording) fn check_mapping(
     tables: &[Table],
     import: &ImportSettings,
 ) -> Result<(), ReadError> {
-    let names: Vec<&str> = tables
-        .iter()
-        .flat_map(|table| &table.names)
-        .map(String::as_str)
-        .collect();
-    match import
-        .columns
-        .values()
-        .find(|column| !names.contains(&column.as_str()))
-    {
-        Some(column) => Err(ReadError::Csv {
-            line: tables.first().map_or(1, |table| table.header_line),
-            message: format!("there is no column {column:?}; there are {}", names.join(", ")),
-        }),
-        None => Ok(()),
-    }
-}
-
-/// What a column is by the settings, or else by its name.
-fn understood(name: &str, import: &ImportSettings) -> Option<Result<(String, Scale), String>> {
-    let unit_of = |plain: &str| {
-        // The unit of `accel` is that of its axes too.
-        let whole = plain.split('_').next().unwrap_or(plain);
-        import.units.get(plain).or_else(|| import.units.get(whole))
-    };
-    if let Some((plain, _)) = import.columns.iter().find(|(_, column)| *column == name) {
-        let scale = match unit_of(plain) {
-            Some(unit) => parse_unit(plain, unit),
-            None => unit_at_end(name, plain).ok_or_else(|| {
-                format!("the unit of {plain} in column {name:?} is not known; say it (--unit)")
-            }),
-        };
-        return Some(scale.map(|scale| (plain.clone(), scale)));
-    }
-    let lower = name.to_ascii_lowercase();
-    let (plain, _) = plain_name(&lower)?;
-    // What is mapped elsewhere counts, and not what is called so.
-    if import.columns.contains_key(&plain) || import.constants.contains_key(&plain) {
-        return None;
-    }
-    match unit_of(&plain) {
-        Some(unit) => Some(parse_unit(&plain, unit).map(|scale| (plain, scale))),
-        None => parse_name(&lower),
+    let names: Vec<String> = tables.iter().flat_map(|table| table.names.clone()).collect();
+    match (
+        import.columns.values().find(|column| !names.contains(column)),
+        tables,
+    ) {
+        (Some(column), [first, ..]) => {
+            let message = format!("there is no column {column:?}; there are {}", listed(&names));
+            Err(first.error(first.header_line, message))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -532,7 +893,7 @@ pub(in crate::recording) fn noted_rate_hz(
         Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(Some(rate)),
         _ => Err(ReadError::Csv {
             line: 1,
-            message: format!("the rate {text:?} is no number above 0"),
+            message: format!("the rate {text:?} is not a number above 0"),
         }),
     }
 }
@@ -559,20 +920,6 @@ fn scaled(text: &str, scale: Scale) -> Option<f64> {
         Scale::One => text.parse().ok(),
         Scale::Thousandth => parse_thousandth(text),
         Scale::Factor(factor) => Some(text.parse::<f64>().ok()? * factor),
-    }
-}
-
-/// `column` counts from 0.
-pub(in crate::recording) fn not_a_number(line: u64, column: usize, name: &str, cell: &[u8]) -> ReadError {
-    let start: String = String::from_utf8_lossy(cell).chars().take(20).collect();
-    let message = match start.is_empty() {
-        true => format!("the cell of {name} is empty"),
-        false => format!("{start:?} in {name} is no finite number"),
-    };
-    ReadError::CsvCell {
-        line,
-        column: column + 1,
-        message,
     }
 }
 

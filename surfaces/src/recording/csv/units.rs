@@ -31,7 +31,32 @@ impl Scale {
     }
 }
 
-static QUANTITIES: [(&str, Quantity); 7] = [
+/// What the columns of a recording hold, as `--column` and `--unit` name it.
+pub const QUANTITIES: [&str; 21] = [
+    "time",
+    "accel",
+    "force_normal",
+    "force_tangential",
+    "speed",
+    "accel_x",
+    "accel_y",
+    "accel_z",
+    "force_x",
+    "force_y",
+    "force_z",
+    "torque_x",
+    "torque_y",
+    "torque_z",
+    "position_x",
+    "position_y",
+    "position_z",
+    "orientation_w",
+    "orientation_x",
+    "orientation_y",
+    "orientation_z",
+];
+
+static DIMENSIONS: [(&str, Quantity); 8] = [
     ("time", Quantity::TIME),
     ("accel", Quantity::ACCELERATION),
     ("force", Quantity::FORCE),
@@ -39,13 +64,29 @@ static QUANTITIES: [(&str, Quantity); 7] = [
     ("position", Quantity::LENGTH),
     ("speed", Quantity::SPEED),
     ("orientation", Quantity::NUMBER),
+    // Of sweeps of actuators.
+    ("current", Quantity::CURRENT),
 ];
 /// What may stand between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
+/// A name whose unit stands in brackets, as `speed (mm/s)` and `accel [g]`, and the unit.
+fn bracketed(name: &str) -> Option<(&str, &str)> {
+    let (before, unit) = match name.strip_suffix(']') {
+        Some(rest) => rest.rsplit_once('[')?,
+        None => name.strip_suffix(')')?.rsplit_once('(')?,
+    };
+    let before = before.trim_end();
+    (!before.is_empty()).then_some((before, unit.trim()))
+}
+
 /// Quantity, name without unit, and what is left of a column's name; `None` for columns that are none of ours.
 fn parts(name: &str) -> Option<(Quantity, String, &str)> {
-    let (quantity_name, quantity) = QUANTITIES.iter().find(|(quantity, _)| {
+    if let Some((before, unit)) = bracketed(name) {
+        let (quantity, plain, rest) = parts(before)?;
+        return rest.is_empty().then_some((quantity, plain, unit));
+    }
+    let (quantity_name, quantity) = DIMENSIONS.iter().find(|(quantity, _)| {
         name.strip_prefix(quantity)
             .is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
     })?;
@@ -75,22 +116,124 @@ pub(in crate::recording) fn parse_name(name: &str) -> Option<Result<(String, Sca
     let (quantity, plain, unit) = parts(name)?;
     Some(match scale_of(unit, quantity) {
         Some(scale) => Ok((plain, scale)),
-        None => {
-            let known: Vec<_> = units::of_quantity(quantity)
-                .map(|unit| format!("{plain}_{unit}"))
-                .collect();
-            Err(format!(
-                "column {name:?} has no unit that is understood; name it {}, or say its unit (--unit)",
-                known.join(" or ")
-            ))
-        }
+        None => Err(no_unit(name, &plain, quantity)),
     })
+}
+
+fn no_unit(name: &str, plain: &str, quantity: Quantity) -> String {
+    let known: Vec<_> = units::of_quantity(quantity)
+        .map(|unit| format!("{plain}_{unit}"))
+        .collect();
+    format!(
+        "column {name:?} has no unit that is understood; name it {}, or say its unit: --unit {plain}={}",
+        known.join(" or "),
+        example_unit(plain)
+    )
+}
+
+/// The unit of a quantity, by what its column says: in brackets, at the end of its name, or in a row below the header.
+///
+/// # Errors
+/// What to say of it.
+pub(in crate::recording) fn unit_in_file(
+    header: &str,
+    below: &str,
+    plain: &str,
+    is_mapped: bool,
+) -> Result<Scale, String> {
+    let Some((quantity, ..)) = parts(plain) else {
+        return Err(not_ours(plain));
+    };
+    let lower = header.to_lowercase();
+    let own = match (bracketed(&lower), parts(&lower)) {
+        (Some((_, unit)), _) => scale_of(unit, quantity),
+        (None, Some((_, _, unit))) if !is_mapped => scale_of(unit, quantity),
+        _ => unit_at_end(&lower, plain),
+    };
+    let below = below.trim_matches(|c: char| c.is_whitespace() || "[]()".contains(c));
+    if let Some(scale) = own.or_else(|| scale_of(below, quantity)) {
+        return Ok(scale);
+    }
+    if !below.is_empty() {
+        return Err(format!(
+            "{below:?} below the header is not a unit of {plain}; {}",
+            say_unit(plain)
+        ));
+    }
+    match is_mapped {
+        true => Err(format!(
+            "the unit of {plain} in column {header:?} is not known; {}",
+            say_unit(plain)
+        )),
+        false => Err(no_unit(header, plain, quantity)),
+    }
+}
+
+fn say_unit(plain: &str) -> String {
+    format!("say it: --unit {plain}={}", example_unit(plain))
+}
+
+/// A unit that a logger may have written.
+pub(in crate::recording) fn example_unit(plain: &str) -> &'static str {
+    match plain.split('_').next() {
+        Some("time") => "ms",
+        Some("accel") => "g",
+        Some("force") => "N",
+        Some("speed") => "mm/s",
+        Some("position") => "mm",
+        Some("torque") => "N_mm",
+        Some("current") => "mA",
+        _ => "1",
+    }
+}
+
+fn not_ours(plain: &str) -> String {
+    format!("{plain} is none of a recording's quantities")
+}
+
+/// Whether a text, in brackets or not, is a unit of anything.
+pub(in crate::recording) fn is_unit(text: &str) -> bool {
+    unit_of_anything(text).is_some()
+}
+
+/// SI per unit, and the unit in SI, of a text that names a unit.
+pub(in crate::recording) fn unit_of_anything(text: &str) -> Option<(Scale, &'static str)> {
+    let unit = text.trim_matches(|c: char| c.is_whitespace() || "[]()".contains(c));
+    // Of two quantities with one unit, g, vibrations have the first.
+    let first = Quantity::NAMED
+        .iter()
+        .filter(|(q, ..)| *q == Quantity::ACCELERATION);
+    let mut all = first
+        .chain(Quantity::NAMED)
+        .filter(|(q, ..)| *q != Quantity::NUMBER);
+    all.find_map(|(quantity, _, si)| Some((scale_of(unit, *quantity)?, *si)))
+}
+
+/// The same of a column's name, by its brackets or its end, or of the cell below it.
+pub(in crate::recording) fn unit_of_column(header: &str, below: &str) -> Option<(Scale, &'static str)> {
+    let lower = header.to_lowercase();
+    if let Some(Ok((_, scale))) = parse_name(&lower) {
+        return si_unit(&lower).map(|unit| (scale, unit));
+    }
+    unit_of_anything(bracketed(&lower).map_or(below, |(_, unit)| unit))
+}
+
+/// Whether a column is of this quantity, by its unit alone.
+pub(in crate::recording) fn is_of(header: &str, below: &str, quantity: Quantity) -> bool {
+    let lower = header.to_lowercase();
+    match bracketed(&lower) {
+        Some((_, unit)) => scale_of(unit, quantity).is_some(),
+        None if units::of_header(&lower).0 == Quantity::NUMBER => {
+            scale_of(below.trim_matches(|c: char| "[]()".contains(c)), quantity).is_some()
+        }
+        None => units::of_header(&lower).0 == quantity,
+    }
 }
 
 /// The unit of a quantity of ours, such as `accel` or `force_normal`, that a person says; `1` stands for a unit that is not known.
 pub(in crate::recording) fn parse_unit(plain: &str, unit: &str) -> Result<Scale, String> {
     let Some((quantity, _, "")) = parts(plain) else {
-        return Err(format!("{plain} is none of a recording's quantities"));
+        return Err(not_ours(plain));
     };
     if unit.trim() == "1" {
         return Ok(Scale::One);
@@ -105,7 +248,7 @@ pub(in crate::recording) fn parse_unit(plain: &str, unit: &str) -> Result<Scale,
 }
 
 /// The unit at the end of any column's name, where it is one of the quantity's.
-pub(in crate::recording) fn unit_at_end(name: &str, plain: &str) -> Option<Scale> {
+fn unit_at_end(name: &str, plain: &str) -> Option<Scale> {
     let (quantity, ..) = parts(plain)?;
     match quantity {
         Quantity::NUMBER => Some(Scale::One),

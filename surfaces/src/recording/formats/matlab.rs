@@ -1,7 +1,7 @@
 //! Numeric variables of MATLAB's files of level 5 (`-v6` and `-v7`), as columns: vectors by their names, columns of matrices by name and
 //! number, fields of structures by their own names. A scalar `rate_hz` or `fs` is the rate.
 
-use super::super::csv::{Cells, Table};
+use super::super::csv::{Cells, Table, Wanted};
 use super::super::{ImportSettings, ReadError};
 use flate2::read::ZlibDecoder;
 use haptograph_signal::files::MAX_RECORDING_BYTES;
@@ -23,7 +23,11 @@ struct Variable {
     values: Vec<f64>,
 }
 
-pub(in crate::recording) fn matlab(bytes: &[u8], import: &ImportSettings) -> Result<Table, ReadError> {
+pub(in crate::recording) fn matlab(
+    bytes: &[u8],
+    import: &ImportSettings,
+    wanted: Wanted<'_>,
+) -> Result<Table, ReadError> {
     let wrong = |message: &str| ReadError::Io(message.to_owned());
     if bytes.starts_with(b"\x89HDF") || bytes.starts_with(b"MATLAB 7.3") {
         return Err(wrong(
@@ -55,18 +59,19 @@ pub(in crate::recording) fn matlab(bytes: &[u8], import: &ImportSettings) -> Res
     import.rate_hz = import
         .rate_hz
         .or(rate.filter(|rate| rate.is_finite() && *rate > 0.0));
-    Table::of_cells(cells(variables), &import)
+    Table::of_cells(cells(variables), &import, wanted)
 }
 
-/// The variables as columns of the longest length.
+/// The variables as columns of the longest length. Scalars may be settings of the logger, and are no columns.
 fn cells(variables: Vec<Variable>) -> Cells {
     let length = |v: &Variable| v.rows.max(v.values.len() / v.rows.max(1));
     let samples = variables.iter().map(length).max().unwrap_or(0);
     let mut cells = Cells::default();
-    for variable in variables
-        .into_iter()
-        .filter(|v| length(v) == samples && samples > 1)
-    {
+    for variable in variables {
+        if length(&variable) != samples || samples < 2 {
+            cells.others.push((variable.name.clone(), length(&variable)));
+            continue;
+        }
         let across = variable.values.len() / samples;
         for column in 0..across {
             let name = match across {

@@ -1,6 +1,7 @@
 //! The first sheet of a spreadsheet, laid out as a CSV file would be.
 
-use super::super::csv::{Cells, Table, number_of};
+use super::super::csv::{Cells, Table, Wanted, is_unit, is_wanted, number_of};
+use super::super::rows::{HEADER_WITHIN, header_of, is_without_numbers, listed};
 use super::super::{ImportSettings, ReadError};
 use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx};
 use std::collections::BTreeMap;
@@ -8,7 +9,11 @@ use std::io::{Cursor, Read, Seek, copy, sink};
 use zip::ZipArchive;
 
 /// Reads rows below a header; lines `# key: value` above it are in the first column.
-pub(in crate::recording) fn spreadsheet(bytes: &[u8], import: &ImportSettings) -> Result<Table, ReadError> {
+pub(in crate::recording) fn spreadsheet(
+    bytes: &[u8],
+    import: &ImportSettings,
+    wanted: Wanted<'_>,
+) -> Result<Table, ReadError> {
     let sheet = bounded(bytes, MOST_INFLATED).and_then(|()| {
         let mut book =
             Xlsx::new(Cursor::new(bytes)).map_err(|e| format!("the spreadsheet is damaged: {e}"))?;
@@ -16,27 +21,71 @@ pub(in crate::recording) fn spreadsheet(bytes: &[u8], import: &ImportSettings) -
     });
     let sheet = sheet.map_err(ReadError::Io)?;
     let first_row = sheet.start().map_or(0, |(row, _)| u64::from(row)) + 1;
+    let texts = |row: &[Data]| -> Vec<String> {
+        row.iter()
+            .map(|cell| cell.to_string().trim().to_owned())
+            .collect()
+    };
+    let note = |row: &[Data]| match row.first() {
+        Some(Data::String(text)) => text.trim().strip_prefix('#').map(str::to_owned),
+        _ => None,
+    };
+    let is_row = |(row, _): &(&[Data], u64)| {
+        note(row).is_none() && !row.iter().all(|cell| matches!(cell, Data::Empty))
+    };
+    let mut rows = sheet.rows().zip(first_row..).filter(is_row);
+    let first: Vec<Vec<String>> = rows
+        .clone()
+        .take(HEADER_WITHIN)
+        .map(|(row, _)| texts(row))
+        .collect();
+    let line_of = |row: usize| rows.clone().nth(row).map_or(first_row, |(_, line)| line);
+    let header = header_of(first.len(), &|row, _| first[row].clone(), &|name| {
+        is_wanted(name, import, wanted)
+    });
+    let header = header.map_err(|(one, other)| {
+        let (line, other) = (line_of(one), line_of(other));
+        ReadError::Csv {
+            line,
+            message: format!(
+                "rows {line} and {other} could both be the header; remove what does not belong to the table"
+            ),
+        }
+    })?;
     let mut cells = Cells::default();
-    for (row, line) in sheet.rows().zip(first_row..) {
-        let texts = || row.iter().map(|cell| cell.to_string().trim().to_owned());
-        if let Some(note) = texts()
-            .next()
-            .and_then(|text| text.strip_prefix('#').map(str::to_owned))
-        {
-            note_of(&note, &mut cells.notes);
-        } else if row.iter().all(|cell| matches!(cell, Data::Empty)) {
-        } else if cells.names.is_empty() {
-            cells.header_line = line;
-            cells.names = texts().collect();
-            cells.columns = vec![vec![]; row.len()];
-        } else {
-            cells.lines.push(line);
-            for (column, cell) in cells.columns.iter_mut().zip(row) {
-                column.push(value(cell));
-            }
+    if let Some((row, line)) = rows.nth(header) {
+        cells.header_line = line;
+        cells.names = texts(row);
+        cells.columns = vec![vec![]; row.len()];
+    }
+    let above = sheet
+        .rows()
+        .zip(first_row..)
+        .take_while(|(_, line)| *line < cells.header_line);
+    above
+        .filter_map(|(row, _)| note(row))
+        .for_each(|text| note_of(&text, &mut cells.notes));
+    let below = rows.clone().next().map(|(row, line)| (texts(row), line));
+    if let Some((units, line)) = below.filter(|(below, _)| is_without_numbers(below)) {
+        if !units.iter().any(|cell| is_unit(cell)) {
+            return Err(ReadError::Csv {
+                line,
+                message: format!(
+                    "the row below the header holds no number and no unit: {}; remove it, and say units by --unit",
+                    listed(&units)
+                ),
+            });
+        }
+        cells.units = units;
+        rows.next();
+    }
+    for (row, line) in rows {
+        cells.lines.push(line);
+        for (column, cell) in cells.columns.iter_mut().zip(row) {
+            column.push(value(cell));
         }
     }
-    Table::of_cells(cells, import)
+    Table::of_cells(cells, import, wanted)
 }
 
 /// What a workbook may inflate to, bytes: a few of the largest sheets that are read. Texts of all sheets are kept at once.

@@ -1,11 +1,15 @@
 //! Vibrations in WAV files.
 
-use super::super::csv::{Cells, Table};
+use super::super::csv::{Cells, Table, Wanted};
 use super::super::{ImportSettings, ReadError};
 use hound::{SampleFormat, WavReader};
 
 /// One channel is the acceleration, three are its axes; of others one is chosen by its number.
-pub(in crate::recording) fn wav(bytes: &[u8], import: &ImportSettings) -> Result<Table, ReadError> {
+pub(in crate::recording) fn wav(
+    bytes: &[u8],
+    import: &ImportSettings,
+    wanted: Wanted<'_>,
+) -> Result<Table, ReadError> {
     let wrong = |message: String| ReadError::Io(message);
     let mut reader = WavReader::new(bytes).map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
     let spec = reader.spec();
@@ -52,5 +56,5 @@ pub(in crate::recording) fn wav(bytes: &[u8], import: &ImportSettings) -> Result
     // The full scale has said it.
     import.units.insert("accel".to_owned(), "m_s2".to_owned());
     import.rate_hz = Some(f64::from(spec.sample_rate));
-    Table::of_cells(cells, &import)
+    Table::of_cells(cells, &import, wanted)
 }

@@ -1,6 +1,6 @@
 //! From times as loggers write them to samples at an even rate.
 
-use super::Finding;
+use super::{Finding, shown};
 
 /// More rows than these in a stretch are a gap, which nothing can fill.
 const LONGEST_GAP: f64 = 5.0;
@@ -55,14 +55,19 @@ pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing
     };
     if strict {
         let message = format!(
-            "time jumps: {} s where {} s is expected at an even rate of {rate_hz} Hz",
-            times[first_off],
-            expected(first_off)
+            "time jumps: {} s where {} s is expected at an even rate of {} Hz",
+            shown(times[first_off]),
+            shown(expected(first_off)),
+            shown(rate_hz)
         );
         return Err((first_off, message));
     }
     if let Some(row) = (1..times.len()).find(|&i| times[i] < times[i - 1]) {
-        let message = format!("time goes back, from {} s to {} s", times[row - 1], times[row]);
+        let message = format!(
+            "time goes back, from {} s to {} s",
+            shown(times[row - 1]),
+            shown(times[row])
+        );
         return Err((row, message));
     }
     if times.windows(2).any(|pair| pair[0] == pair[1]) {
@@ -79,7 +84,10 @@ fn coarse(times: &[f64], rate_hz: f64) -> Result<Timing, TimeFault> {
         let expected = times[0] + row as f64 / rate_hz;
         if (time - expected).abs() > 2.0 * resolution_s {
             let message = format!(
-                "time jumps: {time} s where {expected} s is expected at {rate_hz} Hz; cut the file here"
+                "time jumps: {} s where {} s is expected at {} Hz; cut the file here",
+                shown(*time),
+                shown(expected),
+                shown(rate_hz)
             );
             return Err((row, message));
         }
@@ -104,8 +112,11 @@ fn uneven(times: &[f64]) -> Result<Timing, TimeFault> {
         let step = pair[1] - pair[0];
         if step > (LONGEST_GAP + 0.5) * usual {
             let message = format!(
-                "there is a gap of {step:.6} s, from {} s to {} s, where rows are {usual:.6} s apart; make two files of it, cut here",
-                pair[0], pair[1]
+                "there is a gap of {} s, from {} s to {} s, where rows are {} s apart; make two files of it, cut here",
+                shown(step),
+                shown(pair[0]),
+                shown(pair[1]),
+                shown(usual)
             );
             return Err((row + 1, message));
         }
