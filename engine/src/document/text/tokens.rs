@@ -90,6 +90,18 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
                 let length = rest.find(']').map_or(rest.len(), |i| i + 1);
                 Some((Token::Attribute, length))
             }
+            '#' | '%' if begins_comment(c, text, &lexemes, start) => {
+                at += rest.find('\n').unwrap_or(rest.len());
+                refuse_comment(
+                    Span {
+                        source,
+                        start,
+                        end: at,
+                    },
+                    diagnostics,
+                );
+                continue;
+            }
             c if is_xid_start(c) || c == '_' => {
                 let length = rest.find(|c| !is_xid_continue(c));
                 Some((Token::Name, length.unwrap_or(rest.len())))
@@ -113,6 +125,41 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     }
     lexemes
 }
+
+/// Does a sign begin a comment, as it does in other languages? A percent sign does where no value can be before it.
+fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
+    sign == '#'
+        || match before.last() {
+            None => false,
+            Some(last) => {
+                matches!(last.token, Token::Comma | Token::Open) || text[last.end..start].contains('\n')
+            }
+        }
+}
+
+/// Reports a comment of another language; all of them as one.
+fn refuse_comment(span: Span, diagnostics: &mut Vec<Diagnostic>) {
+    const CODE: &str = "E0111";
+    let known = diagnostics.iter_mut().find(|known| {
+        let place = known.primary.as_ref().map(|label| label.span.source);
+        known.code == CODE && place == Some(span.source)
+    });
+    match known {
+        Some(known) => {
+            if known.secondary.len() < MORE_COMMENTS {
+                *known = known.clone().also(span, "and this");
+            }
+        }
+        None => diagnostics.push(
+            Diagnostic::error(CODE, span, "comments begin with `//`")
+                .label("not a comment in RON")
+                .help("write `//` in its place"),
+        ),
+    }
+}
+
+/// Further comments of another language that are shown.
+const MORE_COMMENTS: usize = 3;
 
 /// Length of a block comment; they nest, as in RON.
 fn comment_length(rest: &str) -> Option<usize> {
@@ -215,6 +262,7 @@ fn mistaken(
         '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
         ';' => (Token::Comma, 1, "separate with `,`"),
+        '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
         _ => (Token::Mistaken, c.len_utf8(), "remove it"),
     };
     let span = Span {
@@ -223,7 +271,11 @@ fn mistaken(
         end: start + length,
     };
     let help = product(text, start, c).map_or_else(
-        || help.to_owned(),
+        || {
+            signed(rest)
+                .or_else(|| output_of(text, start))
+                .unwrap_or_else(|| help.to_owned())
+        },
         |product| format!("RON does not compute; write the result: `{product}`"),
     );
     diagnostics.push(
@@ -232,6 +284,31 @@ fn mistaken(
             .help(help),
     );
     (token, length)
+}
+
+/// How `-(2)` and `- 2` are written.
+fn signed(rest: &str) -> Option<String> {
+    let sign = rest.chars().next().filter(|c| matches!(c, '-' | '+'))?;
+    let after = rest[1..].trim_start();
+    let number = match after.strip_prefix('(') {
+        Some(inner) => inner.split_once(')')?.0.trim(),
+        None => &after[..number_length(after)],
+    };
+    let is_number = number.starts_with(|c: char| c.is_ascii_digit()) && number.parse::<f64>().is_ok();
+    is_number.then(|| format!("write `{}{number}`", if sign == '-' { "-" } else { "" }))
+}
+
+/// How `tone.out` is written, of which the dot is at `start`.
+fn output_of(text: &str, start: usize) -> Option<String> {
+    let port = text[start..].strip_prefix('.')?;
+    let port = &port[..port.find(|c| !is_xid_continue(c)).unwrap_or(port.len())];
+    let before = &text[..start];
+    let node = before.rfind(|c| !is_xid_continue(c)).map_or(before, |at| {
+        &before[at + before[at..].chars().next().map_or(0, char::len_utf8)..]
+    });
+    let is_name = |name: &str| name.starts_with(|c| is_xid_start(c) || c == '_');
+    (is_name(node) && is_name(port))
+        .then(|| format!("a connection is written in quotes: `\"{node}.{port}\"`"))
 }
 
 /// What `2*40` or `1/3` comes to, where a sign of arithmetic stands at `start` between two numbers.
