@@ -4,6 +4,7 @@
 
 mod batch;
 mod bench;
+mod built;
 mod check;
 mod compare;
 mod completions;
