@@ -168,7 +168,8 @@ fn run_with(
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
             "haptograph panicked during the run, as said above; the files of the run are complete up to there".to_owned(),
-        )),
+        )
+        .after_facts(arguments.json)),
         completed => completed.map(drop),
     }
 }
