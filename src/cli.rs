@@ -4,6 +4,7 @@
 
 mod batch;
 mod bench;
+mod built;
 mod check;
 mod compare;
 mod completions;
@@ -15,6 +16,7 @@ mod failure;
 mod fault;
 mod identify;
 mod import;
+mod interrupt;
 mod keys;
 mod learn;
 mod lsp;
@@ -48,6 +50,8 @@ use failure::{ErrorForm, refuse_usage};
 pub(crate) use failure::{Failure, say, say_json};
 pub(crate) use remarks::remark;
 use std::collections::HashSet;
+use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use terminal::is_coloured;
@@ -66,8 +70,9 @@ use terminal::is_coloured;
 /// ```
 pub fn main(registry: &Registry) -> ExitCode {
     fault::listen();
+    interrupt::listen();
     let matches = program()
-        .try_get_matches()
+        .try_get_matches_from(with_plain_help(std::env::args_os().collect()))
         .unwrap_or_else(|error| refuse_usage(&error));
     let chosen = matches.subcommand().and_then(|(name, matches)| {
         let command = commands().into_iter().find(|command| command.name == name)?;
@@ -90,24 +95,55 @@ fn program() -> clap::Command {
     let all = clap::Command::new("haptograph")
         .version(env!("CARGO_PKG_VERSION"))
         .about("Runs graphs that render the feel of real surfaces")
-        .after_help(EXIT_CODES)
+        .after_help(format!("{}\n\n{EXIT_CODES}", listed(FIRST_STEPS)))
         .propagate_version(true)
         .subcommand_required(true)
         .arg_required_else_help(true);
     let all = commands().iter().fold(all, |all, command| {
-        let examples: Vec<String> = command
-            .examples
-            .iter()
-            .map(|line| format!("  haptograph {line}"))
-            .collect();
-        let of_command =
-            clap::Command::new(command.name).after_help(format!("Examples:\n{}", examples.join("\n")));
-        all.subcommand((command.arguments)(of_command))
+        let of_command = clap::Command::new(command.name).after_help(listed(&command.examples));
+        let of_command = (command.arguments)(of_command).mut_subcommands(|inner| {
+            let begin = format!("{} {} ", command.name, inner.get_name());
+            let own = command.examples.iter().filter(|line| line.starts_with(&begin));
+            let own: Vec<&str> = own.copied().collect();
+            inner.after_help(listed(&own))
+        });
+        all.subcommand(of_command)
     });
     with_negative_numbers(all)
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed, as said on standard error; 2 wrong arguments; 130 cut short by ctrl-C.\n\
+/// Calls of haptograph as the help shows them.
+fn listed(examples: &[&str]) -> String {
+    let lines: Vec<String> = examples
+        .iter()
+        .map(|line| format!("  haptograph {line}"))
+        .collect();
+    format!("Examples:\n{}", lines.join("\n"))
+}
+
+/// What somebody does first.
+const FIRST_STEPS: &[&str] = &[
+    "run graphs/texturepad.ron --open",
+    "new mine.ron",
+    "check mine.ron",
+    "nodes --find filter",
+];
+
+/// `help --help` and `help run --help` are `help` and `help run`.
+fn with_plain_help(mut arguments: Vec<OsString>) -> Vec<OsString> {
+    let is_help = arguments.get(1).is_some_and(|word| word == "help");
+    let asks = arguments.len() > 2
+        && arguments
+            .last()
+            .is_some_and(|word| word == "--help" || word == "-h");
+    if is_help && asks {
+        arguments.pop();
+    }
+    arguments
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, also a live run without --for that ctrl-C ended; 1 failed, as said on \
+    standard error; 2 wrong arguments; 130 cut short by ctrl-C.\n\
     With --json a failure is said as an object on standard output. NO_COLOR and TERM=dumb turn colours off.";
 
 /// Was `--json` given to the command, or to a command of it?
@@ -127,7 +163,9 @@ fn commands() -> Vec<Command> {
         Command::new("studio", studio::run).example("studio graphs/texturepad.ron"),
         Command::new("recover", recover::run).example("recover out/texturepad.partial-1"),
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
-        Command::new("batch", batch::run).example("batch plan.ron -o data"),
+        Command::new("batch", batch::run)
+            .example("batch plan.ron -o data")
+            .example("batch merge part-1 part-2 -o data"),
         Command::new("bench", bench::run).example("bench graphs/omni.ron"),
         Command::new("identify", identify::run).example(
             "identify out/identify/sweep.csv --magnet-g 6 --force-n-per-a 2.9 --report out/actuator",
@@ -145,12 +183,20 @@ fn commands() -> Vec<Command> {
         Command::new("learn", learn::run)
             .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
-        Command::new("surface", surface::run).example("surface show graphs/surfaces/t2-canvas.ron"),
+        Command::new("surface", surface::run)
+            .example("surface show graphs/surfaces/t2-canvas.ron")
+            .example("surface convert brick.xml brick.ron")
+            .example("surface resample tile.ron --rate 1000 --method spectral -o tile.1k.ron")
+            .example("surface select graphs/surfaces --count 3")
+            .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
+            .example("surface leave-one-out Models10000Hz/XML"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", evaluate::run).example("evaluate recordings --report out/evaluation"),
         Command::new("lsp", lsp::run).example("lsp"),
         Command::new("completions", completions::run).example("completions bash"),
-        Command::new("man", man::run).example("man run"),
+        Command::new("man", man::run)
+            .example("man run")
+            .example("man surface show"),
     ]
 }
 
@@ -341,12 +387,39 @@ mod tests {
         for command in commands() {
             assert!(!command.examples.is_empty(), "{}", command.name);
             for example in &command.examples {
-                let words = std::iter::once("haptograph").chain(example.split(' '));
+                // What the shell does is not the program's.
+                let call = example.split(" < ").next().unwrap_or_default();
+                let words = std::iter::once("haptograph").chain(call.split(' '));
                 let read = program().try_get_matches_from(words);
                 assert!(read.is_ok(), "{example}: {}", read.unwrap_err());
                 assert!(example.starts_with(command.name), "{example}");
             }
         }
+        for example in FIRST_STEPS {
+            let words = std::iter::once("haptograph").chain(example.split(' '));
+            assert!(program().try_get_matches_from(words).is_ok(), "{example}");
+        }
+        for command in program().get_subcommands() {
+            for inner in command.get_subcommands() {
+                let help = inner.get_after_help().map(ToString::to_string);
+                let name = format!("haptograph {} {} ", command.get_name(), inner.get_name());
+                assert!(help.is_some_and(|help| help.contains(&name)), "{name}");
+            }
+        }
         program().debug_assert();
+    }
+
+    #[test]
+    fn help_of_help_is_help() {
+        let plain = |words: &[&str]| with_plain_help(words.iter().map(OsString::from).collect());
+        assert_eq!(plain(&["haptograph", "help", "--help"]), ["haptograph", "help"]);
+        assert_eq!(
+            plain(&["haptograph", "help", "run", "-h"]),
+            ["haptograph", "help", "run"]
+        );
+        assert_eq!(
+            plain(&["haptograph", "run", "--help"]),
+            ["haptograph", "run", "--help"]
+        );
     }
 }

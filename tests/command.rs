@@ -143,8 +143,9 @@ fn a_starter_runs_as_it_stands_and_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     succeed(folder.path(), &["new", "mine.ron"]);
     succeed(folder.path(), &["check", "mine.ron"]);
-    succeed(folder.path(), &["run", "mine.ron", "--for", "0.1"]);
+    let said = succeed(folder.path(), &["run", "mine.ron", "--for", "0.1"]);
     assert!(folder.path().join("out/mine/tone.wav").exists());
+    assert!(said.contains("listen to `out.output`"), "{said}");
     let told = fail(folder.path(), &["new", "mine.ron"], 1);
     assert!(told.contains("exists already"), "{told}");
 }
@@ -166,7 +167,7 @@ fn all_errors_of_a_graph_are_shown_with_their_places() {
     assert!(told.contains("wrong.ron:"), "{told}");
     let output = haptograph(folder.path(), &["check", "wrong.ron", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(!json.is_null());
+    assert!(json["findings"].as_array().unwrap().len() == 2, "{json}");
 }
 
 #[test]
@@ -591,6 +592,17 @@ fn failures_are_json_where_that_is_asked_for() {
     };
     let graph = told(&["run", "g.ron", "--json"], 1);
     assert_eq!(graph["findings"][0]["code"], "E0201", "{graph}");
+    assert_eq!(told(&["check", "g.ron", "--json"], 1), graph);
+    let nothing = told(&["check", "nope.ron", "--json"], 1);
+    assert_eq!(nothing["findings"][0]["path"], "nope.ron", "{nothing}");
+    fs::write(
+        folder.path().join("sound.ron"),
+        "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: {
+            \"a\": Constant(clock: \"c\", value: 1), \"file\": CsvSink(inputs: [\"a\"], file: \"a.csv\") })",
+    )
+    .unwrap();
+    let sound = told(&["check", "sound.ron", "--json"], 0);
+    assert_eq!(sound, serde_json::json!({ "findings": [] }));
     assert!(told(&["nodes", "NoSuchKind", "--json"], 1)["error"].is_string());
     assert!(told(&["nodes", "--no-such-flag", "--json"], 2)["error"].is_string());
     let kinds = told(&["nodes", "--find", "envelope", "--json"], 0);
@@ -609,10 +621,92 @@ fn shells_and_manuals_know_every_command() {
     let folder = tempfile::tempdir().unwrap();
     let completions = succeed(folder.path(), &["completions", "bash"]);
     succeed(folder.path(), &["man", "--out", "man1"]);
-    for command in ["run", "sweep", "identify", "lsp"] {
-        assert!(completions.contains(command), "{command}");
+    for command in ["run", "sweep", "identify", "lsp", "surface-show", "batch-merge"] {
+        let first = command.split('-').next().unwrap();
+        assert!(completions.contains(first), "{command}");
         let page = fs::read_to_string(folder.path().join(format!("man1/haptograph-{command}.1"))).unwrap();
         assert!(page.contains("SYNOPSIS") && page.contains("Examples"), "{page}");
     }
     assert!(folder.path().join("man1/haptograph.1").is_file());
+    let page = succeed(folder.path(), &["man", "surface", "show"]);
+    assert!(page.contains("haptograph\\-surface\\-show"), "{page}");
+    let told = fail(folder.path(), &["man", "surface", "shov"], 1);
+    assert!(told.contains("did you mean `show`"), "{told}");
+    assert_eq!(
+        succeed(folder.path(), &["help", "--help"]),
+        succeed(folder.path(), &["help"])
+    );
+}
+
+#[test]
+fn a_build_says_what_it_lacks_and_what_does_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let listed = succeed(folder.path(), &["devices"]);
+    for what in ["soundcards", "tablets and mice", "serial ports", "MIDI ports"] {
+        let of_kind = listed.lines().filter(|line| line.starts_with(what));
+        assert_eq!(of_kind.count(), 1, "{what}: {listed}");
+    }
+    if cfg!(any(
+        feature = "soundcard",
+        feature = "evdev",
+        target_os = "macos",
+        windows
+    )) {
+        return;
+    }
+    assert!(
+        listed.contains("soundcards: not in this build: --features soundcard\n"),
+        "{listed}"
+    );
+    let told = fail(folder.path(), &["run", &texturepad_graph(), "--live"], 1);
+    for part in [
+        "`haptuator`",
+        "`stylus`",
+        "--features soundcard,evdev",
+        "--endpoints simulated",
+    ] {
+        assert!(told.contains(part), "{told}");
+    }
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+}
+
+#[test]
+fn a_sweep_counts_its_cases_beside_the_graph_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    succeed(folder.path(), &["new", "mine.ron"]);
+    let sweep = [
+        "sweep", "mine.ron", "--for", "0.05", "--case", "gain=0.5", "--case", "gain=0.2",
+    ];
+    let said = succeed(folder.path(), &sweep);
+    assert!(said.contains("ran mine as it is + 2 cases\n"), "{said}");
+}
+
+#[test]
+fn what_is_wrong_with_settings_is_said_in_the_words_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |nodes: &str| {
+        let text = format!(
+            r#"Graph(format: 1, clocks: {{ "c": Driver(rate_hz: 1000) }}, nodes: {{
+                "pull": Constant(clock: "c", value: 1, quantity: "force"), {nodes} }},
+                endpoints: {{ "simulated": {{ "a": SimulatedHaptuator() }} }})"#
+        );
+        fs::write(folder.path().join("g.ron"), text).unwrap();
+        fail(folder.path(), &["check", "g.ron"], 1)
+    };
+    let said = told(r#""b": Calibrate(input: "pull", factor: 1)"#);
+    for field in ["from", "to"] {
+        let whole = format!("`Calibrate` needs `{field}`");
+        let help = format!("add `{field}: \"...\"`, the name of a quantity, one of number, length");
+        assert!(said.contains(&whole) && said.contains(&help), "{said}");
+    }
+    let said = told(r#""b": Calibrate(input: "pull", from: "speed", to: "number", factor: 1)"#);
+    assert!(
+        said.contains("E0404") && said.contains("write `from: \"force\"`"),
+        "{said}"
+    );
+    let said = told(r#""b": ActuatorSink(current: "pull", endpoint: "a", limit: (peak: 1))"#);
+    assert!(
+        said.contains("`limit` has no field `peak`") && !said.contains("Settings"),
+        "{said}"
+    );
 }

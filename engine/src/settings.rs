@@ -83,6 +83,8 @@ pub struct Reading<'a> {
     pub folder: &'a dyn Fn(Span) -> PathBuf,
     /// The paths that were read so far.
     pub files: &'a mut Vec<PathBuf>,
+    /// The setting that is being read.
+    pub setting: Option<&'static str>,
 }
 
 impl Reading<'_> {
@@ -93,17 +95,9 @@ impl Reading<'_> {
             Shape::Tagged(Tagged { name: Some(name), .. }) => format!("`{}`", name.text),
             _ => value.describe().to_owned(),
         };
-        let diagnostic = self.wrong(value, expected, &found);
-        let quoted = match &value.shape {
-            Shape::String(text) if expected.contains("number") => {
-                text.trim().parse::<f64>().ok().map(|_| text.trim())
-            }
-            _ => None,
-        };
-        self.diagnostics.push(match quoted {
-            Some(number) => diagnostic.help(format!("remove the quotes: `{number}`")),
-            None => diagnostic,
-        });
+        let mut diagnostic = self.wrong(value, expected, &found);
+        diagnostic.help.extend(correction(value, expected));
+        self.diagnostics.push(diagnostic);
     }
 
     /// Reports that `value` holds `found` values, and not as many as were expected.
@@ -111,6 +105,11 @@ impl Reading<'_> {
         let plural = if found == 1 { "" } else { "s" };
         let diagnostic = self.wrong(value, expected, &format!("{found} value{plural}"));
         self.diagnostics.push(diagnostic);
+    }
+
+    /// Whose fields a structure holds, for messages: the setting's, or of a type that is read by itself its `kind`.
+    pub fn owner(&self, kind: &str) -> String {
+        format!("`{}`", self.setting.unwrap_or(kind))
     }
 
     fn wrong(&self, value: &Value, expected: &str, found: &str) -> Diagnostic {
@@ -121,6 +120,32 @@ impl Reading<'_> {
     /// A path as written, relative to the file it is written in.
     pub fn resolve(&self, span: Span, written: &str) -> PathBuf {
         (self.folder)(span).join(Path::new(written))
+    }
+}
+
+/// How a value is written that is not what was expected, where that can be told.
+fn correction(value: &Value, expected: &str) -> Option<String> {
+    let wants_number = expected.contains("number");
+    match (&value.shape, value.bare_name()) {
+        (Shape::String(text), _) if wants_number => {
+            let text = text.trim();
+            let with_point = text.replacen(',', ".", 1);
+            match () {
+                () if text.parse::<f64>().is_ok() => Some(format!("remove the quotes: `{text}`")),
+                () if with_point.parse::<f64>().is_ok() => {
+                    Some(format!("a decimal point is `.`: write `{with_point}`"))
+                }
+                () => None,
+            }
+        }
+        (_, Some("pi" | "PI")) if wants_number => {
+            Some(format!("write the number: `{}`", std::f64::consts::PI))
+        }
+        (_, Some(name)) if wants_number => Some(format!(
+            "write a number; in a graph the value of a parameter is `Param(\"{name}\")`"
+        )),
+        (_, Some(name)) if expected.contains("in quotes") => Some(format!("write `\"{name}\"`")),
+        _ => None,
     }
 }
 
@@ -253,7 +278,10 @@ impl Fields {
             }
             return default;
         };
-        let read = T::read(&value, reading)?;
+        let outer = reading.setting.replace(name);
+        let read = T::read(&value, reading);
+        reading.setting = outer;
+        let read = read?;
         if let (Some((low, high)), Some(number)) = (range, read.number())
             && !(low..=high).contains(&number)
         {
@@ -392,7 +420,8 @@ macro_rules! settings {
                 value: &$crate::document::value::Value,
                 reading: &mut $crate::settings::Reading<'_>,
             ) -> Option<Self> {
-                let mut fields = $crate::settings::fields_of(value, stringify!($name), reading)?;
+                let owner = reading.owner(stringify!($name));
+                let mut fields = $crate::settings::fields_of(value, &owner, reading)?;
                 let read = <Self as $crate::settings::Settings>::take_from(&mut fields, reading);
                 fields.finish(reading);
                 read
@@ -476,12 +505,13 @@ macro_rules! choices {
     (@fields) => { Vec::new() };
     (@fields $payload:ty) => { <$payload as $crate::settings::Settings>::specs() };
     (@read $name:ident $variant:ident $value:ident $reading:ident) => {{
-        let fields = $crate::settings::fields_of($value, stringify!($variant), $reading)?;
+        let fields = $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
         fields.finish($reading);
         Some($name::$variant)
     }};
     (@read $name:ident $variant:ident $value:ident $reading:ident $payload:ty) => {{
-        let mut fields = $crate::settings::fields_of($value, stringify!($variant), $reading)?;
+        let mut fields =
+            $crate::settings::fields_of($value, concat!("`", stringify!($variant), "`"), $reading)?;
         let read = <$payload as $crate::settings::Settings>::take_from(&mut fields, $reading);
         fields.finish($reading);
         read.map($name::$variant)

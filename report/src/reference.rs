@@ -10,19 +10,59 @@ use std::fmt::Write as _;
 /// Which kinds are listed.
 #[derive(Debug, Clone, Default)]
 pub struct Filter {
-    /// Those of this group; `devices` are a group of their own.
+    /// Those of this group; `devices` and `bridges` are groups of their own.
     pub group: Option<String>,
-    /// Those with all of these words in their name, group or description.
+    /// Those with all of these words in their name, group, description or settings.
     pub words: Vec<String>,
 }
 
 /// The group of the devices.
 pub const DEVICES: &str = "devices";
 
+/// The group of the bridges, which stand around a connection and are no nodes.
+pub const BRIDGES: &str = "bridges";
+
+/// The bridges and what each does.
+const BRIDGE_KINDS: [(&str, &str); 6] = [
+    (
+        "Hold",
+        "The latest frame, between clocks of one driver: `Hold(\"a.b\")`.",
+    ),
+    (
+        "Linear",
+        "A straight line between frames, one slow period late, from a slow clock to a fast one of one driver: `Linear(\"a.b\")`.",
+    ),
+    (
+        "Average",
+        "The mean of the frames since the reader's last tick, from a fast clock to a slow one of one driver: `Average(\"a.b\")`.",
+    ),
+    (
+        "Resample",
+        "Band-limited interpolation between clocks of one driver: `Resample(\"a.b\")`.",
+    ),
+    (
+        "Ring",
+        "Band-limited interpolation between two drivers, `latency_ms` late: `Ring(from: \"a.b\", latency_ms: 12)`.",
+    ),
+    (
+        "Delay",
+        "The frame n ticks earlier, on one clock: `Delay(from: \"a.b\", frames: 1)`.",
+    ),
+];
+
+/// Names of the bridges.
+pub fn bridges() -> impl Iterator<Item = &'static str> {
+    BRIDGE_KINDS.into_iter().map(|(name, _)| name)
+}
+
 impl Filter {
-    /// Is a kind of this name, group and description listed?
-    pub fn takes(&self, name: &str, group: &str, doc: &str) -> bool {
-        let text = format!("{name} {group} {doc}").to_lowercase();
+    /// Is a kind of this name, group and description, with these settings, listed?
+    pub fn takes(&self, name: &str, group: &str, doc: &str, settings: &[SettingSpec]) -> bool {
+        let mut text = format!("{name} {group} {doc}");
+        if !self.words.is_empty() {
+            add_words(&mut text, settings);
+        }
+        let text = text.to_lowercase();
         self.group
             .as_deref()
             .is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
@@ -30,21 +70,40 @@ impl Filter {
     }
 }
 
+/// Adds names and descriptions of settings to a text that is searched.
+fn add_words(text: &mut String, settings: &[SettingSpec]) {
+    for setting in settings {
+        *text += &format!(" {} {}", setting.name, setting.doc);
+        for part in &setting.parts {
+            *text += &format!(" {} {}", part.choice.unwrap_or_default(), part.doc);
+            add_words(text, &part.fields);
+        }
+    }
+}
+
 /// A line a kind, by group, wrapped at this width in characters; empty where nothing fits the filter.
 pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
-    let entries = registry
-        .nodes()
-        .iter()
-        .map(|entry| (entry.spec.group, entry.spec.name, entry.spec.doc));
+    let entries = registry.nodes().iter().map(|entry| {
+        (
+            entry.spec.group,
+            entry.spec.name,
+            entry.spec.doc,
+            entry.settings(),
+        )
+    });
     let devices = registry
         .devices()
         .iter()
-        .map(|entry| (DEVICES, entry.spec.name, entry.spec.doc));
+        .map(|entry| (DEVICES, entry.spec.name, entry.spec.doc, entry.settings()));
+    let bridges = BRIDGE_KINDS
+        .into_iter()
+        .map(|(name, doc)| (BRIDGES, name, doc, Vec::new()));
     let found: Vec<_> = entries
         .chain(devices)
-        .filter(|(group, name, doc)| filter.takes(name, group, doc))
+        .chain(bridges)
+        .filter(|(group, name, doc, settings)| filter.takes(name, group, doc, settings))
         .collect();
-    let names = found.iter().map(|(_, name, _)| name.len()).max().unwrap_or(0);
+    let names = found.iter().map(|(_, name, ..)| name.len()).max().unwrap_or(0);
     let mut text = String::new();
     for group in all_groups(registry) {
         let mut of_group = found.iter().filter(|(of, ..)| *of == group).peekable();
@@ -54,13 +113,13 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
         if !text.is_empty() {
             text.push('\n');
         }
-        text += if group == DEVICES {
-            "devices (under `endpoints`)"
-        } else {
-            group
+        text += match group {
+            DEVICES => "devices (under `endpoints`)",
+            BRIDGES => "bridges (around a connection to another clock)",
+            group => group,
         };
         text.push('\n');
-        for (_, name, doc) in of_group {
+        for (_, name, doc, _) in of_group {
             let indent = names + 4;
             let lines = wrapped(&first_sentence(doc), width.saturating_sub(indent).max(20));
             let _ = writeln!(
@@ -89,15 +148,45 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// The groups of nodes in the order of the reference, then the devices.
+/// The groups of nodes in the order of the reference, then the devices and the bridges.
 pub fn all_groups(registry: &Registry) -> Vec<&'static str> {
-    groups(registry).into_iter().chain([DEVICES]).collect()
+    let nodes = groups(registry).into_iter();
+    nodes.chain([DEVICES, BRIDGES]).collect()
 }
 
-/// All about the node or device kind of this name.
+/// All about the node, device or bridge of this name.
 pub fn kind(registry: &Registry, name: &str) -> Option<String> {
     let node = registry.node(name).map(|entry| node_text(&entry));
     node.or_else(|| registry.device(name).map(|entry| device_text(&entry)))
+        .or_else(|| bridge_text(name))
+}
+
+fn bridge_text(name: &str) -> Option<String> {
+    let (_, doc) = BRIDGE_KINDS.into_iter().find(|(known, _)| *known == name)?;
+    Some(format!(
+        "{name} (a bridge between clocks, written around a connection)\n\n{doc}\n\nSee docs/format.md.\n"
+    ))
+}
+
+/// The settings that choose from a list with this name in it, each as the kind that has it and the setting.
+pub fn choosing(registry: &Registry, name: &str) -> Vec<(&'static str, &'static str)> {
+    let nodes = registry
+        .nodes()
+        .iter()
+        .map(|entry| (entry.spec.name, entry.settings()));
+    let devices = registry
+        .devices()
+        .iter()
+        .map(|entry| (entry.spec.name, entry.settings()));
+    let mut found = Vec::new();
+    for (kind, settings) in nodes.chain(devices) {
+        for setting in settings {
+            if setting.parts.iter().any(|part| part.choice == Some(name)) {
+                found.push((kind, setting.name));
+            }
+        }
+    }
+    found
 }
 
 /// The whole reference, a chapter of the book.
@@ -218,9 +307,9 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
             .default
             .as_ref()
             .map_or_else(|| "required".to_owned(), |d| format!("default `{d}`"));
-        let range = setting
-            .range
-            .map_or_else(String::new, |(low, high)| format!(", {low:?} to {high:?}"));
+        let range = setting.range.map_or_else(String::new, |(low, high)| {
+            format!(", {} to {}", shortly(low), shortly(high))
+        });
         let live = if setting.live {
             ", can be changed while running"
         } else {
@@ -239,6 +328,15 @@ fn fields(text: &mut String, list: &[SettingSpec], depth: usize) {
             let _ = writeln!(text, "{indent}  - `{choice}`: {}", one_line(&part.doc));
             fields(text, &part.fields, depth + 2);
         }
+    }
+}
+
+/// A number in the fewest signs: `16`, `0.01`, `1e6`.
+fn shortly(number: f64) -> String {
+    let (plain, short) = (number.to_string(), format!("{number:e}"));
+    match short.len() < plain.len() && !(1e-3..1e6).contains(&number.abs()) {
+        true => short,
+        false => plain,
     }
 }
 
@@ -289,6 +387,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn numbers_are_as_short_as_they_can_be() {
+        let shown = [1.0, 16.0, 0.01, 20_000.0, 1e6, -1e9, 1e-6, 0.0].map(shortly);
+        assert_eq!(shown, ["1", "16", "0.01", "20000", "1e6", "-1e9", "1e-6", "0"]);
+    }
+
+    #[test]
+    fn bridges_and_choices_are_known_by_their_names() {
+        let registry = haptograph_nodes::registry();
+        assert!(kind(&registry, "Linear").is_some_and(|text| text.contains("docs/format.md")));
+        assert!(choosing(&registry, "ZigZag").contains(&("SimulatedTablet", "stroke")));
+        assert_eq!(choosing(&registry, "NoSuchChoice"), []);
+    }
+
+    #[test]
     fn kinds_are_found_by_words_and_group() {
         let registry = haptograph_nodes::registry();
         let found = |group: Option<&str>, words: &[&str]| {
@@ -302,6 +414,9 @@ mod tests {
         let filters = found(Some("filters"), &[]);
         assert!(filters.contains("LowPass") && !filters.contains("Adsr"));
         assert!(found(Some("devices"), &[]).contains("SimulatedHaptuator"));
+        // By a setting, and by what is no kind of node.
+        assert!(found(None, &["cutoff_hz"]).contains("SpeedEstimator"));
+        assert!(found(None, &["straight", "line"]).contains("Linear"));
         assert_eq!(found(None, &["no such thing at all"]), "");
         assert!(found(None, &[]).lines().all(|line| line.chars().count() <= 60));
     }

@@ -1,11 +1,13 @@
 //! `haptograph check`: is a graph sound?
 
+use super::failure::findings_json;
 use super::run::{message, spare_own_files};
 use super::terminal::is_coloured;
-use super::{Failure, GraphArguments, say, warnings};
-use crate::engine::diagnostic::{Diagnostics, render, to_json};
+use super::{Failure, GraphArguments, say, say_json, warnings};
+use crate::engine::diagnostic::render;
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
+use serde_json::json;
 
 /// Check a graph and say all that is wrong with it
 #[derive(Debug, clap::Args)]
@@ -26,12 +28,12 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         Ok(graph) => (warnings(&graph), Some(graph)),
         Err(diagnostics) => (diagnostics, None),
     };
-    if arguments.json {
-        return say_json(&findings, sound.is_some());
-    }
     let Some(graph) = sound else {
         return Err(Failure::Graph(findings));
     };
+    if arguments.json {
+        return say_json(&json!({ "findings": findings_json(&findings) }));
+    }
     spare_own_files(&graph, false).map_err(message)?;
     let colour = is_coloured(&std::io::stdout());
     let (nodes, wires) = (graph.nodes().len(), graph.nodes().connections().count());
@@ -61,9 +63,4 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-fn say_json(findings: &Diagnostics, sound: bool) -> Result<(), Failure> {
-    say(&(to_json(findings).trim_end().to_owned() + "\n"))?;
-    if sound { Ok(()) } else { Err(Failure::Reported) }
 }

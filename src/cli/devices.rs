@@ -1,9 +1,10 @@
 //! `haptograph devices`: what of this machine a graph can be connected to.
 
+use super::built::{Hardware, MIDI, POINTERS, SERIAL, SOUNDCARDS};
 use super::{Failure, say, say_json};
 use crate::engine::registry::Registry;
 use crate::nodes::network::inputs::midi_ports;
-use crate::nodes::soundcard::{Ability, Listed, list};
+use crate::nodes::soundcard::{Ability, Listed, SoundcardError, list};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -20,31 +21,55 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    let found = list().map_err(|error| Failure::Message(error.to_string()))?;
+    let found = match list() {
+        Err(SoundcardError::NotBuilt) => Vec::new(),
+        found => found.map_err(|error| Failure::Message(error.to_string()))?,
+    };
     let pointers = paths("/dev/input/by-id", "-event-mouse");
     let (serial, midi) = (paths("/dev/serial/by-id", ""), midi_ports());
     if arguments.json {
         let soundcards: Vec<Value> = found.iter().map(as_json).collect();
-        return say_json(
-            &json!({ "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi }),
-        );
+        let all = [SOUNDCARDS, POINTERS, SERIAL, MIDI];
+        let missing: Vec<&str> = all
+            .iter()
+            .filter(|hardware| !hardware.is_built)
+            .map(|hardware| hardware.feature)
+            .collect();
+        return say_json(&json!({
+            "soundcards": soundcards, "pointers": pointers, "serial": serial, "midi": midi,
+            "missing_features": missing,
+        }));
     }
-    let others = [
-        ("tablets and mice, for `EvdevDevice`", pointers),
-        ("serial ports, for `SerialInput`", serial),
-        ("MIDI ports, for `MidiInput`", midi),
+    let cards = found.iter().map(|card| shown(card, arguments.formats)).collect();
+    let sections = [
+        (
+            SOUNDCARDS,
+            "`Soundcard`, `SoundcardAccelerometer` and others",
+            cards,
+        ),
+        (POINTERS, "`EvdevDevice`", pointers),
+        (SERIAL, "`SerialInput`", serial),
+        (MIDI, "`MidiInput`", midi),
     ];
-    let mut text: String = found.iter().map(|card| shown(card, arguments.formats)).collect();
-    for (what, names) in others.iter().filter(|(_, names)| !names.is_empty()) {
-        let _ = writeln!(text, "{what}:\n  {}", names.join("\n  "));
-    }
-    if found.is_empty() {
-        say(&text)?;
-        return Err(Failure::Message(
-            "there is no soundcard; `haptograph doctor` says what this machine has".to_owned(),
-        ));
-    }
+    let text: String = sections
+        .iter()
+        .map(|(hardware, kinds, names)| section(*hardware, kinds, names))
+        .collect();
     say(&text)
+}
+
+/// What there is of a kind of hardware: its names, or in one line why there are none.
+fn section(hardware: Hardware, kinds: &str, names: &[String]) -> String {
+    let Hardware { what, feature, .. } = hardware;
+    match (hardware.is_built, names) {
+        (false, _) => format!("{what}: not in this build: --features {feature}\n"),
+        (true, []) => format!("{what}: none found\n"),
+        (true, names) => {
+            let lines = names.iter().flat_map(|name| name.lines());
+            let lines: String = lines.map(|line| format!("  {line}\n")).collect();
+            format!("{what}, for {kinds}:\n{lines}")
+        }
+    }
 }
 
 fn as_json(card: &Listed) -> Value {

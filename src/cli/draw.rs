@@ -55,6 +55,6 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let written = output.write(&picture)?;
     match arguments.json {
         true => say_json(&json!({ "written": [written] })),
-        false => Ok(()),
+        false => say(&format!("wrote {}\n", written.display())),
     }
 }

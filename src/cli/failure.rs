@@ -1,5 +1,6 @@
 //! Why commands fail, and how they say that and what they found.
 
+use super::interrupt::INTERRUPTED;
 use super::remarks::{self, remark};
 use super::terminal::is_coloured;
 use crate::engine::diagnostic::{Diagnostics, render, to_json};
@@ -40,13 +41,19 @@ pub enum ErrorForm {
     Json,
 }
 
-/// The code to exit with after ctrl-C: 128 and the number of the signal.
-const INTERRUPTED: u8 = 130;
-
 impl Failure {
     /// A failure to do something with a file.
     pub fn file(doing: &str, path: &Path, error: &dyn std::fmt::Display) -> Self {
         Self::Message(format!("cannot {doing} {}: {error}", path.display()))
+    }
+
+    /// The same where the command has printed its facts: with `--json` they are all that standard output gets.
+    pub fn after_facts(self, json: bool) -> Self {
+        if !json || matches!(self, Self::BrokenPipe | Self::Interrupted) {
+            return self;
+        }
+        remark(&self.text());
+        Self::Reported
     }
 
     /// Says it, and gives the code to exit with.
@@ -80,13 +87,11 @@ impl Failure {
     fn to_json(&self) -> Option<serde_json::Value> {
         match self {
             Self::Graph(diagnostics) => {
-                let findings: serde_json::Value =
-                    serde_json::from_str(&to_json(diagnostics)).unwrap_or_default();
                 let first = diagnostics
                     .list
                     .first()
                     .map_or("", |finding| finding.message.as_str());
-                Some(serde_json::json!({ "error": first, "findings": findings }))
+                Some(serde_json::json!({ "error": first, "findings": findings_json(diagnostics) }))
             }
             Self::Message(text) | Self::Shown(text) => {
                 let text = text.trim_start_matches("error: ").trim_end();
@@ -95,6 +100,11 @@ impl Failure {
             Self::Usage(_) | Self::Reported | Self::BrokenPipe | Self::Interrupted => None,
         }
     }
+}
+
+/// Findings about a graph, for programs.
+pub fn findings_json(findings: &Diagnostics) -> serde_json::Value {
+    serde_json::from_str(&to_json(findings)).unwrap_or_default()
 }
 
 /// Writes to standard output; a reader that has gone away ends the command quietly.

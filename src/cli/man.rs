@@ -3,16 +3,17 @@
 use super::output::{Force, Output};
 use super::{Failure, program, say};
 use crate::engine::registry::Registry;
+use crate::engine::settings::closest;
 use std::fs;
 use std::path::PathBuf;
 
 /// Print the manual page of a command, or write all of them
 ///
-/// `haptograph man run | man -l -` shows one.
+/// `haptograph man run | man -l -` shows one, `haptograph man surface show` that of a command of a command.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The command; where it is not given, the page is that of haptograph itself
-    command: Option<String>,
+    /// The command, and a command of that; where none is given, the page is that of haptograph itself
+    command: Vec<String>,
     /// Write the pages of all commands into this folder, as haptograph-COMMAND.1
     #[arg(long, value_name = "DIR", conflicts_with = "command")]
     out: Option<PathBuf>,
@@ -23,27 +24,46 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
     let mut all = program();
     all.build();
-    match (&arguments.out, &arguments.command) {
-        (Some(folder), _) => {
+    match &arguments.out {
+        Some(folder) => {
             fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
-            let commands = all
-                .get_subcommands()
-                .filter(|command| command.get_name() != "help");
-            for command in commands.chain([&all]) {
+            for command in with_inner(&all) {
                 let name = page_name(command);
                 let output = Output::claim(&folder.join(format!("{name}.1")), arguments.force)?;
                 output.write(&page(command)?)?;
             }
             Ok(())
         }
-        (None, None) => say(&page(&all)?),
-        (None, Some(name)) => match all.find_subcommand(name) {
-            Some(command) => say(&page(command)?),
-            None => Err(Failure::Message(format!(
-                "there is no command `{name}`; `haptograph --help` lists them"
-            ))),
-        },
+        None => say(&page(find(&all, &arguments.command)?)?),
     }
+}
+
+/// The command that is named by one word after the other.
+fn find<'c>(all: &'c clap::Command, names: &[String]) -> Result<&'c clap::Command, Failure> {
+    names.iter().try_fold(all, |outer, name| {
+        outer.find_subcommand(name).ok_or_else(|| {
+            let known: Vec<&str> = without_help(outer).map(clap::Command::get_name).collect();
+            let command = outer.get_bin_name().unwrap_or_else(|| outer.get_name());
+            let help = match (closest(name, known.iter().copied()), known.is_empty()) {
+                (Some(near), _) => format!("did you mean `{near}`?"),
+                (None, false) => format!("there are {}", known.join(", ")),
+                (None, true) => "it has none".to_owned(),
+            };
+            Failure::Message(format!("`{command}` has no command `{name}`; {help}"))
+        })
+    })
+}
+
+fn without_help(command: &clap::Command) -> impl Iterator<Item = &clap::Command> {
+    command
+        .get_subcommands()
+        .filter(|inner| inner.get_name() != "help")
+}
+
+/// A command and all commands of it.
+fn with_inner(command: &clap::Command) -> Vec<&clap::Command> {
+    let inner = without_help(command).flat_map(with_inner);
+    std::iter::once(command).chain(inner).collect()
 }
 
 /// `haptograph-run`; of haptograph itself its name alone.

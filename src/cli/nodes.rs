@@ -8,15 +8,15 @@ use crate::engine::settings::{Part, SettingSpec, closest};
 use crate::report::reference::{self, Filter};
 use serde_json::{Value, json};
 
-/// List the kinds of nodes and devices, or tell all about one
+/// List the kinds of nodes, devices and bridges, or tell all about one
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A kind of node or device
+    /// A kind of node or device, or a bridge
     name: Option<String>,
     /// List the kinds of this group only
     #[arg(long, conflicts_with_all = ["name", "markdown"])]
     group: Option<String>,
-    /// List the kinds with this word in their name, group or description; can be repeated
+    /// List the kinds with this word in their name, group, description or settings; can be repeated
     #[arg(long, value_name = "WORD", conflicts_with_all = ["name", "markdown"])]
     find: Vec<String>,
     /// Print the whole reference as Markdown
@@ -37,15 +37,15 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     };
     match &arguments.name {
         None if arguments.markdown => say(&reference::book(registry)),
-        None if arguments.json => say_json(&kinds(registry, &|name, group, doc| {
-            filter.takes(name, group, doc)
+        None if arguments.json => say_json(&kinds(registry, &|name, group, doc, settings| {
+            filter.takes(name, group, doc, settings)
         })),
         None => say(&listed(registry, &filter)?),
         Some(name) => match reference::kind(registry, name) {
-            Some(_) if arguments.json => {
-                let named = kinds(registry, &|kind, _, _| kind == name);
-                say_json(&named[0])
-            }
+            Some(text) if arguments.json => match kinds(registry, &|kind, _, _, _| kind == name).get(0) {
+                Some(named) => say_json(named),
+                None => say_json(&json!({ "name": name, "group": reference::BRIDGES, "doc": text })),
+            },
             Some(text) => say(&text),
             None => Err(unknown(registry, name)),
         },
@@ -77,9 +77,17 @@ fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
 }
 
 /// The kinds whose name, group and description are taken, for programs.
-fn kinds(registry: &Registry, takes: &dyn Fn(&str, &str, &str) -> bool) -> Value {
+fn kinds(registry: &Registry, takes: &dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool) -> Value {
     let nodes = registry.nodes().iter();
-    let nodes = nodes.filter(|entry| takes(entry.spec.name, entry.spec.group, entry.spec.doc)).map(|entry| {
+    let nodes = nodes.filter(|entry| {
+        takes(
+            entry.spec.name,
+            entry.spec.group,
+            entry.spec.doc,
+            &entry.settings(),
+        )
+    });
+    let nodes = nodes.map(|entry| {
         let spec = entry.spec;
         let inputs = spec.inputs.iter().map(|port| {
             json!({
@@ -102,7 +110,10 @@ fn kinds(registry: &Registry, takes: &dyn Fn(&str, &str, &str) -> bool) -> Value
     });
     let devices = registry.devices().iter();
     let devices = devices
-        .filter(|entry| takes(entry.spec.name, reference::DEVICES, entry.spec.doc))
+        .filter(|entry| {
+            let spec = entry.spec;
+            takes(spec.name, reference::DEVICES, spec.doc, &entry.settings())
+        })
         .map(|entry| {
             let spec = entry.spec;
             let channel = |channel: &Channel| {
@@ -138,7 +149,17 @@ fn setting(spec: &SettingSpec) -> Value {
 fn unknown(registry: &Registry, name: &str) -> Failure {
     let nodes = registry.nodes().iter().map(|entry| entry.spec.name);
     let devices = registry.devices().iter().map(|entry| entry.spec.name);
-    let near = closest(name, nodes.chain(devices));
+    if let [(kind, setting), more @ ..] = &reference::choosing(registry, name)[..] {
+        let others = match more.len() {
+            0 => String::new(),
+            others => format!(" and of {others} more"),
+        };
+        return Failure::Message(format!(
+            "`{name}` is no kind of its own: it is a choice of the setting `{setting}` of `{kind}`{others}; `haptograph \
+             nodes {kind}` tells all about it"
+        ));
+    }
+    let near = closest(name, nodes.chain(devices).chain(reference::bridges()));
     let help = near.map_or_else(
         || format!("`haptograph nodes --find {name}` searches what they do"),
         |near| format!("did you mean `{near}`?"),

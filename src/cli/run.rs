@@ -26,7 +26,7 @@ mod watch;
 
 use super::output::{self, Force};
 use super::terminal::is_animated;
-use super::{Failure, GraphArguments, keys, remark, remarks, say};
+use super::{Failure, GraphArguments, interrupt, remark, remarks, say};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
 use crate::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
@@ -38,7 +38,7 @@ pub use shown::Shown;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use summary::Summary;
 
@@ -123,7 +123,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     let mut summary = Summary::of(arguments, &graph, &outcome, took_s);
     summary.add(Vec::new(), unreached(&graph));
     let sound = made.kept.complete(arguments, &graph, &summary)?;
-    arguments.present.play_sound(sound, &stop)
+    let played = arguments.present.play_sound(sound, &stop);
+    played.map_err(|failure| failure.after_facts(arguments.json))
 }
 
 /// Warnings of devices that only a live run hears: offline they sense nothing. What soundcards play is kept.
@@ -199,6 +200,11 @@ pub fn spare_own_files(graph: &Graph, record: bool) -> Result<(), String> {
         )),
         None => Ok(()),
     }
+}
+
+/// Has a run an end of its own? A live one without ends by ctrl-C.
+fn has_end(arguments: &Arguments) -> bool {
+    !arguments.live || arguments.duration_s.is_some()
 }
 
 /// A run that is being made: what it writes, and what is kept to complete it.
@@ -285,12 +291,10 @@ impl Kept {
             .for_each(|warning| remark(&format!("warning: {warning}\n")));
         say(&match arguments.json {
             true => summary.to_json(),
-            false => summary.sentence(&self.target, sound.as_ref()),
+            false => summary.sentence(&self.target, graph, sound.as_ref()),
         })?;
         arguments.present.open_page(&self.target.join(PAGE));
-        // A live run without an end of its own ends by ctrl-C.
-        let has_end = !arguments.live || arguments.duration_s.is_some();
-        match summary.was_stopped() && has_end {
+        match summary.was_stopped() && has_end(arguments) {
             true => Err(Failure::Interrupted),
             false => Ok(sound),
         }
@@ -317,15 +321,7 @@ pub fn timed(offline: Offline<'_>, duration_s: f64, stop: &AtomicBool) -> Result
 
 /// The first ctrl-C ends the run with complete files, the second ends the program.
 pub fn stop_on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            keys::restore();
-            std::process::exit(130);
-        }
-    })
-    .map_err(|error| Failure::Message(format!("cannot listen for ctrl-C: {error}")))?;
+    let stop = interrupt::flag()?;
     remarks::queue(&stop).map_err(|error| Failure::Message(format!("cannot begin a thread: {error}")))?;
     Ok(stop)
 }

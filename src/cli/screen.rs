@@ -91,7 +91,8 @@ impl Screen {
     }
 }
 
-fn width() -> usize {
+/// Columns of the terminal.
+pub fn width() -> usize {
     usize::from(Term::stderr().size().1)
 }
 

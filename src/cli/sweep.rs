@@ -128,6 +128,16 @@ impl Arguments {
         cases.extend(self.case.iter().cloned());
         cases
     }
+
+    /// How many of the runs are done, in words.
+    fn count(&self, done: usize) -> String {
+        let plural = |count: usize| if count == 1 { "" } else { "s" };
+        match (self.over.is_empty(), done) {
+            // The first one sets nothing.
+            (true, 2..) => format!("as it is + {} case{}", done - 1, plural(done - 1)),
+            _ => format!("{done} time{}", plural(done)),
+        }
+    }
 }
 
 /// One run that is done.
@@ -229,9 +239,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     say(&match arguments.json {
         true => facts,
         false => format!(
-            "ran {} {} times\nlook at {}; each run's own page has its sound\n",
+            "ran {} {}\nlook at {}; each run's own page has its sound\n",
             arguments.graph.name(),
-            done.len(),
+            arguments.count(done.len()),
             target.join("report.html").display()
         ),
     })?;

@@ -18,6 +18,13 @@ pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
     let shown = shown(&diagnostics.list);
     for diagnostic in shown.clone() {
         text += &renderer.render(&[group(diagnostic, sources)]);
+        // Below no lines of a file, help would hang from an empty one.
+        let alone = diagnostic.help.iter().filter(|_| has_no_place(diagnostic));
+        for help in alone {
+            let title = Level::HELP.primary_title(help.as_str());
+            text += "\n";
+            text += &renderer.render(&[Group::with_title(title)]);
+        }
         text += "\n\n";
     }
     let more = diagnostics.list.len() - shown.count();
@@ -116,12 +123,12 @@ fn group<'a>(diagnostic: &'a Diagnostic, sources: &'a Sources) -> Group<'a> {
         }
         group = group.element(snippet);
     }
-    group.elements(
-        diagnostic
-            .help
-            .iter()
-            .map(|help| Level::HELP.message(help.as_str())),
-    )
+    let beneath = diagnostic.help.iter().filter(|_| !has_no_place(diagnostic));
+    group.elements(beneath.map(|help| Level::HELP.message(help.as_str())))
+}
+
+fn has_no_place(diagnostic: &Diagnostic) -> bool {
+    diagnostic.primary.is_none() && diagnostic.secondary.is_empty()
 }
 
 /// Lines that a label is on are shown whole up to so many bytes.
@@ -160,7 +167,7 @@ fn within(text: &str, span: Span) -> std::ops::Range<usize> {
 ///  "end_line": 3, "end_column": 12, "start": 40, "end": 45, "label": "...", "related": [{...}], "help": ["..."]}
 /// ```
 /// Lines and columns count from 1, columns in characters; `start` and `end` are bytes. A finding about no place in
-/// a file has no `path` and what follows from it. Of more than a hundred findings the last object, of severity
+/// a file has the graph's `path` alone. Of more than a hundred findings the last object, of severity
 /// `note` and without a code, says how many are left out.
 pub fn to_json(diagnostics: &Diagnostics) -> String {
     let sources = &diagnostics.sources;
@@ -183,9 +190,14 @@ fn finding(diagnostic: &Diagnostic, sources: &Sources) -> Value {
         "related": diagnostic.secondary.iter().map(|label| place(label, sources)).collect::<Vec<_>>(),
         "help": diagnostic.help,
     });
-    if let Some(primary) = &diagnostic.primary
-        && let (Some(object), Value::Object(place)) = (object.as_object_mut(), place(primary, sources))
-    {
+    let place = match &diagnostic.primary {
+        Some(primary) => place(primary, sources),
+        None => sources.get(SourceId::default()).map_or(
+            Value::Null,
+            |graph| json!({ "path": graph.path.to_string_lossy() }),
+        ),
+    };
+    if let (Some(object), Value::Object(place)) = (object.as_object_mut(), place) {
         object.extend(place);
     }
     object

@@ -26,10 +26,11 @@ pub(super) fn file(path: &Path, options: &LoadOptions) -> Result<Document, Diagn
                 format!("cannot read `{}`: {error}", path.display()),
             )
             .of_no_place();
-            Err(Diagnostics {
-                sources: Sources::default(),
-                list: vec![diagnostic],
-            })
+            // It has no text, but a name.
+            let mut sources = Sources::default();
+            sources.add(path.to_path_buf(), Arc::from(""));
+            let list = vec![diagnostic];
+            Err(Diagnostics { sources, list })
         }
     }
 }
@@ -131,6 +132,7 @@ impl Loader {
             diagnostics: &mut diagnostics,
             folder: &|span| folder(sources, span.source),
             files: &mut Vec::new(),
+            setting: None,
         });
         self.document.findings = diagnostics;
         read
@@ -277,7 +279,11 @@ impl Loader {
                     let expected = format!("the name of a {what} in quotes");
                     let key = Value { span, shape };
                     self.reading(|reading| reading.mismatch(&key, &expected));
-                    continue;
+                    // What was meant is known: others may refer to it.
+                    match key.bare_name() {
+                        Some(name) => name.to_owned(),
+                        None => continue,
+                    }
                 }
             };
             if let Some(first) = seen.get(&text) {

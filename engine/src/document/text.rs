@@ -21,6 +21,24 @@ const MAX_ERRORS: usize = 20;
 pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Value> {
     let before = diagnostics.len();
     let lexemes = tokens::scan(source, text, diagnostics);
+    if let Some(first) = beginning_of_prose(text, &lexemes) {
+        // Every line of it would be wrong in its own way.
+        diagnostics.truncate(before);
+        let span = Span {
+            source,
+            start: first.start,
+            end: first.end,
+        };
+        let found = &text[first.start..first.end];
+        let message = format!("this does not begin like a graph: found `{found}`");
+        let help = "a graph file holds one `Graph(format: 1, nodes: { ... })`; is this the file you meant?";
+        diagnostics.push(
+            Diagnostic::error("E0110", span, message)
+                .label("not the beginning of a value")
+                .help(help),
+        );
+        return None;
+    }
     let partners = tokens::match_brackets(source, text, &lexemes, diagnostics)?;
     let mut reader = Reader {
         source,
@@ -45,6 +63,20 @@ pub(crate) fn read(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     }
     diagnostics.truncate(before + MAX_ERRORS);
     value.filter(|_| diagnostics.len() == before)
+}
+
+/// The first token of a text that is no value: of words, or of a sign that RON does not have.
+fn beginning_of_prose<'l>(text: &str, lexemes: &'l [Lexeme]) -> Option<&'l Lexeme> {
+    let mut rest = lexemes
+        .iter()
+        .skip_while(|lexeme| lexeme.token == Token::Attribute);
+    let first = rest.next()?;
+    let is_prose = match (first.token, rest.next().map(|next| next.token)) {
+        (Token::Mistaken, _) => !text[first.start..].starts_with(['\'', '-', '+', '\u{201c}']),
+        (Token::Name, Some(next)) => next != Token::Open && next != Token::Close,
+        _ => false,
+    };
+    is_prose.then_some(first)
 }
 
 struct Reader<'a> {
@@ -210,18 +242,30 @@ impl Reader<'_> {
     /// What the round brackets at hand hold.
     fn body(&mut self, depth: usize) -> Body {
         let close = self.partners[self.at];
-        let fields = matches!(
-            (
-                self.lexemes[self.at + 1].token,
-                self.lexemes.get(self.at + 2).map(|l| l.token)
-            ),
-            (Token::Name | Token::String, Some(Token::Colon))
-        );
-        if fields {
+        if self.holds_fields(close) {
             Body::Fields(self.items(close, |reader| reader.field(depth + 1)))
         } else {
             Body::Tuple(self.items(close, |reader| reader.value(depth + 1)))
         }
+    }
+
+    /// Is any item of these round brackets a field?
+    fn holds_fields(&self, close: usize) -> bool {
+        let mut at = self.at + 1;
+        let mut begins = true;
+        while at < close {
+            let token = self.lexemes[at].token;
+            let is_name = matches!(token, Token::Name | Token::String);
+            if begins && is_name && self.lexemes[at + 1].token == Token::Colon {
+                return true;
+            }
+            begins = token == Token::Comma;
+            at = match token {
+                Token::Open => self.partners[at] + 1,
+                _ => at + 1,
+            };
+        }
+        false
     }
 
     /// Items separated by commas, from the opening bracket at hand to just past its closing one.
@@ -298,6 +342,15 @@ impl Reader<'_> {
                 self.unexpected("`:` and a value");
                 return None;
             }
+            (Some(Token::String), _) => {
+                let help = format!("inputs are named: `input: {}`", self.slice());
+                let message = "expected `name: value`, found a string";
+                let diagnostic = Diagnostic::error("E0101", name.span, message);
+                self.diagnostics
+                    .push(diagnostic.label("expected `name: value`").help(help));
+                return None;
+            }
+            _ if self.refuse_decimal_comma() => return None,
             _ => {
                 self.unexpected("`name: value`");
                 return None;
@@ -309,6 +362,9 @@ impl Reader<'_> {
 
     /// `key: value`
     fn pair(&mut self, depth: usize) -> Option<(Value, Value)> {
+        if self.next_token() != Some(Token::Colon) && self.refuse_decimal_comma() {
+            return None;
+        }
         let key = self.value(depth)?;
         if self.token() != Some(Token::Colon) {
             self.unexpected("`:` and a value");
@@ -316,6 +372,43 @@ impl Reader<'_> {
         }
         self.at += 1;
         Some((key, self.value(depth)?))
+    }
+
+    /// Reports `80,5`, where the number at hand follows a comma that follows a number.
+    fn refuse_decimal_comma(&mut self) -> bool {
+        let Some([whole, comma, part]) = self
+            .at
+            .checked_sub(2)
+            .and_then(|start| self.lexemes.get(start..=self.at))
+        else {
+            return false;
+        };
+        let is_written_so = (whole.token, comma.token, part.token)
+            == (Token::Number, Token::Comma, Token::Number)
+            && (whole.end, comma.end) == (comma.start, part.start);
+        let (start, end) = (whole.start, part.end);
+        let written = &self.text[start..end];
+        let with_point = written.replacen(',', ".", 1);
+        if !is_written_so || with_point.parse::<f64>().is_err() {
+            return false;
+        }
+        let message = format!("`{written}` is not a number");
+        let diagnostic = Diagnostic::error("E0106", self.span_of(start, end), message)
+            .label("not a number")
+            .help(format!("a decimal point is `.`: write `{with_point}`"));
+        self.diagnostics.push(diagnostic);
+        self.at += 1;
+        true
+    }
+
+    /// A word behind the number at hand, where it stands as its unit: `80 Hz`.
+    fn unit(&self) -> Option<&str> {
+        let [number, unit, after] = self.lexemes.get(self.at..self.at + 3)? else {
+            return None;
+        };
+        let is_unit = unit.token == Token::Name && matches!(after.token, Token::Comma | Token::Close);
+        let is_beside = !self.text[number.end..unit.start].contains('\n');
+        (is_unit && is_beside).then(|| &self.text[unit.start..unit.end])
     }
 
     fn string(&mut self) -> Option<String> {
@@ -366,16 +459,39 @@ impl Reader<'_> {
         if let Some(text) = text
             && let Ok(number) = text.parse::<f64>()
         {
-            return Some(Shape::Number(number, text));
+            let Some(unit) = self.unit() else {
+                return Some(Shape::Number(number, text));
+            };
+            let help = without_unit(written, unit);
+            let end = self.lexemes[self.at + 1].end;
+            let span = self.span_of(self.span().start, end);
+            let message = format!("`{}` is not a number", &self.text[span.start..span.end]);
+            let diagnostic = Diagnostic::error("E0106", span, message);
+            self.diagnostics.push(diagnostic.label("not a number").help(help));
+            self.at += 2;
+            return None;
         }
         let message = format!("`{written}` is not a number");
         let mut diagnostic = Diagnostic::error("E0106", self.span(), message).label("not a number");
-        if written.ends_with(|c: char| c.is_alphabetic()) && radix == 10 {
-            diagnostic = diagnostic.help("write the number alone: its unit is in the name of the field");
+        let number = written.trim_end_matches(char::is_alphabetic);
+        if radix == 10 && number != written && number.parse::<f64>().is_ok() {
+            diagnostic = diagnostic.help(without_unit(number, &written[number.len()..]));
         }
         self.diagnostics.push(diagnostic);
         self.at += 1;
         None
+    }
+}
+
+/// How a number is written that was given a unit.
+fn without_unit(number: &str, unit: &str) -> String {
+    let general = format!("units are in the setting's name; write `{number}`");
+    match (unit, number.parse::<f64>()) {
+        ("dB", Ok(db)) => {
+            let factor = 10_f64.powf(db / 20.0);
+            format!("{general}, or where a factor is set, `{factor:.4}`")
+        }
+        _ => general,
     }
 }
 

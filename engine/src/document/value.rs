@@ -112,6 +112,17 @@ impl Value {
         text::read(id, text, &mut list).ok_or(Diagnostics { sources, list })
     }
 
+    /// The name, where it is one without brackets: `synth`.
+    pub(crate) fn bare_name(&self) -> Option<&str> {
+        match &self.shape {
+            Shape::Tagged(Tagged {
+                name: Some(name),
+                body: Body::Bare,
+            }) => Some(&name.text),
+            _ => None,
+        }
+    }
+
     /// What it is, in a person's words: `a number`, `a list`.
     pub fn describe(&self) -> &'static str {
         match &self.shape {

@@ -6,7 +6,8 @@ use super::draft::{Context, Draft, DraftNode, Slot};
 use super::memory::{self, Memory};
 use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
 use crate::device::Device;
-use crate::diagnostic::{Diagnostic, Sources, Span};
+use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
+use crate::document::folder;
 use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
@@ -15,7 +16,7 @@ use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Driver frames that a plan never exceeds in one go.
 const MAX_QUANTUM: u64 = 1024;
@@ -349,7 +350,10 @@ impl Places {
             Ok(built) => Some(built),
             Err(error) => {
                 let make = |span, message| Diagnostic::error("E0304", span, message);
-                let diagnostic = self.finding(&cx.sources, error, make);
+                let mut diagnostic = self.finding(&cx.sources, error, make);
+                if let Some(help) = not_there(cx, &diagnostic) {
+                    diagnostic.help = vec![help];
+                }
                 cx.report(diagnostic);
                 None
             }
@@ -384,6 +388,26 @@ impl Places {
         }
         diagnostic
     }
+}
+
+/// What to do about a path that was given by `--set`, or while the graph runs, and leads to no file.
+fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
+    let span = diagnostic.primary.as_ref()?.span;
+    let from_files = cx.document.sources.iter().count();
+    let written = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
+    let path = Path::new(written.trim_matches('"'));
+    let is_given = span.source.0 as usize >= from_files && cx.files.iter().any(|file| file == path);
+    if !is_given || path.exists() {
+        return None;
+    }
+    let beside = folder(&cx.sources, SourceId::default()).join(path);
+    let found = match beside.is_file() {
+        true => format!("; there is {}", beside.display()),
+        false => String::new(),
+    };
+    Some(format!(
+        "a path given by --set is looked for from the folder you are in{found}"
+    ))
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.

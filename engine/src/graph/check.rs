@@ -146,8 +146,14 @@ fn put_in_order(list: &mut Vec<Diagnostic>) {
     };
     list.sort_by_key(place);
     let mut seen = HashSet::new();
+    // Fields that are missing are missing at one place: their labels name them.
     list.retain(|d| match &d.primary {
-        Some(label) => seen.insert((d.code, label.span, d.severity == Severity::Error)),
+        Some(label) => seen.insert((
+            d.code,
+            label.span,
+            label.text.clone(),
+            d.severity == Severity::Error,
+        )),
         None => true,
     });
 }

@@ -52,6 +52,7 @@ impl Context<'_> {
                 false => PathBuf::new(),
             },
             files,
+            setting: None,
         })
     }
 }

@@ -4,7 +4,7 @@ use super::draft::{Context, Draft, DraftNode, Scope, Target};
 use super::values::{Parameters, Place, suggest};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
-use crate::node::NodeEntry;
+use crate::node::{NodeEntry, Presence};
 use crate::settings::{Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
@@ -325,7 +325,22 @@ pub(super) fn parts<'v>(
             Body::Tuple(values) => {
                 let at = &values[0];
                 let expected = format!("fields of `{}`, `name: value`", name.text);
+                let first = cx
+                    .registry
+                    .node(&name.text)
+                    .and_then(|entry| entry.spec.inputs.first());
+                let before = cx.diagnostics.len();
                 cx.reading(|reading| reading.mismatch(at, &expected));
+                if let (Some(input), Shape::String(node), Some(diagnostic)) =
+                    (first, &at.shape, cx.diagnostics.get_mut(before))
+                {
+                    let (open, close) = match input.presence {
+                        Presence::Many => ("[", "]"),
+                        _ => ("", ""),
+                    };
+                    let help = format!("inputs are named: `{}: {open}\"{node}\"{close}`", input.name);
+                    diagnostic.help.push(help);
+                }
                 return None;
             }
         }

@@ -49,7 +49,8 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
     named
 }
 
-fn quantity_by_name(cx: &mut Context<'_>, node: &DraftNode, setting: &str) -> Option<Quantity> {
+fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &str) -> Option<Quantity> {
+    let names = || -> Vec<&'static str> { Quantity::NAMED.iter().map(|(_, name, _)| *name).collect() };
     let given = node
         .fields
         .remaining()
@@ -66,14 +67,25 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &DraftNode, setting: &str) -> Op
         Some(_) => return None, // Reported when the settings are read.
         None => {
             let specs = node.entry.settings();
-            let default = specs.into_iter().find(|spec| spec.name == setting)?.default?;
+            let spec = specs.into_iter().find(|spec| spec.name == setting)?;
+            let Some(default) = spec.default else {
+                let kind = node.entry.spec.name;
+                let message = format!("`{kind}` needs `{setting}`");
+                let missing = Diagnostic::error("E0205", node.fields.span, message)
+                    .label(format!("`{setting}` is missing"))
+                    .help(format!(
+                        "add `{setting}: \"...\"`, the name of a quantity, one of {}",
+                        names().join(", ")
+                    ));
+                node.fields.if_missing(setting, Some(missing));
+                return None;
+            };
             (default.trim_matches('"').to_owned(), node.fields.span)
         }
     };
     let found = Quantity::by_name(&name);
     if found.is_none() {
-        let names: Vec<&'static str> = Quantity::NAMED.iter().map(|(_, name, _)| *name).collect();
-        cx.reading(|reading| unknown_choice(&name, &names, span, reading));
+        cx.reading(|reading| unknown_choice(&name, &names(), span, reading));
     }
     found
 }
@@ -224,8 +236,16 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
                 input.kind == KindRule::Is(kind)
                     && wanted.is_some_and(|wanted| output.0 == KindRule::Is(wanted))
             });
-            let diagnostic = match converters {
-                Some(list) => diagnostic.help(format!("{list} makes one from the other")),
+            let swapped = wanted.and_then(|wanted| {
+                let wanted = Type {
+                    kind: Some(wanted),
+                    quantity: quantity_of(draft, named, node, port.quantity),
+                };
+                swapped(draft, named, node, slot, (carried, wanted))
+            });
+            let made = || converters.map(|list| format!("{list} makes one from the other"));
+            let diagnostic = match swapped.or_else(made) {
+                Some(help) => diagnostic.help(help),
                 None => diagnostic,
             };
             return Some(via(diagnostic, wire));
@@ -258,9 +278,24 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         }),
         _ => None,
     };
-    let swapped = || swapped(draft, named, node, slot, (quantity, wanted));
+    let swapped = || {
+        let wanted = Type {
+            kind: carried.kind,
+            quantity: Some(wanted),
+        };
+        swapped(draft, named, node, slot, (carried, wanted))
+    };
+    // What arrives is what the node says that it takes.
+    let retold = || match (port.quantity, quantity.name()) {
+        (QuantityRule::Setting(setting), Some(name)) => Some(format!(
+            "write `{setting}: \"{name}\"` if that is meant, or connect {}",
+            word(wanted)
+        )),
+        _ => None,
+    };
     let help = stated
         .or_else(swapped)
+        .or_else(retold)
         .unwrap_or_else(|| conversion(cx, quantity, wanted));
     Some(via(diagnostic.help(help), wire))
 }
@@ -271,14 +306,19 @@ fn swapped(
     named: &Named,
     node: usize,
     slot: &Slot,
-    (got, wanted): (Quantity, Quantity),
+    (got, wanted): (Type, Type),
 ) -> Option<String> {
     let target = &draft.nodes[node];
     let ports = target.entry.spec.inputs;
+    let takes = |port: &InputSpec| {
+        let of_kind = match port.kind {
+            KindRule::Is(kind) => got.kind == Some(kind),
+            _ => true,
+        };
+        of_kind && quantity_of(draft, named, node, port.quantity) == got.quantity
+    };
     let other = target.inputs.iter().find(|other| {
-        other.port != slot.port
-            && arriving(draft, other).and_then(|arriving| arriving.quantity) == Some(wanted)
-            && quantity_of(draft, named, node, ports[other.port].quantity) == Some(got)
+        other.port != slot.port && arriving(draft, other) == Some(wanted) && takes(&ports[other.port])
     })?;
     Some(format!(
         "did you swap `{}` and `{}`?",

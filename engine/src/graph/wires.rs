@@ -176,6 +176,9 @@ fn not_a_connection<T>(cx: &mut Context<'_>, value: &Value) -> Option<T> {
             "Ring" => diagnostic.help("write `Ring(from: \"node.output\", latency_ms: 10)`"),
             "Input" => diagnostic.help("write `Input(\"name\")`"),
             known if FORMS.contains(&known) => diagnostic.help(format!("write `{known}(\"node.output\")`")),
+            node if value.bare_name().is_some() => {
+                diagnostic.help(format!("the name of a node is written in quotes: `\"{node}\"`"))
+            }
             unknown => match closest(unknown, FORMS) {
                 Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
                 None => diagnostic.help(

@@ -180,6 +180,7 @@ impl Example<'_> {
             diagnostics: &mut list,
             folder: &|_| self.folder.to_path_buf(),
             files: &mut Vec::new(),
+            setting: None,
         };
         let mut fields = Fields::new(self.kind.to_owned(), written.span, entries, &mut reading);
         let _ = (fields.take("clock"), fields.take("endpoint"));

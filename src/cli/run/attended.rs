@@ -244,7 +244,11 @@ impl Attended {
                 // Acted on where it is read.
                 Asked::Typed(Typed::Stop) => {}
                 Asked::Typed(Typed::Unknown(line)) => {
-                    remark(&format!("`{line}` is not known; type {HELP}\n"));
+                    let help = Typed::meant(&line).map_or_else(
+                        || format!("type {HELP}"),
+                        |meant| format!("did you mean `{meant}`?"),
+                    );
+                    remark(&format!("`{line}` is not known; {help}\n"));
                 }
                 Asked::Told(Told { name, value }) => {
                     // A fader that moves fast is where it is now.
@@ -267,9 +271,8 @@ impl Attended {
         }
         if !self.parameters.iter().any(|(known, _)| *known == name) {
             let names = self.parameters.iter().map(|(known, _)| known.as_str());
-            let near = closest(&name, names).map(|near| format!("; did you mean `{near}`?"));
-            let near = near.unwrap_or_default();
-            says.refusal(&format!("the graph has no parameter `{name}`{near}\n"));
+            let help = choices(&name, &names.collect::<Vec<_>>(), "its parameters are");
+            says.refusal(&format!("the graph has no parameter `{name}`{help}\n"));
             return self.note(false, name, &value, by);
         }
         if by == By::Osc {
@@ -379,11 +382,12 @@ impl Attended {
             }
             Err(error) => {
                 let names: Vec<String> = self.session.settings().map(|live| live.name()).collect();
-                let near = closest(name, names.iter().map(String::as_str));
-                let help = near
-                    .filter(|near| *near != name)
-                    .map(|near| format!("; did you mean `{near}`?"));
-                says.refusal(&format!("`{name}` stays: {error}{}\n", help.unwrap_or_default()));
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                let help = match names.contains(&name) {
+                    true => String::new(),
+                    false => choices(name, &names, "what can be set while it runs is"),
+                };
+                says.refusal(&format!("`{name}` was not changed: {error}{help}\n"));
                 false
             }
         }
@@ -398,6 +402,20 @@ impl Attended {
         for live in self.session.settings() {
             remark(&format!("{} = {}\n", live.name(), live.value));
         }
+    }
+}
+
+/// What to do about a name that is not there.
+fn choices(name: &str, known: &[&str], are: &str) -> String {
+    const SHOWN: usize = 12;
+    match (closest(name, known.iter().copied()), known.len()) {
+        (Some(near), _) => format!("; did you mean `{near}`?"),
+        (None, 0) => "; `list` shows what can be set".to_owned(),
+        (None, 1..=SHOWN) => format!("; {are} {}", known.join(", ")),
+        (None, _) => format!(
+            "; {are} {} and others, which `list` shows",
+            known[..SHOWN].join(", ")
+        ),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::super::keys::Editor;
 use super::super::{remark, remarks, screen};
+use crate::engine::settings::closest;
 use crate::nodes::network::Told;
 use crate::signal::files::{self, Refusal};
 use std::io::Read;
@@ -51,6 +52,22 @@ impl Typed {
             ("help" | "?", None) if rest.is_empty() => Some(Self::Help),
             ("stop" | "quit" | "exit", None) if rest.is_empty() => Some(Self::Stop),
             _ => Some(Self::Unknown(line.to_owned())),
+        }
+    }
+
+    /// What may have been meant by a line that is not understood.
+    pub fn meant(line: &str) -> Option<String> {
+        let line = line.trim();
+        let with_set = format!("set {line}");
+        match Self::parse(&with_set) {
+            Some(Self::Set { name, .. }) if !name.contains(char::is_whitespace) => Some(with_set),
+            _ => {
+                let word = line.split_whitespace().next()?;
+                let words = ["list", "history", "help", "stop", "quit", "exit"];
+                closest(word, words)
+                    .filter(|near| *near != line)
+                    .map(str::to_owned)
+            }
         }
     }
 }
@@ -133,6 +150,16 @@ mod tests {
             ("stop it", Some(Typed::Unknown("stop it".into()))),
         ] {
             assert_eq!(Typed::parse(line), typed, "{line}");
+        }
+        for (line, meant) in [
+            ("gain=0.3", Some("set gain=0.3")),
+            ("lst", Some("list")),
+            ("stop it", Some("stop")),
+            ("set gain", None),
+            ("=1", None),
+            ("set a b=1", None),
+        ] {
+            assert_eq!(Typed::meant(line).as_deref(), meant, "{line}");
         }
     }
 }

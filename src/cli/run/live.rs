@@ -2,7 +2,7 @@
 //! offline run leaves.
 
 use super::super::keys::RawMode;
-use super::super::{Failure, fault, remark, remarks, screen, warn};
+use super::super::{Failure, built, fault, remark, remarks, screen, warn};
 use super::attended::{Attended, MOST_ASKED};
 use super::console::{self, Asked, HELP};
 use super::drivers::Drivers;
@@ -48,6 +48,7 @@ fn run_with(
     // What is saved from here on is seen.
     let watch = arguments.watch.then(|| Watch::of(&graph));
     lasts_a_frame(&graph, arguments.duration_s)?;
+    built::refuse_missing(&graph, arguments.graph.endpoints())?;
     let wanted = wanted(&graph).map_err(message)?;
     let mut network = Connections::default();
     network.connect(&graph).map_err(message)?;
@@ -173,7 +174,8 @@ fn run_with(
     match completed {
         Ok(_) | Err(Failure::Interrupted) if panicked => Err(Failure::Message(
             "haptograph panicked during the run, as said above; the files of the run are complete up to there".to_owned(),
-        )),
+        )
+        .after_facts(arguments.json)),
         completed => completed.map(drop),
     }
 }

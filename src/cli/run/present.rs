@@ -1,7 +1,8 @@
 //! What follows a run: its page is opened, its sound is played, where that was asked for.
 
+use super::super::built::cannot_play;
 use super::super::{Failure, remark};
-use crate::nodes::soundcard::{SoundcardError, play_once, ready_to_play};
+use crate::nodes::soundcard::{play_once, ready_to_play};
 use crate::report::sound::{self, Sound};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -22,7 +23,7 @@ impl Present {
     /// Refuses before the run what could not be played after it.
     pub fn check(self) -> Result<(), Failure> {
         match self.play {
-            true => ready_to_play().map_err(cannot_play),
+            true => ready_to_play().map_err(|error| cannot_play(&error)),
             false => Ok(()),
         }
     }
@@ -51,12 +52,8 @@ impl Present {
             sound.stream.name,
             sound::PEAK_DBFS
         ));
-        play_once(sound.samples, sound::RATE_HZ, stop).map_err(cannot_play)
+        play_once(sound.samples, sound::RATE_HZ, stop).map_err(|error| cannot_play(&error))
     }
-}
-
-fn cannot_play(error: SoundcardError) -> Failure {
-    Failure::Message(format!("--play: {error}"))
 }
 
 /// Opens a file with the program that the desktop has for it.

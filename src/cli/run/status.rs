@@ -1,6 +1,6 @@
 //! How a live run is: a line a second, or on a terminal a block of lines that stays in place.
 
-use super::super::{remark, remarks};
+use super::super::{remark, remarks, screen};
 use super::drivers::Drivers;
 use super::silence::SilenceMonitor;
 use crate::engine::node::FileProgress;
@@ -74,13 +74,15 @@ impl Status {
     /// A line.
     fn line(&self, facts: Facts<'_>) -> String {
         let seconds = self.start.elapsed().as_secs_f64();
-        let mut parts: Vec<String> = match &facts.session.poll()[..] {
-            [(_, meters)] => vec![meters.to_string()],
+        let drivers = facts.session.poll();
+        let mut parts: Vec<String> = match &drivers[..] {
+            [(_, meters)] => vec![lateness(meters).join("; ")],
             several => several
                 .iter()
-                .map(|(name, meters)| format!("{name}: {meters}"))
+                .map(|(name, meters)| format!("{name}: {}", lateness(meters).join("; ")))
                 .collect(),
         };
+        let verdict = verdict(drivers.iter().map(|(_, meters)| *meters));
         parts.extend(
             facts
                 .session
@@ -94,7 +96,10 @@ impl Status {
                 .filter_map(|(sink, progress)| Some(format!("{sink}: {}", progress.lines().first()?))),
         );
         let (status, silent) = (facts.drivers.status(), facts.silence.status());
-        format!("{seconds:.0} s: {}{status}{silent}\n", parts.join("; "))
+        format!(
+            "{seconds:.0} s: {}{status}{silent}; {verdict}\n",
+            parts.join("; ")
+        )
     }
 
     /// A block of lines.
@@ -102,12 +107,12 @@ impl Status {
         let now = Instant::now();
         let seconds = self.start.elapsed().as_secs_f64();
         let mut lines = Vec::new();
+        let (width, status) = (screen::width().saturating_sub(1), facts.drivers.status());
         for (name, meters) in facts.session.poll() {
-            lines.push(format!(
-                "{seconds:7.1} s  {name}  {}{}",
-                lateness(meters),
-                facts.drivers.status()
-            ));
+            let mut parts = lateness(meters);
+            parts.extend(status.strip_prefix(", ").map(str::to_owned));
+            let head = format!("{seconds:7.1} s  {name}  ");
+            lines.push(fitting(&head, parts, &verdict([meters].into_iter()), width));
         }
         let rings = facts.session.rings().chain(facts.drivers.rings());
         lines.extend(rings.map(|ring| format!("           {}", ring_line(&ring))));
@@ -201,18 +206,38 @@ fn ring_line(ring: &RingReport) -> String {
     )
 }
 
-/// How a driver keeps time.
-fn lateness(meters: &Meters) -> String {
+/// How a driver keeps time, the most telling part first.
+fn lateness(meters: &Meters) -> Vec<String> {
     let ms = |ns: u64| ns as f64 / 1e6;
     let (late, work) = (&meters.lateness, &meters.work);
-    format!(
-        "late {:.2} ms p99, {:.2} max; work {:.2} ms p99; {} overruns, {} stalls",
-        ms(late.quantile_ns(0.99)),
-        ms(late.max_ns()),
-        ms(work.quantile_ns(0.99)),
-        meters.overruns,
-        meters.stalls
-    )
+    vec![
+        format!(
+            "late {:.2} ms p99, {:.2} max",
+            ms(late.quantile_ns(0.99)),
+            ms(late.max_ns())
+        ),
+        format!("work {:.2} ms p99", ms(work.quantile_ns(0.99))),
+        format!("{} overruns, {} stalls", meters.overruns, meters.stalls),
+    ]
+}
+
+/// Whether drivers keep time: how many of their wake-ups were late for the next one, or lost in a stall.
+fn verdict<'m>(drivers: impl Iterator<Item = &'m Meters>) -> String {
+    match drivers.map(|meters| meters.overruns + meters.lost_wakes).sum() {
+        0_u64 => "keeps time".to_owned(),
+        late => format!("{late} late"),
+    }
+}
+
+/// A line of at most so many characters that ends with `last`: parts that do not fit are left out, the last ones first.
+fn fitting(head: &str, mut parts: Vec<String>, last: &str, width: usize) -> String {
+    loop {
+        let all: Vec<&str> = parts.iter().map(String::as_str).chain([last]).collect();
+        let line = format!("{head}{}", all.join("; "));
+        if line.chars().count() <= width || parts.pop().is_none() {
+            return line;
+        }
+    }
 }
 
 /// A bar of what an actuator is given, up to its peak limit, and both numbers with their limits.
@@ -242,6 +267,31 @@ fn shown_level(level: &ActuatorLevel) -> String {
 mod tests {
     use super::*;
     use crate::engine::node::Limit;
+
+    #[test]
+    fn what_does_not_fit_is_left_out_whole() {
+        let parts = || {
+            ["late 0.07 ms", "work 0.09 ms", "0 overruns"]
+                .map(str::to_owned)
+                .to_vec()
+        };
+        let line = |width| fitting("1.0 s  audio  ", parts(), "keeps time", width);
+        let all = "1.0 s  audio  late 0.07 ms; work 0.09 ms; 0 overruns; keeps time";
+        assert_eq!(line(all.len()), all);
+        assert_eq!(
+            line(all.len() - 1),
+            "1.0 s  audio  late 0.07 ms; work 0.09 ms; keeps time"
+        );
+        assert_eq!(line(10), "1.0 s  audio  keeps time");
+    }
+
+    #[test]
+    fn a_driver_keeps_time_until_a_wake_up_is_late_or_lost() {
+        let mut meters = Meters::default();
+        assert_eq!(verdict([&meters].into_iter()), "keeps time");
+        (meters.overruns, meters.lost_wakes) = (2, 5);
+        assert_eq!(verdict([&meters, &meters].into_iter()), "14 late");
+    }
 
     #[test]
     fn a_level_is_shown_against_its_limits() {

@@ -1,7 +1,7 @@
 //! What is to be known of a run: as JSON, as a sentence, and on its page.
 
 use super::endpoints::Endpoints;
-use super::{Arguments, Shown};
+use super::{Arguments, Shown, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::limiter::ClipCounts;
 use crate::engine::node::AfterData;
@@ -12,7 +12,7 @@ use crate::report::drawing;
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
 use crate::report::record::{Record, friction, watch};
-use crate::report::sound::Sound;
+use crate::report::sound::{Sound, audible};
 use crate::surfaces::{Surface, files};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -81,6 +81,7 @@ impl Summary {
             facts,
             warnings: warnings(outcome)
                 .into_iter()
+                .chain(cut_short(outcome).filter(|_| has_end(arguments)))
                 .chain(ended_data(graph, outcome))
                 .collect(),
             headlines: outcome.actuators.iter().map(limited).collect(),
@@ -132,12 +133,18 @@ impl Summary {
     }
 
     /// What was done; the last line says what to look at and what to listen to.
-    pub fn sentence(&self, target: &Path, sound: Option<&Sound>) -> String {
+    pub fn sentence(&self, target: &Path, graph: &Graph, sound: Option<&Sound>) -> String {
         let stopped = if self.stopped { "stopped after" } else { "ran" };
         let simulated = self.endpoints.in_brackets();
-        let heard = sound.map_or_else(String::new, |sound| {
-            format!(", and listen to `{}` there or with --play", sound.stream.name)
-        });
+        let heard = match sound {
+            Some(sound) => format!(", and listen to `{}` there or with --play", sound.stream.name),
+            None if audible(graph).is_empty() => {
+                "; nothing to listen to: no actuator or file gets an acceleration, a force, a voltage or a current at \
+                 2 kHz or more"
+                    .to_owned()
+            }
+            None => "; nothing to listen to: what could be heard is silent".to_owned(),
+        };
         format!(
             "{stopped} {:.3} s of {}{simulated} in {:.3} s, {:.1} times real time\nlook at {}{heard}\n",
             self.seconds,
@@ -340,13 +347,15 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
             outcome.faults.ticks
         ));
     }
-    if outcome.stopped {
-        list.push(format!(
-            "the run was stopped after {:.3} s; its files are complete up to there",
-            outcome.seconds
-        ));
-    }
     list
+}
+
+/// What is said of a run that had an end of its own and did not reach it.
+fn cut_short(outcome: &Outcome) -> Option<String> {
+    let seconds = outcome.seconds;
+    outcome
+        .stopped
+        .then(|| format!("the run was stopped after {seconds:.3} s; its files are complete up to there"))
 }
 
 fn plain(value: &Value) -> String {

@@ -96,6 +96,18 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
                 let length = rest.find(']').map_or(rest.len(), |i| i + 1);
                 Some((Token::Attribute, length))
             }
+            '#' | '%' if begins_comment(c, text, &lexemes, start) => {
+                at += rest.find('\n').unwrap_or(rest.len());
+                refuse_comment(
+                    Span {
+                        source,
+                        start,
+                        end: at,
+                    },
+                    diagnostics,
+                );
+                continue;
+            }
             c if is_xid_start(c) || c == '_' => {
                 let length = rest.find(|c| !is_xid_continue(c));
                 Some((Token::Name, length.unwrap_or(rest.len())))
@@ -119,6 +131,41 @@ pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnosti
     }
     lexemes
 }
+
+/// Does a sign begin a comment, as it does in other languages? A percent sign does where no value can be before it.
+fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bool {
+    sign == '#'
+        || match before.last() {
+            None => false,
+            Some(last) => {
+                matches!(last.token, Token::Comma | Token::Open) || text[last.end..start].contains('\n')
+            }
+        }
+}
+
+/// Reports a comment of another language; all of them as one.
+fn refuse_comment(span: Span, diagnostics: &mut Vec<Diagnostic>) {
+    const CODE: &str = "E0111";
+    let known = diagnostics.iter_mut().find(|known| {
+        let place = known.primary.as_ref().map(|label| label.span.source);
+        known.code == CODE && place == Some(span.source)
+    });
+    match known {
+        Some(known) => {
+            if known.secondary.len() < MORE_COMMENTS {
+                *known = known.clone().also(span, "and this");
+            }
+        }
+        None => diagnostics.push(
+            Diagnostic::error(CODE, span, "comments begin with `//`")
+                .label("not a comment in RON")
+                .help("write `//` in its place"),
+        ),
+    }
+}
+
+/// Further comments of another language that are shown.
+const MORE_COMMENTS: usize = 3;
 
 /// Length of a block comment; they nest, as in RON.
 fn comment_length(rest: &str) -> Option<usize> {
@@ -221,6 +268,7 @@ fn mistaken(
         '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
         ';' => (Token::Comma, 1, "separate with `,`"),
+        '-' | '+' => (Token::Mistaken, 1, "a sign stands right before its number: `-2`"),
         _ => (Token::Mistaken, c.len_utf8(), "remove it"),
     };
     let span = Span {
@@ -228,12 +276,26 @@ fn mistaken(
         start,
         end: start + length,
     };
+    let help = output_of(text, start).unwrap_or_else(|| help.to_owned());
     diagnostics.push(
         Diagnostic::error("E0101", span, format!("`{c}` does not belong here"))
             .label("not part of RON")
             .help(help),
     );
     (token, length)
+}
+
+/// How `tone.out` is written, of which the dot is at `start`.
+fn output_of(text: &str, start: usize) -> Option<String> {
+    let port = text[start..].strip_prefix('.')?;
+    let port = &port[..port.find(|c| !is_xid_continue(c)).unwrap_or(port.len())];
+    let before = &text[..start];
+    let node = before.rfind(|c| !is_xid_continue(c)).map_or(before, |at| {
+        &before[at + before[at..].chars().next().map_or(0, char::len_utf8)..]
+    });
+    let is_name = |name: &str| name.starts_with(|c| is_xid_start(c) || c == '_');
+    (is_name(node) && is_name(port))
+        .then(|| format!("a connection is written in quotes: `\"{node}.{port}\"`"))
 }
 
 /// Arithmetic in place of a value, like `2*40`.

@@ -1,0 +1,94 @@
+//! What this program was built with, of what needs more than a Rust toolchain.
+
+use super::Failure;
+use crate::engine::graph::Graph;
+use crate::nodes::soundcard::SoundcardError;
+
+/// Hardware that a build can reach, or was made without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hardware {
+    pub what: &'static str,
+    /// The feature that it needs.
+    pub feature: &'static str,
+    /// Was it built with that?
+    pub is_built: bool,
+    /// How the names of its kinds of devices begin.
+    kinds: &'static str,
+}
+
+pub const SOUNDCARDS: Hardware = Hardware {
+    what: "soundcards",
+    feature: "soundcard",
+    is_built: cfg!(any(feature = "soundcard", target_os = "macos", windows)),
+    kinds: "Soundcard",
+};
+pub const POINTERS: Hardware = Hardware {
+    what: "tablets and mice",
+    feature: "evdev",
+    is_built: cfg!(all(feature = "evdev", target_os = "linux")),
+    kinds: "EvdevDevice",
+};
+pub const SERIAL: Hardware = Hardware {
+    what: "serial ports",
+    feature: "serial",
+    is_built: cfg!(all(feature = "serial", unix)),
+    kinds: "SerialInput",
+};
+pub const MIDI: Hardware = Hardware {
+    what: "MIDI ports",
+    feature: "midi",
+    is_built: cfg!(feature = "midi"),
+    kinds: "MidiInput",
+};
+
+/// What a graph's devices need and this build lacks, each once, with the endpoints that need it.
+fn missing(graph: &Graph) -> Vec<(Hardware, Vec<&str>)> {
+    let lacking = [SOUNDCARDS, POINTERS, SERIAL, MIDI]
+        .into_iter()
+        .filter(|hardware| !hardware.is_built);
+    let with_needs = lacking.map(|hardware| {
+        let devices = graph.devices().iter();
+        let needing = devices.filter(|device| device.entry.spec.name.starts_with(hardware.kinds));
+        (hardware, needing.map(|device| device.name.as_str()).collect())
+    });
+    with_needs
+        .filter(|(_, endpoints): &(_, Vec<&str>)| !endpoints.is_empty())
+        .collect()
+}
+
+/// Refuses a live run of a graph with devices that this build cannot reach, and names all features that are missing.
+pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
+    let missing = missing(graph);
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let needs: Vec<String> = missing
+        .iter()
+        .map(|(hardware, endpoints)| format!("{} (`{}`)", hardware.what, endpoints.join("`, `")))
+        .collect();
+    let features: Vec<&str> = missing.iter().map(|(hardware, _)| hardware.feature).collect();
+    let headers = match missing
+        .iter()
+        .any(|(hardware, _)| [SOUNDCARDS, MIDI].contains(hardware))
+    {
+        true => {
+            "; on Linux it needs `sudo apt install libasound2-dev pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`)"
+        }
+        false => "",
+    };
+    Err(Failure::Message(format!(
+        "the {set} endpoints of this graph need {}, and this haptograph was built without; build with `cargo build \
+         --release --features {}`{headers}; without hardware: --endpoints simulated",
+        needs.join(" and "),
+        features.join(",")
+    )))
+}
+
+/// Why a sound cannot be played, and where it can be heard all the same.
+pub fn cannot_play(error: &SoundcardError) -> Failure {
+    let elsewhere = match error {
+        SoundcardError::NotBuilt => "; without --play, the player on the run's page needs no such build",
+        _ => "",
+    };
+    Failure::Message(format!("--play: {error}{elsewhere}"))
+}
