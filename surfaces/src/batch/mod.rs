@@ -18,6 +18,7 @@ mod render;
 mod table;
 
 pub use crate::shard::Shard;
+pub use chunk::vibration;
 pub use folder::FolderError;
 pub use manifest::{ChunkEntry, MANIFEST};
 pub use merge::{MergeError, Merged, merge};
