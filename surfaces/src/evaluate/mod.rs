@@ -33,6 +33,6 @@ pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
 pub use study::{
     Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude, evaluate,
 };
-pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
+pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise, synthesise_with};
 pub use tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
-pub use voices::{Voice, VoiceError, synthesise_many};
+pub use voices::{Voice, VoiceError, synthesise_many, synthesise_many_with};
