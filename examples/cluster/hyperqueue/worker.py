@@ -2,8 +2,9 @@
 
     python worker.py SERVER_DIR
 
-The API starts workers as threads of the process that has the server, and they end with it. This one has a server of its own that nobody
-uses, and points its folder to the other server before its worker reads it. `examples/cluster/check` kills such workers.
+The API starts workers as threads of the process that has the server, and they end with it. This one has a server of
+its own that nobody uses, and points its folder to the other server before its worker reads it. `examples/cluster/check`
+kills such workers.
 """
 
 import sys
