@@ -2,6 +2,7 @@
 //!
 //! [`main`] gives any program all of it, with the kinds of nodes and devices that the program registers.
 
+mod at_scale;
 mod batch;
 mod bench;
 mod built;
@@ -181,7 +182,8 @@ fn commands() -> Vec<Command> {
         Command::new("devices", devices::run).example("devices --formats"),
         Command::new("doctor", doctor::run).example("doctor"),
         Command::new("learn", learn::run)
-            .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork"),
+            .example("learn drag.csv --circle circle.csv -o cork.ron --report out/cork")
+            .example("learn recordings -o surfaces --shard 1/8"),
         Command::new("segment", segment::run).example("segment recording.csv --column accel_m_s2"),
         Command::new("surface", surface::run)
             .example("surface show graphs/surfaces/t2-canvas.ron")
@@ -191,7 +193,9 @@ fn commands() -> Vec<Command> {
             .example("surface interpolate tile.ron --json < speeds-and-forces.txt")
             .example("surface leave-one-out Models10000Hz/XML"),
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
-        Command::new("evaluate", evaluate::run).example("evaluate recordings --report out/evaluation"),
+        Command::new("evaluate", at_scale::evaluate)
+            .example("evaluate recordings --report out/evaluation")
+            .example("evaluate recordings --shard 1/8 -o parts/1.ron"),
         Command::new("lsp", lsp::run).example("lsp"),
         Command::new("completions", completions::run).example("completions bash"),
         Command::new("man", man::run)

@@ -125,6 +125,57 @@ fn parts_merge_to_the_bytes_of_one_run() {
     );
 }
 
+/// The vibrations of a chunk, a job a row: numbers of an uncompressed member of its archive.
+fn vibrations(chunk: &[u8], samples: usize) -> Vec<Vec<f32>> {
+    let find = |from: usize, what: &[u8]| {
+        let place = chunk[from..]
+            .windows(what.len())
+            .position(|window| window == what);
+        from + place.unwrap()
+    };
+    let array = find(find(0, b"vibration_m_s2.npy"), b"\x93NUMPY");
+    let header = usize::from(u16::from_le_bytes([chunk[array + 8], chunk[array + 9]]));
+    let numbers = chunk[array + 10 + header..].chunks_exact(4);
+    let numbers: Vec<f32> = numbers
+        .map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()))
+        .take(2 * samples)
+        .collect();
+    numbers.chunks(samples).map(<[f32]>::to_vec).collect()
+}
+
+#[test]
+fn a_wav_file_of_a_job_has_the_bits_of_its_chunk() {
+    let folder = with_plan(2, 0.2);
+    let folder = folder.path();
+    json(folder, &["batch", "plan.ron", "-o", "data"]);
+    let wav = ["batch", "wav", "plan.ron", "2", "1", "-o", "wav"];
+    let written = json(folder, &wav);
+    assert_eq!(
+        written["written"],
+        serde_json::json!(["wav/job-2.wav", "wav/job-1.wav"])
+    );
+    for (chunk, row, job) in [(1, 0, 2), (0, 1, 1)] {
+        let chunk = fs::read(folder.join(format!("data/chunk-{chunk:06}.npz"))).unwrap();
+        let file = folder.join(format!("wav/job-{job}.wav"));
+        let mut reader = hound::WavReader::open(&file).unwrap();
+        assert_eq!((reader.spec().sample_rate, reader.len()), (10_000, 2000));
+        let note = fs::read_to_string(folder.join(format!("wav/job-{job}.wav.ron"))).unwrap();
+        let (_, full_scale) = note.split_once("full_scale: ").unwrap();
+        let full_scale: f32 = full_scale.split([',', ')']).next().unwrap().parse().unwrap();
+        assert!(note.contains("simulated: true"), "{note}");
+        let samples: Vec<f32> = reader.samples::<f32>().map(|x| x.unwrap() * full_scale).collect();
+        assert_eq!(samples, vibrations(&chunk, 2000)[row]);
+    }
+    // Again, and not where somebody changed one.
+    json(folder, &wav);
+    fs::write(folder.join("wav/job-1.wav"), "mine").unwrap();
+    assert!(!haptograph(folder, &wav).status.success());
+    assert_eq!(fs::read_to_string(folder.join("wav/job-1.wav")).unwrap(), "mine");
+    let beyond = haptograph(folder, &["batch", "wav", "plan.ron", "4", "-o", "wav", "--json"]);
+    let error: Value = serde_json::from_slice(&beyond.stdout).unwrap();
+    assert!(error["error"].as_str().unwrap().contains("0 to 3"), "{error}");
+}
+
 #[test]
 fn a_wrong_plan_is_shown_at_its_place() {
     let folder = with_plan(2, 0.1);

@@ -1,12 +1,19 @@
 //! `haptograph batch`: a data set of many vibrations, from a plan.
 
+use super::output::{self, Force};
 use super::progress::Progress;
 use super::{Failure, read_file, remark, run, say, say_json, snippet};
+use crate::engine::frame::Kind;
+use crate::engine::node::Stream;
 use crate::engine::registry::Registry;
+use crate::nodes::sinks::wav::open_to_fit;
+use crate::signal::quantity::Quantity;
+use crate::signal::time::Rate;
 use crate::surfaces::batch::{self, Batch, PlanError, RenderSettings, Rendered, Shard};
 use clap::{ArgAction, Subcommand};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 /// Render a data set: many surfaces along many motions with many seeds
 ///
@@ -16,7 +23,7 @@ use std::path::{Path, PathBuf};
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Arguments {
     #[command(subcommand)]
-    merge: Option<Merge>,
+    command: Option<Command>,
     /// The plan
     #[arg(required = true, value_name = "PLAN.ron")]
     plan: Option<PathBuf>,
@@ -38,7 +45,7 @@ pub struct Arguments {
 }
 
 #[derive(Debug, Subcommand)]
-enum Merge {
+enum Command {
     /// Make one folder of the parts of a data set, the same as one run would have left
     ///
     /// Every chunk is read and compared with its hash. Files are linked where the file system can, and copied elsewhere.
@@ -53,11 +60,38 @@ enum Merge {
         #[arg(long)]
         json: bool,
     },
+    /// Write the vibrations of single jobs as WAV files, `job-<number>.wav`
+    ///
+    /// They have the bits of the data set, in a full scale that is a power of two. The note beside each says what a sample of 1.0 stands for.
+    Wav {
+        /// The plan
+        #[arg(value_name = "PLAN.ron")]
+        plan: PathBuf,
+        /// Numbers of jobs, from 0
+        #[arg(required = true, value_name = "JOB")]
+        jobs: Vec<u64>,
+        /// The folder to write them into
+        #[arg(short, long, value_name = "DIR")]
+        output: PathBuf,
+        #[command(flatten)]
+        force: Force,
+        /// Print what was written as JSON
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
-    if let Some(Merge::Merge { parts, output, json }) = &arguments.merge {
-        return merge(parts, output, *json);
+    match &arguments.command {
+        Some(Command::Merge { parts, output, json }) => return merge(parts, output, *json),
+        Some(Command::Wav {
+            plan,
+            jobs,
+            output,
+            force,
+            json,
+        }) => return wav(plan, jobs, (output, *force), *json),
+        None => {}
     }
     let plan = arguments.plan.as_deref().unwrap_or(Path::new(""));
     let batch = Batch::load(plan).map_err(|error| shown(&error))?;
@@ -158,6 +192,75 @@ fn merge(parts: &[PathBuf], output: &Path, json: bool) -> Result<(), Failure> {
         "merged {chunks} chunks, {jobs} jobs, of {parts} parts: {}\n",
         output.display()
     ))
+}
+
+fn wav(plan: &Path, jobs: &[u64], (folder, force): (&Path, Force), json: bool) -> Result<(), Failure> {
+    let batch = Batch::load(plan).map_err(|error| shown(&error))?;
+    let of = batch.jobs();
+    if let Some(job) = jobs.iter().find(|job| **job >= of) {
+        let last = of - 1;
+        return Err(Failure::Message(format!(
+            "there is no job {job} in {}; its jobs are 0 to {last}",
+            plan.display()
+        )));
+    }
+    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make the folder", folder, &error))?;
+    let stop = run::stop_on_interrupt()?;
+    let progress = Progress::of("rendering");
+    let mut written = vec![];
+    for (done, job) in jobs.iter().enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::Interrupted);
+        }
+        written.push(write_wav(&batch, *job, folder, force)?);
+        progress.at((done + 1) as f64 / jobs.len() as f64);
+    }
+    drop(progress);
+    if json {
+        return say_json(&json!({ "written": written }));
+    }
+    say(&format!(
+        "wrote {} WAV files: {}\n",
+        written.len(),
+        folder.display()
+    ))
+}
+
+/// Writes the vibration of a job and its note; where it is.
+fn write_wav(batch: &Batch, number: u64, folder: &Path, force: Force) -> Result<PathBuf, Failure> {
+    let job = batch.job(number);
+    let failed = |error: &dyn std::fmt::Display| Failure::Message(format!("job {number}: {error}"));
+    let rate = Rate::parse(&batch.rate_hz(&job).to_string()).map_err(|error| failed(&error))?;
+    let stream = Stream {
+        name: format!("{}, seed {}", batch.surfaces()[job.surface].name, job.seed),
+        kind: Kind::Scalar,
+        quantity: Quantity::ACCELERATION,
+        rate,
+        // Rendered from a model: none of it is measured.
+        simulated: true,
+    };
+    let name = format!("job-{number}.wav");
+    let names = [name.clone(), format!("{name}.ron")];
+    for name in &names {
+        output::replaceable(&folder.join(name), force)?;
+    }
+    let vibration = batch::vibration(batch, job).map_err(|error| failed(&error))?;
+    let path = folder.join(&name);
+    let unwritten = |error: &dyn std::fmt::Display| Failure::file("write", &path, error);
+    let waiting = tempfile::Builder::new()
+        .prefix(".haptograph-")
+        .tempdir_in(folder)
+        .map_err(|error| unwritten(&error))?;
+    let mut writer = open_to_fit(&waiting.path().join(&name), &stream).map_err(|error| unwritten(&error))?;
+    writer
+        .write(0, &vibration)
+        .and_then(|()| writer.finish())
+        .map_err(|error| unwritten(&error))?;
+    // The note first: no sample is ever there without what it stands for.
+    for name in names.iter().rev() {
+        output::place(&waiting.path().join(name), &folder.join(name), force)?;
+    }
+    Ok(path)
 }
 
 /// What is wrong with a plan, at its place.

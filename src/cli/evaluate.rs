@@ -11,8 +11,7 @@ use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::holdout::hold_out_contact;
 use crate::surfaces::evaluate::{
-    DifferenceTable, Evaluation, HoldoutSettings, MapSettings, RecordingName, StudyError, StudySettings,
-    TableSettings, Take, evaluate,
+    DifferenceTable, Evaluation, HoldoutSettings, RecordingName, StudyError, StudySettings, Take, evaluate,
 };
 use crate::surfaces::learning::{LearnSettings, learn};
 use crate::surfaces::metrics::Pooling;
@@ -22,21 +21,16 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Measure how well learned textures match recordings
-///
-/// Reads all recordings in a folder that are named `<material>.<person>.<take>.<extension>`. For every material and person a texture is
-/// learned from the first take. Whoever has the most takes is the expert: the others of the expert's takes are what the textures are tested
-/// on. Prints Table 2.1 of the thesis (textures against materials; each texture's own material marked), and Table 2.2 where there are several
-/// people.
+/// What is evaluated, and how
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of recordings
-    dir: PathBuf,
+    pub(super) dir: PathBuf,
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    pub(super) force: Force,
     /// Which windows the deviations in the spectral difference are taken over: those of the compared pair, or of all pairs. Textures and
     /// materials are shown by both, the one chosen first
     #[arg(long, value_enum, default_value = "all")]
@@ -50,11 +44,11 @@ pub struct Arguments {
     seed: u64,
     /// Print tables and map as JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     #[command(flatten)]
     settings: learning::Settings,
     #[command(flatten)]
-    import: Import,
+    pub(super) import: Import,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -120,13 +114,16 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
 /// What is simulated, and where to look.
 fn conclude(takes: &[Take], page: Option<PathBuf>) -> Result<(), Failure> {
     let simulated = takes.iter().filter(|take| is_simulated(take)).count();
-    if simulated > 0 {
-        say(&format!(
-            "\n{simulated} of {} recordings are simulated\n",
-            takes.len()
-        ))?;
-    }
+    say_simulated(simulated, takes.len())?;
     page.map_or(Ok(()), |page| say(&format!("\nlook at {}\n", page.display())))
+}
+
+/// How many recordings are simulated, if any.
+pub(super) fn say_simulated(simulated: usize, of: usize) -> Result<(), Failure> {
+    match simulated {
+        0 => Ok(()),
+        _ => say(&format!("\n{simulated} of {of} recordings are simulated\n")),
+    }
 }
 
 fn title(dir: &Path) -> String {
@@ -180,27 +177,31 @@ fn write_report(
     ))
 }
 
-fn study_settings(arguments: &Arguments) -> StudySettings {
-    let mut settings = StudySettings {
-        processing: arguments.settings.processing(),
-        texture: arguments.settings.texture(),
-        table: TableSettings::default(),
-        map: MapSettings::default(),
-    };
+pub(super) fn study_settings(arguments: &Arguments) -> StudySettings {
     let pooling = match arguments.pooling {
         PoolingArgument::Pair => Pooling::Pair,
         PoolingArgument::All => Pooling::All,
     };
+    StudySettings {
+        processing: arguments.settings.processing(),
+        texture: arguments.settings.texture(),
+        ..seeded(pooling, arguments.seed)
+    }
+}
+
+/// How textures are compared and placed, whatever they were learned by.
+pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
+    let mut settings = StudySettings::default();
     (settings.table.pooling, settings.map.pooling) = (pooling, pooling);
-    settings.table.synthesis.seed = arguments.seed;
-    settings.map.synthesis.seed = arguments.seed;
-    settings.map.walk.seed = arguments.seed;
-    settings.map.seed = arguments.seed;
+    settings.table.synthesis.seed = seed;
+    settings.map.synthesis.seed = seed;
+    settings.map.walk.seed = seed;
+    settings.map.seed = seed;
     settings
 }
 
 /// All takes in a folder; of the toolkit's triples the first file stands for all three.
-fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
+pub(super) fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
     let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
     let mut files: BTreeMap<RecordingName, PathBuf> = BTreeMap::new();
     let mut paths: Vec<PathBuf> = entries
@@ -236,7 +237,7 @@ fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure>
     files.into_iter().map(read).collect()
 }
 
-fn describe(found: &Evaluation) -> String {
+pub(super) fn describe(found: &Evaluation) -> String {
     let mut text = format!(
         "Spectral difference of virtual textures (rows, learned from {}'s first take) and recordings (columns, {}'s other takes).\n\
          [own material]  * least of its row and column\n\n",
@@ -360,7 +361,7 @@ fn people_table(differences: &DifferenceTable) -> String {
     table(&header, &rows)
 }
 
-fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
+pub(super) fn to_json(found: &Evaluation, simulated: bool) -> serde_json::Value {
     let materials = |table: &DifferenceTable| {
         json!({
             "rows": table.rows,

@@ -2,6 +2,7 @@
 
 mod summary;
 
+use super::at_scale::{self, Folder};
 use super::import::Import;
 use super::output::{Force, Output};
 use super::progress::Progress;
@@ -26,7 +27,7 @@ use std::path::{Path, PathBuf};
 /// one recording where their names are joined: force.csv+accel.csv. A file that does not say its gesture is a drag, unless named by --circle, --tap or --press.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Recordings of one material
+    /// Recordings of one material; or a folder of recordings, of which each is learned from, into the folder of --output
     #[arg(value_name = "RECORDING", required_unless_present_any = ["circle", "tap", "press"])]
     recordings: Vec<PathBuf>,
     /// A recording of circles, whatever it says of itself; can be repeated
@@ -38,24 +39,34 @@ pub struct Arguments {
     /// The recording of a press, whatever it says of itself
     #[arg(long, value_name = "RECORDING")]
     press: Option<PathBuf>,
-    /// The surface to write: .ron (all of it) or .xml (what the toolkit has a place for)
+    /// The surface to write: .ron (all of it) or .xml (what the toolkit has a place for); of a folder of recordings a folder
     #[arg(short, long, value_name = "SURFACE.ron")]
-    output: PathBuf,
+    pub(super) output: PathBuf,
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    pub(super) force: Force,
     /// The surface's name; that of the output where it is not given
     #[arg(long, value_parser = name)]
     name: Option<String>,
     /// Print what was written as JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     #[command(flatten)]
-    settings: Settings,
+    pub(super) folder: Folder,
     #[command(flatten)]
-    import: Import,
+    pub(super) settings: Settings,
+    #[command(flatten)]
+    pub(super) import: Import,
+}
+
+impl Arguments {
+    /// Whether something is asked for that only one surface has.
+    pub(super) fn has_single(&self) -> bool {
+        let gestures = self.circle.len() + self.tap.len() + usize::from(self.press.is_some());
+        gestures > 0 || self.name.is_some() || self.report.is_some()
+    }
 }
 
 /// How textures are learned.
@@ -184,6 +195,12 @@ fn name(text: &str) -> Result<String, String> {
 }
 
 pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
+    if let [dir] = &arguments.recordings[..]
+        && dir.is_dir()
+    {
+        return at_scale::learn(arguments, dir);
+    }
+    at_scale::refuse_of_files(&arguments.folder)?;
     let files = files(arguments);
     spare(
         files.iter().flat_map(|(path, _)| recording::parts(path)),
@@ -243,7 +260,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 }
 
 /// What is said of a recording by its number, by its file.
-fn by_file(
+pub(super) fn by_file(
     said: &str,
     error: &LearnError,
     files: &[(&Path, Option<Gesture>)],
@@ -298,7 +315,10 @@ fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Resul
 }
 
 /// A recording that is there twice would count twice.
-fn refuse_twins(files: &[(&Path, Option<Gesture>)], recordings: &[AnyRecording]) -> Result<(), Failure> {
+pub(super) fn refuse_twins(
+    files: &[(&Path, Option<Gesture>)],
+    recordings: &[AnyRecording],
+) -> Result<(), Failure> {
     for (index, recording) in recordings.iter().enumerate() {
         if let Some(first) = recordings[..index]
             .iter()

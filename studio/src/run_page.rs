@@ -129,6 +129,7 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, facts: &Value, kept: 
     ];
     let own = own.map(|(file, holds)| (file.to_owned(), holds.to_owned()));
     Page {
+        friction: None,
         title: source.name(),
         about: graph.about().to_owned(),
         simulation: Simulation::Some(

@@ -23,6 +23,7 @@ pub mod provenance;
 pub mod recording;
 pub mod resampling;
 pub mod select;
+pub mod shard;
 mod statistics;
 pub mod surface;
 pub mod taps;

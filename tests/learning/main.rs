@@ -5,6 +5,7 @@
 mod compare;
 mod learn;
 mod mistakes;
+mod scale;
 mod surfaces;
 
 use serde_json::Value;

@@ -45,11 +45,16 @@ pub fn batch<'py>(
     Ok(found)
 }
 
-/// Makes one folder of parts; how many chunks and jobs it has.
+/// Makes one folder of parts; how many chunks and jobs it has. At ctrl-C it ends where a further call goes on.
 #[pyfunction]
-pub fn merge(py: Python<'_>, parts: Vec<PathBuf>, folder: PathBuf) -> PyResult<(u64, u64)> {
-    let merged = apart(py, (None, true), move |progress| {
-        batch::merge(&parts, &folder, &|part| progress.at(part)).map_err(Failure::of)
+pub fn merge(
+    py: Python<'_>,
+    parts: Vec<PathBuf>,
+    folder: PathBuf,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(u64, u64)> {
+    let merged = apart(py, (progress, true), move |progress| {
+        batch::merge(&parts, &folder, &|part| progress.at_or_end(part)).map_err(Failure::of)
     })?;
     Ok((merged.chunks, merged.jobs))
 }

@@ -78,12 +78,12 @@ fn gesture(word: &str) -> Result<Gesture, Failure> {
 
 /// Reads a recording of one file, or of several that share a clock.
 #[pyfunction]
-pub fn read(py: Python<'_>, paths: Vec<PathBuf>, import: Import) -> PyResult<Recording> {
-    let settings = import.settings().map_err(|failure| failure.raise(py))?;
-    let gesture = import.gesture.as_deref().map(gesture).transpose();
+pub fn read(py: Python<'_>, paths: Vec<PathBuf>, settings: Import) -> PyResult<Recording> {
+    let import = settings.settings().map_err(|failure| failure.raise(py))?;
+    let gesture = settings.gesture.as_deref().map(gesture).transpose();
     let gesture = gesture.map_err(|failure| failure.raise(py))?;
     let (recording, findings) = apart(py, (None, false), move |_| {
-        library::load_with(&paths, &settings).map_err(Failure::of)
+        library::load_with(&paths, &import).map_err(Failure::of)
     })?;
     let recording = match gesture {
         Some(gesture) => recording.with_gesture(gesture),

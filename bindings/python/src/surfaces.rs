@@ -6,7 +6,9 @@ use crate::work::apart;
 use haptograph::report::figures::triangulation;
 use haptograph::report::learning::page;
 use haptograph::report::plot::{Axis, Plot};
-use haptograph::surfaces::evaluate::{SynthesisSettings, Trajectory, Voice, synthesise, synthesise_many};
+use haptograph::surfaces::evaluate::{
+    SynthesisSettings, Trajectory, Voice, synthesise_many_with, synthesise_with,
+};
 use haptograph::surfaces::files;
 use haptograph::surfaces::learning::law::LawSettings;
 use haptograph::surfaces::learning::processing::ProcessingSettings;
@@ -14,6 +16,7 @@ use haptograph::surfaces::learning::texture::TextureSettings;
 use haptograph::surfaces::learning::{self as library, LearnSettings, LearningReport, TextureMethod};
 use haptograph::surfaces::metrics::{self, BandErrors, Bands, WindowSettings};
 use haptograph::surfaces::recording::AnyRecording;
+use haptograph::surfaces::resampling::{Method, resample_surface};
 use haptograph::surfaces::{ArmaModel, Coefficients, Interpolator, Origin, TextureModel};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -231,6 +234,7 @@ impl Surface {
         speed: PyReadonlyArray1<'_, f64>,
         seed: u64,
         update: f64,
+        progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let rate_hz = self.texture(py)?.rate_hz();
         let trajectory = Trajectory {
@@ -244,11 +248,26 @@ impl Surface {
             lines_seed: seed,
         };
         let surface = Arc::clone(&self.surface);
-        let vibration = apart(py, (None, false), move |_| match &surface.texture {
-            Some(texture) => synthesise(texture, &trajectory, &settings).map_err(Failure::of),
+        let vibration = apart(py, (progress, false), move |progress| match &surface.texture {
+            Some(texture) => {
+                let progress = |part| progress.at_or_end(part);
+                synthesise_with(texture, &trajectory, &settings, &progress).map_err(Failure::of)
+            }
             None => Ok(Vec::new()),
         })?;
         Ok(PyArray1::from_vec(py, vibration))
+    }
+
+    /// The same surface with its texture at a lower rate.
+    fn resampled(&self, py: Python<'_>, rate: f64) -> PyResult<Self> {
+        let surface = Arc::clone(&self.surface);
+        let (surface, _) = apart(py, (None, false), move |_| {
+            resample_surface(&surface, rate, Method::Spectral).map_err(Failure::of)
+        })?;
+        Ok(Self {
+            surface: Arc::new(surface),
+            report: None,
+        })
     }
 
     /// The map of its texture as SVG.
@@ -278,6 +297,7 @@ impl Surface {
 
 /// Many vibrations at once: a row each of surfaces, forces, speeds and seeds, of which there are as many.
 #[pyfunction]
+#[allow(clippy::too_many_arguments)] // those of the package's own function
 pub fn render<'py>(
     py: Python<'py>,
     surfaces: Vec<PyRef<'_, Surface>>,
@@ -286,6 +306,7 @@ pub fn render<'py>(
     seeds: Vec<u64>,
     update: f64,
     threads: usize,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rates = surfaces.iter().map(|surface| Ok(surface.texture(py)?.rate_hz()));
     let rates = rates.collect::<PyResult<Vec<f64>>>()?;
@@ -298,7 +319,7 @@ pub fn render<'py>(
         force_n: force.to_vec(),
     });
     let along: Vec<Trajectory> = along.collect();
-    let vibrations = apart(py, (None, false), move |_| {
+    let vibrations = apart(py, (progress, false), move |progress| {
         let each = surfaces.iter().zip(&along).zip(seeds);
         let voices = each.filter_map(|((surface, trajectory), seed)| {
             let settings = SynthesisSettings {
@@ -314,7 +335,7 @@ pub fn render<'py>(
             })
         });
         let voices: Vec<Voice<'_>> = voices.collect();
-        synthesise_many(&voices, threads).map_err(Failure::of)
+        synthesise_many_with(&voices, threads, &|part| progress.at_or_end(part)).map_err(Failure::of)
     })?;
     Ok(PyArray2::from_vec2(py, &vibrations)?)
 }
@@ -327,9 +348,10 @@ pub fn compare<'py>(
     b: PyReadonlyArray1<'_, f64>,
     rate: f64,
     window: Option<usize>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (a, b) = (a.as_array().to_vec(), b.as_array().to_vec());
-    let (windows, bands) = apart(py, (None, false), move |_| {
+    let (windows, bands) = apart(py, (progress, false), move |progress| {
         let usual = WindowSettings::comparison_at(rate);
         let samples = window.unwrap_or(usual.samples);
         let settings = WindowSettings {
@@ -338,10 +360,13 @@ pub fn compare<'py>(
             ..usual
         };
         let windows = metrics::compare(&a, &b, rate, &settings).map_err(Failure::of)?;
+        progress.at_or_end(0.5);
         let both = a.len().min(b.len());
         let counted = Bands::counted(both as f64 / rate, rate);
-        let powers = |x: &[f64]| counted.of_signal([&x[..both]], rate);
-        Ok((windows, BandErrors::new(&powers(&a), &powers(&b))))
+        let of_a = counted.of_signal([&a[..both]], rate);
+        progress.at_or_end(0.75);
+        let of_b = counted.of_signal([&b[..both]], rate);
+        Ok((windows, BandErrors::new(&of_a, &of_b)))
     })?;
     let any = |value: f64| (!bands.bands.is_empty()).then_some(value);
     let found = PyDict::new(py);

@@ -67,3 +67,6 @@ def test_what_progress_raises_ends_the_call_where_another_goes_on(plan, tmp_path
         hg.batch(plan, tmp_path / "data", progress=refuse, threads=1)
     rest = hg.batch(plan, tmp_path / "data")
     assert rest.complete and rest.kept + rest.rendered == 5
+    told = []
+    assert hg.merge([tmp_path / "data"], tmp_path / "all", progress=told.append) == (5, 5)
+    assert told == sorted(told)

@@ -63,6 +63,35 @@ def test_learning_ends_at_ctrl_c_and_where_progress_raises(drag):
         hg.learn([drag] * 20, progress=refuse)
 
 
+def test_what_progress_raises_ends_a_rendering(canvas):
+    def refuse(part):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        canvas.render(1.0, 0.1, seconds=600, progress=refuse)
+    rows = np.full((64, 600_000), 0.1)
+    with pytest.raises(RuntimeError, match="enough"):
+        hg.render(canvas, 1.0, rows, progress=refuse)
+    told = []
+    whole = canvas.render(1.0, 0.1, seconds=60, progress=told.append)
+    assert told == sorted(told) and 0 <= told[0] <= told[-1] <= 1
+    assert np.array_equal(whole, canvas.render(1.0, 0.1, seconds=60))
+
+
+def test_a_lower_rate_is_that_of_the_resampled_texture(canvas):
+    slow = canvas.resampled(1000)
+    assert slow.rate == 1000 and slow.friction == canvas.friction
+    y = canvas.render(1.0, 0.1, seconds=2, rate=1000, seed=3)
+    assert len(y) == 2000 and np.array_equal(y, slow.render(1.0, 0.1, seconds=2, seed=3))
+    # What there is from 20 to 400 Hz is as loud at either rate.
+    frequencies = np.linspace(20, 400, 96)
+    (_, fast), (_, same) = (one.at(1.0, 0.1).spectrum(frequencies) for one in (canvas, slow))
+    assert np.abs(10 * np.log10(same / fast)).max() < 1
+    for rate in (canvas.rate, 2 * canvas.rate, 1, np.nan):
+        with pytest.raises(hg.Error):
+            canvas.resampled(rate)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

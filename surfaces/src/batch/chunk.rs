@@ -140,6 +140,11 @@ impl Chunk {
                 "rate_hz",
                 Numbers::F64(jobs.iter().map(|job| batch.rate_hz(job)).collect()),
             ),
+            ("gain", Numbers::F64(jobs.iter().map(|job| job.gain).collect())),
+            (
+                "update_hz",
+                Numbers::F64(jobs.iter().map(|job| job.update_hz).collect()),
+            ),
         ];
         let lines = lines
             .into_iter()
@@ -204,6 +209,12 @@ fn signals(
     Ok(Some(signals))
 }
 
+/// The vibration of one job, as its chunk has it before rounding, m/s².
+pub fn vibration(batch: &Batch, job: Job) -> Result<Vec<f64>, SynthesisError> {
+    let played = play(batch, &[job], &[0]).map_err(|(_, error)| error)?;
+    Ok(played.into_iter().flat_map(|(_, vibration)| vibration).collect())
+}
+
 /// What some jobs give; or the place of the job that gives nothing.
 fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (usize, SynthesisError)> {
     let trajectory = |place: &usize| {
@@ -213,18 +224,27 @@ fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (u
     let trajectories: Vec<Trajectory> = places.iter().map(trajectory).collect();
     let mut voices = vec![];
     for (place, trajectory) in places.iter().zip(&trajectories) {
-        let Job { surface, seed, .. } = jobs[*place];
+        let Job {
+            surface,
+            seed,
+            update_hz,
+            ..
+        } = jobs[*place];
         voices.push(Voice {
             texture: &batch.surfaces()[surface].texture,
             trajectory,
             settings: SynthesisSettings {
-                update_hz: batch.update_hz(),
+                update_hz,
                 seed,
                 lines_seed: seed,
             },
         });
     }
-    let played = synthesise_many(&voices, 1).map_err(|error| (places[error.voice], error.source))?;
+    let mut played = synthesise_many(&voices, 1).map_err(|error| (places[error.voice], error.source))?;
+    for (place, vibration) in places.iter().zip(&mut played) {
+        let gain = jobs[*place].gain;
+        vibration.iter_mut().for_each(|sample| *sample *= gain);
+    }
     Ok(trajectories.into_iter().zip(played).collect())
 }
 

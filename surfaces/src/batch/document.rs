@@ -20,6 +20,8 @@ pub struct Document {
     pub samples: Samples,
     #[serde(default = "usual_update_hz")]
     pub update_hz: f64,
+    #[serde(default = "usual_gain")]
+    pub gain: f64,
     #[serde(default = "usual_jobs_per_chunk")]
     pub jobs_per_chunk: u64,
 }
@@ -123,6 +125,10 @@ fn usual_update_hz() -> f64 {
     crate::evaluate::SynthesisSettings::default().update_hz
 }
 
+fn usual_gain() -> f64 {
+    1.0
+}
+
 fn usual_cutoff_hz() -> f64 {
     1.0
 }
@@ -146,6 +152,8 @@ struct Places<'a> {
     #[serde(borrow, default)]
     update_hz: Option<&'a RawValue>,
     #[serde(borrow, default)]
+    gain: Option<&'a RawValue>,
+    #[serde(borrow, default)]
     jobs_per_chunk: Option<&'a RawValue>,
 }
 
@@ -159,6 +167,7 @@ pub enum Part {
     Jobs,
     Write,
     UpdateHz,
+    Gain,
     JobsPerChunk,
 }
 
@@ -191,6 +200,7 @@ pub fn place_of(part: &Part, text: &str) -> Option<Place> {
         Part::Jobs => Some(places.jobs),
         Part::Write => places.write,
         Part::UpdateHz => places.update_hz,
+        Part::Gain => places.gain,
         Part::JobsPerChunk => places.jobs_per_chunk,
     };
     let value = raw?.get_ron();

@@ -1,7 +1,8 @@
 //! What a folder of chunks holds, as JSON.
 
 use super::chunk::file_name;
-use super::plan::Batch;
+use super::document::Document;
+use super::plan::{Batch, MAX_CHUNKS, count, identify};
 use crate::files::write_atomically;
 use haptograph_signal::files;
 use serde::{Deserialize, Serialize};
@@ -118,6 +119,36 @@ impl Manifest {
     pub fn read(folder: &Path) -> io::Result<Self> {
         let text = files::read_text(&folder.join(MANIFEST), MAX_BYTES)?;
         Ok(serde_json::from_str(&text)?)
+    }
+
+    /// Whether it is one that a run may have written: its numbers are those of its plan, and its entries those of its numbers. Why not.
+    pub fn check(&self) -> Result<(), String> {
+        if self.batch != identify(&self.haptograph, &self.plan, &self.inputs) {
+            return Err("it does not belong to its plan and files".to_owned());
+        }
+        let plan = Document::parse(&self.plan);
+        let plan = plan.map_err(|(place, why)| format!("its plan is none: {place}: {why}"))?;
+        let jobs = count(&plan, self.surfaces.len(), self.motions.len());
+        if jobs.is_some_and(|jobs| jobs != u128::from(self.jobs))
+            || plan.jobs_per_chunk != self.jobs_per_chunk
+            || !(1..=MAX_CHUNKS).contains(&self.whole())
+        {
+            let (jobs, each) = (self.jobs, self.jobs_per_chunk);
+            return Err(format!(
+                "its plan gives other jobs than {jobs} in chunks of {each}"
+            ));
+        }
+        for entry in &self.chunks {
+            let start = entry.chunk.saturating_mul(self.jobs_per_chunk);
+            let end = self.jobs.min(start.saturating_add(self.jobs_per_chunk));
+            if entry.chunk >= self.whole()
+                || entry.file != file_name(entry.chunk)
+                || entry.jobs != [start, end]
+            {
+                return Err(format!("its plan gives no chunk {} as it lists it", entry.chunk));
+            }
+        }
+        Ok(())
     }
 
     /// Writes it whole or not at all.

@@ -22,6 +22,8 @@ pub enum MergeError {
         path.display()
     )]
     NoManifest { path: PathBuf, source: io::Error },
+    #[error("the manifest in {} was not written by a run: {why}; render its part again, into a new folder", path.display())]
+    Manifest { path: PathBuf, why: String },
     #[error("{} and {} are not parts of one batch: their plans, files or versions differ", first.display(), second.display())]
     Different { first: PathBuf, second: PathBuf },
     #[error("chunk {chunk} is in both {} and {}; name one of them", first.display(), second.display())]
@@ -92,6 +94,10 @@ fn read(folders: &[PathBuf]) -> Result<Vec<(PathBuf, Manifest)>, MergeError> {
         let manifest = manifest.map_err(|source| MergeError::NoManifest {
             path: path.clone(),
             source,
+        })?;
+        manifest.check().map_err(|why| MergeError::Manifest {
+            path: path.clone(),
+            why,
         })?;
         if let Some((first, other)) = parts.first() {
             let without_chunks = |of: &Manifest| Manifest {

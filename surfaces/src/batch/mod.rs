@@ -17,12 +17,14 @@ mod problem;
 mod render;
 mod table;
 
+pub use crate::shard::Shard;
+pub use chunk::vibration;
 pub use folder::FolderError;
 pub use manifest::{ChunkEntry, MANIFEST};
 pub use merge::{MergeError, Merged, merge};
 pub use plan::{Batch, BatchSurface, Job};
 pub use problem::{PlanError, PlanProblem};
-pub use render::{RenderError, RenderSettings, Rendered, Shard, render};
+pub use render::{RenderError, RenderSettings, Rendered, render};
 
 use sha2::{Digest, Sha256};
 

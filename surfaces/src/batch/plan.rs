@@ -15,12 +15,12 @@ use std::path::Path;
 /// Longer plans are not read, bytes.
 const MAX_PLAN_BYTES: u64 = 16 << 20;
 /// Most chunks of a batch: its manifest names each.
-const MAX_CHUNKS: u64 = 200_000;
+pub(super) const MAX_CHUNKS: u64 = 200_000;
 /// Memory that a chunk may take while it is rendered.
 const MAX_CHUNK_BYTES: u64 = 2 << 30;
 
 /// A vibration to be rendered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Job {
     /// The number of its surface, from 0.
     pub surface: usize,
@@ -28,6 +28,10 @@ pub struct Job {
     pub motion: usize,
     /// Seed of its noise, and of a random motion.
     pub seed: u64,
+    /// What its vibration is multiplied by.
+    pub gain: f64,
+    /// How often its filter follows speed and force.
+    pub update_hz: f64,
 }
 
 /// A surface of a batch.
@@ -85,7 +89,7 @@ impl Batch {
             batch.table = jobs;
         }
         batch.check().map_err(at)?;
-        batch.identity = batch.identify();
+        batch.identity = identify(env!("CARGO_PKG_VERSION"), &batch.text, &batch.inputs);
         Ok(batch)
     }
 
@@ -140,9 +144,12 @@ impl Batch {
     fn check(&self) -> Result<(), (Part, PlanProblem)> {
         let Document {
             update_hz,
+            gain,
             jobs_per_chunk,
             ..
         } = &self.document;
+        check_update_hz(*update_hz).map_err(|problem| (Part::UpdateHz, problem))?;
+        check_gain(*gain).map_err(|problem| (Part::Gain, problem))?;
         let range = |part, what, value: String, expected| {
             Err((
                 part,
@@ -153,14 +160,6 @@ impl Batch {
                 },
             ))
         };
-        if !(1.0..=1e5).contains(update_hz) {
-            return range(
-                Part::UpdateHz,
-                "update_hz",
-                update_hz.to_string(),
-                "from 1 to 100000",
-            );
-        }
         if !(1..=65_536).contains(jobs_per_chunk) {
             let value = jobs_per_chunk.to_string();
             return range(Part::JobsPerChunk, "jobs_per_chunk", value, "from 1 to 65536");
@@ -220,23 +219,8 @@ impl Batch {
     }
 
     fn count(&self) -> u128 {
-        match self.document.jobs {
-            Jobs::Table(_) => self.table.len() as u128,
-            Jobs::Product { seeds: (from, to) } => {
-                self.surfaces.len() as u128 * self.motions.len() as u128 * (u128::from(to - from) + 1)
-            }
-        }
-    }
-
-    /// A hash of all that the content of chunks depends on: the plan, the files that it names, and the version.
-    fn identify(&self) -> String {
-        let mut hash = Sha256::new();
-        hash.update(concat!("haptograph ", env!("CARGO_PKG_VERSION"), "\n"));
-        hash.update(&self.text);
-        for input in &self.inputs {
-            hash.update(format!("\n{} {} {}", input.kind, input.sha256, input.file));
-        }
-        hex(hash)
+        let product = count(&self.document, self.surfaces.len(), self.motions.len());
+        product.unwrap_or(self.table.len() as u128)
     }
 
     /// See [`Self::load`]: two batches with the same identity have the same chunks.
@@ -261,6 +245,8 @@ impl Batch {
             surface: (rest / motions) as usize,
             motion: (rest % motions) as usize,
             seed: from + number % seeds,
+            gain: self.document.gain,
+            update_hz: self.document.update_hz,
         }
     }
 
@@ -298,7 +284,7 @@ impl Batch {
     }
 
     /// Samples a second of a job.
-    pub(super) fn rate_hz(&self, job: &Job) -> f64 {
+    pub fn rate_hz(&self, job: &Job) -> f64 {
         self.surfaces[job.surface].texture.rate_hz()
     }
 
@@ -356,6 +342,10 @@ impl Batch {
         self.document.update_hz
     }
 
+    pub(super) fn gain(&self) -> f64 {
+        self.document.gain
+    }
+
     pub(super) fn surface_of(&self, name: &str) -> Result<usize, PlanProblem> {
         find(
             "surface",
@@ -366,6 +356,50 @@ impl Batch {
 
     pub(super) fn motion_of(&self, name: &str) -> Result<usize, PlanProblem> {
         find("motion", self.motions(), name)
+    }
+}
+
+/// A hash of all that the content of chunks depends on: the version, the plan, and the files that it names.
+pub(super) fn identify(version: &str, plan: &str, inputs: &[Input]) -> String {
+    let mut hash = Sha256::new();
+    hash.update(format!("haptograph {version}\n"));
+    hash.update(plan);
+    for input in inputs {
+        hash.update(format!("\n{} {} {}", input.kind, input.sha256, input.file));
+    }
+    hex(hash)
+}
+
+/// How many jobs a plan's document asks for of so many surfaces and motions; nothing where a table says it.
+pub(super) fn count(document: &Document, surfaces: usize, motions: usize) -> Option<u128> {
+    let Jobs::Product { seeds: (from, to) } = document.jobs else {
+        return None;
+    };
+    let seeds = u128::from(to.checked_sub(from)?) + 1;
+    Some((surfaces as u128 * motions as u128).saturating_mul(seeds))
+}
+
+/// Refuses an update rate that no filter takes.
+pub(super) fn check_update_hz(update_hz: f64) -> Result<(), PlanProblem> {
+    match (1.0..=1e5).contains(&update_hz) {
+        true => Ok(()),
+        false => Err(PlanProblem::Range {
+            what: "update_hz",
+            value: update_hz.to_string(),
+            expected: "from 1 to 100000",
+        }),
+    }
+}
+
+/// Refuses a gain that no signal survives.
+pub(super) fn check_gain(gain: f64) -> Result<(), PlanProblem> {
+    match gain.abs() <= 1e9 {
+        true => Ok(()),
+        false => Err(PlanProblem::Range {
+            what: "gain",
+            value: gain.to_string(),
+            expected: "from -1e9 to 1e9",
+        }),
     }
 }
 

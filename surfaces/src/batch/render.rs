@@ -5,42 +5,12 @@ use super::folder::{Claim, FolderError};
 use super::manifest::Manifest;
 use super::plan::Batch;
 use crate::evaluate::SynthesisError;
+use crate::shard::Shard;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// A part of a batch: of `of` parts of about one size the one with this number. Which chunk is in which part changes no chunk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
-    number: u64,
-    of: u64,
-}
-
-impl Shard {
-    /// Part `number`, from 1, of `of`; nothing where there is no such part.
-    pub fn new(number: u64, of: u64) -> Option<Self> {
-        (1..=of).contains(&number).then_some(Self { number, of })
-    }
-
-    /// Whether an item of this number, from 0, is in it.
-    pub fn has(&self, item: u64) -> bool {
-        item % self.of == self.number - 1
-    }
-}
-
-impl FromStr for Shard {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text
-            .split_once('/')
-            .and_then(|(number, of)| Self::new(number.trim().parse().ok()?, of.trim().parse().ok()?));
-        parts.ok_or_else(|| "write it as K/N, with K from 1 to N".to_owned())
-    }
-}
 
 /// How a batch is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

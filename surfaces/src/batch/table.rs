@@ -1,6 +1,6 @@
-//! Jobs from a table: a CSV file with the columns `surface`, `motion` and `seed`.
+//! Jobs from a table: a CSV file with the columns `surface`, `motion` and `seed`, and where jobs have their own `gain` and `update_hz`.
 
-use super::plan::{Batch, Job};
+use super::plan::{Batch, Job, check_gain, check_update_hz};
 use super::problem::{PlanError, PlanProblem};
 use crate::files::Place;
 use csv::{ReaderBuilder, Trim};
@@ -17,6 +17,8 @@ struct Row<'a> {
     surface: &'a str,
     motion: &'a str,
     seed: u64,
+    gain: Option<f64>,
+    update_hz: Option<f64>,
 }
 
 /// The jobs of a table, and the bytes that they are from.
@@ -49,10 +51,17 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
         let motion = batch
             .motion_of(row.motion)
             .map_err(|problem| failed(line, problem))?;
+        let gain = row.gain.unwrap_or(batch.gain());
+        let update_hz = row.update_hz.unwrap_or(batch.update_hz());
+        check_gain(gain)
+            .and_then(|()| check_update_hz(update_hz))
+            .map_err(|problem| failed(line, problem))?;
         jobs.push(Job {
             surface,
             motion,
             seed: row.seed,
+            gain,
+            update_hz,
         });
     }
     Ok((jobs, bytes))
@@ -62,7 +71,9 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
 fn message(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::Deserialize { err, .. } => {
-            format!("{err}; a table of jobs has the columns surface, motion and seed")
+            format!(
+                "{err}; a table of jobs has the columns surface, motion and seed, and may have gain and update_hz"
+            )
         }
         csv::ErrorKind::UnequalLengths {
             expected_len, len, ..

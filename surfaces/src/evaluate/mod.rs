@@ -3,6 +3,7 @@
 //! - [`tables`]: virtual textures against recordings of all materials (Table 2.1) and of one material by several people (Table 2.2).
 //! - [`map`]: virtual textures against each other, as places on a map (Fig. 2.11).
 //! - [`study`]: all of it from recordings named `<material>.<person>.<take>`.
+//! - [`parts`]: a study in parts, and the whole of them.
 //! - [`holdout`]: textures and plain baselines on parts of recordings that they were not learned from.
 //! - [`conditions`]: textures that respond to force, speed, both or none (Fig. 4.9).
 //! - [`mod@leave_one_out`]: maps of every kind on textures that others measured, each model predicted from the rest.
@@ -15,6 +16,7 @@ pub mod conditions;
 pub mod holdout;
 pub mod leave_one_out;
 pub mod map;
+pub mod parts;
 pub mod scaling;
 pub mod study;
 pub mod synthesis;
@@ -26,8 +28,11 @@ pub use conditions::{Condition, centre_for};
 pub use holdout::{Holdout, HoldoutError, HoldoutSettings, Method, Split, hold_out};
 pub use leave_one_out::{LeaveOneOut, LeaveOneOutError, MapKind, Prediction, Summary, leave_one_out};
 pub use map::{MapSettings, PerceptualMap, perceptual_map};
+pub use parts::{StudyHead, StudyPart, StudyPartError};
 pub use scaling::{Scaling, angle_deg, gradient, nonmetric_scaling};
-pub use study::{Evaluation, RecordingName, StudyError, StudySettings, Take, evaluate};
-pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise};
-pub use tables::{DifferenceTable, TableError, TableSettings, TestSet, spectral_differences};
-pub use voices::{Voice, VoiceError, synthesise_many};
+pub use study::{
+    Compared, Evaluation, RecordingName, Study, StudyError, StudySettings, Take, conclude, evaluate,
+};
+pub use synthesis::{RandomWalk, SynthesisError, SynthesisSettings, Trajectory, synthesise, synthesise_with};
+pub use tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
+pub use voices::{Voice, VoiceError, synthesise_many, synthesise_many_with};

@@ -4,18 +4,21 @@
 //! expert; the expert's other takes are the tests.
 
 use super::map::{MapError, MapSettings, PerceptualMap, perceptual_map};
-use super::tables::{DifferenceTable, TableError, TableSettings, TestSet, spectral_differences};
+use super::tables::{DifferenceTable, References, TableError, TableSettings, TestSet};
 use crate::TextureModel;
 use crate::learning::TextureMethod;
 use crate::learning::processing::{ProcessingError, ProcessingSettings, processed};
 use crate::learning::texture::{LearnTextureError, TextureReport};
+use crate::metrics::ErrorStatistics;
 use crate::recording::{AnyRecording, Gesture, ProcessedRecording};
+use crate::shard::Shard;
+use serde::{Deserialize, Serialize};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a recording is of, by its file's name.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct RecordingName {
     /// The material.
     pub material: String,
@@ -72,7 +75,7 @@ pub struct Evaluation {
     pub people: Vec<String>,
     /// Whose takes the tests are.
     pub expert: String,
-    /// What was learned from which recording.
+    /// What was learned from which recording; empty where the tables are merged of parts.
     pub learned: Vec<Learned>,
     /// The expert's textures against the tests of all materials (Table 2.1).
     pub materials_table: DifferenceTable,
@@ -127,104 +130,206 @@ impl std::fmt::Display for RecordingName {
     }
 }
 
-/// Evaluates a set of recordings, learning on all cores. `progress` gets the part done.
+/// Evaluates a set of recordings, on all cores. `progress` gets the part done.
 pub fn evaluate(
     takes: &[Take],
     settings: &StudySettings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Evaluation, StudyError> {
-    let mut drags: Vec<&Take> = takes
-        .iter()
-        .filter(|take| take.recording.gesture() == Gesture::Drag)
-        .collect();
-    drags.sort_by(|a, b| a.name.cmp(&b.name));
-    let expert = expert(&drags).ok_or(StudyError::NoRecordings)?;
-    let names = |part: fn(&RecordingName) -> &String| -> Vec<String> {
-        drags
-            .iter()
-            .map(|take| part(&take.name).clone())
-            .collect::<BTreeSet<_>>()
-            .into_iter()
-            .collect()
-    };
-    let (materials, people) = (names(|name| &name.material), names(|name| &name.person));
+    let study = Study::of(takes)?;
+    let found = study.compare(None, settings, &|part| progress(0.85 * part))?;
+    let (learned, compared): (Vec<Learned>, Vec<Compared>) = found.into_iter().unzip();
+    let evaluation = conclude(study.expert(), &compared, settings, &|part| {
+        progress(0.85 + 0.15 * part)
+    })?;
+    Ok(Evaluation {
+        learned,
+        ..evaluation
+    })
+}
 
-    let mut firsts: BTreeMap<(&str, &str), &Take> = BTreeMap::new();
-    let mut tests: Vec<&Take> = vec![];
-    for take in &drags {
-        let key = (&*take.name.material, &*take.name.person);
-        match firsts.entry(key) {
-            Entry::Vacant(first) => {
-                first.insert(take);
+/// What is to be learned from and compared of a set of recordings. Its items are the textures, numbered by material and person.
+#[derive(Debug)]
+pub struct Study<'t> {
+    expert: String,
+    materials: BTreeSet<&'t str>,
+    firsts: Vec<&'t Take>,
+    tests: Vec<&'t Take>,
+}
+
+/// A texture that was learned, and the window errors of what it plays along the tests: the expert's along those of all materials, another
+/// person's along those of its own material.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Compared {
+    /// Which item of the study it is, from 0.
+    pub number: usize,
+    /// What it was learned from.
+    pub name: RecordingName,
+    /// The texture.
+    pub texture: TextureModel,
+    /// By material: one for each test.
+    pub errors: BTreeMap<String, Vec<ErrorStatistics>>,
+}
+
+impl<'t> Study<'t> {
+    /// The study of a set of recordings.
+    ///
+    /// # Errors
+    /// [`StudyError::NoRecordings`] and [`StudyError::NoTest`].
+    pub fn of(takes: &'t [Take]) -> Result<Self, StudyError> {
+        let mut drags: Vec<&Take> = takes
+            .iter()
+            .filter(|take| take.recording.gesture() == Gesture::Drag)
+            .collect();
+        drags.sort_by(|a, b| a.name.cmp(&b.name));
+        let expert = expert(&drags).ok_or(StudyError::NoRecordings)?;
+        let materials: BTreeSet<&str> = drags.iter().map(|take| &*take.name.material).collect();
+        let mut firsts: BTreeMap<(&str, &str), &Take> = BTreeMap::new();
+        let mut tests: Vec<&Take> = vec![];
+        for take in &drags {
+            let key = (&*take.name.material, &*take.name.person);
+            match firsts.entry(key) {
+                Entry::Vacant(first) => {
+                    first.insert(take);
+                }
+                Entry::Occupied(_) if take.name.person == expert => tests.push(take),
+                Entry::Occupied(_) => {}
             }
-            Entry::Occupied(_) if take.name.person == expert => tests.push(take),
-            Entry::Occupied(_) => {}
         }
-    }
-    for material in &materials {
-        if !tests.iter().any(|take| take.name.material == *material) {
+        let tested: BTreeSet<&str> = tests.iter().map(|take| &*take.name.material).collect();
+        if let Some(material) = materials.difference(&tested).next() {
             return Err(StudyError::NoTest {
-                material: material.clone(),
+                material: (*material).to_owned(),
                 person: expert,
             });
         }
+        Ok(Self {
+            expert,
+            materials,
+            firsts: firsts.into_values().collect(),
+            tests,
+        })
     }
-    let firsts: Vec<&Take> = firsts.into_values().collect();
-    let learned = learn_all(&firsts, settings, &|part| progress(0.5 * part))?;
-    let tests = process_all(&tests, settings)?;
-    progress(0.55);
 
-    let sets: Vec<TestSet> = materials
-        .iter()
-        .map(|material| {
-            let of_material = |(name, _): &&(RecordingName, ProcessedRecording)| name.material == *material;
-            let recordings = tests
+    /// Whose takes the tests are.
+    pub fn expert(&self) -> &str {
+        &self.expert
+    }
+
+    /// How many items there are.
+    pub fn items(&self) -> usize {
+        self.firsts.len()
+    }
+
+    /// Learns and compares the items of a shard, or all, in their order. `progress` gets the part done.
+    ///
+    /// # Errors
+    /// That of the first item that has one.
+    pub fn compare(
+        &self,
+        shard: Option<Shard>,
+        settings: &StudySettings,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Vec<(Learned, Compared)>, StudyError> {
+        let tests = process_all(&self.tests, settings)?;
+        let set = |material: &&str| TestSet {
+            name: (*material).to_owned(),
+            recordings: tests
                 .iter()
-                .filter(of_material)
+                .filter(|(name, _)| name.material == *material)
                 .map(|(_, recording)| recording)
-                .collect();
-            TestSet {
-                name: material.clone(),
-                recordings,
-            }
-        })
-        .collect();
-    let find = |material: &str, person: &str| {
-        let found = learned
+                .collect(),
+        };
+        let sets: Vec<TestSet<'_>> = self.materials.iter().map(set).collect();
+        let references = References::of(&sets, &settings.table)?;
+        let items: Vec<(usize, &Take)> = self
+            .firsts
             .iter()
-            .find(|l| l.name.material == material && l.name.person == person);
-        found.map(|learned| &learned.texture)
+            .copied()
+            .enumerate()
+            .filter(|(number, _)| shard.is_none_or(|shard| shard.has(*number as u64)))
+            .collect();
+        let one = |number: usize, take: &Take| {
+            let learned = learn_one(take, settings)?;
+            let mut errors = BTreeMap::new();
+            for (column, set) in sets.iter().enumerate() {
+                if take.name.person == self.expert || take.name.material == set.name {
+                    let row = take.name.to_string();
+                    let cell = references.cell(column, &row, &learned.texture, &settings.table)?;
+                    errors.insert(set.name.clone(), cell);
+                }
+            }
+            let compared = Compared {
+                number,
+                name: take.name.clone(),
+                texture: learned.texture.clone(),
+                errors,
+            };
+            Ok((learned, compared))
+        };
+        let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let work = || {
+            let mut finished = vec![];
+            while let Some((number, take)) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                finished.push((*number, one(*number, take)));
+                progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
+            }
+            finished
+        };
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let mut finished: Vec<_> = std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
+            let joined = workers.into_iter().filter_map(|worker| worker.join().ok());
+            joined.flatten().collect()
+        });
+        finished.sort_by_key(|(number, _)| *number);
+        finished.into_iter().map(|(_, item)| item).collect()
+    }
+}
+
+/// Tables and map of all items of a study, in their order. What was learned from is not among them: [`Evaluation::learned`] is empty.
+///
+/// # Errors
+/// [`StudyError::Map`].
+pub fn conclude(
+    expert: &str,
+    compared: &[Compared],
+    settings: &StudySettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Evaluation, StudyError> {
+    let names = |part: fn(&RecordingName) -> &String| -> Vec<String> {
+        let names: BTreeSet<&String> = compared.iter().map(|item| part(&item.name)).collect();
+        names.into_iter().cloned().collect()
     };
-    let table = |rows: &[String], texture: &(dyn Fn(usize, usize) -> Option<_> + Sync), from: f64| {
-        spectral_differences(rows, &sets, texture, &settings.table, &|part| {
-            progress(from + 0.15 * part)
-        })
-    };
-    let materials_table = table(&materials, &|row, _| find(&materials[row], &expert), 0.55)?;
-    let people_table = match people.len() {
-        1 => None,
-        _ => Some(table(
-            &people,
-            &|row, column| find(&materials[column], &people[row]),
-            0.7,
-        )?),
-    };
-    let named: Vec<(String, String, &TextureModel)> = learned
+    let (materials, people) = (names(|name| &name.material), names(|name| &name.person));
+    let items: BTreeMap<(&str, &str), &Compared> = compared
         .iter()
-        .map(|l| (l.name.to_string(), l.name.material.clone(), &l.texture))
+        .map(|item| ((&*item.name.material, &*item.name.person), item))
+        .collect();
+    let table = |rows: &[String], of: &dyn Fn(&str, &str) -> Option<Vec<ErrorStatistics>>| {
+        let row = |row: &String| materials.iter().map(|column| of(row, column)).collect();
+        let errors = rows.iter().map(row).collect();
+        DifferenceTable::of_errors(rows.to_vec(), materials.clone(), errors, settings.table.pooling)
+    };
+    let cell = |material: &str, person: &str, column: &str| {
+        items.get(&(material, person))?.errors.get(column).cloned()
+    };
+    let materials_table = table(&materials, &|row, column| cell(row, expert, column));
+    let people_table = (people.len() > 1).then(|| table(&people, &|row, column| cell(column, row, column)));
+    let named: Vec<(String, String, &TextureModel)> = compared
+        .iter()
+        .map(|item| (item.name.to_string(), item.name.material.clone(), &item.texture))
         .collect();
     let map = match named.len() {
         0..3 => None,
-        _ => Some(perceptual_map(&named, &settings.map, &|part| {
-            progress(0.85 + 0.15 * part)
-        })?),
+        _ => Some(perceptual_map(&named, &settings.map, progress)?),
     };
     progress(1.0);
     Ok(Evaluation {
         materials,
         people,
-        expert,
-        learned,
+        expert: expert.to_owned(),
+        learned: vec![],
         materials_table,
         people_table,
         map,
@@ -261,48 +366,25 @@ fn process_all(
         .collect()
 }
 
-fn learn_all(
-    takes: &[&Take],
-    settings: &StudySettings,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<Vec<Learned>, StudyError> {
-    let done = AtomicUsize::new(0);
-    let learn = |take: &Take| {
-        let recording = process_one(take, settings)?;
-        let found = settings.texture.learn(std::slice::from_ref(&recording), &|_| ());
-        let (texture, report) = found.map_err(|source| StudyError::Learning {
-            recording: take.name.to_string(),
-            source: Box::new(source),
-        })?;
-        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / takes.len() as f64);
-        Ok(Learned {
-            name: take.name.clone(),
-            recording,
-            texture,
-            report,
-        })
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let share = takes.len().div_ceil(threads).max(1);
-    let mut learned: Vec<Option<Result<Learned, StudyError>>> = takes.iter().map(|_| None).collect();
-    std::thread::scope(|scope| {
-        for (takes, slots) in takes.chunks(share).zip(learned.chunks_mut(share)) {
-            let learn = &learn;
-            scope.spawn(move || {
-                takes
-                    .iter()
-                    .zip(slots)
-                    .for_each(|(take, slot)| *slot = Some(learn(take)))
-            });
-        }
-    });
-    learned.into_iter().flatten().collect()
+fn learn_one(take: &Take, settings: &StudySettings) -> Result<Learned, StudyError> {
+    let recording = process_one(take, settings)?;
+    let found = settings.texture.learn(std::slice::from_ref(&recording), &|_| ());
+    let (texture, report) = found.map_err(|source| StudyError::Learning {
+        recording: take.name.to_string(),
+        source: Box::new(source),
+    })?;
+    Ok(Learned {
+        name: take.name.clone(),
+        recording,
+        texture,
+        report,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::RandomWalk;
+    use crate::evaluate::{RandomWalk, StudyHead, StudyPart, StudyPartError};
     use crate::metrics::Pooling;
     use crate::recording::synthetic::drag;
 
@@ -365,6 +447,58 @@ mod tests {
             },
             ..Default::default()
         }
+    }
+
+    fn study_of(takes: &[Take], shard: Option<&str>) -> StudyPart {
+        let study = Study::of(takes).unwrap();
+        let shard = shard.map(|shard| shard.parse().unwrap());
+        let found = study.compare(shard, &settings(), &|_| ()).unwrap();
+        let compared: Vec<Compared> = found.into_iter().map(|(_, compared)| compared).collect();
+        let head = StudyHead::of("hash".to_owned(), &settings(), &study, takes);
+        StudyPart::new(head, &compared)
+    }
+
+    #[test]
+    fn parts_in_any_number_make_the_tables_and_the_map_of_one_run() {
+        let mut takes = vec![];
+        for material in 0..2 {
+            takes.extend((1..=2).map(|number| take(material, "expert", number)));
+            takes.push(take(material, "novice", 1));
+        }
+        let whole = Evaluation {
+            learned: vec![],
+            ..evaluate(&takes, &settings(), &|_| ()).unwrap()
+        };
+        let path = |name: &str| std::path::PathBuf::from(name);
+        let through_text = |(name, part): (&str, StudyPart)| {
+            let text = part.to_text().unwrap();
+            (path(name), StudyPart::parse(&path(name), &text).unwrap())
+        };
+        let merged =
+            |parts: &[(std::path::PathBuf, StudyPart)]| StudyPart::merged(parts, &settings(), &|_| ());
+        for shards in [&["1/1"][..], &["1/2", "2/2"], &["3/3", "1/3", "2/3"]] {
+            let parts: Vec<_> = shards
+                .iter()
+                .map(|shard| through_text((shard, study_of(&takes, Some(shard)))))
+                .collect();
+            assert_eq!(merged(&parts).unwrap(), whole);
+            if parts.len() > 1 {
+                assert!(matches!(merged(&parts[1..]), Err(StudyPartError::Missing { .. })));
+                let twice = [&parts[..1], &parts[..]].concat();
+                assert!(matches!(merged(&twice), Err(StudyPartError::Twice { .. })));
+                let mut other = parts.clone();
+                other[1].1.head.study = "other".to_owned();
+                assert!(matches!(merged(&other), Err(StudyPartError::Different { .. })));
+                let mut beyond = parts.clone();
+                beyond.iter_mut().for_each(|(_, part)| part.head.of = 1);
+                assert!(matches!(merged(&beyond), Err(StudyPartError::Number { .. })));
+            }
+        }
+        assert!(matches!(merged(&[]), Err(StudyPartError::Nothing)));
+        assert!(matches!(
+            StudyPart::parse(&path("x"), "(of: 1)"),
+            Err(StudyPartError::Syntax { .. })
+        ));
     }
 
     #[test]

@@ -84,6 +84,9 @@ impl Default for RandomWalk {
     }
 }
 
+/// Updates after which progress is told again.
+pub(super) const TOLD_EVERY: usize = 512;
+
 /// Samples a second of the walk before it is interpolated.
 const WALK_HZ: f64 = 100.0;
 
@@ -165,6 +168,19 @@ pub fn synthesise(
     trajectory: &Trajectory,
     settings: &SynthesisSettings,
 ) -> Result<Vec<f64>, SynthesisError> {
+    synthesise_with(texture, trajectory, settings, &|_| ())
+}
+
+/// The same; `progress` gets the part done, every few seconds of the vibration.
+///
+/// # Errors
+/// As [`synthesise`].
+pub fn synthesise_with(
+    texture: &TextureModel,
+    trajectory: &Trajectory,
+    settings: &SynthesisSettings,
+    progress: &dyn Fn(f64),
+) -> Result<Vec<f64>, SynthesisError> {
     check(texture, trajectory, settings)?;
     let Trajectory {
         rate_hz,
@@ -186,7 +202,11 @@ pub fn synthesise(
     let mut vibration = vec![0.0; speed_m_s.len()];
     let mut moves = vec![];
     let mut excitation = vec![];
-    for (place, samples) in updates(*rate_hz, settings.update_hz, speed_m_s.len()) {
+    let updates = updates(*rate_hz, settings.update_hz, speed_m_s.len());
+    for (number, (place, samples)) in updates.enumerate() {
+        if number % TOLD_EVERY == 0 {
+            progress(place as f64 / speed_m_s.len() as f64);
+        }
         let spot = interpolator.interpolate(speed_m_s[place], force_n[place], &mut coefficients);
         let is_warped = coefficients.warping != 0.0;
         if is_warped {

@@ -8,7 +8,6 @@ use crate::metrics::{
 };
 use crate::recording::ProcessedRecording;
 use crate::statistics::{mean, standard_deviation};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// How tables are made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -76,130 +75,80 @@ pub enum TableError {
     },
 }
 
-/// The table of spectral differences with a texture for each cell, or none. Rows are worked on in parallel; `progress` gets the part done.
-///
-/// For Table 2.1 the texture depends on the row only, for Table 2.2 on person (row) and material (column).
-pub fn spectral_differences<'t>(
-    rows: &[String],
-    tests: &[TestSet<'_>],
-    texture: &(dyn Fn(usize, usize) -> Option<&'t TextureModel> + Sync),
-    settings: &TableSettings,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<DifferenceTable, TableError> {
-    let references = references(tests, settings)?;
-    let done = AtomicUsize::new(0);
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism()
-        .map_or(1, usize::from)
-        .min(rows.len().max(1));
-    let work = || {
-        let mut finished = vec![];
-        loop {
-            let row = next.fetch_add(1, Ordering::Relaxed);
-            let Some(name) = rows.get(row) else {
-                return finished;
-            };
-            let cells = (0..tests.len())
-                .map(|column| match texture(row, column) {
-                    Some(texture) => {
-                        cell(name, texture, &tests[column].name, &references[column], settings).map(Some)
-                    }
-                    None => Ok(None),
-                })
-                .collect::<Result<Vec<_>, _>>();
-            finished.push((row, cells));
-            progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / rows.len() as f64);
-        }
-    };
-    let mut cells: Vec<_> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        workers
-            .into_iter()
-            .filter_map(|worker| worker.join().ok())
-            .flatten()
-            .collect()
-    });
-    cells.sort_by_key(|(row, _)| *row);
-    let errors = cells
-        .into_iter()
-        .map(|(_, cells)| cells)
-        .collect::<Result<Vec<_>, _>>()?;
-    let columns = tests.iter().map(|t| t.name.clone()).collect();
-    Ok(DifferenceTable::of_errors(
-        rows.to_vec(),
-        columns,
-        errors,
-        settings.pooling,
-    ))
+/// Test recordings of all materials as the metric sees them, and the trajectories to play textures along.
+#[derive(Debug)]
+pub struct References {
+    materials: Vec<(String, Vec<Reference>)>,
 }
 
-/// A recording as the metric sees it, and the trajectory to play textures along.
+#[derive(Debug)]
 struct Reference {
     spectra: WindowedSpectra,
     trajectory: Trajectory,
 }
 
-fn references(tests: &[TestSet], settings: &TableSettings) -> Result<Vec<Vec<Reference>>, TableError> {
-    let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
-        let signals = recording.signals();
-        let windows = settings.windows_at(signals.rate_hz);
-        let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
-        let failed = |source| TableError::Recording {
-            material: material.to_owned(),
-            recording: index,
-            source,
-        };
-        Ok(Reference {
-            spectra: spectra.map_err(failed)?,
-            trajectory: Trajectory::of(recording),
-        })
-    };
-    tests
-        .iter()
-        .map(|test| {
-            test.recordings
-                .iter()
-                .enumerate()
-                .map(|item| reference(&test.name, item))
-                .collect()
-        })
-        .collect()
-}
-
-/// The errors of a texture against each of a material's recordings.
-fn cell(
-    row: &str,
-    texture: &TextureModel,
-    material: &str,
-    references: &[Reference],
-    settings: &TableSettings,
-) -> Result<Vec<ErrorStatistics>, TableError> {
-    let (row, material) = (|| row.to_owned(), || material.to_owned());
-    references
-        .iter()
-        .map(|reference| {
-            let vibration =
-                synthesise(texture, &reference.trajectory, &settings.synthesis).map_err(|source| {
-                    TableError::Synthesis {
-                        row: row(),
-                        material: material(),
-                        source,
-                    }
-                })?;
-            WindowedSpectra::new(
-                &vibration,
-                texture.rate_hz(),
-                &settings.windows_at(texture.rate_hz()),
-            )
-            .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
-            .map(|errors| errors.statistics())
-            .map_err(|source| TableError::Comparison {
-                row: row(),
-                material: material(),
+impl References {
+    /// Those of these tests, column by column.
+    pub fn of(tests: &[TestSet<'_>], settings: &TableSettings) -> Result<Self, TableError> {
+        let reference = |material: &str, (index, recording): (usize, &&ProcessedRecording)| {
+            let signals = recording.signals();
+            let windows = settings.windows_at(signals.rate_hz);
+            let spectra = WindowedSpectra::new(&signals.acceleration_m_s2, signals.rate_hz, &windows);
+            let failed = |source| TableError::Recording {
+                material: material.to_owned(),
+                recording: index,
                 source,
+            };
+            Ok(Reference {
+                spectra: spectra.map_err(failed)?,
+                trajectory: Trajectory::of(recording),
             })
-        })
-        .collect()
+        };
+        let of_material = |test: &TestSet<'_>| {
+            let recordings = test.recordings.iter().enumerate();
+            let references = recordings.map(|item| reference(&test.name, item));
+            Ok((test.name.clone(), references.collect::<Result<_, _>>()?))
+        };
+        let materials = tests.iter().map(of_material).collect::<Result<_, _>>()?;
+        Ok(Self { materials })
+    }
+
+    /// The errors of a texture against each recording of a column.
+    pub fn cell(
+        &self,
+        column: usize,
+        row: &str,
+        texture: &TextureModel,
+        settings: &TableSettings,
+    ) -> Result<Vec<ErrorStatistics>, TableError> {
+        let (name, references) = &self.materials[column];
+        let (row, material) = (|| row.to_owned(), || name.clone());
+        references
+            .iter()
+            .map(|reference| {
+                let vibration =
+                    synthesise(texture, &reference.trajectory, &settings.synthesis).map_err(|source| {
+                        TableError::Synthesis {
+                            row: row(),
+                            material: material(),
+                            source,
+                        }
+                    })?;
+                WindowedSpectra::new(
+                    &vibration,
+                    texture.rate_hz(),
+                    &settings.windows_at(texture.rate_hz()),
+                )
+                .and_then(|spectra| PairErrors::new(&reference.spectra, &spectra))
+                .map(|errors| errors.statistics())
+                .map_err(|source| TableError::Comparison {
+                    row: row(),
+                    material: material(),
+                    source,
+                })
+            })
+            .collect()
+    }
 }
 
 fn pool(cells: &[Vec<Option<Vec<ErrorStatistics>>>]) -> Deviations {
@@ -222,7 +171,8 @@ fn difference(pairs: &[ErrorStatistics], pooled: Deviations, pooling: Pooling) -
 }
 
 impl DifferenceTable {
-    fn of_errors(
+    /// The table of these errors, by row, then column.
+    pub fn of_errors(
         rows: Vec<String>,
         columns: Vec<String>,
         errors: Vec<Vec<Option<Vec<ErrorStatistics>>>>,
@@ -359,11 +309,16 @@ mod tests {
                 recordings: recordings.iter().collect(),
             })
             .collect();
-        let settings = TableSettings {
-            pooling,
-            ..Default::default()
+        let settings = TableSettings::default();
+        let references = References::of(&tests, &settings).unwrap();
+        let cell = |row, column| {
+            let errors = references.cell(column, "row", row, &settings);
+            Some(errors.unwrap())
         };
-        spectral_differences(&names, &tests, &|row, _| textures.get(row), &settings, &|_| ()).unwrap()
+        let errors = textures
+            .iter()
+            .map(|texture| (0..3).map(|column| cell(texture, column)).collect());
+        DifferenceTable::of_errors(names.clone(), names, errors.collect(), pooling)
     }
 
     #[test]
@@ -379,11 +334,6 @@ mod tests {
                 assert_eq!(table.pooled(other).pooled(pooling), table);
             }
         }
-    }
-
-    #[test]
-    fn rows_on_any_number_of_threads_give_the_same_table() {
-        assert_eq!(table(Pooling::Pair), table(Pooling::Pair));
     }
 
     #[test]
@@ -434,22 +384,5 @@ mod tests {
             ..people
         };
         assert_eq!(alone.row_statistics(), [(4.0, None)]);
-    }
-
-    #[test]
-    fn cells_without_a_texture_stay_empty() {
-        let recording = recording(0, 1);
-        let tests = [TestSet {
-            name: "low".into(),
-            recordings: vec![&recording],
-        }];
-        let none = spectral_differences(
-            &["S1".to_owned()],
-            &tests,
-            &|_, _| None,
-            &Default::default(),
-            &|_| (),
-        );
-        assert_eq!(none.unwrap().differences, vec![vec![None]]);
     }
 }

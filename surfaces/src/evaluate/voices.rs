@@ -61,11 +61,30 @@ impl Shape {
 /// # Errors
 /// What [`synthesise`](super::synthesise) says of a voice that it would refuse.
 pub fn synthesise_many(voices: &[Voice<'_>], threads: usize) -> Result<Vec<Vec<f64>>, VoiceError> {
+    synthesise_many_with(voices, threads, &|_| ())
+}
+
+/// The same; `progress` gets the part done, from any thread.
+///
+/// # Errors
+/// As [`synthesise_many`].
+pub fn synthesise_many_with(
+    voices: &[Voice<'_>],
+    threads: usize,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Vec<Vec<f64>>, VoiceError> {
     let groups = groups(voices)?;
+    let samples = |number: &usize| voices[*number].trajectory.speed_m_s.len();
+    let longest = groups.iter().filter_map(|group| group.iter().map(samples).max());
+    let (all, done) = (longest.sum::<usize>(), AtomicUsize::new(0));
+    let advance = |samples: usize| {
+        let done = done.fetch_add(samples, Ordering::Relaxed) + samples;
+        progress(done as f64 / all.max(1) as f64);
+    };
     let next = AtomicUsize::new(0);
     let work = || {
         let mine = std::iter::from_fn(|| groups.get(next.fetch_add(1, Ordering::Relaxed)));
-        mine.map(|group| play(voices, group))
+        mine.map(|group| play(voices, group, &advance))
             .collect::<Result<Vec<_>, _>>()
     };
     let played = match threads.min(groups.len()) {
@@ -101,13 +120,19 @@ fn groups(voices: &[Voice<'_>]) -> Result<Vec<Vec<usize>>, VoiceError> {
     Ok(groups.map(<[usize]>::to_vec).collect())
 }
 
-/// The vibrations of a group, by number.
-fn play(voices: &[Voice<'_>], numbers: &[usize]) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
+/// The vibrations of a group, by number. `advance` gets how many samples more are done.
+fn play(
+    voices: &[Voice<'_>],
+    numbers: &[usize],
+    advance: &dyn Fn(usize),
+) -> Result<Vec<(usize, Vec<f64>)>, VoiceError> {
     let members: Vec<&Voice<'_>> = numbers.iter().map(|number| &voices[*number]).collect();
-    let played = Group::new(&members).play().map_err(|(lane, source)| VoiceError {
-        voice: numbers.get(lane).copied().unwrap_or_default(),
-        source,
-    })?;
+    let played = Group::new(&members)
+        .play(advance)
+        .map_err(|(lane, source)| VoiceError {
+            voice: numbers.get(lane).copied().unwrap_or_default(),
+            source,
+        })?;
     Ok(numbers.iter().copied().zip(played).collect())
 }
 

@@ -16,6 +16,7 @@ use crate::statistics::standard_deviation;
 use haptograph_signal::spectrum::spectral_centroid;
 use haptograph_signal::window::{Symmetry, Window};
 use haptograph_signal::{Complex64, fft};
+use serde::{Deserialize, Serialize};
 
 /// How signals are cut into windows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -260,7 +261,7 @@ impl PairErrors {
 }
 
 /// Which windows the deviations of Eq. 2.5.3 are taken over; the thesis says "all tested windows".
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Pooling {
     /// Those of the compared pair.
     Pair,
@@ -270,7 +271,7 @@ pub enum Pooling {
 }
 
 /// Means and sums of squared deviations of window errors, gathered one window at a time.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ErrorStatistics {
     /// How many windows were compared.
     pub windows: usize,

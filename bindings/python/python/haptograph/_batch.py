@@ -74,8 +74,21 @@ def batch(
     return Rendered(**_native.batch(_path("plan", plan), _path("folder", folder), shard, threads, progress))
 
 
-def merge(parts: Sequence[str | os.PathLike[str]], folder: str | os.PathLike[str]) -> tuple[int, int]:
+def merge(
+    parts: Sequence[str | os.PathLike[str]],
+    folder: str | os.PathLike[str],
+    progress: Callable[[float], object] | None = None,
+) -> tuple[int, int]:
     """Make one folder of the parts of a data set: to the bit what one call of :func:`batch` would have left.
+
+    Parameters
+    ----------
+    parts : sequence of path
+        The folders of all parts.
+    folder : path
+        Where the chunks go.
+    progress : callable, optional
+        Called with the part done, 0 to 1. Ctrl-C, or what it raises, ends the call where a further one goes on.
 
     Returns
     -------
@@ -84,4 +97,4 @@ def merge(parts: Sequence[str | os.PathLike[str]], folder: str | os.PathLike[str
     """
     if isinstance(parts, (str, bytes, os.PathLike)):
         raise Error("give a list of the parts' folders")
-    return _native.merge([_path("parts", part) for part in parts], _path("folder", folder))
+    return _native.merge([_path("parts", part) for part in parts], _path("folder", folder), progress)

@@ -207,6 +207,7 @@ class Surface:
         rate: float | None = None,
         seed: int = 1,
         update: float = 240.0,
+        progress: Callable[[float], object] | None = None,
     ) -> np.ndarray:
         """The vibration of sliding over the surface.
 
@@ -219,11 +220,15 @@ class Surface:
         seconds : float, optional
             How long, where neither is an array.
         rate : float, optional
-            Samples a second of arrays and result: the texture's own, :attr:`rate`. Another is an error.
+            Samples a second of arrays and result: the texture's own, :attr:`rate`, or a lower one, for which the
+            texture is resampled each time. For many calls do that once, with :meth:`resampled`. A higher one is an
+            error.
         seed : int
             The same seed gives the same samples.
         update : float
             How often the filter follows force and speed, Hz.
+        progress : callable, optional
+            Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
 
         Returns
         -------
@@ -232,7 +237,7 @@ class Surface:
         """
         own = self.rate
         if rate is not None and number("rate", rate, 0, above=True) != own:
-            raise Error(f"the texture has {own:g} Hz, not {rate:g}: resample the arrays, or learn with rate={rate:g}")
+            return self.resampled(rate).render(force, speed, seconds, seed=seed, update=update, progress=progress)
         force, speed = finite("force", array("force", force)), finite("speed", array("speed", speed))
         if force.ndim == speed.ndim == 0:
             if seconds is None:
@@ -249,7 +254,24 @@ class Surface:
             raise Error(f"force has shape {force.shape}, speed {speed.shape}: give as many of both") from None
         force, speed = line("force", force), line("speed", speed)
         seed, update = whole("seed", seed), number("update", update, 0, above=True)
-        return self._inner.render(force, speed, seed, update)
+        return self._inner.render(force, speed, seed, update, progress)
+
+    def resampled(self, rate: float) -> Surface:
+        """The same surface with its texture at a lower rate, by ``haptograph surface resample``'s best method.
+
+        Parameters
+        ----------
+        rate : float
+            Samples a second, below :attr:`rate`. A higher one is an error: the texture says nothing of what is above
+            half its own rate, so render at that and resample the result.
+        """
+        wanted, own = number("rate", rate, 0, above=True), self.rate
+        if wanted >= own:
+            raise Error(
+                f"the texture has {own:g} Hz and says nothing of what is above {own / 2:g} Hz: "
+                f"render at {own:g} Hz, and resample the result to {wanted:g} Hz"
+            )
+        return Surface._of(self._inner.resampled(wanted))
 
     def page(self) -> str:
         """The page of ``haptograph learn --report``, as HTML; an error for a surface that was read from a file."""
@@ -319,7 +341,13 @@ def _vibration(name: str, given: Any) -> tuple[np.ndarray, float | None]:
     return line(name, values), rate if isinstance(rate, float) else None
 
 
-def compare(a: Any, b: Any, rate: float | None = None, window: int | None = None) -> Comparison:
+def compare(
+    a: Any,
+    b: Any,
+    rate: float | None = None,
+    window: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Comparison:
     """How far one vibration is from another, over the time that both cover.
 
     Parameters
@@ -330,6 +358,8 @@ def compare(a: Any, b: Any, rate: float | None = None, window: int | None = None
         Samples a second, where neither says it.
     window : int, optional
         Samples in a window of `nse` and `pe`; 25.6 ms where it is not given.
+    progress : callable, optional
+        Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
     """
     (a, of_a), (b, of_b) = _vibration("a", a), _vibration("b", b)
     rates = {float(one) for one in (of_a, of_b, rate) if one is not None}
@@ -339,7 +369,7 @@ def compare(a: Any, b: Any, rate: float | None = None, window: int | None = None
         raise Error(f"the rates differ: {', '.join(f'{one:g} Hz' for one in sorted(rates))}; resample one")
     rate = number("rate", rates.pop(), 0, above=True)
     window = None if window is None else whole("window", window, 2, 2**32)
-    return Comparison(**_native.compare(a, b, rate, window))
+    return Comparison(**_native.compare(a, b, rate, window, progress))
 
 
 def render(
@@ -349,6 +379,7 @@ def render(
     seeds: Any = None,
     update: float = 240.0,
     threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> np.ndarray:
     """Many vibrations at once, side by side in the processor's lanes and on all its cores.
 
@@ -366,6 +397,8 @@ def render(
         How often the filters follow force and speed, Hz.
     threads : int, optional
         All cores where it is not given.
+    progress : callable, optional
+        Called with the part done, 0 to 1, now and then. Ctrl-C, or what it raises, ends the call.
 
     Returns
     -------
@@ -395,4 +428,5 @@ def render(
     inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
     seeds = list(range(1, rows + 1)) if seeds is None else seeds
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
-    return _native.render(inner, force, speed, seeds, number("update", update, 0, above=True), threads)
+    update = number("update", update, 0, above=True)
+    return _native.render(inner, force, speed, seeds, update, threads, progress)

@@ -1,6 +1,6 @@
 //! Up to [`LANES`] voices of one shape.
 
-use super::super::synthesis::{SynthesisError, updates};
+use super::super::synthesis::{SynthesisError, TOLD_EVERY, updates};
 use super::Voice;
 use crate::crackle::{CrackleLanes, CrackleSource};
 use crate::interpolation::{Coefficients, Interpolator, Spot};
@@ -119,8 +119,8 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// The vibrations; or which voice has none, and why.
-    pub fn play(mut self) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
+    /// The vibrations; or which voice has none, and why. `advance` gets how many samples more are done.
+    pub fn play(mut self, advance: &dyn Fn(usize)) -> Result<Vec<Vec<f64>>, (usize, SynthesisError)> {
         let first = self.lanes[0].voice;
         let longest = self.lanes.iter().map(|lane| lane.vibration.len()).max();
         let updates = updates(
@@ -128,12 +128,18 @@ impl<'a> Group<'a> {
             first.settings.update_hz,
             longest.unwrap_or(0),
         );
-        for (place, samples) in updates {
+        let mut told = 0;
+        for (number, (place, samples)) in updates.enumerate() {
             self.update(place)?;
             for start in samples.clone().step_by(RUN) {
                 self.run(start..samples.end.min(start + RUN));
             }
+            if number % TOLD_EVERY == 0 {
+                advance(samples.end - told);
+                told = samples.end;
+            }
         }
+        advance(longest.unwrap_or(0) - told);
         Ok(self.lanes.into_iter().map(|lane| lane.vibration).collect())
     }
 

@@ -1,0 +1,496 @@
+//! `learn` and `evaluate` over many recordings: in parts, anywhere, with what one run would have left.
+
+use super::learn::{self, by_file};
+use super::output::Output;
+use super::progress::Progress;
+use super::table::{significant, table};
+use super::{
+    Failure, evaluate, folder_of, output, read_file, recording, remark, run, say, say_json, surface,
+};
+use crate::engine::registry::Registry;
+use crate::signal::files;
+use crate::surfaces::evaluate::{RecordingName, Study, StudyHead, StudyPart};
+use crate::surfaces::learning::{self as library, LearnSettings};
+use crate::surfaces::recording::ImportSettings;
+use crate::surfaces::shard::Shard;
+use crate::surfaces::{Surface, files as surface_files};
+use clap::{Subcommand, ValueEnum};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fmt::Debug;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+/// Longer parts of an evaluation are not read, bytes.
+const MAX_PART_BYTES: u64 = 1 << 30;
+/// The setting of a learned surface that says from what it was learned, and how.
+const INPUTS: &str = "inputs sha256";
+
+/// Measure how well learned textures match recordings
+///
+/// Reads all recordings in a folder that are named `<material>.<person>.<take>.<extension>`. For every material and person a texture is
+/// learned from the first take. Whoever has the most takes is the expert: the others of the expert's takes are what the textures are tested
+/// on. Prints Table 2.1 of the thesis (textures against materials; each texture's own material marked), and Table 2.2 where there are several
+/// people. `--shard 2/5 -o PART` learns and compares the second of five parts, anywhere; `haptograph evaluate merge` prints the tables of all.
+#[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Evaluate {
+    #[command(subcommand)]
+    merge: Option<Merge>,
+    #[command(flatten)]
+    given: Option<evaluate::Arguments>,
+    /// Learn and compare one of several parts of the textures; the tables are made of all parts
+    #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout"])]
+    shard: Option<Shard>,
+    /// The file to write the part to
+    #[arg(short, long, value_name = "PART.ron", requires = "shard")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Merge {
+    /// Print the tables of all parts of an evaluation: those of one run, to the byte
+    Merge {
+        /// The files of all parts
+        #[arg(required = true, value_name = "PART.ron")]
+        parts: Vec<PathBuf>,
+        /// Print tables and map as JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+/// What `learn` does with a folder.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Folders of recordings")]
+pub struct Folder {
+    /// Of a folder: learn one of several parts of the surfaces
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// Of a folder: what makes a surface
+    #[arg(long, value_enum)]
+    by: Option<By>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum By {
+    /// Each recording
+    File,
+    /// All recordings of a material, by names <material>.<person>.<take>.<extension>
+    Material,
+}
+
+pub fn evaluate(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure> {
+    match arguments {
+        Evaluate {
+            merge: Some(Merge::Merge { parts, json }),
+            ..
+        } => merge(parts, *json),
+        Evaluate {
+            given: Some(given),
+            shard: Some(shard),
+            output: Some(output),
+            ..
+        } => evaluate_part(given, *shard, output),
+        Evaluate {
+            given: Some(given), ..
+        } => evaluate::run(given, registry),
+        _ => Err(Failure::Message("give the folder of recordings".to_owned())),
+    }
+}
+
+/// Learns and compares a part of the textures into a file; nothing where that is there.
+fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Result<(), Failure> {
+    let folder = folder_of(path)?;
+    if folder.canonicalize().ok() == given.dir.canonicalize().ok() {
+        let (path, dir) = (path.display(), given.dir.display());
+        return Err(Failure::Message(format!(
+            "{path} is in {dir}, whose files are recordings; give a file in another folder"
+        )));
+    }
+    let import = given.import.settings().map_err(Failure::Message)?;
+    let settings = evaluate::study_settings(given);
+    let study = hash(listed(&given.dir)?.iter(), &(&settings, &import))?;
+    if let Some(there) = read_part(path).ok().filter(|there| there.head.study == study) {
+        let wanted = (0..there.head.of).filter(|number| shard.has(*number as u64));
+        if there.numbers().eq(wanted) {
+            return part_facts(given.json, path, &there, true);
+        }
+    }
+    let output = Output::claim(path, given.force)?;
+    let takes = evaluate::read_takes(&given.dir, &import)?;
+    let progress = Progress::of("evaluating");
+    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", &given.dir, error);
+    let whole = Study::of(&takes).map_err(|error| failed(&error))?;
+    let found = whole.compare(Some(shard), &settings, &|part| progress.at(part));
+    let found = found.map_err(|error| failed(&error))?;
+    drop(progress);
+    let compared: Vec<_> = found.into_iter().map(|(_, compared)| compared).collect();
+    let head = StudyHead::of(study, &settings, &whole, &takes);
+    let part = StudyPart::new(head, &compared);
+    let text = part
+        .to_text()
+        .map_err(|error| Failure::file("write", path, &error))?;
+    part_facts(given.json, &output.write(&text)?, &part, false)
+}
+
+fn part_facts(json: bool, path: &Path, part: &StudyPart, kept: bool) -> Result<(), Failure> {
+    let textures = part.numbers().count();
+    if json {
+        return say_json(&json!({ "part": path, "textures": textures, "of": part.head.of, "kept": kept }));
+    }
+    let (path, of) = (path.display(), part.head.of);
+    let there = if kept { "; it was there" } else { "" };
+    say(&format!("{textures} of {of} textures: {path}{there}\n"))
+}
+
+fn read_part(path: &Path) -> Result<StudyPart, Failure> {
+    let text = files::read_text(path, MAX_PART_BYTES);
+    let text = text.map_err(|error| Failure::file("read", path, &error))?;
+    StudyPart::parse(path, &text).map_err(|error| Failure::Message(error.to_string()))
+}
+
+/// The tables of all parts.
+fn merge(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
+    let read = |path: &PathBuf| Ok((path.clone(), read_part(path)?));
+    let parts = paths.iter().map(read).collect::<Result<Vec<_>, Failure>>()?;
+    let Some(StudyPart { head, .. }) = parts.first().map(|(_, part)| part) else {
+        return Err(Failure::Message("name the files of the parts".to_owned()));
+    };
+    let settings = evaluate::seeded(head.pooling, head.seed);
+    let progress = Progress::of("evaluating");
+    let found = StudyPart::merged(&parts, &settings, &|part| progress.at(part));
+    let found = found.map_err(|error| Failure::Message(error.to_string()))?;
+    drop(progress);
+    if json {
+        return say_json(&evaluate::to_json(&found, head.simulated > 0));
+    }
+    say(&evaluate::describe(&found))?;
+    evaluate::say_simulated(head.simulated, head.recordings)
+}
+
+/// A surface to be learned.
+struct Item {
+    name: String,
+    /// The recordings that it is learned from.
+    recordings: Vec<PathBuf>,
+    /// These and what lies beside them: all that it depends on.
+    files: Vec<PathBuf>,
+}
+
+/// What became of it.
+enum Outcome {
+    /// The surface, and whether it was there.
+    Learned(Box<Surface>, bool),
+    Failed(String),
+}
+
+/// Refuses the flags of folders where files are learned from.
+pub fn refuse_of_files(folder: &Folder) -> Result<(), Failure> {
+    match folder.shard.is_some() || folder.by.is_some() {
+        true => Err(Failure::Message(
+            "--shard and --by are of a folder of recordings: give one, alone".to_owned(),
+        )),
+        false => Ok(()),
+    }
+}
+
+/// Learns a surface of each recording or material in a folder, or of a part of them, into another folder. What is there already, of the same
+/// recordings and settings, is kept; what fails is listed at the end, after all others are learned.
+pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
+    if given.has_single() {
+        return Err(Failure::Message(format!(
+            "{} is a folder: --circle, --tap, --press, --name and --report are of one surface; leave them out, or name files",
+            dir.display()
+        )));
+    }
+    let import = given.import.settings().map_err(Failure::Message)?;
+    let settings = LearnSettings {
+        processing: given.settings.processing(),
+        texture: given.settings.texture(),
+        ..LearnSettings::default()
+    };
+    let items = items(dir, given.folder.by.unwrap_or(By::File))?;
+    let shard = given.folder.shard;
+    let numbered = items.iter().zip(0_u64..);
+    let items: Vec<&Item> = numbered
+        .filter(|(_, number)| shard.is_none_or(|shard| shard.has(*number)))
+        .map(|(item, _)| item)
+        .collect();
+    fs::create_dir_all(&given.output)
+        .map_err(|error| Failure::file("make the folder", &given.output, &error))?;
+    let stop = run::stop_on_interrupt()?;
+    let progress = Progress::of("learning");
+    let outcomes = on_all_cores(&items, &stop, &progress, &|item| match learn_item(
+        given, item, &import, &settings,
+    ) {
+        Ok((surface, kept)) => Outcome::Learned(Box::new(surface), kept),
+        Err(failure) => Outcome::Failed(failure.to_string()),
+    });
+    drop(progress);
+    let stopped = outcomes.len() < items.len();
+    let counted = report(given, &items, outcomes)?;
+    if stopped {
+        let missing = items.len() - counted.0;
+        remark(&format!(
+            "stopped with {missing} of {} surfaces missing; the same command goes on\n",
+            items.len()
+        ));
+        return Err(Failure::Interrupted);
+    }
+    match (counted.1, given.json) {
+        (0, _) => Ok(()),
+        (_, true) => Err(Failure::Reported),
+        (failed, false) => Err(Failure::Message(format!(
+            "{failed} of {} surfaces were not learned; the same command tries them again and keeps the others",
+            items.len()
+        ))),
+    }
+}
+
+/// Does the items in any order, each core one at a time, until there is none left or `stop` is set. What became of them, in their order.
+fn on_all_cores(
+    items: &[&Item],
+    stop: &AtomicBool,
+    progress: &Progress,
+    one: &(dyn Fn(&Item) -> Outcome + Sync),
+) -> Vec<(usize, Outcome)> {
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let work = || {
+        let mut finished = vec![];
+        while !stop.load(Ordering::Relaxed) {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(number) else { break };
+            finished.push((number, one(item)));
+            progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
+        }
+        finished
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut outcomes: Vec<_> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
+        let joined = workers.into_iter().filter_map(|worker| worker.join().ok());
+        joined.flatten().collect()
+    });
+    outcomes.sort_by_key(|(number, _)| *number);
+    outcomes
+}
+
+/// The surface of an item, and whether it was there.
+fn learn_item(
+    given: &learn::Arguments,
+    item: &Item,
+    import: &ImportSettings,
+    settings: &LearnSettings,
+) -> Result<(Surface, bool), Failure> {
+    let path = given.output.join(format!("{}.ron", item.name));
+    let inputs = hash(item.files.iter(), &(settings, import))?;
+    if let Ok(there) = surface_files::load(&path)
+        && there.provenance.settings.get(INPUTS) == Some(&inputs)
+    {
+        return Ok((there, true));
+    }
+    let output = Output::claim(&path, given.force)?;
+    let load = |path: &PathBuf| Ok(recording::load_with(path, import)?.recording);
+    let recordings = item
+        .recordings
+        .iter()
+        .map(load)
+        .collect::<Result<Vec<_>, Failure>>()?;
+    let named: Vec<_> = item
+        .recordings
+        .iter()
+        .map(|path| (path.as_path(), None))
+        .collect();
+    learn::refuse_twins(&named, &recordings)?;
+    let (mut surface, report) = library::learn(&item.name, &recordings, settings, &|_| ())
+        .map_err(|error| Failure::Message(by_file(&error.to_string(), &error, &named, &recordings)))?;
+    for missing in &report.missing {
+        let said = by_file(&missing.to_string(), &missing.reason, &named, &recordings);
+        remark(&format!("warning: {}: {said}\n", item.name));
+    }
+    for (index, (path, _)) in named.iter().enumerate() {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = format!("recording {} file", index + 1);
+        surface.provenance = surface.provenance.with_setting(name, file);
+    }
+    surface.provenance = surface.provenance.with_setting(INPUTS, inputs);
+    surface::save(&surface, &output)?;
+    Ok((surface, false))
+}
+
+/// Tells what was learned and what was not; how many surfaces there are, and how many failed.
+fn report(
+    given: &learn::Arguments,
+    items: &[&Item],
+    outcomes: Vec<(usize, Outcome)>,
+) -> Result<(usize, usize), Failure> {
+    let (mut surfaces, mut kept, mut failed) = (vec![], 0, vec![]);
+    for (number, outcome) in outcomes {
+        let item = items[number];
+        match outcome {
+            Outcome::Learned(surface, was_there) => {
+                kept += usize::from(was_there);
+                surfaces.push((item, surface));
+            }
+            Outcome::Failed(why) => failed.push((item, why)),
+        }
+    }
+    let counts = (surfaces.len(), failed.len());
+    if given.json {
+        let failed = failed.iter().map(|(item, why)| {
+            let why = why.trim_start_matches("error: ").trim_end();
+            json!({ "surface": item.name, "recordings": item.recordings, "error": why })
+        });
+        let facts = json!({
+            "surfaces": surfaces.iter().map(|(item, surface)| surface_json(item, surface)).collect::<Vec<_>>(),
+            "kept": kept,
+            "failed": failed.collect::<Vec<_>>(),
+        });
+        return say_json(&facts).map(|()| counts);
+    }
+    if !surfaces.is_empty() {
+        let header = ["surface", "recordings", "origin", "models", "mu", "taps", "N/mm"];
+        let rows: Vec<_> = surfaces
+            .iter()
+            .map(|(item, surface)| row(item, surface))
+            .collect();
+        say(&table(&header, &rows))?;
+    }
+    if !failed.is_empty() {
+        // All of it first, with the place in the file.
+        failed
+            .iter()
+            .for_each(|(_, why)| remark(&format!("{}\n", why.trim_end())));
+        let row = |(item, why): &(&Item, String)| {
+            let line = why.lines().next().unwrap_or_default();
+            vec![item.name.clone(), line.trim_start_matches("error: ").to_owned()]
+        };
+        let rows: Vec<_> = failed.iter().map(row).collect();
+        remark(&format!("\n{}", table(&["not learned", "why"], &rows)));
+    }
+    let (learned, folder) = (counts.0 - kept, given.output.display());
+    remark(&format!(
+        "learned {learned} surfaces, {kept} were there: {folder}\n"
+    ));
+    Ok(counts)
+}
+
+/// What a surface has: the same whether it was learned now or before.
+fn row(item: &Item, surface: &Surface) -> Vec<String> {
+    let models = surface.texture.as_ref().map(|texture| texture.models().len());
+    let taps = surface.taps.as_ref().map(|taps| taps.taps().len());
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 4));
+    let count = |value: Option<usize>| value.map_or_else(|| "–".to_owned(), |value| value.to_string());
+    vec![
+        item.name.clone(),
+        item.recordings.len().to_string(),
+        surface.provenance.origin.word().to_owned(),
+        count(models),
+        number(surface.friction.map(|friction| friction.mu())),
+        count(taps),
+        number(surface.stiffness.map(|stiffness| stiffness.n_per_mm())),
+    ]
+}
+
+fn surface_json(item: &Item, surface: &Surface) -> Value {
+    json!({
+        "surface": item.name,
+        "recordings": item.recordings,
+        "origin": surface.provenance.origin.word(),
+        "models": surface.texture.as_ref().map(|texture| texture.models().len()),
+        "mu": surface.friction.map(|friction| friction.mu()),
+        "taps": surface.taps.as_ref().map(|taps| taps.taps().len()),
+        "n_per_mm": surface.stiffness.map(|stiffness| stiffness.n_per_mm()),
+        "inputs_sha256": surface.provenance.settings.get(INPUTS),
+    })
+}
+
+/// The surfaces to be learned of a folder, by name. Files of one take are one recording: of the toolkit's triples the first stands for all, a
+/// WAV file for the table beside it. Files of RON beside recordings are notes.
+fn items(dir: &Path, by: By) -> Result<Vec<Item>, Failure> {
+    let mut takes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for path in listed(dir)? {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        let note = file.strip_suffix(".ron");
+        let file = note.unwrap_or(&file);
+        let parts = ["Accel_", "Position_", "Force_"];
+        let file = parts
+            .iter()
+            .find_map(|part| file.strip_prefix(part))
+            .unwrap_or(file);
+        let take = file.rsplit_once('.').map_or(file, |(take, _)| take).to_owned();
+        takes.entry(take).or_default().push(path);
+    }
+    let mut items: BTreeMap<String, Item> = BTreeMap::new();
+    for (take, files) in takes {
+        let of = |extension: &str| {
+            let is = |path: &&PathBuf| {
+                path.extension()
+                    .is_some_and(|own| own.eq_ignore_ascii_case(extension))
+            };
+            files.iter().find(is)
+        };
+        let is_note = |path: &&PathBuf| path.extension() == Some(OsStr::new("ron"));
+        let Some(recording) = of("wav")
+            .or_else(|| files.iter().find(|path| !is_note(path)))
+            .cloned()
+        else {
+            continue;
+        };
+        let name = match (by, RecordingName::parse(&format!("{take}."))) {
+            (By::File, _) => take,
+            (By::Material, Some(name)) => name.material,
+            (By::Material, None) => {
+                let path = recording.display();
+                remark(&format!(
+                    "warning: passed over {path}: it is not named <material>.<person>.<take>.<extension>\n"
+                ));
+                continue;
+            }
+        };
+        let item = items.entry(name.clone()).or_insert_with(|| Item {
+            name,
+            recordings: vec![],
+            files: vec![],
+        });
+        item.recordings.push(recording);
+        item.files.extend(files);
+    }
+    if items.is_empty() {
+        return Err(Failure::file("learn", dir, &"there is no recording in it"));
+    }
+    Ok(items.into_values().collect())
+}
+
+/// The files of a folder by name, without hidden ones.
+fn listed(dir: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let entries = fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let mut paths: Vec<PathBuf> = entries
+        .flatten()
+        .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && !path.ends_with(output::LEDGER))
+        .collect();
+    paths.sort();
+    Ok(paths)
+}
+
+/// A hash of files, by name and content, of settings and of the version.
+fn hash<'a>(files: impl Iterator<Item = &'a PathBuf>, settings: &dyn Debug) -> Result<String, Failure> {
+    let mut hash = Sha256::new();
+    hash.update(format!(
+        "haptograph {}\n{settings:?}\n",
+        env!("CARGO_PKG_VERSION")
+    ));
+    for path in files {
+        let bytes = read_file(path)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        hash.update(format!("{name} {}\n", bytes.len()));
+        hash.update(bytes);
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
