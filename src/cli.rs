@@ -52,7 +52,6 @@ pub(crate) use failure::{Failure, say, say_json};
 pub(crate) use remarks::remark;
 use std::collections::HashSet;
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use terminal::is_coloured;

@@ -116,6 +116,5 @@ fn plot(title: &str, path: &[(f64, f64)], own: &[(f64, f64)]) -> Plot {
         size: (384.0, 378.0),
         aspect: Some(1.0),
         caption: "A pole outside of the circle is a filter that runs away.".to_owned(),
-        ..Plot::default()
     }
 }

@@ -67,7 +67,7 @@ impl Biquad {
 
     /// The rows by which the state of the direct form follows from what two trapezoidal integrators hold that make the same
     /// section (Zavalishin). What the integrators hold means the same at any frequency; the state of the direct form does not.
-    fn from_integrators(&self) -> [[f64; 2]; 2] {
+    fn integrators_to_state(&self) -> [[f64; 2]; 2] {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         if a2 == 0.0 && b2 == 0.0 {
             // One pole, and one integrator.
@@ -228,14 +228,14 @@ impl SectionsState {
     /// stays a constant, and nothing leaps.
     pub fn turn(&mut self, sections: &[Biquad]) {
         for (running, biquad) in self.sections.iter_mut().zip(sections) {
-            let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.from_integrators(), running.state);
+            let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.integrators_to_state(), running.state);
             let determinant = m11 * m22 - m12 * m21;
             let held = [
                 (m22 * s1 - m12 * s2) / determinant,
                 (m11 * s2 - m21 * s1) / determinant,
             ];
             let state = biquad
-                .from_integrators()
+                .integrators_to_state()
                 .map(|row| row[0] * held[0] + row[1] * held[1]);
             running.biquad = *biquad;
             // Beyond what numbers can hold there is nothing to keep.

@@ -77,7 +77,10 @@ fn listed(registry: &Registry, filter: &Filter) -> Result<String, Failure> {
 }
 
 /// The kinds whose name, group and description are taken, for programs.
-fn kinds(registry: &Registry, takes: &dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool) -> Value {
+/// Whether to list a kind of this name, group, doc and settings.
+type Takes<'a> = &'a dyn Fn(&str, &str, &str, &[SettingSpec]) -> bool;
+
+fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
     let nodes = registry.nodes().iter();
     let nodes = nodes.filter(|entry| {
         takes(

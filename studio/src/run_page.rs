@@ -9,7 +9,7 @@ use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_report::drawing;
 use haptograph_report::headlines::Headline;
 use haptograph_report::page::{Page, Simulation};
-use haptograph_report::record::{Record, Recorder, recorder, watched};
+use haptograph_report::record::{Record, Recorder, friction, recorder, watched};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -129,7 +129,7 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, facts: &Value, kept: 
     ];
     let own = own.map(|(file, holds)| (file.to_owned(), holds.to_owned()));
     Page {
-        friction: None,
+        friction: friction(graph),
         title: source.name(),
         about: graph.about().to_owned(),
         simulation: Simulation::Some(

@@ -253,7 +253,7 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
     page.say(&learn(1));
     page.say(&learn(2));
     page.say(&json!({ "type": "stop" }));
-    let (mut seen, mut report) = (Vec::new(), String::new());
+    let (mut seen, report) = (Vec::new(), String::new());
     while seen.len() < 3 {
         let said = page
             .wait(|said| said["type"] == "reply" || said["type"] == "status" && said["state"] == "stopped");
@@ -557,6 +557,7 @@ fn owners_attack(next: &mut impl FnMut(usize) -> usize, request: usize) -> Value
         "\u{0}",
     ][next(5)];
     let far = [i64::MAX, -1, 0, 4_000_000_000][next(4)];
+    let no_switch = [json!("yes"), json!(false), json!(1)][next(3)].clone();
     match next(8) {
         0 => json!({ "type": "apply", "request": request, "text": text }),
         1 => json!({ "type": "save", "request": request, "text": text }),
@@ -565,7 +566,7 @@ fn owners_attack(next: &mut impl FnMut(usize) -> usize, request: usize) -> Value
         }
         3 => json!({ "type": "parameter", "request": request, "name": "gain", "value": text }),
         4 => json!({ "type": "learn", "request": request, "name": "../../x.csv", "csv": text }),
-        5 => json!({ "type": "record", "on": [json!("yes"), json!(false), json!(1)][next(3)] }),
+        5 => json!({ "type": "record", "on": no_switch }),
         6 if request % 1000 < 20 => json!({ "type": "record", "on": true }),
         _ => json!({ "type": "replay", "request": request, "recording": {
             "format": 1, "haptograph": "", "graph": "", "text": text, "set": [], "rate_hz": 48000.0, "frames": 9,

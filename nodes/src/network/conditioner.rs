@@ -188,7 +188,7 @@ mod tests {
 
     /// An offset with some noise, and a force along z.
     fn measured(tick: usize, z_n: f64) -> Wrench {
-        let noise = if tick % 2 == 0 { 0.01 } else { -0.01 };
+        let noise = if tick.is_multiple_of(2) { 0.01 } else { -0.01 };
         [5.0 + noise, 0.0, z_n - 8.0, 0.0, 0.2, 0.0]
     }
 
