@@ -165,7 +165,8 @@ fn commands() -> Vec<Command> {
         Command::new("sweep", sweep::run).example("sweep graphs/ar-pen.ron --over mu=0.2,0.3,0.4"),
         Command::new("batch", batch::run)
             .example("batch plan.ron -o data")
-            .example("batch merge part-1 part-2 -o data"),
+            .example("batch merge part-1 part-2 -o data")
+            .example("batch wav plan.ron 0 3 -o heard"),
         Command::new("bench", bench::run).example("bench graphs/omni.ron"),
         Command::new("identify", identify::run).example(
             "identify out/identify/sweep.csv --magnet-g 6 --force-n-per-a 2.9 --report out/actuator",

@@ -173,8 +173,9 @@ fn interrupt_when_heard(child: &Child) {
         let status = fs::read_to_string(&status).expect("the child's status");
         let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
         let caught = u64::from_str_radix(caught.unwrap_or("0").trim(), 16).expect("a mask");
-        // SIGINT is 2, whose bit is the second.
-        caught & 2 != 0
+        // SIGINT is 2, whose bit is the second. With the thread that hears it and the one that writes remarks the command has begun.
+        let threads = fs::read_dir(format!("/proc/{}/task", child.id())).map_or(0, Iterator::count);
+        caught & 2 != 0 && threads >= 3
     };
     let begun = Instant::now();
     while !hears() {

@@ -474,11 +474,20 @@ impl<'t> Parser<'t> {
 
 /// The words of a formula that can only be names of inputs, each once.
 pub fn names(formula: &str) -> Vec<&str> {
-    let words = formula.split(|c: char| !(c.is_alphanumeric() || c == '_'));
-    let mut names: Vec<&str> = words.filter(|word| is_free(word)).collect();
+    let mut names: Vec<&str> = words(formula).filter(|word| is_free(word)).collect();
     names.sort_unstable();
     names.dedup();
     names
+}
+
+/// The words of a formula that mean something of their own: functions, constants and the time.
+pub fn reserved(formula: &str) -> impl Iterator<Item = &str> {
+    let is_word = |word: &&str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    words(formula).filter(is_word).filter(|word| !is_free(word))
+}
+
+fn words(formula: &str) -> impl Iterator<Item = &str> {
+    formula.split(|c: char| !(c.is_alphanumeric() || c == '_'))
 }
 
 /// Whether an input can have this name: one that means nothing else.

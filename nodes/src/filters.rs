@@ -129,10 +129,10 @@ impl LaneFilter {
     }
 }
 
-/// A frequency that came as a signal, where filters can be told from none and from each other: from a millionth of the rate
-/// to just below half of it.
+/// A frequency that came as a signal: from a millionth of the rate, and below half of it so far that the states, which swing from
+/// sample to sample there, are not large when it falls.
 fn within(hz: f64, rate_hz: f64) -> f64 {
-    hz.clamp(1e-6 * rate_hz, 0.499 * rate_hz)
+    hz.clamp(1e-6 * rate_hz, 0.45 * rate_hz)
 }
 
 impl Processor for LaneFilter {
@@ -182,6 +182,13 @@ impl Processor for LaneFilter {
             return;
         };
         if tuning.prototype != old_tuning.prototype {
+            return;
+        }
+        if tuning.rate_hz != old_tuning.rate_hz {
+            // Sections of another rate would be those of other frequencies.
+            for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
+                new.copy_state_from(old);
+            }
             return;
         }
         // It goes on as this one, and turns to what it is asked for itself.

@@ -394,7 +394,8 @@ impl Spectra {
     /// strongest bin and its neighbours. `None` for silence.
     pub fn strongest_hz(&self, from_hz: f64) -> Option<f64> {
         let (mean, bin_hz) = (self.mean(), self.bin_hz());
-        let lowest = (from_hz / bin_hz).ceil() as usize;
+        // A mean leaks into the bin beside 0 Hz.
+        let lowest = ((from_hz / bin_hz).ceil() as usize).max(2);
         let peak = (lowest..mean.len())
             .filter(|bin| mean[*bin] > 0.0)
             .max_by(|a, b| mean[*a].total_cmp(&mean[*b]))?;
@@ -408,6 +409,7 @@ impl Spectra {
                 0.0
             }
         });
+        let beside = if peak == lowest { beside.max(0.0) } else { beside };
         Some((peak as f64 + beside.clamp(-0.5, 0.5)) * bin_hz)
     }
 

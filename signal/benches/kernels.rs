@@ -348,9 +348,31 @@ fn warped_voices() {
             warped.process(&e, black_box(&mut y));
         }
     };
+    // As texture models come out of the interpolation of many voices: row k has the coefficient k of each.
+    const GROUP: usize = WarpedBank::GROUP;
+    let rows = |i: usize, group: usize| -> Vec<[f64; GROUP]> {
+        let of = |voice: usize, k: usize| sets[(i + group * GROUP + voice) % sets.len()][k];
+        (0..20)
+            .map(|k| std::array::from_fn(|voice| of(voice, k)))
+            .collect()
+    };
+    let groups: Vec<Vec<Vec<[f64; GROUP]>>> = (0..sets.len())
+        .map(|i| (0..VOICES / GROUP).map(|group| rows(i, group)).collect())
+        .collect();
+    let mut together = WarpedBank::new(VOICES);
+    let mut z = e.clone();
+    let mut run_together = || {
+        for rows in &groups {
+            for (group, rows) in rows.iter().enumerate() {
+                let _ = together.set_group(group, rows, WARPING, &[1.0; GROUP]);
+            }
+            together.process(&e, black_box(&mut z));
+        }
+    };
     let contenders: &mut [(&str, &mut dyn FnMut())] = &mut [
         ("VoiceBank of lattices", &mut run_plain),
         ("WarpedBank", &mut run_warped),
+        ("WarpedBank, a group at once", &mut run_together),
     ];
     let title = "AR(20), 64 voices, new coefficients every 41 samples, a voice";
     contest::compare(samples(title, BLOCK * VOICES), contenders);

@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fmt::Debug;
 use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -41,7 +42,7 @@ pub struct Evaluate {
     #[command(subcommand)]
     merge: Option<Merge>,
     #[command(flatten)]
-    given: Option<evaluate::Arguments>,
+    given: evaluate::Arguments,
     /// Learn and compare one of several parts of the textures; the tables are made of all parts
     #[arg(long, value_name = "K/N", requires = "output", conflicts_with_all = ["report", "holdout"])]
     shard: Option<Shard>,
@@ -90,30 +91,27 @@ pub fn evaluate(arguments: &Evaluate, registry: &Registry) -> Result<(), Failure
             ..
         } => merge(parts, *json),
         Evaluate {
-            given: Some(given),
+            given,
             shard: Some(shard),
             output: Some(output),
             ..
         } => evaluate_part(given, *shard, output),
-        Evaluate {
-            given: Some(given), ..
-        } => evaluate::run(given, registry),
-        _ => Err(Failure::Message("give the folder of recordings".to_owned())),
+        Evaluate { given, .. } => evaluate::run(given, registry),
     }
 }
 
 /// Learns and compares a part of the textures into a file; nothing where that is there.
 fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Result<(), Failure> {
     let folder = folder_of(path)?;
-    if folder.canonicalize().ok() == given.dir.canonicalize().ok() {
-        let (path, dir) = (path.display(), given.dir.display());
+    if folder.canonicalize().ok() == given.dir().canonicalize().ok() {
+        let (path, dir) = (path.display(), given.dir().display());
         return Err(Failure::Message(format!(
             "{path} is in {dir}, whose files are recordings; give a file in another folder"
         )));
     }
     let import = given.import.settings().map_err(Failure::Message)?;
     let settings = evaluate::study_settings(given);
-    let study = hash(listed(&given.dir)?.iter(), &(&settings, &import))?;
+    let study = hash(listed(given.dir())?.iter(), &(&settings, &import))?;
     if let Some(there) = read_part(path).ok().filter(|there| there.head.study == study) {
         let wanted = (0..there.head.of).filter(|number| shard.has(*number as u64));
         if there.numbers().eq(wanted) {
@@ -121,9 +119,9 @@ fn evaluate_part(given: &evaluate::Arguments, shard: Shard, path: &Path) -> Resu
         }
     }
     let output = Output::claim(path, given.force)?;
-    let takes = evaluate::read_takes(&given.dir, &import)?;
+    let takes = evaluate::read_takes(given.dir(), &import)?;
     let progress = Progress::of("evaluating");
-    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", &given.dir, error);
+    let failed = |error: &dyn std::fmt::Display| Failure::file("evaluate", given.dir(), error);
     let whole = Study::of(&takes).map_err(|error| failed(&error))?;
     let found = whole.compare(Some(shard), &settings, &|part| progress.at(part));
     let found = found.map_err(|error| failed(&error))?;
@@ -222,6 +220,12 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         .collect();
     fs::create_dir_all(&given.output)
         .map_err(|error| Failure::file("make the folder", &given.output, &error))?;
+    if given.output.canonicalize().ok() == dir.canonicalize().ok() {
+        return Err(Failure::Message(format!(
+            "{} holds the recordings; give another folder for the surfaces",
+            dir.display()
+        )));
+    }
     let stop = run::stop_on_interrupt()?;
     let progress = Progress::of("learning");
     let outcomes = on_all_cores(&items, &stop, &progress, &|item| match learn_item(
@@ -231,7 +235,7 @@ pub fn learn(given: &learn::Arguments, dir: &Path) -> Result<(), Failure> {
         Err(failure) => Outcome::Failed(failure.to_string()),
     });
     drop(progress);
-    let stopped = outcomes.len() < items.len();
+    let stopped = stop.load(Ordering::Relaxed) && outcomes.len() < items.len();
     let counted = report(given, &items, outcomes)?;
     if stopped {
         let missing = items.len() - counted.0;
@@ -264,7 +268,10 @@ fn on_all_cores(
         while !stop.load(Ordering::Relaxed) {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(item) = items.get(number) else { break };
-            finished.push((number, one(item)));
+            // One that panics is one that failed.
+            let outcome = catch_unwind(AssertUnwindSafe(|| one(item)));
+            let panicked = |_| Outcome::Failed("haptograph panicked, as said above".to_owned());
+            finished.push((number, outcome.unwrap_or_else(panicked)));
             progress.at((done.fetch_add(1, Ordering::Relaxed) + 1) as f64 / items.len() as f64);
         }
         finished

@@ -25,7 +25,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of recordings
-    pub(super) dir: PathBuf,
+    #[arg(required = true)]
+    dir: Option<PathBuf>,
     /// Also write a page with figures into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
@@ -51,6 +52,13 @@ pub struct Arguments {
     pub(super) import: Import,
 }
 
+impl Arguments {
+    /// The folder of recordings, which is given wherever no subcommand is.
+    pub(super) fn dir(&self) -> &Path {
+        self.dir.as_deref().unwrap_or(Path::new("."))
+    }
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum PoolingArgument {
     Pair,
@@ -63,7 +71,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         .map(|folder| Output::claim_page(folder, arguments.force))
         .transpose()?;
     let import = arguments.import.settings().map_err(Failure::Message)?;
-    let takes = read_takes(&arguments.dir, &import)?;
+    let takes = read_takes(arguments.dir(), &import)?;
     if arguments.holdout {
         return run_holdout(arguments, page.as_ref(), &takes);
     }
@@ -73,9 +81,9 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
         // Parts of a take can be held out where there is no other.
         StudyError::NoTest { .. } => {
             let error = format!("{error}; or --holdout, which tests on parts of each take");
-            Failure::file("evaluate", &arguments.dir, &error)
+            Failure::file("evaluate", arguments.dir(), &error)
         }
-        error => Failure::file("evaluate", &arguments.dir, &error),
+        error => Failure::file("evaluate", arguments.dir(), &error),
     })?;
     drop(progress);
     let page = match &page {
@@ -96,10 +104,10 @@ fn run_holdout(arguments: &Arguments, page: Option<&Output>, takes: &[Take]) -> 
         seed: arguments.seed,
         ..HoldoutSettings::default()
     };
-    let found = holdout::found(&arguments.dir, takes, &settings)?;
+    let found = holdout::found(arguments.dir(), takes, &settings)?;
     let contact = hold_out_contact(takes, &settings.processing);
     let simulated = takes.iter().any(is_simulated);
-    let title = title(&arguments.dir);
+    let title = title(arguments.dir());
     let page = page
         .map(|page| page.write(&crate::report::holdout::page(&title, &found, simulated)))
         .transpose()?;
@@ -171,7 +179,7 @@ fn write_report(
         progress.at((number + 1) as f64 / found.materials.len() as f64);
     }
     page.write(&crate::report::evaluation::page(
-        &title(&arguments.dir),
+        &title(arguments.dir()),
         found,
         &learned,
     ))

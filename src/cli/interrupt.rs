@@ -3,6 +3,7 @@
 use super::{Failure, keys};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The code to exit with after ctrl-C: 128 and the number of the signal.
 pub const INTERRUPTED: u8 = 130;
@@ -23,15 +24,26 @@ pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
         Err(error) => return Err(Failure::Message(format!("cannot listen for ctrl-C: {error}"))),
     }
     let stop = Arc::new(AtomicBool::new(false));
+    *FIRST.lock().unwrap_or_else(PoisonError::into_inner) = None;
     *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&stop));
     Ok(stop)
 }
 
+/// When the first ctrl-C came that the command looks out for.
+static FIRST: Mutex<Option<Instant>> = Mutex::new(None);
+/// Signals that come as close as this are one: some who end a program signal it and then its group.
+const TWICE: Duration = Duration::from_millis(300);
+
 /// On a thread of its own.
 fn interrupted() {
     let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    if stop.is_some_and(|stop| !stop.swap(true, Ordering::Relaxed)) {
-        return;
+    if let Some(stop) = stop {
+        // It may have been set by a typed stop: then this is the first all the same.
+        stop.store(true, Ordering::Relaxed);
+        let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
+        if first.get_or_insert_with(Instant::now).elapsed() < TWICE {
+            return;
+        }
     }
     keys::restore();
     std::process::exit(i32::from(INTERRUPTED));

@@ -6,6 +6,7 @@ use haptograph_engine::diagnostic::{Diagnostics, Severity};
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{DeclaredDevice, Graph, Hosted, check, declared_devices};
 use haptograph_engine::node::Limit;
+use std::collections::BTreeMap;
 
 /// What the person who opened the studio answers for: the graph's file, and the parameters on the command line.
 #[derive(Debug)]
@@ -66,6 +67,8 @@ fn within(envelope: &SafetyEnvelope, source: &Source, text: &str) -> Result<(), 
 #[derive(Debug, Clone, PartialEq)]
 pub struct SafetyEnvelope {
     sets: Vec<EndpointSet>,
+    /// What limits and devices are computed from, as it is written: for other parameters they may come to more.
+    depends: BTreeMap<String, String>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -113,12 +116,22 @@ impl SafetyEnvelope {
                 devices,
             }
         });
-        Ok(Self { sets: sets.collect() })
+        Ok(Self {
+            sets: sets.collect(),
+            depends: document.dependent_safety(),
+        })
     }
 
     /// What another permits beyond this one, one sentence each; none where it is as safe.
     pub fn exceeded_by(&self, next: &Self) -> Vec<String> {
         let mut beyond = Vec::new();
+        for (place, text) in &next.depends {
+            if self.depends.get(place) != Some(text) {
+                beyond.push(format!(
+                    "{place} comes to depend on parameters in another way: {text}"
+                ));
+            }
+        }
         for set in &next.sets {
             match self.sets.iter().find(|known| known.name == set.name) {
                 Some(known) => known.compare(set, &mut beyond),
@@ -333,14 +346,32 @@ mod tests {
 
     #[test]
     fn a_set_that_cannot_run_any_more_shows_no_limits() {
-        let broken = replaced(
-            "\"stylus\": EvdevDevice(path: Param(\"hand\"), pressed_n: 3.0),",
-            "",
-        );
-        let beyond = beyond(broken, &[]);
-        assert!(
-            beyond.len() == 1 && beyond[0].contains("the limits of `live` cannot be determined: E"),
-            "{beyond:?}"
-        );
+        let beyond = beyond(replaced("continuous_a", "continous_a"), &[]);
+        let of = |name: &str| {
+            let said = format!("the limits of `{name}` cannot be determined: E");
+            beyond.iter().any(|beyond| beyond.contains(&said))
+        };
+        assert!(of("live") && of("simulated"), "{beyond:?}");
+    }
+
+    #[test]
+    fn no_limit_comes_to_depend_on_a_parameter() {
+        for (from, to) in [
+            ("Param(\"most\")", "Expr(\"if(gain > 1, 50, 0.5)\")"),
+            ("\"most\": 0.5", "\"most\": Expr(\"0.5 * gain\")"),
+            ("continuous_a: 0.25", "continuous_a: Param(\"quarter\")"),
+            ("pressed_n: 3.0", "pressed_n: Expr(\"3 / gain\")"),
+        ] {
+            let moved = |text: &str| {
+                replaced(from, to)(text).replace("parameters: {", "parameters: { \"quarter\": 0.25,")
+            };
+            let beyond = beyond(moved, &[]);
+            assert!(
+                beyond
+                    .iter()
+                    .any(|beyond| beyond.contains("depend on parameters")),
+                "{to}: {beyond:?}"
+            );
+        }
     }
 }

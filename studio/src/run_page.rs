@@ -2,6 +2,7 @@
 
 use super::load::Source;
 use super::scope::Scope;
+use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::Outcome;
@@ -28,7 +29,11 @@ pub struct Kept {
 impl Kept {
     /// The signals that a run's page shows.
     pub fn of(graph: &Graph) -> Vec<Self> {
-        let kept = watched(graph).into_iter().map(|watch| {
+        // Scopes look at numbers only.
+        let numbers = [Kind::Scalar, Kind::Vector, Kind::Wrench];
+        let watched = watched(graph).into_iter();
+        let watched = watched.filter(|watch| numbers.contains(&watch.stream.kind));
+        let kept = watched.map(|watch| {
             let port = watch.stream.name.clone();
             let (recorder, record) = recorder(watch.stream);
             Self {

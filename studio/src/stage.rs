@@ -412,10 +412,17 @@ impl Stage {
     }
 }
 
-impl Drop for Stage {
-    fn drop(&mut self) {
+impl Stage {
+    /// Ends the run with whole files.
+    pub fn close(&mut self) {
         self.halt();
         self.end();
+    }
+}
+
+impl Drop for Stage {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 

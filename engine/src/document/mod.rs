@@ -1,6 +1,7 @@
 //! A graph file as written: RON in, every value with its place, nothing yet known of its meaning.
 
 mod builder;
+mod dependence;
 mod load;
 pub(crate) mod text;
 pub mod value;

@@ -126,6 +126,14 @@ fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
     simulated
 }
 
+/// Does a field have a name that is none of its settings? What the node finds without the one that was meant would only
+/// follow from that.
+fn misread(node: &DraftNode) -> bool {
+    let settings = node.entry.settings();
+    let mut fields = node.fields.remaining().iter();
+    fields.any(|(name, _)| settings.iter().all(|setting| setting.name != name.text))
+}
+
 #[expect(clippy::too_many_arguments, reason = "all of the graph has a say in a node")]
 fn work(
     cx: &mut Context<'_>,
@@ -145,7 +153,7 @@ fn work(
     let mut fields = target.fields.clone();
     let places = Places::of(&fields).and_inputs(target);
     let before = cx.diagnostics.len();
-    let sound = !target.broken && !target.has_broken_input();
+    let sound = !target.broken && !target.has_broken_input() && !misread(target);
     let work = match target.entry.build {
         Build::Processor(read) => {
             let finish = cx.reading(|reading| read(&mut fields, reading));

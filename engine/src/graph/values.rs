@@ -6,13 +6,15 @@ use super::expand::refuse_unknown_set;
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::text;
 use crate::document::value::{Body, Shape, Tagged, Value};
-use crate::formula::{Formula, names};
+use crate::formula::{Formula, names, reserved};
 use crate::settings::closest;
 use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Values that replaced names may hold this many values together, so that no file grows without bound.
 const MAX_REPLACED: usize = 1_000_000;
+/// Longer formulas are refused, bytes.
+const MAX_FORMULA: usize = 16_384;
 /// Brackets within brackets after replacement.
 const MAX_DEPTH: usize = 128;
 
@@ -237,17 +239,56 @@ impl Parameters {
         let wrong =
             |span, message: String| Diagnostic::error("E0306", span, message).label("in this formula");
         let names = names(formula);
+        self.replaced += names.len();
+        if self.replaced > MAX_REPLACED || formula.len() > MAX_FORMULA {
+            cx.report(wrong(
+                at,
+                format!(
+                    "formulas have at most {MAX_FORMULA} bytes, and use at most {MAX_REPLACED} names in all"
+                ),
+            ));
+            return None;
+        }
+        let is_declared = |name: &str| match place {
+            Place::Graph => self.values.contains_key(name),
+            Place::Template(settings) => settings.contains_key(name),
+        };
+        if let Some(word) = reserved(formula).find(|word| is_declared(word)) {
+            let message = format!("`{word}` means something of its own in a formula");
+            cx.report(
+                wrong(at, message).help(format!("give the parameter or setting `{word}` another name")),
+            );
+            return None;
+        }
         let mut numbers = Vec::new();
         for name in &names {
             let found = match place {
-                Place::Graph => self.parameter(cx, value, name, place)?,
-                Place::Template(_) => setting(cx, value, name, place)?,
+                Place::Graph => self.values.get_mut(*name).map(|parameter| {
+                    parameter.used = true;
+                    Some(&parameter.value)
+                }),
+                Place::Template(settings) => settings.get(*name).map(Option::as_ref),
             };
-            let Shape::Number(number, _) = found.shape else {
-                cx.report(wrong(at, format!("`{name}` is no number")).also(found.span, "its value"));
-                return None;
-            };
-            numbers.push(number);
+            match found {
+                Some(Some(Value {
+                    shape: Shape::Number(number, _),
+                    ..
+                })) => numbers.push(*number),
+                Some(Some(other)) => {
+                    cx.report(wrong(at, format!("`{name}` is no number")).also(other.span, "its value"));
+                    return None;
+                }
+                // It was reported where it was given.
+                Some(None) => return None,
+                // Says that there is none of this name.
+                None => {
+                    match place {
+                        Place::Graph => self.parameter(cx, value, name, place),
+                        Place::Template(_) => setting(cx, value, name, place),
+                    };
+                    return None;
+                }
+            }
         }
         let parsed = match Formula::parse(formula, &names) {
             Ok(parsed) if !parsed.is_timed() => parsed,

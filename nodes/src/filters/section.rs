@@ -57,7 +57,7 @@ impl NodeKind for Biquad {
             any_input("input", "The signal."),
             frequency_input(
                 "frequency",
-                "The frequency in place of `frequency_hz`, kept from a millionth to 0.499 of the rate; NaN or infinite: as before. \
+                "The frequency in place of `frequency_hz`, kept from a millionth to 0.45 of the rate; NaN or infinite: as before. \
                  The delay is not counted then.",
             ),
         ],
@@ -233,7 +233,7 @@ impl Processor for StateVariable {
         if let Some(new) = successor::<Self>(new) {
             new.states = self.states;
             if new.follows {
-                new.turn(self.wanted.frequency_hz);
+                new.turn(within(self.wanted.frequency_hz, new.rate_hz));
             }
         }
     }

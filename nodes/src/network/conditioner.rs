@@ -19,6 +19,8 @@ pub(super) struct Conditioner {
     zero: Wrench,
     /// How much of what is measured passes: it rises when the zero has been taken, so that nothing leaps.
     reach: f64,
+    /// Has the sensor been heard since the conditioner was built? Before that there is nothing to take a zero off.
+    was_heard: bool,
     reach_per_tick: f64,
     filters: Option<[SectionsState; 6]>,
     group_delay_s: f64,
@@ -38,6 +40,8 @@ pub(super) struct ZeroSettings {
 
 /// The lever by which a bound on forces is one on torques, m.
 const LEVER_M: f64 = 0.05;
+/// Fewer measurements cannot show that nothing moves.
+const LEAST_PACKETS: u64 = 8;
 /// From the zero on, what is felt rises in this time, s.
 const RAMP_S: f64 = 0.01;
 
@@ -46,7 +50,9 @@ const RAMP_S: f64 = 0.01;
 struct Zeroing {
     settings: ZeroSettings,
     ticks: u64,
+    /// Ticks since it began, and those of them that brought news.
     seen: u64,
+    packets: u64,
     sum: Wrench,
     least: Wrench,
     most: Wrench,
@@ -67,23 +73,27 @@ impl Zeroing {
             settings,
             ticks,
             seen: 0,
+            packets: 0,
             sum: [0.0; 6],
             least: [f64::INFINITY; 6],
             most: [f64::NEG_INFINITY; 6],
         }
     }
 
-    fn take(&mut self, measured: Wrench) -> Option<ZeroNews> {
-        for (lane, x) in measured.into_iter().enumerate() {
-            self.sum[lane] += x;
-            self.least[lane] = self.least[lane].min(x);
-            self.most[lane] = self.most[lane].max(x);
-        }
+    fn take(&mut self, measured: Wrench, is_news: bool) -> Option<ZeroNews> {
         self.seen += 1;
-        if self.seen < self.ticks {
+        if is_news {
+            self.packets += 1;
+            for (lane, x) in measured.into_iter().enumerate() {
+                self.sum[lane] += x;
+                self.least[lane] = self.least[lane].min(x);
+                self.most[lane] = self.most[lane].max(x);
+            }
+        }
+        if self.seen < self.ticks || self.packets < LEAST_PACKETS {
             return None;
         }
-        let mean = self.sum.map(|sum| sum / self.ticks as f64);
+        let mean = self.sum.map(|sum| sum / self.packets as f64);
         let news = if self.is_steady() && norm([mean[0], mean[1], mean[2]]) <= self.settings.within_n {
             ZeroNews::Taken(mean)
         } else {
@@ -127,7 +137,8 @@ impl Conditioner {
         Ok(Self {
             zeroing: is_open.then(|| Zeroing::new(zero, ticks)),
             zero: known.unwrap_or([0.0; 6]),
-            reach: if is_open { 0.0 } else { 1.0 },
+            reach: if ticks > 0 { 0.0 } else { 1.0 },
+            was_heard: false,
             reach_per_tick: rate.period_s() / RAMP_S,
             group_delay_s: filter.map_or(0.0, |filter| filter.group_delay_s(1.0, rate.hz())),
             filters: filter.map(|filter| std::array::from_fn(|_| SectionsState::new(filter))),
@@ -135,16 +146,17 @@ impl Conditioner {
         })
     }
 
-    /// A tick passes in which this was measured; nothing is where the device is not heard.
-    pub fn advance(&mut self, measured: Wrench, is_heard: bool) -> Option<ZeroNews> {
+    /// A tick passes in which this was measured, anew or not; nothing is where the device is not heard.
+    pub fn advance(&mut self, measured: Wrench, is_heard: bool, is_news: bool) -> Option<ZeroNews> {
+        self.was_heard |= is_heard;
         let news = match &mut self.zeroing {
-            Some(zeroing) if is_heard => zeroing.take(measured),
+            Some(zeroing) if is_heard => zeroing.take(measured, is_news),
             _ => None,
         };
         if let Some(ZeroNews::Taken(zero)) = news {
             (self.zero, self.zeroing) = (zero, None);
         }
-        if self.zeroing.is_some() {
+        if self.zeroing.is_some() || !self.was_heard {
             return news;
         }
         self.reach = (self.reach + self.reach_per_tick).min(1.0);
@@ -195,18 +207,18 @@ mod tests {
     #[test]
     fn the_mean_of_what_is_heard_first_is_taken_off() {
         let mut sensor = conditioner(0.1, None, None);
-        (0..50).for_each(|_| assert_eq!(sensor.advance([0.0; 6], false), None));
+        (0..50).for_each(|_| assert_eq!(sensor.advance([0.0; 6], false, false), None));
         for tick in 0..99 {
-            assert_eq!(sensor.advance(measured(tick, 0.0), true), None);
+            assert_eq!(sensor.advance(measured(tick, 0.0), true, true), None);
             assert_eq!(*sensor.wrench(), [0.0; 6]);
         }
-        let news = sensor.advance(measured(99, 0.0), true);
+        let news = sensor.advance(measured(99, 0.0), true, true);
         let Some(ZeroNews::Taken(zero)) = news else {
             panic!("{news:?}");
         };
         assert!((zero[0] - 5.0).abs() < 1e-9 && (zero[2] + 8.0).abs() < 1e-9);
-        (0..20).for_each(|tick| _ = sensor.advance(measured(tick, 0.0), true));
-        sensor.advance([5.0, 0.0, -9.0, 0.0, 0.2, 0.0], true);
+        (0..20).for_each(|tick| _ = sensor.advance(measured(tick, 0.0), true, true));
+        sensor.advance([5.0, 0.0, -9.0, 0.0, 0.2, 0.0], true, true);
         let [x, _, z, _, torque, _] = *sensor.wrench();
         assert!(x.abs() < 1e-9 && (z + 1.0).abs() < 1e-9 && torque.abs() < 1e-9);
     }
@@ -222,7 +234,7 @@ mod tests {
         let mut news = Vec::new();
         let mut before = 0.0;
         for tick in 0..400 {
-            news.extend(sensor.advance(measured(tick, hand(tick)), true));
+            news.extend(sensor.advance(measured(tick, hand(tick)), true, true));
             assert!((sensor.wrench()[2] - before).abs() < 0.05, "no leap at {tick}");
             before = sensor.wrench()[2];
         }
@@ -238,7 +250,7 @@ mod tests {
         assert!((zero[2] + 8.0).abs() < 1e-9, "no phantom contact: {zero:?}");
         // What is as steady as an offset but heavier than one can be is none either.
         let mut sensor = conditioner(0.1, None, None);
-        let heavy = (0..100).find_map(|tick| sensor.advance(measured(tick, -3.0), true));
+        let heavy = (0..100).find_map(|tick| sensor.advance(measured(tick, -3.0), true, true));
         assert_eq!(heavy, Some(ZeroNews::Refused));
     }
 
@@ -247,18 +259,44 @@ mod tests {
         let mut sensor = conditioner(0.1, None, Some([5.0, 0.0, -8.0, 0.0, 0.2, 0.0]));
         for tick in 0..300 {
             assert_eq!(
-                sensor.advance([5.0, 0.0, -7.0, 0.0, 0.2, 0.0], true),
+                sensor.advance([5.0, 0.0, -7.0, 0.0, 0.2, 0.0], true, true),
                 None,
                 "{tick}"
             );
-            assert_eq!(*sensor.wrench(), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+            // It rises within the time of the ramp.
+            let expected = (0.1 * (tick + 1) as f64).min(1.0);
+            assert!((sensor.wrench()[2] - expected).abs() < 1e-9, "{tick}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_felt_of_a_known_zero_before_the_sensor_is_heard() {
+        let mut sensor = conditioner(0.1, Some(20.0), Some([0.0, 0.0, -8.0, 0.0, 0.0, 0.0]));
+        for _ in 0..500 {
+            sensor.advance([0.0; 6], false, false);
+            assert_eq!(*sensor.wrench(), [0.0; 6]);
+        }
+        for _ in 0..200 {
+            sensor.advance([0.0, 0.0, -8.0, 0.0, 0.0, 0.0], true, true);
+            assert_eq!(*sensor.wrench(), [0.0; 6], "nothing touches");
+        }
+    }
+
+    #[test]
+    fn one_packet_shows_nothing_of_a_steady_sensor() {
+        let mut sensor = conditioner(0.1, None, None);
+        for tick in 0..1000 {
+            assert_eq!(
+                sensor.advance([0.0, 0.0, 3.0, 0.0, 0.0, 0.0], true, tick % 150 == 0),
+                None
+            );
         }
     }
 
     #[test]
     fn it_is_the_wrench_itself_where_nothing_is_asked_for() {
         let mut sensor = conditioner(0.0, None, Some([1.0; 6]));
-        sensor.advance([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], true);
+        sensor.advance([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], true, true);
         assert_eq!(*sensor.wrench(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(sensor.group_delay_s(), 0.0);
     }
@@ -269,7 +307,7 @@ mod tests {
         let mut largest: f64 = 0.0;
         for tick in 0..2000 {
             let noise = if tick % 2 == 0 { 0.1 } else { -0.1 };
-            sensor.advance([1.0 + noise, 0.0, 0.0, 0.0, 0.0, 0.0], true);
+            sensor.advance([1.0 + noise, 0.0, 0.0, 0.0, 0.0, 0.0], true, true);
             if tick > 1000 {
                 largest = largest.max((sensor.wrench()[0] - 1.0).abs());
             }

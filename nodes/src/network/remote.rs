@@ -263,7 +263,9 @@ impl Remote {
 impl Device for Remote {
     fn advance(&mut self) {
         self.held = self.held.saturating_sub(1);
-        if let Some(news) = self.reader.advance() {
+        let news = self.reader.advance();
+        let is_news = news.is_some();
+        if let Some(news) = news {
             if !self.reader.is_silent() && self.jumps_to(&news.sensed) {
                 self.held = self.reader.timeout_ticks();
                 self.reader.link.count(Count::Jumps, 1);
@@ -276,7 +278,7 @@ impl Device for Remote {
         self.reader.link.input.set(state);
         if let Some(conditioner) = &mut self.conditioner {
             let measured = std::array::from_fn(|lane| self.latest[WRENCH + lane]);
-            match conditioner.advance(measured, state == InputState::Heard) {
+            match conditioner.advance(measured, state == InputState::Heard, is_news) {
                 Some(ZeroNews::Taken(zero)) => self.reader.link.zero.put(&zero),
                 Some(ZeroNews::Refused) => self.reader.link.count(Count::RefusedZeros, 1),
                 None => {}

@@ -113,9 +113,13 @@ impl<const N: usize> SpeedEstimator<N> {
         if self.prototype != other.prototype {
             return;
         }
-        for (filter, other) in self.filters.iter_mut().zip(&other.filters) {
-            filter.take_over(other);
+        let states = self.filters.iter_mut().zip(&other.filters);
+        if self.rate_hz != other.rate_hz {
+            // Sections of another rate would be those of other frequencies.
+            states.for_each(|(filter, other)| filter.copy_state_from(other));
+            return;
         }
+        states.for_each(|(filter, other)| filter.take_over(other));
         let wanted = std::mem::replace(&mut self.frequency, other.frequency);
         self.turn(wanted);
     }

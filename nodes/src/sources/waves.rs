@@ -137,13 +137,13 @@ impl Processor for Oscillator {
 
     fn copy_state_into(&self, new: &mut dyn Processor) {
         if let Some(new) = successor::<Self>(new) {
-            if self.follows && new.follows {
+            if self.follows && new.follows && new.rate_hz == self.rate_hz {
                 new.turns_per_tick = self.turns_per_tick;
             }
             let turns = self.turns_at(self.next);
             (new.anchor, new.next) = (self.next, self.next);
             new.anchor_turns = turns - turns.floor();
-            if new.turns_per_tick == self.turns_per_tick {
+            if !self.follows && !new.follows && new.turns_per_tick == self.turns_per_tick {
                 // Nothing changed: the same bits as before.
                 (new.anchor, new.anchor_turns) = (self.anchor, self.anchor_turns);
             }

@@ -1,7 +1,7 @@
 use super::*;
 
 const GRAPH: &str = "Graph(format: 1, clocks: { \"c\": Driver(rate_hz: 1000) }, nodes: {\n    \
-                     \"tön\": Sine(clock: \"c\", frequency: 5),\n    \"quiet\": Gain(input: \"tön\", gain: 0.5),\n})\n";
+                     \"tön\": Sine(clock: \"c\", frequency_h: 5),\n    \"quiet\": Gain(input: \"tön\", gain: 0.5),\n})\n";
 
 /// What the server answers to these messages.
 fn talk(messages: &[Value]) -> Vec<Value> {

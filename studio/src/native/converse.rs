@@ -207,11 +207,11 @@ fn edit(stage: &Mutex<Stage>, page: u64, work: Work) -> Result<String, StageErro
             false => confirmed.permits_run(&source, &text)?,
         }
     }
+    talk::is_owner(&lock(stage), page)?;
     if saves {
         return save(stage, &text);
     }
     let mut stage = lock(stage);
-    talk::is_owner(&stage, page)?;
     talk::put(&mut stage, source, loaded)
 }
 

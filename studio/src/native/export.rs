@@ -10,6 +10,7 @@ use haptograph_engine::registry::Registry;
 use haptograph_signal::files;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
 /// What the page of a site may load: its own files only. Its engine is compiled, nothing else is.
@@ -114,7 +115,14 @@ fn write_site(options: &Export, registry: &Registry, module: &[u8]) -> Result<Ex
     let listed = listing(&taken, &all, &root);
     site.write(Path::new(SITE), format!("{listed:#}\n").as_bytes())?;
     let exported = site.exported;
-    replace(&target, &new, &whole.path().join("old")).map_err(failed)?;
+    let old = whole.path().join("old");
+    if let Err(error) = replace(&target, &new, &old) {
+        if old.exists() {
+            // The way back failed too: the old site stays where it is now.
+            let _ = whole.keep();
+        }
+        return Err(failed(error));
+    }
     Ok(exported)
 }
 
@@ -127,7 +135,6 @@ fn replace(target: &Path, new: &Path, old: &Path) -> std::io::Result<()> {
     };
     std::fs::rename(new, target).inspect_err(|_| {
         if was {
-            // Where this fails too, the old one goes with the temporary folder's error.
             let _ = std::fs::rename(old, target);
         }
     })
@@ -145,12 +152,35 @@ fn is_free(folder: &Path) -> Result<(), StudioError> {
         serde_json::from_str::<Value>(&text).is_ok_and(|site| site["haptograph"].is_string())
     };
     match is_empty || is_site() {
-        true => Ok(()),
+        true => match foreign(folder) {
+            Some(name) => Err(other(format!(
+                "{} also holds {}, which is not of the site and would be lost: export to an empty or new folder",
+                folder.display(),
+                name.display()
+            ))),
+            None => Ok(()),
+        },
         false => Err(other(format!(
             "{} holds something else than an exported site: export to an empty or new folder",
             folder.display()
         ))),
     }
+}
+
+/// Something in the folder of a site that no export writes, like the history of a repository.
+fn foreign(folder: &Path) -> Option<OsString> {
+    let of_page = PAGE
+        .entries()
+        .iter()
+        .filter_map(|entry| entry.path().components().next());
+    let own: BTreeSet<OsString> = of_page
+        .map(|part| part.as_os_str().to_owned())
+        .chain(["files", SITE, MODULE].map(OsString::from))
+        .collect();
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries
+        .map(|entry| entry.file_name())
+        .find(|name| !own.contains(name))
 }
 
 /// Opens a graph as the page will, and finds what it needs.

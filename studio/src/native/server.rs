@@ -41,6 +41,10 @@ const HOST: Host = Host {
 const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; \
                       frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
+/// What a report may do: run its own script, in an origin of its own that reaches nothing of the studio.
+const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
+                             media-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox allow-scripts";
+
 /// The policy of a server at this port. Browsers that do not count WebSockets as `'self'` are told their addresses.
 fn policy(port: u16) -> HeaderValue {
     let own = own_hosts(port).map(|host| format!("ws://{host}")).join(" ");
@@ -91,8 +95,8 @@ fn other(error: impl std::fmt::Display) -> StudioError {
 }
 
 /// A page that is served, with the graph that runs behind it, until this is dropped.
-#[derive(Debug)]
 pub struct Studio {
+    stage: Arc<Mutex<Stage>>,
     address: SocketAddr,
     token: String,
     end: Option<oneshot::Sender<()>>,
@@ -140,7 +144,7 @@ impl Studio {
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
         let shared = Shared {
-            stage,
+            stage: Arc::clone(&stage),
             turns: Turns::default(),
             token: token.as_str().into(),
             port: address.port(),
@@ -168,6 +172,7 @@ impl Studio {
             });
         let thread = Some(thread.map_err(other)?);
         Ok(Self {
+            stage,
             address,
             token,
             end: Some(end),
@@ -191,6 +196,14 @@ impl Studio {
     }
 }
 
+impl std::fmt::Debug for Studio {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Studio")
+            .field("address", &self.address)
+            .finish_non_exhaustive()
+    }
+}
+
 impl Drop for Studio {
     fn drop(&mut self) {
         if let Some(end) = self.end.take() {
@@ -199,6 +212,8 @@ impl Drop for Studio {
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+        // What still learns or loads holds the stage: its run ends now all the same, with whole files.
+        lock(&self.stage).close();
     }
 }
 
@@ -240,7 +255,9 @@ async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Re
         false => (StatusCode::FORBIDDEN, "this studio serves its own page only").into_response(),
     };
     let headers = response.headers_mut();
-    headers.insert(header::CONTENT_SECURITY_POLICY, policy(shared.port));
+    headers
+        .entry(header::CONTENT_SECURITY_POLICY)
+        .or_insert_with(|| policy(shared.port));
     for (name, value) in [
         ("x-content-type-options", "nosniff"),
         ("referrer-policy", "no-referrer"),
@@ -285,7 +302,10 @@ async fn report(
     let is_name = !folder.is_empty() && !folder.starts_with('.') && !folder.contains(['/', '\\', ':', '\0']);
     let path = out.filter(|_| is_name).map(|out| out.join(folder).join(REPORT));
     match path.and_then(|path| files::read(&path, MOST_REPORT_BYTES).ok()) {
-        Some(page) => ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], page).into_response(),
+        Some(page) => {
+            let kind = (header::CONTENT_TYPE, "text/html; charset=utf-8");
+            ([kind, (header::CONTENT_SECURITY_POLICY, REPORT_POLICY)], page).into_response()
+        }
         None => StatusCode::NOT_FOUND.into_response(),
     }
 }

@@ -15,6 +15,7 @@ use crate::shard::Shard;
 use serde::{Deserialize, Serialize};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a recording is of, by its file's name.
@@ -279,7 +280,9 @@ impl<'t> Study<'t> {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let mut finished: Vec<_> = std::thread::scope(|scope| {
             let workers: Vec<_> = (0..threads.min(items.len())).map(|_| scope.spawn(work)).collect();
-            let joined = workers.into_iter().filter_map(|worker| worker.join().ok());
+            let joined = workers
+                .into_iter()
+                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)));
             joined.flatten().collect()
         });
         finished.sort_by_key(|(number, _)| *number);

@@ -148,3 +148,34 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_sign_of_a_number_is_no_arithmetic() {
+    for text in [
+        "[-1,-2]",
+        "(-1.2, 0.6)",
+        "[+1]",
+        "[-.5]",
+        "[-inf,-NaN]",
+        "{-1:-2}",
+        "(a:-3)",
+        "[1, -2]",
+    ] {
+        let mut found = Vec::new();
+        assert!(read(SourceId(0), text, &mut found).is_some(), "{text}");
+        assert!(found.is_empty(), "{text}: {found:?}");
+    }
+}
+
+#[test]
+fn signs_without_end_are_refused_in_bounded_time() {
+    for text in [
+        "x ".to_owned() + &"* ".repeat(200_000),
+        format!("[{}]", "a*1,".repeat(200_000)),
+        ")*".repeat(200_000),
+    ] {
+        let mut found = Vec::new();
+        let _ = read(SourceId(0), &text, &mut found);
+        assert!(!found.is_empty());
+    }
+}

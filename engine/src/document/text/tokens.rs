@@ -39,14 +39,17 @@ pub(super) struct Lexeme {
 /// All tokens of `text`. What is no token is reported, and taken for what was most likely meant.
 pub(super) fn scan(source: SourceId, text: &str, diagnostics: &mut Vec<Diagnostic>) -> Vec<Lexeme> {
     let mut lexemes: Vec<Lexeme> = Vec::new();
-    let mut at = 0;
+    let (mut at, mut tried) = (0, 0);
     while let Some(c) = text[at..].chars().next() {
         let rest = &text[at..];
         let start = at;
-        if let Some(found) = arithmetic(text, start, c, lexemes.last()) {
-            at = found.end;
-            found.report(source, text, &mut lexemes, diagnostics);
-            continue;
+        if tried < MAX_TRIED && is_arithmetic(rest, c, at, lexemes.last()) {
+            tried += 1;
+            if let Some(found) = arithmetic(text, start, c) {
+                at = found.end;
+                found.report(source, text, &mut lexemes, diagnostics);
+                continue;
+            }
         }
         let token = match c {
             '\u{feff}' if at == 0 => None,
@@ -146,7 +149,8 @@ fn begins_comment(sign: char, text: &str, before: &[Lexeme], start: usize) -> bo
 /// Reports a comment of another language; all of them as one.
 fn refuse_comment(span: Span, diagnostics: &mut Vec<Diagnostic>) {
     const CODE: &str = "E0111";
-    let known = diagnostics.iter_mut().find(|known| {
+    // One that is not among the last findings is told again: no file may make this long.
+    let known = diagnostics.iter_mut().rev().take(500).find(|known| {
         let place = known.primary.as_ref().map(|label| label.span.source);
         known.code == CODE && place == Some(span.source)
     });
@@ -252,8 +256,8 @@ fn mistaken(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> (Token, usize) {
     let rest = &text[start..];
-    let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
     let until = |close: char| {
+        let line = &rest[..rest.find('\n').unwrap_or(rest.len())];
         let inner = &line[c.len_utf8()..];
         inner
             .find(close)
@@ -306,27 +310,33 @@ struct Arithmetic {
     result: Option<f64>,
 }
 
-/// The arithmetic around a sign of it at `at`, if what stands there can be computed or named.
-fn arithmetic(text: &str, at: usize, sign: char, before: Option<&Lexeme>) -> Option<Arithmetic> {
-    let rest = &text[at..];
-    if !matches!(sign, '+' | '-' | '*' | '/' | '%' | '^') || rest.starts_with("//") || rest.starts_with("/*")
-    {
-        return None;
+/// Signs of which a file says whether arithmetic is around them, and the bytes that are looked at on each side.
+const MAX_TRIED: usize = 200;
+const MAX_BYTES: usize = 4096;
+
+/// Is it a sign of arithmetic, and not that of a number or of a comment?
+fn is_arithmetic(rest: &str, sign: char, at: usize, before: Option<&Lexeme>) -> bool {
+    let ends_value = |token| matches!(token, Token::Number | Token::Name | Token::Close);
+    let follows = before.is_some_and(|lexeme| lexeme.end == at && ends_value(lexeme.token));
+    match sign {
+        '/' => !rest.starts_with("//") && !rest.starts_with("/*"),
+        '+' | '-' => follows || !number_follows(rest),
+        _ => matches!(sign, '*' | '%' | '^'),
     }
-    let follows = before.is_some_and(|lexeme| lexeme.end == at && lexeme.token != Token::Colon);
-    if matches!(sign, '+' | '-') && number_follows(rest) && !follows {
-        return None; // The sign of a number.
-    }
-    let (start, end) = (expression_start(&text[..at]), at + expression_end(rest));
-    let expression = text[start..end].trim();
+}
+
+/// The arithmetic around its sign at `at`, if what stands there can be computed or named.
+fn arithmetic(text: &str, at: usize, sign: char) -> Option<Arithmetic> {
+    let (start, end) = (expression_start(&text[..at])?, at + expression_end(&text[at..])?);
+    let whole = &text[start..end];
+    let expression = whole.trim();
     let names = names(expression);
     let formula = Formula::parse(expression, &names).ok()?;
-    let has_number = expression.contains(|c: char| c.is_ascii_digit());
-    if !has_number && matches!(sign, '+' | '-') {
+    if matches!(sign, '+' | '-') && !expression.contains(|c: char| c.is_ascii_digit()) {
         return None; // Most likely a name without quotes.
     }
     let result = names.is_empty().then(|| formula.value(&[]));
-    let start = start + text[start..end].len() - text[start..end].trim_start().len();
+    let start = start + whole.len() - whole.trim_start().len();
     Some(Arithmetic {
         start,
         end: start + expression.len(),
@@ -335,34 +345,36 @@ fn arithmetic(text: &str, at: usize, sign: char, before: Option<&Lexeme>) -> Opt
 }
 
 /// Where a value that ends with `before` begins: behind the last sign that cannot be in a formula.
-fn expression_start(before: &str) -> usize {
+fn expression_start(before: &str) -> Option<usize> {
     let mut closed = 0_usize;
     for (i, c) in before.char_indices().rev() {
         match c {
+            _ if before.len() - i > MAX_BYTES => return None,
             ')' => closed += 1,
             '(' if closed > 0 => closed -= 1,
-            '(' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return i + 1,
-            ',' if closed == 0 => return i + 1,
+            '(' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return Some(i + 1),
+            ',' if closed == 0 => return Some(i + 1),
             _ => {}
         }
     }
-    0
+    Some(0)
 }
 
 /// Where a value that begins with `rest` ends.
-fn expression_end(rest: &str) -> usize {
+fn expression_end(rest: &str) -> Option<usize> {
     let mut open = 0_usize;
     for (i, c) in rest.char_indices() {
         match c {
+            _ if i > MAX_BYTES => return None,
             '(' => open += 1,
             ')' if open > 0 => open -= 1,
-            ')' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return i,
-            ',' if open == 0 => return i,
-            '/' if i > 0 && rest[i..].starts_with("//") => return i,
+            ')' | '[' | ']' | '{' | '}' | ':' | '"' | '\n' => return Some(i),
+            ',' if open == 0 => return Some(i),
+            '/' if i > 0 && rest[i..].starts_with("//") => return Some(i),
             _ => {}
         }
     }
-    rest.len()
+    Some(rest.len())
 }
 
 impl Arithmetic {

@@ -1,0 +1,124 @@
+//! What limits and endpoints of a graph file depend on besides what they say themselves.
+
+use super::value::{Body, Shape, Tagged, Value};
+use super::{Document, Name};
+use crate::diagnostic::Span;
+use crate::formula::names;
+use std::collections::BTreeMap;
+
+impl Document {
+    /// Limits of nodes and endpoints that are computed or taken from parameters and settings, with all formulas and uses of templates
+    /// that they come from: where each stands, and its text. Where two documents agree in these and in the values that they
+    /// come to, they agree for all parameters.
+    pub fn dependent_safety(&self) -> BTreeMap<String, String> {
+        let mut found = BTreeMap::new();
+        let mut parameters = Vec::new();
+        let templates = self.templates.iter();
+        let inner = templates.flat_map(|template| {
+            let nodes = template.nodes.iter();
+            nodes.map(move |(name, value)| (format!("{}/{}", template.name.text, name.text), value))
+        });
+        let nodes = self.nodes.iter().map(|(name, value)| (name.text.clone(), value));
+        let endpoints = self.endpoints.iter().flat_map(|(set, devices)| {
+            let devices = devices.iter();
+            devices.map(move |(name, value)| (format!("endpoint {} of {}", name.text, set.text), value))
+        });
+        for (place, value) in nodes.chain(inner) {
+            match self.uses_template(value) {
+                // What it hands in may be a limit inside.
+                true => self.note(place, value, &mut found, &mut parameters),
+                false => {
+                    for (_, limit) in fields(value).iter().filter(|(name, _)| name.text == "limit") {
+                        self.note(format!("limit of {place}"), limit, &mut found, &mut parameters);
+                    }
+                }
+            }
+        }
+        for (place, value) in endpoints {
+            self.note(place, value, &mut found, &mut parameters);
+        }
+        // Parameters that are computed from others.
+        while let Some(name) = parameters.pop() {
+            let declared = self.parameters.iter().find(|(known, _)| known.text == name);
+            let place = format!("parameter {name}");
+            if let Some((_, value)) = declared
+                && !found.contains_key(&place)
+            {
+                self.note(place, value, &mut found, &mut parameters);
+            }
+        }
+        found
+    }
+
+    /// Takes down a value that is not all it says, and the names in it.
+    fn note(
+        &self,
+        place: String,
+        value: &Value,
+        found: &mut BTreeMap<String, String>,
+        parameters: &mut Vec<String>,
+    ) {
+        let mut depends = false;
+        walk(value, &mut |name, text| {
+            depends = true;
+            match name {
+                "Expr" => parameters.extend(names(text).into_iter().map(str::to_owned)),
+                _ => parameters.push(text.to_owned()),
+            }
+        });
+        if depends {
+            found.insert(place, self.text_of(value.span));
+        }
+    }
+
+    fn uses_template(&self, value: &Value) -> bool {
+        match &value.shape {
+            Shape::Tagged(Tagged { name: Some(kind), .. }) => self
+                .templates
+                .iter()
+                .any(|template| template.name.text == kind.text),
+            _ => false,
+        }
+    }
+
+    fn text_of(&self, span: Span) -> String {
+        let source = self.sources.get(span.source);
+        let text = source.and_then(|source| source.text.get(span.start..span.end));
+        text.unwrap_or_default()
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+}
+
+fn fields(value: &Value) -> &[(Name, Value)] {
+    match &value.shape {
+        Shape::Tagged(Tagged {
+            body: Body::Fields(fields),
+            ..
+        }) => fields,
+        _ => &[],
+    }
+}
+
+/// Shows every `Param("...")`, `Setting("...")` and `Expr("...")` within a value.
+fn walk(value: &Value, found: &mut impl FnMut(&str, &str)) {
+    match &value.shape {
+        Shape::List(values) => values.iter().for_each(|value| walk(value, found)),
+        Shape::Map(pairs) => pairs.iter().for_each(|(_, value)| walk(value, found)),
+        Shape::Tagged(Tagged { name, body }) => match body {
+            Body::Bare => {}
+            Body::Tuple(values) => {
+                if let (Some(name), [text]) = (name, &values[..])
+                    && matches!(name.text.as_str(), "Param" | "Setting" | "Expr")
+                    && let Shape::String(text) = &text.shape
+                {
+                    found(&name.text, text);
+                }
+                values.iter().for_each(|value| walk(value, found));
+            }
+            Body::Fields(fields) => fields.iter().for_each(|(_, value)| walk(value, found)),
+        },
+        _ => {}
+    }
+}
