@@ -195,7 +195,8 @@ fn commands() -> Vec<Command> {
         Command::new("compare", compare::run).example("compare recorded.wav played.wav"),
         Command::new("evaluate", at_scale::evaluate)
             .example("evaluate recordings --report out/evaluation")
-            .example("evaluate recordings --shard 1/8 -o parts/1.ron"),
+            .example("evaluate recordings --shard 1/8 -o parts/1.ron")
+            .example("evaluate merge parts/1.ron parts/2.ron"),
         Command::new("lsp", lsp::run).example("lsp"),
         Command::new("completions", completions::run).example("completions bash"),
         Command::new("man", man::run)

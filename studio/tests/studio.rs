@@ -249,11 +249,14 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
     let out = folder.path().join("out");
     let studio = open_with(&path, &out);
     let mut page = Page::of(&studio);
-    let learn = |request: u64| json!({ "type": "learn", "request": request, "name": "../my felt.csv", "csv": drags(60) });
-    page.say(&learn(1));
-    page.say(&learn(2));
+    for request in [1, 2] {
+        // A long message says first what it is.
+        let csv = json!(drags(60));
+        let learn = format!(r#"{{"type":"learn","request":{request},"name":"../my felt.csv","csv":{csv}}}"#);
+        page.socket.send(Message::text(learn)).expect("sent");
+    }
     page.say(&json!({ "type": "stop" }));
-    let (mut seen, report) = (Vec::new(), String::new());
+    let (mut seen, mut report) = (Vec::new(), String::new());
     while seen.len() < 3 {
         let said = page
             .wait(|said| said["type"] == "reply" || said["type"] == "status" && said["state"] == "stopped");
@@ -264,6 +267,10 @@ fn a_page_stops_the_run_while_its_recording_is_learned_and_strokes_the_surface_a
                     (&json!(true), &json!("\"surfaces/my-felt.ron\"")),
                     "{said}"
                 );
+                said["report"]
+                    .as_str()
+                    .unwrap_or_default()
+                    .clone_into(&mut report);
                 seen.push("learned");
             }
             true => {

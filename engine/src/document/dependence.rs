@@ -29,7 +29,19 @@ impl Document {
                 true => self.note(place, value, &mut found, &mut parameters),
                 false => {
                     for (_, limit) in fields(value).iter().filter(|(name, _)| name.text == "limit") {
-                        self.note(format!("limit of {place}"), limit, &mut found, &mut parameters);
+                        // Each part by itself: another that is plain may be lowered.
+                        for (part, value) in fields(limit) {
+                            let place = format!("{} of the limit of {place}", part.text);
+                            self.note(place, value, &mut found, &mut parameters);
+                        }
+                        if fields(limit).is_empty() {
+                            self.note(
+                                format!("the limit of {place}"),
+                                limit,
+                                &mut found,
+                                &mut parameters,
+                            );
+                        }
                     }
                 }
             }
