@@ -321,21 +321,27 @@ fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
     matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
 }
 
-/// A node without a clock of its own runs on that of what it is connected to without a bridge: of its inputs first,
-/// else of what reads it, else of the device it shares; where the graph has one clock alone, on that.
+/// A node without a clock of its own runs on that of what it is connected to without a bridge: of its inputs first, the
+/// fastest where they differ, so that it is a slower one which lacks a bridge; else of what reads it, else of the device it shares; where the graph has one clock alone, on that.
 fn infer(draft: &mut Draft, clocks: &Clocks) {
     let count = draft.nodes.len();
     let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
     for readers in &mut readers {
         readers.retain(|to| !draft.nodes[*to].entry.is_file());
     }
-    let mut queue: VecDeque<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    let rate_hz = |node: &usize| {
+        let clock = draft.nodes[*node].clock;
+        clock.map_or(0.0, |clock| clocks.list[clock].rate.hz())
+    };
+    let mut given: Vec<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    given.sort_by(|a, b| rate_hz(b).total_cmp(&rate_hz(a)));
+    let mut queue = VecDeque::from(given);
     loop {
         while let Some(from) = queue.pop_front() {
             for &to in &readers[from] {
                 if draft.nodes[to].clock.is_none() && !draft.nodes[to].broken {
                     draft.nodes[to].clock = draft.nodes[from].clock;
-                    queue.push_back(to);
+                    queue.push_front(to);
                 }
             }
         }
