@@ -62,7 +62,7 @@ pub trait Device: CloneDevice + Send + Sync {
     fn begin(&mut self) {}
     /// Called when a driver of a live run wakes, before the frames that are due. What has arrived from outside by `now`
     /// is what they go by.
-    fn look(&mut self, now: Instant) {
+    fn poll(&mut self, now: Instant) {
         let _ = now;
     }
     /// How long what is sensed takes to be read, and what is written to leave it: its buffers.
@@ -76,7 +76,7 @@ pub trait Device: CloneDevice + Send + Sync {
     }
     /// The largest magnitude that a driven channel can be given, in the unit of its drive, if it knows one. No sink may
     /// ask for more.
-    fn most(&self, channel: usize) -> Option<f64> {
+    fn max_output_bound(&self, channel: usize) -> Option<f64> {
         let _ = channel;
         None
     }

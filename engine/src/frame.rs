@@ -53,21 +53,21 @@ impl Kind {
     }
 
     /// The name used in messages and tables, and a name for each lane in CSV headers.
-    pub fn lane_names(self) -> Vec<String> {
+    pub fn component_names(self) -> Vec<String> {
         let fixed: &[&str] = match self {
             Self::Scalar => &[""],
             Self::Vector => &["x", "y", "z"],
             Self::Wrench => &[
                 "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
             ],
-            Self::Contact => &Contact::LANES,
-            Self::Weights => &Weights::LANES,
+            Self::Contact => &Contact::COMPONENTS,
+            Self::Weights => &Weights::COMPONENTS,
             Self::Event => &["fired", "value"],
             Self::Coefficients => {
                 let head = ["ar_order", "ma_order", "gain", "variance", "warping"].map(str::to_owned);
                 let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
                 let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
-                let lines = LinesAt::LANES.map(str::to_owned);
+                let lines = LinesAt::COMPONENTS.map(str::to_owned);
                 return head.into_iter().chain(ar).chain(ma).chain(lines).collect();
             }
         };
@@ -109,7 +109,7 @@ pub struct Contact {
 impl Contact {
     /// Lanes of one contact frame.
     pub const WIDTH: usize = 12;
-    const LANES: [&str; 12] = [
+    const COMPONENTS: [&str; 12] = [
         "touching",
         "hip_x",
         "hip_y",
@@ -125,7 +125,7 @@ impl Contact {
     ];
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+    pub fn from_components(lanes: &[f64; Self::WIDTH]) -> Self {
         let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *lanes;
         Self {
             touching: touching != 0.0,
@@ -138,7 +138,7 @@ impl Contact {
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
         let touching = f64::from(u8::from(self.touching));
         [
@@ -174,7 +174,7 @@ pub struct Weights {
 impl Weights {
     /// Lanes of one weights frame.
     pub const WIDTH: usize = 8;
-    const LANES: [&str; 8] = [
+    const COMPONENTS: [&str; 8] = [
         "model_1",
         "model_2",
         "model_3",
@@ -186,7 +186,7 @@ impl Weights {
     ];
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+    pub fn from_components(lanes: &[f64; Self::WIDTH]) -> Self {
         let [i, j, k, u, v, w, speed_m_s, force_n] = *lanes;
         Self {
             models: [i as u32, j as u32, k as u32],
@@ -197,7 +197,7 @@ impl Weights {
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         let ([i, j, k], [u, v, w]) = (self.models.map(f64::from), self.weights);
         [i, j, k, u, v, w, self.speed_m_s, self.force_n]
     }
@@ -222,11 +222,11 @@ impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
     pub const MAX_ORDER: usize = 32;
     /// Lanes of one coefficients frame.
-    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::LANES.len();
+    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::COMPONENTS.len();
     const HEAD: usize = 5;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn from_lanes(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
+    pub fn from_components(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
         let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
         let (ar, ma) = lanes[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
         Self {
@@ -260,10 +260,10 @@ pub struct LinesAt {
 }
 
 impl LinesAt {
-    const LANES: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
+    const COMPONENTS: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
 
     /// Reads them from a frame of coefficients.
-    pub fn from_lanes(lanes: &[f64; Coefficients::WIDTH]) -> Self {
+    pub fn from_components(lanes: &[f64; Coefficients::WIDTH]) -> Self {
         let [.., speed_m_s, a, b, c] = *lanes;
         Self {
             speed_m_s,
@@ -293,7 +293,7 @@ impl Event {
     pub const WIDTH: usize = 2;
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+    pub fn from_components(lanes: &[f64; Self::WIDTH]) -> Self {
         Self {
             fired: lanes[0] != 0.0,
             value: lanes[1],
@@ -301,7 +301,7 @@ impl Event {
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         [f64::from(u8::from(self.fired)), self.value]
     }
 }
@@ -320,14 +320,14 @@ mod tests {
             penetration_m: 0.25,
             face: 99_999,
         };
-        assert_eq!(Contact::from_lanes(&contact.to_lanes()), contact);
+        assert_eq!(Contact::from_components(&contact.to_components()), contact);
         let weights = Weights {
             models: [7, 8, 9],
             weights: [0.5, 0.25, 0.25],
             speed_m_s: 0.1,
             force_n: 1.5,
         };
-        assert_eq!(Weights::from_lanes(&weights.to_lanes()), weights);
+        assert_eq!(Weights::from_components(&weights.to_components()), weights);
         let mut lanes = [1.0; Coefficients::WIDTH];
         Coefficients {
             ar: &[-0.5, 0.25],
@@ -337,25 +337,25 @@ mod tests {
             warping: 0.8,
         }
         .write(&mut lanes);
-        let read = Coefficients::from_lanes(&lanes);
+        let read = Coefficients::from_components(&lanes);
         assert_eq!(
             (read.ar, read.ma, read.gain, read.variance, read.warping),
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
-        assert_eq!(LinesAt::from_lanes(&lanes), LinesAt::default());
+        assert_eq!(LinesAt::from_components(&lanes), LinesAt::default());
         let lines = LinesAt {
             speed_m_s: 0.1,
             powers_m2_s4: [0.5, 0.25, 0.0],
         };
         lines.write(&mut lanes);
-        assert_eq!(LinesAt::from_lanes(&lanes), lines);
-        assert_eq!(Coefficients::from_lanes(&lanes).ma, &[0.1]);
+        assert_eq!(LinesAt::from_components(&lanes), lines);
+        assert_eq!(Coefficients::from_components(&lanes).ma, &[0.1]);
     }
 
     #[test]
     fn every_lane_of_every_kind_has_a_name() {
         for kind in Kind::ALL {
-            assert_eq!(kind.lane_names().len(), kind.width(), "{kind}");
+            assert_eq!(kind.component_names().len(), kind.width(), "{kind}");
         }
     }
 }

@@ -80,7 +80,7 @@ impl Extent {
 
 /// An input of a step as it runs, everything looked up.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Wire {
+pub(crate) struct ResolvedInput {
     /// First lane of the port, in the memory before the step's own buffer or behind it.
     pub at: u32,
     pub width: u32,
@@ -127,7 +127,7 @@ pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.
     pub(crate) offset: usize,
-    pub(crate) inputs: &'a [Wire],
+    pub(crate) inputs: &'a [ResolvedInput],
     pub(crate) outputs: &'a [Placing],
     /// The memory before the step's own buffer, that buffer, and the memory behind it.
     pub(crate) before: &'a [f64],
@@ -164,7 +164,7 @@ impl<'a> Io<'a> {
 
     /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
     #[inline]
-    pub fn lanes(&self, input: usize) -> &'a [f64] {
+    pub fn components(&self, input: usize) -> &'a [f64] {
         debug_assert!(input < self.inputs.len(), "there is no input {input}");
         match self.inputs.get(input) {
             Some(wire) if wire.form == Form::Sampled => {
@@ -178,7 +178,7 @@ impl<'a> Io<'a> {
 
     /// The part of the memory that an input lies in.
     #[inline]
-    fn side(&self, wire: &Wire) -> &'a [f64] {
+    fn side(&self, wire: &ResolvedInput) -> &'a [f64] {
         if wire.behind { self.behind } else { self.before }
     }
 
@@ -191,7 +191,7 @@ impl<'a> Io<'a> {
             self.width(input)
         );
         if self.width(input) == W {
-            self.lanes(input).as_chunks().0
+            self.components(input).as_chunks().0
         } else {
             &[]
         }
@@ -202,7 +202,7 @@ impl<'a> Io<'a> {
     pub fn contacts(&self, input: usize) -> impl Iterator<Item = Contact> + use<'a> {
         self.frames_of::<{ Contact::WIDTH }>(input)
             .iter()
-            .map(Contact::from_lanes)
+            .map(Contact::from_components)
     }
 
     /// The frames of a weights input.
@@ -210,7 +210,7 @@ impl<'a> Io<'a> {
     pub fn weights(&self, input: usize) -> impl Iterator<Item = Weights> + use<'a> {
         self.frames_of::<{ Weights::WIDTH }>(input)
             .iter()
-            .map(Weights::from_lanes)
+            .map(Weights::from_components)
     }
 
     /// The runs of a held input.
@@ -234,7 +234,7 @@ impl<'a> Io<'a> {
                 frames: self.frames,
                 width,
                 runs: usize::MAX,
-                lanes: self.lanes(input),
+                lanes: self.components(input),
             },
             Form::Runs => {
                 let lanes = &self.side(wire)[wire.at as usize..];

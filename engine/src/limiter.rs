@@ -222,7 +222,7 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Begins as warm as the limit allows, for an actuator of which nobody knows what drove it before.
-    pub fn begin_unrested(&mut self) {
+    pub fn assume_thermally_saturated(&mut self) {
         self.begin_unknown(None);
     }
 
@@ -237,7 +237,7 @@ impl<const N: usize> Limiter<N> {
     }
 
     /// Does it count a time of which nobody knows what drove its actuator?
-    pub fn is_unrested(&self) -> bool {
+    pub fn has_unknown_history(&self) -> bool {
         self.heat.is_partly_unknown()
     }
 

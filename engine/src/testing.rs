@@ -16,7 +16,7 @@
 //! # }
 //! # impl Processor for Doubler {
 //! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-//! #         let x = io.lanes(0);
+//! #         let x = io.components(0);
 //! #         io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
 //! #     }
 //! # }

@@ -543,7 +543,10 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
         return None;
     };
     let device = devices.get(*device)?;
-    let most = device.device.most(*channel).filter(|most| *most < limit.peak)?;
+    let most = device
+        .device
+        .max_output_bound(*channel)
+        .filter(|most| *most < limit.peak)?;
     let message = format!(
         "`{}` may be given {} at its peak, but `{}` gives {most} at most: that is its limit here",
         node.path, limit.peak, device.name

@@ -15,7 +15,7 @@ use std::sync::atomic::Ordering;
 #[derive(Debug)]
 pub struct AnyInput {
     about: About,
-    queue: Held,
+    queue: ClaimedQueue,
 }
 
 /// The caller's end of a channel that nodes drive, or of a probe, of any shape.
@@ -36,15 +36,15 @@ pub(super) struct About {
 
 #[derive(Debug)]
 enum From {
-    Queue(Held),
+    Queue(ClaimedQueue),
     Ring(Consumer<f64>),
 }
 
 /// A queue while its handle is out.
 #[derive(Debug)]
-struct Held(Arc<Queue>);
+struct ClaimedQueue(Arc<Queue>);
 
-impl Held {
+impl ClaimedQueue {
     fn of(about: &About, queue: &Arc<Queue>) -> Result<Self, HostError> {
         if queue.held.swap(true, Ordering::AcqRel) {
             let name = about.name.clone();
@@ -54,7 +54,7 @@ impl Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for ClaimedQueue {
     fn drop(&mut self) {
         self.0.held.store(false, Ordering::Release);
     }
@@ -72,7 +72,7 @@ impl About {
 
 impl AnyInput {
     pub(super) fn new(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
-        let queue = Held::of(&about, queue)?;
+        let queue = ClaimedQueue::of(&about, queue)?;
         Ok(Self { about, queue })
     }
 
@@ -147,7 +147,7 @@ impl AnyInput {
 impl AnyOutput {
     /// Of a queue, from now on: what nobody read is of the handle before.
     pub(super) fn of_queue(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
-        let from = From::Queue(Held::of(&about, queue)?);
+        let from = From::Queue(ClaimedQueue::of(&about, queue)?);
         while queue.take_if(|_| true, &mut []).is_some() {}
         Ok(Self { about, from })
     }

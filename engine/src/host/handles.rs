@@ -17,9 +17,9 @@ pub trait HostFrame: Copy + Default + Send + 'static {
     /// Its shape.
     const KIND: Kind;
     /// Its lanes.
-    fn lanes(&self) -> &[f64];
+    fn components(&self) -> &[f64];
     /// Its lanes, to be filled.
-    fn lanes_mut(&mut self) -> &mut [f64];
+    fn components_mut(&mut self) -> &mut [f64];
 }
 
 /// One number.
@@ -31,30 +31,30 @@ pub type Wrench = [f64; 6];
 
 impl HostFrame for Scalar {
     const KIND: Kind = Kind::Scalar;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         std::slice::from_ref(self)
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         std::slice::from_mut(self)
     }
 }
 
 impl HostFrame for Vector {
     const KIND: Kind = Kind::Vector;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         self
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         self
     }
 }
 
 impl HostFrame for Wrench {
     const KIND: Kind = Kind::Wrench;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         self
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         self
     }
 }
@@ -155,7 +155,7 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn set(&mut self, value: V) -> Result<(), Full> {
-        self.any.set(value.lanes())
+        self.any.set(value.components())
     }
 
     /// From `seconds` of the run on the channel has this value. Values come in the order of their times. Real-time safe.
@@ -163,7 +163,7 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, value: V) -> Result<(), Full> {
-        self.any.set_at(seconds, value.lanes())
+        self.any.set_at(seconds, value.components())
     }
 
     /// The frame of the next tick that has none yet: a signal, frame by frame. Real-time safe.
@@ -171,7 +171,7 @@ impl<V: HostFrame> Input<V> {
     /// # Errors
     /// [`Full`] where it cannot be queued.
     pub fn push(&mut self, value: V) -> Result<(), Full> {
-        self.any.push(value.lanes())
+        self.any.push(value.components())
     }
 
     /// The same without its shape.
@@ -216,7 +216,7 @@ impl<V: HostFrame> Output<V> {
     /// The next frame that has not been read. Real-time safe.
     pub fn take(&mut self) -> Option<V> {
         let mut frame = V::default();
-        self.any.take(frame.lanes_mut()).then_some(frame)
+        self.any.take(frame.components_mut()).then_some(frame)
     }
 
     /// The same without its shape.

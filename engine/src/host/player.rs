@@ -5,7 +5,9 @@ use super::handles::{HostError, HostFrame, Output, host, unknown};
 use crate::frame::Kind;
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
-use crate::run::{ChangeError, Changed, Faults, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
+use crate::run::{
+    ChangeError, Changed, Faults, FileSinks, Live, LiveOptions, LiveOutcome, LiveState, Session,
+};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,21 +64,21 @@ impl Player {
             let (count, drivers) = (drivers.len(), drivers.collect());
             return Err(HostError::Drivers { count, drivers });
         }
-        let mut outlets = Outlets::new(graph);
+        let mut file_sinks = FileSinks::new(graph);
         let mut names = Vec::new();
         for name in &options.probes {
             let (node, output) = graph.find_output(name)?;
-            names.push((name.clone(), outlets.hand_over(node, output)));
+            names.push((name.clone(), file_sinks.hand_over(node, output)));
         }
         let system = |reason: &dyn std::fmt::Display| HostError::System {
             reason: reason.to_string(),
         };
         if let Some(folder) = &options.folder {
-            outlets.open_files(folder).map_err(|error| system(&error))?;
+            file_sinks.open_files(folder).map_err(|error| system(&error))?;
         }
         let playing = claim(graph)?;
         let (mut live, mut session) =
-            Session::open(outlets, &options.live).map_err(|error| system(&error))?;
+            Session::open(file_sinks, &options.live).map_err(|error| system(&error))?;
         let quantum = live.block() as u64;
         live.follow_inputs_every(quantum);
         let probes = Probes::new(names, session.handed());

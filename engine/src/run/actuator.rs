@@ -1,6 +1,6 @@
 //! What stands between a plan and its actuators: the sinks' gains, the fade, and the limiters that nothing gets around.
 
-use super::drive::Drive;
+use super::fade::FadeGate;
 use super::silence::SilenceGate;
 use crate::limiter::{ClipCounts, Hottest, Limiter};
 use crate::plan::ActuatorPlan;
@@ -20,7 +20,7 @@ pub(super) struct ActuatorState {
     pub limiter: AnyLimiter,
     /// Closes while a live input that it depends on is silent.
     pub gate: SilenceGate,
-    pub role: Role,
+    pub role: CrossFadeRole,
     /// What it is given, for whoever watches.
     pub level: Level,
 }
@@ -71,13 +71,13 @@ impl Level {
 
 /// Whose wish the limiter is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Role {
+pub(super) enum CrossFadeRole {
     /// The plan's own.
-    Alone,
+    Single,
     /// None: what the plan asked for last is given to the plan that fades it out.
-    Asks([f64; 6]),
+    Outgoing([f64; 6]),
     /// The plan's own while it rises, with what is left of what another plan asks for.
-    Mixes([f64; 6], Drive),
+    Mixer([f64; 6], FadeGate),
 }
 
 /// A limiter of as many axes as a drive can have.
@@ -91,7 +91,7 @@ pub(super) enum AnyLimiter {
 
 /// The fade, and the time of the frames it is applied to.
 pub(super) struct When {
-    pub drive: Drive,
+    pub fade: FadeGate,
     pub first: u64,
     pub period: u64,
 }
@@ -102,18 +102,18 @@ impl When {
     }
 }
 
-impl Role {
+impl CrossFadeRole {
     /// What the plan asked for last.
-    pub(super) fn asked(&self) -> [f64; 6] {
+    pub(super) fn outgoing(&self) -> [f64; 6] {
         match self {
-            Self::Asks(asked) => *asked,
-            Self::Alone | Self::Mixes(..) => [0.0; 6],
+            Self::Outgoing(asked) => *asked,
+            Self::Single | Self::Mixer(..) => [0.0; 6],
         }
     }
 
     /// Takes what the other plan asks for; what is no number is nothing. Was it one?
     pub(super) fn mix_in(&mut self, asked: [f64; 6]) -> bool {
-        if let Self::Mixes(other, _) = self {
+        if let Self::Mixer(other, _) = self {
             *other = asked.map(|x| if x.is_finite() { x } else { 0.0 });
         }
         asked.iter().all(|x| x.is_finite())
@@ -122,8 +122,8 @@ impl Role {
     /// From `time` on, does the plan have the actuator to itself?
     pub(super) fn is_over(&self, time: u64) -> bool {
         match self {
-            Self::Mixes(_, rise) => rise.factor(time) >= 1.0,
-            Self::Alone | Self::Asks(_) => true,
+            Self::Mixer(_, rise) => rise.factor(time) >= 1.0,
+            Self::Single | Self::Outgoing(_) => true,
         }
     }
 }
@@ -135,7 +135,7 @@ impl ActuatorState {
             gain: plan.gain,
             limiter: AnyLimiter::new(plan),
             gate: SilenceGate::new(true),
-            role: Role::Alone,
+            role: CrossFadeRole::Single,
             level: Level::new(plan.rate.hz()),
         }
     }
@@ -145,19 +145,19 @@ impl ActuatorState {
         let faults = self.limiter.counts().fault;
         let (gain, gate) = (self.gain, self.gate);
         match &mut self.role {
-            Role::Alone => self.limiter.apply(x, y, |frame| {
+            CrossFadeRole::Single => self.limiter.apply(x, y, |frame| {
                 let time = when.time(frame);
-                gain * when.drive.factor(time) * gate.factor(time)
+                gain * when.fade.factor(time) * gate.factor(time)
             }),
             // While two plans run together there is one frame at most.
-            Role::Asks(asked) => {
+            CrossFadeRole::Outgoing(asked) => {
                 let time = when.time(0);
-                let factor = gain * when.drive.factor(time) * gate.factor(time);
+                let factor = gain * when.fade.factor(time) * gate.factor(time);
                 asked.iter_mut().zip(x).for_each(|(asked, x)| *asked = x * factor);
                 // Who reads what is delivered does not see the change.
                 y.iter_mut().zip(asked).for_each(|(y, asked)| *y = *asked);
             }
-            Role::Mixes(other, rise) => {
+            CrossFadeRole::Mixer(other, rise) => {
                 let (share, own) = (rise.factor(when.time(0)), gate.factor(when.time(0)));
                 let mut mixed = other.map(|other| other * (1.0 - share));
                 mixed
@@ -166,7 +166,7 @@ impl ActuatorState {
                     .for_each(|(mixed, x)| *mixed += x * gain * own * share);
                 let width = x.len().min(mixed.len());
                 self.limiter
-                    .apply(&mixed[..width], y, |_| when.drive.factor(when.time(0)));
+                    .apply(&mixed[..width], y, |_| when.fade.factor(when.time(0)));
             }
         }
         self.level.take(y, self.limiter.width());
@@ -230,7 +230,7 @@ impl AnyLimiter {
         output
     }
 
-    pub(super) fn rests(&self) -> bool {
+    pub(super) fn is_idle(&self) -> bool {
         self.output() == [0.0; 6]
     }
 
@@ -240,8 +240,8 @@ impl AnyLimiter {
     }
 
     /// Begins as warm as the limit allows: nobody knows what its actuator was given before.
-    pub(super) fn begin_unrested(&mut self) {
-        any!(self, limiter => limiter.begin_unrested(), closed: ());
+    pub(super) fn assume_thermally_saturated(&mut self) {
+        any!(self, limiter => limiter.assume_thermally_saturated(), closed: ());
     }
 
     /// The same for one that may be any of those that left the run.
@@ -249,8 +249,8 @@ impl AnyLimiter {
         any!(self, limiter => limiter.begin_as_any_of(hottest), closed: ());
     }
 
-    pub(super) fn is_unrested(&self) -> bool {
-        any!(self, limiter => limiter.is_unrested(), closed: false)
+    pub(super) fn has_unknown_history(&self) -> bool {
+        any!(self, limiter => limiter.has_unknown_history(), closed: false)
     }
 
     /// Its actuator leaves the run.

@@ -1,9 +1,9 @@
 //! The side of a live run from which it is changed.
 
-use super::glide::{GLIDE_S, Glide};
 use super::meter::{Meters, Wake};
+use super::ramp::{PARAM_RAMP_S, ParamRamp};
 use super::rings::TapRings;
-use super::swap::{Change, Next};
+use super::swap::{Change, PlanSwap};
 use crate::graph::{LiveSetting, NodeId};
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer};
@@ -19,15 +19,15 @@ const FRAME_BY_FRAME: f64 = 6.5;
 
 /// What the real-time side is told.
 pub(super) enum Command {
-    Set(Glide),
-    Swap(Box<Next>),
+    Set(ParamRamp),
+    Swap(Box<PlanSwap>),
 }
 
 /// What the real-time side sends back.
 pub(super) enum Report {
     Wake(Wake),
     /// An old plan, to be freed where freeing is allowed.
-    Old(Box<Next>),
+    Old(Box<PlanSwap>),
 }
 
 /// The other side of a live run.
@@ -68,9 +68,9 @@ pub enum ControlError {
 
 /// A plan that is ready to take over.
 pub(super) struct Prepared {
-    pub next: Box<Next>,
+    pub next: Box<PlanSwap>,
     plan: Arc<Plan>,
-    /// Its live settings as they will be, and those that glide there: their places, and where to.
+    /// Its live settings as they will be, and those that ramp there: their places, and where to.
     settings: Vec<LiveSetting>,
     changes: Vec<(usize, f64)>,
 }
@@ -94,7 +94,7 @@ impl Control {
         }
     }
 
-    /// Sets a live setting of a node; it glides there within [`GLIDE_S`].
+    /// Sets a live setting of a node; it glides there within [`PARAM_RAMP_S`].
     ///
     /// # Errors
     /// [`ControlError`] if it is no live setting, cannot have that value, or the real-time side does not read.
@@ -130,15 +130,15 @@ impl Control {
         {
             return Err(ControlError::OutOfRange(low, high));
         }
-        let glide_s = if live.whole { 0.0 } else { GLIDE_S };
-        let glide = Glide {
+        let ramp_s = if live.whole { 0.0 } else { PARAM_RAMP_S };
+        let ramp = ParamRamp {
             place,
             from: live.value,
             to: value,
             begin: 0,
-            frames: (glide_s * self.plan.driver_rate().hz()).round() as u64,
+            frames: (ramp_s * self.plan.driver_rate().hz()).round() as u64,
         };
-        self.send(Command::Set(glide))?;
+        self.send(Command::Set(ramp))?;
         self.settings[place].value = value;
         Ok(())
     }
@@ -149,7 +149,7 @@ impl Control {
     }
 
     /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where
-    /// only live settings differ they glide to their new values. Into another graph it fades while both run, or where
+    /// only live settings differ they ramp to their new values. Into another graph it fades while both run, or where
     /// they cannot, it falls to zero and the other rises from there; the state of the nodes that stayed is carried over.
     /// What was set by hand stays set where the file still says the same.
     ///
@@ -196,7 +196,7 @@ impl Control {
         let load = self.meters.load(plan.driver_rate().hz());
         let more = plan.step_count() as f64 / self.plan.step_count().max(1) as f64;
         let has_time = FRAME_BY_FRAME * load * (1.0 + more) <= 1.0;
-        let mut next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        let mut next = Box::new(PlanSwap::new(&self.plan, Arc::clone(&plan), rings, has_time));
         // It begins with what was set by hand, and what the file says otherwise glides from there.
         for (place, live) in settings.iter().enumerate() {
             next.run.set_live(place, live.value);

@@ -13,7 +13,7 @@ pub(super) struct DeviceState {
     pub written: Vec<[f64; 6]>,
     /// It panicked on the way down, and is driven no more.
     pub lost: bool,
-    pub part: Part,
+    pub ownership: Ownership,
     /// What each of the plan's reads is given at this tick, where the device is not this plan's alone.
     sensed: Vec<Box<[f64]>>,
     /// Where what it senses is kept, of a live input.
@@ -24,13 +24,13 @@ pub(super) struct DeviceState {
 
 /// Whose the device is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum Ownership {
     /// Its one plan's.
-    Alone,
+    Exclusive,
     /// This plan's, but it was moved and read beforehand, for another plan too.
-    Leads,
+    Primary,
     /// Another plan's: this one is given what it senses, and does not drive it.
-    Follows,
+    Shadow,
 }
 
 impl DeviceState {
@@ -40,7 +40,7 @@ impl DeviceState {
             started: false,
             written: vec![[0.0; 6]; plan.writes.len()],
             lost: false,
-            part: Part::Alone,
+            ownership: Ownership::Exclusive,
             sensed: plan
                 .reads
                 .iter()
@@ -85,10 +85,10 @@ impl DeviceState {
 
     /// Fills one frame of the plan's read number `read`, of `channel`.
     pub(super) fn read(&mut self, read: usize, channel: usize, frame: &mut [f64]) {
-        match (&mut self.script, self.part) {
+        match (&mut self.script, self.ownership) {
             (Some(script), _) => script.read(frame),
-            (None, Part::Alone) => self.device.read(channel, frame),
-            (None, Part::Leads | Part::Follows) => frame.copy_from_slice(&self.sensed[read]),
+            (None, Ownership::Exclusive) => self.device.read(channel, frame),
+            (None, Ownership::Primary | Ownership::Shadow) => frame.copy_from_slice(&self.sensed[read]),
         }
         if let Some(log) = &mut self.log {
             log.note(frame);
@@ -103,8 +103,8 @@ impl DeviceState {
     }
 
     /// Moves the body to the plan's next tick, if nobody else did.
-    pub(super) fn advance_alone(&mut self) {
-        if self.part == Part::Alone {
+    pub(super) fn advance_unless_shared(&mut self) {
+        if self.ownership == Ownership::Exclusive {
             self.advance();
         }
     }

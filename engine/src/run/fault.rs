@@ -13,7 +13,7 @@ pub struct Faults {
     /// Path of the first node found to put one out. It may be gone from the graph by now.
     pub origin: Option<Arc<str>>,
     /// The next steps are watched to find the origin.
-    pub(super) watching: bool,
+    pub(super) tracing: bool,
 }
 
 impl Faults {
@@ -22,12 +22,12 @@ impl Faults {
         all.fold(Self::default(), |sum, one| Self {
             ticks: sum.ticks + one.ticks,
             origin: sum.origin.or(one.origin),
-            watching: false,
+            tracing: false,
         })
     }
 
     /// After an actuator was given something that is not a number: is this step where it comes from?
-    pub(super) fn watch(&mut self, line: &Line, out: &[f64], window: Window) {
+    pub(super) fn trace_origin(&mut self, line: &Line, out: &[f64], window: Window) {
         let bad = |placing: &Placing| {
             !out[range_of(placing.start, placing.width, window)]
                 .iter()
@@ -35,7 +35,7 @@ impl Faults {
         };
         if self.origin.is_none() && line.outputs.iter().any(bad) {
             self.origin = Some(Arc::clone(&line.path));
-            self.watching = false;
+            self.tracing = false;
         }
     }
 }

@@ -1,18 +1,18 @@
 //! The files of an offline run, written as its drivers go.
 
 use super::Run;
-use super::outlets::{WriteError, Written};
+use super::file_sinks::{WriteError, WrittenFile};
 use crate::plan::Plan;
 
 /// The writers of a run, and where each of their streams is tapped.
 pub(super) struct Files {
-    written: Vec<Written>,
+    written: Vec<WrittenFile>,
     /// By driver and by tap: its place in that driver's plan.
     places: Vec<Vec<Option<usize>>>,
 }
 
 impl Files {
-    pub(super) fn new<'p>(written: Vec<Written>, plans: impl Iterator<Item = &'p Plan>) -> Self {
+    pub(super) fn new<'p>(written: Vec<WrittenFile>, plans: impl Iterator<Item = &'p Plan>) -> Self {
         let taps = written.iter().flat_map(|written| &written.taps).max();
         let count = taps.map_or(0, |last| last + 1);
         let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);

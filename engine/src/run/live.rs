@@ -6,11 +6,11 @@
 
 use super::arrivals::ArrivalLog;
 use super::control::{COMMANDS, Command, Control, Report};
-use super::drive::Drive;
-use super::glide::Glides;
+use super::fade::FadeGate;
 use super::meter::Wake;
+use super::ramp::ParamRamps;
 use super::rings::TapRings;
-use super::swap::{Next, SwapMode};
+use super::swap::{PlanSwap, SwapMode};
 use super::{ActuatorReport, Faults, Run};
 use crate::device::Device;
 use crate::limiter::Hottest;
@@ -27,9 +27,9 @@ const REPORTS: usize = 4096;
 pub struct Live {
     run: Run,
     /// Takes over when no setting is on its way, or when the fade has reached zero.
-    next: Option<Box<Next>>,
+    next: Option<Box<PlanSwap>>,
     /// The plan before, while this one rises over it.
-    former: Option<Box<Next>>,
+    former: Option<Box<PlanSwap>>,
     /// Looked at in every callback: a stop waits for nobody.
     stop: Arc<AtomicBool>,
     stopping: bool,
@@ -39,7 +39,7 @@ pub struct Live {
     ends_after: Option<u64>,
     /// Of those, after how many it looks again whether its live inputs are heard; 0: in every callback.
     follows_every: u64,
-    glides: Glides,
+    ramps: ParamRamps,
     rings: TapRings,
     /// Where what it sees of its rings is kept.
     log: Option<ArrivalLog>,
@@ -82,7 +82,7 @@ pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Contr
         frames: 0,
         ends_after: None,
         follows_every: 0,
-        glides: Glides::with_room_for(COMMANDS),
+        ramps: ParamRamps::with_room_for(COMMANDS),
         rings: TapRings::default(),
         log: None,
         commands: command_out,
@@ -124,10 +124,10 @@ impl Live {
         if self.state != LiveState::Running {
             return;
         }
-        self.run.look();
+        self.run.poll_rings();
         // A page has neither devices of a system nor its clock.
         #[cfg(not(target_family = "wasm"))]
-        self.run.look_at_devices(std::time::Instant::now());
+        self.run.poll_devices(std::time::Instant::now());
         if self.frames == 0 {
             self.run.begin_devices();
             // What was heard before the first frame is let through at once.
@@ -171,7 +171,7 @@ impl Live {
     /// Frames that may be run now; none when the time is over.
     fn block_now(&mut self) -> usize {
         let rate_hz = self.run.plan.driver_rate().hz();
-        let block = self.run.plan.block.min(self.glides.step(&mut self.run, rate_hz));
+        let block = self.run.plan.block.min(self.ramps.step(&mut self.run, rate_hz));
         let left = self
             .ends_after
             .map_or(u64::MAX, |end| end.saturating_sub(self.frames));
@@ -224,7 +224,7 @@ impl Live {
     }
 
     /// Has everything ended, and is nothing driven any more?
-    pub fn is_at_rest(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         match self.state {
             LiveState::Running => false,
             LiveState::Stopped => true,
@@ -260,7 +260,7 @@ impl Live {
     /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
     pub fn resume(&mut self) {
         if self.state == LiveState::Running {
-            self.run.go_on_from_nothing(FADE_S);
+            self.run.restart_from_zero(FADE_S);
         }
     }
 
@@ -286,14 +286,14 @@ impl Live {
                 break;
             }
             match self.commands.pop() {
-                Ok(Command::Set(glide)) => {
+                Ok(Command::Set(ramp)) => {
                     if let Some(log) = &mut self.log {
-                        log.set(self.run.driver_frames(), &glide);
+                        log.set(self.run.driver_frames(), &ramp);
                     }
-                    self.glides.start(glide, &mut self.run);
+                    self.ramps.start(ramp, &mut self.run);
                 }
                 Ok(Command::Swap(mut next)) if next.mode == SwapMode::InPlace => {
-                    next.take_over_everything(&mut self.run);
+                    next.take_over_in_place(&mut self.run);
                     next.rings.take_over(&mut self.rings);
                     self.retire(next);
                 }
@@ -314,7 +314,7 @@ impl Live {
     /// Puts the next plan in the place of this one, or stops, when it is time to.
     fn change_over(&mut self) {
         if !self.stopping
-            && self.glides.is_empty()
+            && self.ramps.is_empty()
             && let Some(mut next) = self.next.take_if(|next| next.mode == SwapMode::CrossFade)
         {
             next.cross_fade(&mut self.run, FADE_S, &self.hottest);
@@ -327,7 +327,7 @@ impl Live {
         if self.stopping {
             self.state = LiveState::Stopped;
         } else if let Some(mut next) = self.next.take() {
-            self.glides.arrive(&mut self.run);
+            self.ramps.finish(&mut self.run);
             next.take_over(&mut self.run, &self.hottest);
             next.rings.take_over(&mut self.rings);
             self.run.fade_in(FADE_S);
@@ -336,7 +336,7 @@ impl Live {
     }
 
     /// Sends an old plan home. The ring has room for many more than can be under way.
-    fn retire(&mut self, old: Box<Next>) {
+    fn retire(&mut self, old: Box<PlanSwap>) {
         if let Err(rtrb::PushError::Full(Report::Old(old))) = self.reports.push(Report::Old(old)) {
             // Not freed here: freeing is not for this thread. It is leaked, once, and counted.
             std::mem::forget(old);
@@ -349,24 +349,24 @@ impl Run {
     /// Lets the outputs rise from nothing, from now on.
     pub(crate) fn fade_in(&mut self, seconds: f64) {
         let (begin, end) = self.fade_span(seconds);
-        self.state.drive = Drive::Rising { begin, end };
+        self.state.fade = FadeGate::Rising { begin, end };
     }
 
     /// Lets the outputs fall to nothing, from now on and from where they are.
     pub(crate) fn fade_out(&mut self, seconds: f64) {
-        if !matches!(self.state.drive, Drive::Falling { .. }) {
+        if !matches!(self.state.fade, FadeGate::Falling { .. }) {
             let (begin, end) = self.fade_span(seconds);
-            let from = self.state.drive.factor(begin);
-            self.state.drive = Drive::Falling { begin, end, from };
+            let from = self.state.fade.factor(begin);
+            self.state.fade = FadeGate::Falling { begin, end, from };
         }
     }
 
     /// After time stood still and nothing was driven: the outputs rise again, or stay at nothing if they were falling.
-    pub(crate) fn go_on_from_nothing(&mut self, seconds: f64) {
-        self.begin_at_rest();
-        if let Drive::Falling { .. } = self.state.drive {
+    pub(crate) fn restart_from_zero(&mut self, seconds: f64) {
+        self.reset_limiters();
+        if let FadeGate::Falling { .. } = self.state.fade {
             let (begin, end) = self.fade_span(0.0);
-            self.state.drive = Drive::Falling {
+            self.state.fade = FadeGate::Falling {
                 begin,
                 end,
                 from: 0.0,
@@ -378,7 +378,7 @@ impl Run {
 
     /// Has a fade-out come to its end, as fast as the limits let it?
     pub(crate) fn is_silent(&self) -> bool {
-        self.state.drive.is_zero_from(self.state.windows.block().1) && self.rests()
+        self.state.fade.is_zero_from(self.state.windows.block().1) && self.is_idle()
     }
 
     pub(super) fn fade_span(&self, seconds: f64) -> (u64, u64) {

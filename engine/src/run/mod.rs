@@ -2,23 +2,23 @@
 
 mod actuator;
 mod arrivals;
+mod async_resampler;
 mod bridge;
 mod control;
 mod crossfade;
 mod device;
-mod drive;
+mod fade;
 mod fault;
+mod file_sinks;
 mod files;
-mod fleet;
-mod glide;
-mod link;
 mod live;
 mod meter;
 mod offline;
-mod outlets;
 mod profile;
 mod program;
+mod ramp;
 mod rings;
+mod runner;
 mod session;
 mod silence;
 mod swap;
@@ -31,16 +31,18 @@ pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
+pub use async_resampler::{
+    AsyncResamplerReader, AsyncResamplerWriter, DRY_FADE_S, RingCounts, RingMeter, async_resampler,
+};
 pub use control::{Control, ControlError};
 pub use fault::Faults;
-pub use fleet::Fleet;
-pub use glide::GLIDE_S;
-pub use link::{DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, link};
+pub use file_sinks::{FileSinks, Probe, WriteError};
 pub use live::{FADE_S, Live, LiveState, live};
 pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
-pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
+pub use ramp::PARAM_RAMP_S;
+pub use runner::Runner;
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
 pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::{Change, NoCrossFade};
@@ -54,8 +56,8 @@ use crate::plan::{Plan, StepWork};
 use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
 use device::DeviceState;
-use drive::Drive;
-use profile::{Unwatched, Watch};
+use fade::FadeGate;
+use profile::{NoObserver, StepObserver};
 use program::{Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
@@ -86,22 +88,22 @@ struct State {
     actuators: Vec<ActuatorState>,
     bridges: Vec<BridgeState>,
     delays: Vec<DelayState>,
-    links: Links,
+    ring_ends: RingEnds,
     faults: Faults,
     /// The sink that was given no number first.
-    struck: Option<NodeId>,
+    first_faulted_sink: Option<NodeId>,
     /// Which nodes may be blamed for that, by their indices; any, if it is empty.
-    suspects: Vec<bool>,
-    drive: Drive,
+    upstream_candidates: Vec<bool>,
+    fade: FadeGate,
     /// Driver frames since a panic, for the ramp to zero.
     ramped: u64,
 }
 
 /// This run's ends of the rings that join it to others; none before they are joined.
 #[derive(Default)]
-struct Links {
-    writers: Vec<Option<LinkWriter>>,
-    readers: Vec<Option<LinkReader>>,
+struct RingEnds {
+    writers: Vec<Option<AsyncResamplerWriter>>,
+    readers: Vec<Option<AsyncResamplerReader>>,
 }
 
 impl Run {
@@ -130,14 +132,14 @@ impl Run {
             actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
-            links: Links {
+            ring_ends: RingEnds {
                 writers: plan.ring_writes.iter().map(|_| None).collect(),
                 readers: plan.ring_reads.iter().map(|_| None).collect(),
             },
             faults: Faults::default(),
-            struck: None,
-            suspects: Vec::new(),
-            drive: Drive::Full,
+            first_faulted_sink: None,
+            upstream_candidates: Vec::new(),
+            fade: FadeGate::Full,
             ramped: 0,
         };
         let mut run = Self { plan, program, state };
@@ -153,12 +155,12 @@ impl Run {
 
     /// Looks at its rings: what has arrived by now is what the frames until the next look go by, however they are cut into
     /// blocks.
-    pub fn look(&mut self) {
-        for writer in self.state.links.writers.iter_mut().flatten() {
-            writer.look();
+    pub fn poll_rings(&mut self) {
+        for writer in self.state.ring_ends.writers.iter_mut().flatten() {
+            writer.poll();
         }
-        for reader in self.state.links.readers.iter_mut().flatten() {
-            reader.look(reader.arrivals());
+        for reader in self.state.ring_ends.readers.iter_mut().flatten() {
+            reader.poll(reader.arrivals());
         }
     }
 
@@ -171,21 +173,22 @@ impl Run {
 
     /// Lets its devices look at what has arrived for them by `now`, which the frames until the next look go by.
     #[cfg(not(target_family = "wasm"))]
-    pub(crate) fn look_at_devices(&mut self, now: Instant) {
+    pub(crate) fn poll_devices(&mut self, now: Instant) {
         for device in self.devices_mut() {
-            device.look(now);
+            device.poll(now);
         }
     }
 
     /// The same as [`advance`](Self::advance), every step by itself, each told to `watch`.
-    fn advance_watched(&mut self, frames: usize, watch: &mut impl Watch) {
+    fn advance_observed(&mut self, frames: usize, observer: &mut impl StepObserver) {
         self.state.windows.next_block(frames.min(self.plan.block));
         self.state
-            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), watch);
+            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), observer);
     }
 
     fn steps(&mut self, range: Range<usize>) {
-        self.state.steps(&self.plan, &self.program, range, &mut Unwatched);
+        self.state
+            .steps(&self.plan, &self.program, range, &mut NoObserver);
     }
 
     /// Driver frames run so far.
@@ -284,34 +287,34 @@ impl Run {
 
     /// Has that ramp come to its end, as fast as the limits let it?
     pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
-        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.rests()
+        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.is_idle()
     }
 
     /// Was every actuator given zero last?
-    pub fn rests(&self) -> bool {
+    pub fn is_idle(&self) -> bool {
         self.state
             .actuators
             .iter()
-            .all(|actuator| actuator.limiter.rests())
+            .all(|actuator| actuator.limiter.is_idle())
     }
 
     /// Lets the limiters of real actuators begin as warm as they allow: what drove these before is not known.
-    pub(crate) fn begin_unrested(&mut self) {
+    pub(crate) fn assume_thermally_saturated(&mut self) {
         let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
         for (_, actuator) in actuators.filter(|(plan, _)| !plan.simulated) {
-            actuator.limiter.begin_unrested();
+            actuator.limiter.assume_thermally_saturated();
         }
     }
 
     /// Paths of the actuator sinks that count a time of which nobody knows what drove their actuators.
     pub fn unrested(&self) -> impl Iterator<Item = &str> {
         let actuators = self.plan.actuators.iter().zip(&self.state.actuators);
-        let unrested = actuators.filter(|(_, actuator)| actuator.limiter.is_unrested());
+        let unrested = actuators.filter(|(_, actuator)| actuator.limiter.has_unknown_history());
         unrested.map(|(plan, _)| &*plan.path)
     }
 
     /// Lets every limiter begin from zero, as nothing is driven.
-    pub(crate) fn begin_at_rest(&mut self) {
+    pub(crate) fn reset_limiters(&mut self) {
         for actuator in &mut self.state.actuators {
             actuator.limiter.begin_from(&[0.0; 6]);
         }
@@ -323,14 +326,14 @@ impl Run {
     }
 
     /// Watches the processors of these nodes from now on for an output that is no number.
-    fn watch(&mut self, suspects: &[bool]) {
-        self.state.suspects = suspects.to_vec();
-        self.state.faults.watching = true;
+    fn trace_fault(&mut self, upstream_candidates: &[bool]) {
+        self.state.upstream_candidates = upstream_candidates.to_vec();
+        self.state.faults.tracing = true;
     }
 
     /// The actuator sink that was given no number first.
-    fn struck(&self) -> Option<NodeId> {
-        self.state.struck
+    fn first_faulted_sink(&self) -> Option<NodeId> {
+        self.state.first_faulted_sink
     }
 
     /// What was seen of signals that are not numbers.

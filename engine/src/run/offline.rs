@@ -1,9 +1,9 @@
 //! Running a plan as fast as the processor allows, its signals written to files.
 
 use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs};
+use super::file_sinks::{FileSinks, WriteError};
 use super::files::Files;
-use super::fleet::Fleet;
-use super::outlets::{Outlets, WriteError};
+use super::runner::Runner;
 use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
 use crate::graph::Graph;
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
@@ -15,7 +15,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// An offline run that is being set up.
 pub struct Offline<'a> {
-    outlets: Outlets<'a>,
+    file_sinks: FileSinks<'a>,
     block: usize,
     threads: usize,
 }
@@ -74,10 +74,10 @@ pub enum OfflineError {
 }
 
 impl<'a> Offline<'a> {
-    /// A run of a graph in blocks of `block` driver frames (0: the default), its outlets written.
-    pub fn new(outlets: Outlets<'a>, block: usize) -> Self {
+    /// A run of a graph in blocks of `block` driver frames (0: the default), its files written.
+    pub fn new(file_sinks: FileSinks<'a>, block: usize) -> Self {
         Self {
-            outlets,
+            file_sinks,
             block,
             threads: 1,
         }
@@ -104,18 +104,18 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.outlets.taps,
+            taps: self.file_sinks.taps,
         };
-        let mut plans = Plan::of(self.outlets.graph, &options);
-        let mut files = Files::new(self.outlets.written, plans.iter());
-        let asked = Asked {
-            graph: self.outlets.graph,
+        let mut plans = Plan::of(self.file_sinks.graph, &options);
+        let mut files = Files::new(self.file_sinks.written, plans.iter());
+        let request = Request {
+            graph: self.file_sinks.graph,
             seconds,
             stop,
         };
         let outcome = match plans.len() {
-            1 => alone(plans.remove(0), self.threads, asked, &mut files, progress),
-            _ => together(plans, asked, &mut files, progress),
+            1 => run_single(plans.remove(0), self.threads, request, &mut files, progress),
+            _ => run_several(plans, request, &mut files, progress),
         };
         // Also after a failure, such as a full disk: what was written stays and is complete up to there.
         let finished = files.finish();
@@ -138,14 +138,14 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.outlets.taps,
+            taps: self.file_sinks.taps,
         };
-        let plans: Vec<Arc<Plan>> = Plan::of(self.outlets.graph, &options)
+        let plans: Vec<Arc<Plan>> = Plan::of(self.file_sinks.graph, &options)
             .into_iter()
             .map(Arc::new)
             .collect();
-        let rested = check_graph(self.outlets.graph, folder)?;
-        let graph = self.outlets.graph;
+        let rested = check_graph(self.file_sinks.graph, folder)?;
+        let graph = self.file_sinks.graph;
         let goes_on = || !stop.load(Ordering::Relaxed);
         check_logs((graph, &plans), folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
@@ -154,13 +154,16 @@ impl<'a> Offline<'a> {
             .enumerate()
             .map(open)
             .collect::<Result<Vec<_>, _>>()?;
-        let mut files = Files::new(self.outlets.written, plans.iter().map(Arc::as_ref));
-        let mut fleet = Fleet::new(&plans);
-        fleet.repeat_inputs((graph, &plans), folder, bounds)?;
+        let mut files = Files::new(self.file_sinks.written, plans.iter().map(Arc::as_ref));
+        let mut runner = Runner::new(&plans);
+        runner.repeat_inputs((graph, &plans), folder, bounds)?;
         if !rested {
-            fleet.runs_mut().iter_mut().for_each(Run::begin_unrested);
+            runner
+                .runs_mut()
+                .iter_mut()
+                .for_each(Run::assume_thermally_saturated);
         }
-        let played = fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
+        let played = runner.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;
             if driver == 0 {
                 progress(run.driver_frames() as f64 / run.rate_hz());
@@ -171,27 +174,27 @@ impl<'a> Offline<'a> {
         played?;
         finished?;
         let stopped = stop.load(Ordering::Relaxed) && !scripts.iter().all(Arrivals::is_over);
-        Ok(outcome_of(&fleet, stopped))
+        Ok(outcome_of(&runner, stopped))
     }
 }
 
 /// What is run, for how long.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct Request<'a> {
     graph: &'a Graph,
     seconds: f64,
     stop: &'a AtomicBool,
 }
 
 /// Runs a graph with one driver.
-fn alone(
+fn run_single(
     plan: Plan,
     threads: usize,
-    asked: Asked<'_>,
+    request: Request<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
-    let Asked { graph, seconds, stop } = asked;
+    let Request { graph, seconds, stop } = request;
     let plan = Arc::new(plan);
     let rate_hz = plan.driver_rate().hz();
     let data = graph.frames_of_data(plan.driver_rate());
@@ -219,7 +222,7 @@ fn alone(
         _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
     };
     if faults.ticks > 0 {
-        faults.origin = Fleet::origin(graph, &[plan], seconds, stop);
+        faults.origin = Runner::origin(graph, &[plan], seconds, stop);
     }
     Ok(Outcome {
         driver_frames,
@@ -232,37 +235,37 @@ fn alone(
 }
 
 /// Runs a graph with several drivers.
-fn together(
+fn run_several(
     plans: Vec<Plan>,
-    asked: Asked<'_>,
+    request: Request<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
-    let Asked { graph, seconds, stop } = asked;
+    let Request { graph, seconds, stop } = request;
     let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
-    let mut fleet = Fleet::new(&plans)
+    let mut runner = Runner::new(&plans)
         .ending_after(seconds)
         .ending_with_data_of(graph);
-    while !fleet.is_over() && !stop.load(Ordering::Relaxed) {
-        fleet.round(|driver, run| files.write(driver, run))?;
-        progress(fleet.runs()[0].driver_frames() as f64 / fleet.runs()[0].rate_hz());
+    while !runner.is_over() && !stop.load(Ordering::Relaxed) {
+        runner.run_quantum(|driver, run| files.write(driver, run))?;
+        progress(runner.runs()[0].driver_frames() as f64 / runner.runs()[0].rate_hz());
     }
-    let mut outcome = outcome_of(&fleet, !fleet.is_over());
+    let mut outcome = outcome_of(&runner, !runner.is_over());
     if outcome.faults.ticks > 0 {
-        outcome.faults.origin = Fleet::origin(graph, &plans, seconds, stop);
+        outcome.faults.origin = Runner::origin(graph, &plans, seconds, stop);
     }
     Ok(outcome)
 }
 
-fn outcome_of(fleet: &Fleet, stopped: bool) -> Outcome {
-    let first = &fleet.runs()[0];
+fn outcome_of(runner: &Runner, stopped: bool) -> Outcome {
+    let first = &runner.runs()[0];
     Outcome {
         driver_frames: first.driver_frames(),
         seconds: first.driver_frames() as f64 / first.rate_hz(),
         stopped,
-        faults: Faults::of(fleet.runs().iter().map(Run::faults)),
-        actuators: fleet.runs().iter().flat_map(Run::actuators).collect(),
-        rings: fleet.rings().iter().map(|meter| RingReport::of(meter)).collect(),
+        faults: Faults::of(runner.runs().iter().map(Run::faults)),
+        actuators: runner.runs().iter().flat_map(Run::actuators).collect(),
+        rings: runner.rings().iter().map(|meter| RingReport::of(meter)).collect(),
     }
 }
 
@@ -280,7 +283,7 @@ impl Blocks<'_> {
     }
 }
 
-/// The plan's steps in as many stretches of equal length as asked for, never through an island.
+/// The plan's steps in as many stretches of equal length as `threads`, never through an island.
 fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
     let mut starts = Vec::new();
     let mut number = 0;
@@ -298,7 +301,7 @@ fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
 }
 
 /// A block on its way from one stage to the next: its frames, and the buffers that live across the cut.
-struct Parcel {
+struct StageBlock {
     frames: usize,
     buffers: Vec<Vec<f64>>,
 }
@@ -311,7 +314,7 @@ fn pipeline(
     after_block: &mut dyn FnMut(&Run) -> Result<(), OfflineError>,
 ) -> Result<(u64, Faults, Vec<ActuatorReport>), OfflineError> {
     std::thread::scope(|scope| {
-        let (first, mut incoming) = sync_channel::<Parcel>(2);
+        let (first, mut incoming) = sync_channel::<StageBlock>(2);
         let mut workers = Vec::new();
         let (last, earlier) = stages.split_last().ok_or(OfflineError::Worker)?;
         for stage in earlier {
@@ -323,7 +326,7 @@ fn pipeline(
             let mut done = 0;
             while let Some(frames) = blocks.after(done) {
                 if first
-                    .send(Parcel {
+                    .send(StageBlock {
                         frames,
                         buffers: Vec::new(),
                     })
@@ -336,8 +339,8 @@ fn pipeline(
         });
         let mut run = Run::new(Arc::clone(plan));
         let mut result = Ok(());
-        for parcel in incoming.iter() {
-            stage_block(&mut run, last, &parcel);
+        for block in incoming.iter() {
+            stage_block(&mut run, last, &block);
             result = after_block(&run);
             if result.is_err() {
                 break;
@@ -357,16 +360,16 @@ fn pipeline(
 fn work(
     plan: &Arc<Plan>,
     stage: &Range<usize>,
-    incoming: &Receiver<Parcel>,
-    outgoing: &SyncSender<Parcel>,
+    incoming: &Receiver<StageBlock>,
+    outgoing: &SyncSender<StageBlock>,
 ) -> Run {
     let mut run = Run::new(Arc::clone(plan));
-    for parcel in incoming {
-        stage_block(&mut run, stage, &parcel);
+    for block in incoming {
+        stage_block(&mut run, stage, &block);
         let buffers = crossing(plan, stage.end).map(|life| run.buffer(life.slot).to_vec());
         if outgoing
-            .send(Parcel {
-                frames: parcel.frames,
+            .send(StageBlock {
+                frames: block.frames,
                 buffers: buffers.collect(),
             })
             .is_err()
@@ -377,12 +380,12 @@ fn work(
     run
 }
 
-fn stage_block(run: &mut Run, stage: &Range<usize>, parcel: &Parcel) {
+fn stage_block(run: &mut Run, stage: &Range<usize>, block: &StageBlock) {
     let plan = Arc::clone(&run.plan);
-    for (life, content) in crossing(&plan, stage.start).zip(&parcel.buffers) {
+    for (life, content) in crossing(&plan, stage.start).zip(&block.buffers) {
         run.buffer_mut(life.slot).copy_from_slice(content);
     }
-    run.state.windows.next_block(parcel.frames);
+    run.state.windows.next_block(block.frames);
     run.steps(stage.clone());
 }
 

@@ -1,6 +1,6 @@
-//! What each step of running plans costs, by timing one round of theirs in many step by step.
+//! What each step of running plans costs, by timing one quantum of theirs in many step by step.
 
-use super::fleet::{Fleet, Work};
+use super::runner::{DriverTask, Runner};
 use crate::graph::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
@@ -9,50 +9,50 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Somebody who is told when a step is done.
-pub(super) trait Watch {
+pub(super) trait StepObserver {
     /// Is every step run by itself, and told of?
-    const APART: bool;
+    const STEPWISE: bool;
 
     /// Step `number` has run `ticks` of its clock.
-    fn done(&mut self, number: usize, ticks: usize);
+    fn step_done(&mut self, number: usize, ticks: usize);
 }
 
 /// Nobody.
-pub(super) struct Unwatched;
+pub(super) struct NoObserver;
 
-impl Watch for Unwatched {
-    const APART: bool = false;
+impl StepObserver for NoObserver {
+    const STEPWISE: bool = false;
 
-    fn done(&mut self, _: usize, _: usize) {}
+    fn step_done(&mut self, _: usize, _: usize) {}
 }
 
 /// The most samples kept of a step; beyond them each new one takes the place of an old one.
 const KEPT: usize = 4096;
-/// Stretches of rounds, with one that is timed and with none, by which the price of timing is found: what comes after a
-/// timed round is dearer too.
+/// Stretches of quanta, with one that is timed and with none, by which the price of timing is found: what comes after a
+/// timed quantum is dearer too.
 const TRIALS: usize = 256;
-const TRIAL_ROUNDS: u64 = 7;
+const TRIAL_QUANTA: u64 = 7;
 /// What timing may cost, as a part of the run.
-const PRICE: f64 = 0.01;
-/// The part of a stretch by which the timed round lies further along than in the stretch before: so it falls in with
+const MAX_COST: f64 = 0.01;
+/// The part of a stretch by which the timed quantum lies further along than in the stretch before: so it falls in with
 /// no rhythm of the graph's clocks.
 const STRIDE: f64 = 0.618_033_988_749_894_8;
 
 /// The runs of all drivers of a graph, measured.
 pub struct Profile {
-    fleet: Fleet,
+    runner: Runner,
     /// Of each driver.
-    books: Vec<Book>,
+    drivers: Vec<DriverProfile>,
     /// What looking at the clock itself takes, ns.
-    look_ns: f64,
-    /// One round in so many is timed.
+    clock_ns: f64,
+    /// One quantum in so many is timed.
     every: u64,
-    rounds: u64,
+    quanta: u64,
     timed: u64,
 }
 
 /// What was seen of a driver.
-struct Book {
+struct DriverProfile {
     stopwatch: Stopwatch,
     samples: Vec<Samples>,
 }
@@ -66,21 +66,21 @@ pub struct StepCost {
     pub node: NodeId,
     /// Its clock, as an index of the graph's.
     pub clock: usize,
-    /// Median over the timed rounds, ns a tick of its clock.
+    /// Median over the timed quanta, ns a tick of its clock.
     pub median_ns: f64,
-    /// What 99 of 100 timed rounds stayed below, ns a tick.
+    /// What 99 of 100 timed quanta stayed below, ns a tick.
     pub p99_ns: f64,
     /// The worst, interruptions by the system included, ns a tick.
     pub worst_ns: f64,
-    /// Timed rounds in which it ran.
+    /// Timed quanta in which it ran.
     pub samples: usize,
 }
 
 struct Stopwatch {
     latest: Instant,
     /// What looking at the clock itself takes, ns.
-    look_ns: f64,
-    /// Of each step in the present round: ns, ticks.
+    clock_ns: f64,
+    /// Of each step in the present quantum: ns, ticks.
     steps: Vec<(f64, usize)>,
 }
 
@@ -90,13 +90,13 @@ struct Samples {
     seen: usize,
 }
 
-impl Watch for Stopwatch {
-    const APART: bool = true;
+impl StepObserver for Stopwatch {
+    const STEPWISE: bool = true;
 
-    fn done(&mut self, number: usize, ticks: usize) {
+    fn step_done(&mut self, number: usize, ticks: usize) {
         let now = Instant::now();
         if let Some((ns, all)) = self.steps.get_mut(number) {
-            *ns += now.duration_since(self.latest).as_nanos() as f64 - self.look_ns;
+            *ns += now.duration_since(self.latest).as_nanos() as f64 - self.clock_ns;
             *all += ticks;
         }
         self.latest = now;
@@ -104,91 +104,91 @@ impl Watch for Stopwatch {
 }
 
 impl Profile {
-    /// Of the plans of [`Plan::of`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
+    /// Of the plans of [`Plan::of`]: runs some quanta to find how many of them can be timed at a hundredth of the whole
     /// cost, then starts anew.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let mut this = Self::timing_every(plans, u64::MAX);
         // The first one is timed.
-        this.round();
+        this.run_quantum();
         let mut took = [Vec::new(), Vec::new()];
         for trial in 0..2 * TRIALS {
             let before = Instant::now();
-            for round in 0..TRIAL_ROUNDS {
-                if trial % 2 == 1 && round == 0 {
-                    this.timed_round();
+            for quantum in 0..TRIAL_QUANTA {
+                if trial % 2 == 1 && quantum == 0 {
+                    this.timed_quantum();
                 } else {
-                    this.round();
+                    this.run_quantum();
                 }
             }
             took[trial % 2].push(before.elapsed().as_nanos() as f64);
         }
         let [plain, timed] = took.map(|took| median(&took));
-        let a_round = (plain / TRIAL_ROUNDS as f64).max(1.0);
-        let every = ((timed - plain).max(0.0) / (PRICE * a_round)).ceil() as u64;
+        let quantum_ns = (plain / TRIAL_QUANTA as f64).max(1.0);
+        let every = ((timed - plain).max(0.0) / (MAX_COST * quantum_ns)).ceil() as u64;
         Self::timing_every(plans, every.max(1))
     }
 
-    /// Measured runs of which one round in `every` is timed.
+    /// Measured runs of which one quantum in `every` is timed.
     pub fn timing_every(plans: &[Arc<Plan>], every: u64) -> Self {
-        let look_ns = look_ns();
-        let book = |plan: &Arc<Plan>| Book {
+        let clock_ns = clock_ns();
+        let driver = |plan: &Arc<Plan>| DriverProfile {
             stopwatch: Stopwatch {
                 latest: Instant::now(),
-                look_ns,
+                clock_ns,
                 steps: vec![(0.0, 0); plan.step_count()],
             },
             samples: vec![Samples::default(); plan.step_count()],
         };
         Self {
-            fleet: Fleet::new(plans),
-            books: plans.iter().map(book).collect(),
-            look_ns,
+            runner: Runner::new(plans),
+            drivers: plans.iter().map(driver).collect(),
+            clock_ns,
             every,
-            rounds: 0,
+            quanta: 0,
             timed: 0,
         }
     }
 
-    /// One round in so many is timed.
+    /// One quantum in so many is timed.
     pub fn every(&self) -> u64 {
         self.every
     }
 
     /// How many were.
-    pub fn timed_rounds(&self) -> u64 {
+    pub fn timed_quanta(&self) -> u64 {
         self.timed
     }
 
-    /// Runs a round; the samples are those of [`Fleet::round`].
-    pub fn round(&mut self) {
-        let (stretch, at) = (self.rounds / self.every, self.rounds % self.every);
+    /// Runs a quantum; the samples are those of [`Runner::quantum`].
+    pub fn run_quantum(&mut self) {
+        let (stretch, at) = (self.quanta / self.every, self.quanta % self.every);
         let turn = (STRIDE * stretch as f64).fract() * self.every as f64;
-        self.rounds += 1;
+        self.quanta += 1;
         if at != turn as u64 {
-            let Ok(()) = self.fleet.round(|_, _| Ok::<(), Infallible>(()));
+            let Ok(()) = self.runner.run_quantum(|_, _| Ok::<(), Infallible>(()));
         } else {
-            self.timed_round();
+            self.timed_quantum();
         }
     }
 
-    fn timed_round(&mut self) {
+    fn timed_quantum(&mut self) {
         self.timed += 1;
-        let books = &mut self.books;
-        let Ok(()) = self.fleet.round_by(|driver, run, work| {
-            let stopwatch = &mut books[driver].stopwatch;
-            match work {
-                Work::Look => {
-                    run.look();
+        let drivers = &mut self.drivers;
+        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
+            let stopwatch = &mut drivers[driver].stopwatch;
+            match task {
+                DriverTask::Poll => {
+                    run.poll_rings();
                     stopwatch.steps.fill((0.0, 0));
                 }
-                Work::Advance(frames) => {
+                DriverTask::Advance(frames) => {
                     stopwatch.latest = Instant::now();
-                    run.advance_watched(frames, stopwatch);
+                    run.advance_observed(frames, stopwatch);
                 }
             }
             Ok::<(), Infallible>(())
         });
-        for Book { stopwatch, samples } in books {
+        for DriverProfile { stopwatch, samples } in drivers {
             for (samples, (ns, ticks)) in samples.iter_mut().zip(&stopwatch.steps) {
                 if *ticks > 0 {
                     samples.push((ns / *ticks as f64).max(0.0) as f32);
@@ -197,28 +197,28 @@ impl Profile {
         }
     }
 
-    /// Runs a round and adds to `took_ns` what each driver took for it, as a whole.
-    pub fn round_by_driver(&mut self, took_ns: &mut [f64]) {
-        let look_ns = self.look_ns;
-        let Ok(()) = self.fleet.round_by(|driver, run, work| {
+    /// Runs a quantum and adds to `took_ns` what each driver took for it, as a whole.
+    pub fn run_quantum_by_driver(&mut self, took_ns: &mut [f64]) {
+        let clock_ns = self.clock_ns;
+        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
             let begun = Instant::now();
-            match work {
-                Work::Look => run.look(),
-                Work::Advance(frames) => run.advance(frames),
+            match task {
+                DriverTask::Poll => run.poll_rings(),
+                DriverTask::Advance(frames) => run.advance(frames),
             }
-            took_ns[driver] += begun.elapsed().as_nanos() as f64 - look_ns;
+            took_ns[driver] += begun.elapsed().as_nanos() as f64 - clock_ns;
             Ok::<(), Infallible>(())
         });
     }
 
     /// The runs themselves.
-    pub fn fleet(&self) -> &Fleet {
-        &self.fleet
+    pub fn runner(&self) -> &Runner {
+        &self.runner
     }
 
     /// Of every step of a driver that ran, in the order of its plan.
     pub fn costs(&self, driver: usize) -> Vec<StepCost> {
-        let steps = self.fleet.runs()[driver].plan.steps.iter();
+        let steps = self.runner.runs()[driver].plan.steps.iter();
         let cost = |(step, samples): (&Step, &Samples)| {
             let mut sorted = samples.ns_a_tick.clone();
             sorted.sort_by(f32::total_cmp);
@@ -233,7 +233,10 @@ impl Profile {
                 samples: samples.seen,
             })
         };
-        steps.zip(&self.books[driver].samples).filter_map(cost).collect()
+        steps
+            .zip(&self.drivers[driver].samples)
+            .filter_map(cost)
+            .collect()
     }
 }
 
@@ -249,7 +252,7 @@ impl Samples {
 }
 
 /// What lies between two looks at the clock, ns.
-fn look_ns() -> f64 {
+fn clock_ns() -> f64 {
     let gaps: Vec<f64> = (0..1000)
         .map(|_| {
             let before = Instant::now();

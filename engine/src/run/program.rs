@@ -1,7 +1,7 @@
 //! The plan as the real-time loop walks it: every input and output at its place in the memory.
 
 use crate::graph::NodeId;
-use crate::io::{Binding, Extent, Form, Placing, Wire};
+use crate::io::{Binding, Extent, Form, Placing, ResolvedInput};
 use crate::node::Single;
 use crate::plan::{Plan, Step, StepWork, Tap};
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ pub(super) struct Line {
     /// How many of them, from this one on, take single frames.
     pub singles: u32,
     pub out: Extent,
-    pub inputs: Box<[Wire]>,
+    pub inputs: Box<[ResolvedInput]>,
     pub outputs: Box<[Placing]>,
     pub node: NodeId,
     /// Of a processor: its node's.
@@ -175,7 +175,7 @@ fn single_step(plan: &Plan, step: &Step, processor: usize, extents: &[Extent]) -
 
 /// No two slots overlap and none is both read and written by a step, so that an input lies wholly before the step's
 /// own buffer or wholly behind it.
-fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> Wire {
+fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> ResolvedInput {
     let Binding { width, form, .. } = *binding;
     let from = extents.get(binding.slot as usize).copied().unwrap_or_default();
     let behind = form != Form::Absent && from.start >= out.start + out.len;
@@ -184,7 +184,7 @@ fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> Wire {
         Form::Absent => 0,
         _ => from.start + binding.start - origin,
     };
-    Wire {
+    ResolvedInput {
         at,
         width,
         behind,

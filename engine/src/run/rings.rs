@@ -1,7 +1,7 @@
 //! How tapped frames leave the real-time thread: a ring for each tap, and a thread that writes what comes out.
 
 use super::Run;
-use super::outlets::{WriteError, Written};
+use super::file_sinks::{WriteError, WrittenFile};
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
@@ -130,7 +130,7 @@ impl WriterThread {
     }
 
     /// Also writes this.
-    pub fn add(&mut self, written: Written, rings: Vec<Consumer<f64>>) {
+    pub fn add(&mut self, written: WrittenFile, rings: Vec<Consumer<f64>>) {
         let path = written.what.clone();
         if let Err(error) = self.start() {
             return self.failed.push(WriteError { path, error });

@@ -7,11 +7,11 @@ pub use change::{ChangeError, Changed};
 
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
-use super::fleet::join;
+use super::file_sinks::{FileSinks, WriteError, WrittenFile, stream};
 use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
-use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
+use super::runner::connect;
 use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::{Graph, LiveSetting, NodeId};
@@ -88,8 +88,8 @@ impl Session {
     ///
     /// # Errors
     /// What the system says where it gives no thread, or that the graph has several drivers.
-    pub fn open(outlets: Outlets<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
-        let (mut lives, session) = Self::open_all(outlets, options, None)?;
+    pub fn open(file_sinks: FileSinks<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
+        let (mut lives, session) = Self::open_all(file_sinks, options, None)?;
         match (lives.pop(), lives.is_empty()) {
             (Some(live), true) => Ok((live, session)),
             _ => Err(std::io::Error::other("this graph has several drivers")),
@@ -102,13 +102,13 @@ impl Session {
     /// # Errors
     /// What the system says where it gives no thread or no file.
     pub fn open_all(
-        outlets: Outlets<'_>,
+        file_sinks: FileSinks<'_>,
         options: &LiveOptions,
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Live>, Self)> {
         let plan_options = PlanOptions {
             block: options.block,
-            taps: outlets.taps.clone(),
+            taps: file_sinks.taps.clone(),
         };
         let mut session = Self {
             stop: Arc::clone(&options.stop),
@@ -117,41 +117,41 @@ impl Session {
             writer: WriterThread::default(),
             block: options.block,
             entries: Vec::new(),
-            taps: vec![(0, 0); outlets.taps.len()],
+            taps: vec![(0, 0); file_sinks.taps.len()],
             handed: Vec::new(),
         };
-        if folder.is_some() || outlets.written.iter().any(|written| written.writer.is_some()) {
+        if folder.is_some() || file_sinks.written.iter().any(|written| written.writer.is_some()) {
             session.writer.start()?;
         }
-        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = file_sinks.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();
-        for plan in Plan::of(outlets.graph, &plan_options) {
+        for plan in Plan::of(file_sinks.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
             live.send_taps_through(rings);
             live.share_heat(Arc::clone(&hottest));
             if !options.rested {
-                live.run_mut().begin_unrested();
+                live.run_mut().assume_thermally_saturated();
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            let data = outlets.graph.frames_of_data(plan.driver_rate());
+            let data = file_sinks.graph.frames_of_data(plan.driver_rate());
             if let Some(frames) = options.seconds.map(frames).into_iter().chain(data).min() {
                 live.end_after(frames);
             }
             session.controls.push(control);
             lives.push(live);
         }
-        session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
+        session.rings = connect(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let Some(folder) = folder {
-            arrivals::keep_graph(outlets.graph, options.rested, folder)?;
+            arrivals::keep_graph(file_sinks.graph, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
-                session.log_inputs(outlets.graph, (driver, live), folder)?;
+                session.log_inputs(file_sinks.graph, (driver, live), folder)?;
             }
         }
-        session.write(outlets, outs);
+        session.write(file_sinks, outs);
         Ok((lives, session))
     }
 
@@ -161,9 +161,9 @@ impl Session {
         let (log, kept) = ArrivalLog::new(plan);
         live.log_through(log);
         let what = arrivals::file(folder, driver);
-        let callbacks = Written::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
+        let callbacks = WrittenFile::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
         let what = arrivals::settings_file(folder, driver);
-        let settings = Written::apart(Box::new(SettingWriter::create(&what, plan)?), what);
+        let settings = WrittenFile::apart(Box::new(SettingWriter::create(&what, plan)?), what);
         self.writer.add(callbacks, vec![kept.callbacks]);
         self.writer.add(settings, vec![kept.settings]);
         Ok(())
@@ -180,7 +180,7 @@ impl Session {
             let (log, kept) = InputLog::new(&input);
             live.run_mut().log_input(input.place, log);
             let what = arrivals::input_file(folder, driver, input.place);
-            let sensed = Written::apart(Box::new(InputWriter::create(&what, &input)?), what);
+            let sensed = WrittenFile::apart(Box::new(InputWriter::create(&what, &input)?), what);
             self.writer.add(sensed, vec![kept]);
         }
         Ok(())
@@ -256,14 +256,14 @@ impl Session {
     }
 
     /// Hands writers and the far ends of their rings to the writing thread.
-    fn write(&mut self, outlets: Outlets<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
-        for written in outlets.written {
+    fn write(&mut self, file_sinks: FileSinks<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
+        for written in file_sinks.written {
             let number = self.entries.len();
             let mut streams = Vec::new();
             let mut ends = Vec::new();
             for (place, tap) in written.taps.iter().enumerate() {
                 self.taps[*tap] = (number, place);
-                streams.push(stream(outlets.graph, outlets.taps[*tap]));
+                streams.push(stream(file_sinks.graph, file_sinks.taps[*tap]));
                 ends.extend(rings[*tap].take());
             }
             self.entries.push(Entry {

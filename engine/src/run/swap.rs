@@ -17,7 +17,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// A plan ready to take over, and afterwards the old one on its way home.
-pub(super) struct Next {
+pub(super) struct PlanSwap {
     pub(super) run: Run,
     pub mode: SwapMode,
     facts: Facts,
@@ -32,8 +32,8 @@ pub(super) struct Next {
     /// Those of them that are the same channel of the same device: their heat goes on too.
     pub(super) drives: Vec<(usize, usize)>,
     /// Those of the old plan that the new one does not drive, and of the new one that the old did not.
-    leaving: Vec<usize>,
-    strangers: Vec<usize>,
+    removed_actuators: Vec<usize>,
+    new_actuators: Vec<usize>,
     /// Ends of rings to other drivers that go on; the other ends are the new plan's own.
     pub(super) readers: Vec<(usize, usize)>,
     pub(super) writers: Vec<(usize, usize)>,
@@ -48,7 +48,7 @@ enum StateTransfer {
     Copied,
 }
 
-impl Next {
+impl PlanSwap {
     /// `has_time` tells whether there is time for both plans to run in a tick.
     pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings, has_time: bool) -> Self {
         let places = old.processor_keys.iter().enumerate();
@@ -99,8 +99,8 @@ impl Next {
         };
         let facts = Facts::of(old, &plan, common, has_time);
         Self {
-            leaving: (0..old.actuators.len()).filter(leaves).collect(),
-            strangers: (0..plan.actuators.len()).filter(is_new).collect(),
+            removed_actuators: (0..old.actuators.len()).filter(leaves).collect(),
+            new_actuators: (0..plan.actuators.len()).filter(is_new).collect(),
             bridges: pairs(old, &plan, bridge),
             delays: with_transfers(delays),
             devices,
@@ -117,13 +117,13 @@ impl Next {
     }
 
     /// It has ends of rings that the old plan had not.
-    pub(super) fn gets_new_rings(&mut self) {
+    pub(super) fn add_new_rings(&mut self) {
         self.facts.gets_rings = true;
         self.mode = decide(&self.facts);
     }
 
     /// The new plan's graph is the old one's: its state changes places with the old one's as a whole.
-    pub(super) fn take_over_everything(&mut self, running: &mut Run) {
+    pub(super) fn take_over_in_place(&mut self, running: &mut Run) {
         std::mem::swap(&mut self.run.state, &mut running.state);
         std::mem::swap(&mut self.run, running);
     }
@@ -131,16 +131,16 @@ impl Next {
     /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
     pub(super) fn take_over(&mut self, running: &mut Run, hottest: &Hottest) {
         let together = self.mode == SwapMode::CrossFade;
-        self.carry_heat(running, hottest);
+        self.transfer_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
-        for (from, to, carry) in &self.processors {
-            match carry {
+        for (from, to, transfer) in &self.processors {
+            match transfer {
                 StateTransfer::Moved if !together => {
                     std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]);
                 }
                 _ => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
             }
-            new.renew_single(*to);
+            new.update_single(*to);
         }
         for (from, to) in &self.bridges {
             new.bridges[*to].copy_state_from(&old.bridges[*from]);
@@ -158,10 +158,10 @@ impl Next {
             new.devices[*to].take_over(&mut old.devices[*from], from_plan, to_plan);
         }
         for (from, to) in &self.readers {
-            std::mem::swap(&mut old.links.readers[*from], &mut new.links.readers[*to]);
+            std::mem::swap(&mut old.ring_ends.readers[*from], &mut new.ring_ends.readers[*to]);
         }
         for (from, to) in &self.writers {
-            std::mem::swap(&mut old.links.writers[*from], &mut new.links.writers[*to]);
+            std::mem::swap(&mut old.ring_ends.writers[*from], &mut new.ring_ends.writers[*to]);
         }
         self.run.meet_inputs();
         let (old, new) = (&mut running.state, &mut self.run.state);
@@ -172,9 +172,9 @@ impl Next {
     }
 }
 
-impl Next {
+impl PlanSwap {
     /// Heat is the device's: what a channel was given goes on with the same channel of the same device.
-    fn carry_heat(&mut self, running: &Run, hottest: &Hottest) {
+    fn transfer_heat(&mut self, running: &Run, hottest: &Hottest) {
         let (old, new) = (&running.state.actuators, &mut self.run.state.actuators);
         for (from, to) in &self.actuators {
             new[*to].limiter.count_on_from(old[*from].limiter.counts());
@@ -182,10 +182,10 @@ impl Next {
         for (from, to) in &self.drives {
             new[*to].limiter.go_on_for(&old[*from].limiter);
         }
-        for old_at in &self.leaving {
+        for old_at in &self.removed_actuators {
             old[*old_at].limiter.leave_to(hottest);
         }
-        for new_at in &self.strangers {
+        for new_at in &self.new_actuators {
             // It may be one that left, by another name, now or long ago.
             new[*new_at].limiter.begin_as_any_of(hottest);
         }

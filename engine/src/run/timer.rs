@@ -123,7 +123,7 @@ impl Timer {
         let mut start = Instant::now();
         let period = Duration::from_secs_f64(1.0 / self.wakes_hz);
         let (mut wake, mut done, mut lost) = (0_u64, 0_u64, 0_u32);
-        while !live.is_at_rest() {
+        while !live.is_idle() {
             wake += 1;
             let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
             let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;

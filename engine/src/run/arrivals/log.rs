@@ -1,7 +1,7 @@
 //! Keeping what a driver saw: noted in its callbacks without waiting, written by the thread that writes files.
 
 use super::super::Run;
-use super::super::glide::Glide;
+use super::super::ramp::ParamRamp;
 use super::InputLog;
 use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
 use crate::io::touched_ring;
@@ -73,12 +73,12 @@ impl ArrivalLog {
             // What comes after it would be another signal.
             self.lost += 1;
         }
-        for (reader, before) in run.state.links.readers.iter().zip(&mut self.before) {
+        for (reader, before) in run.state.ring_ends.readers.iter().zip(&mut self.before) {
             let arrived = reader.as_ref().map_or(0, |reader| reader.arrived());
             self.row.push((arrived - *before) as f64);
             *before = arrived;
         }
-        for writer in &run.state.links.writers {
+        for writer in &run.state.ring_ends.writers {
             self.row
                 .push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
         }
@@ -86,14 +86,14 @@ impl ArrivalLog {
     }
 
     /// Notes that a setting leaves for another value before frame `frame`.
-    pub fn set(&mut self, frame: u64, glide: &Glide) {
-        let Glide {
+    pub fn set(&mut self, frame: u64, ramp: &ParamRamp) {
+        let ParamRamp {
             place,
             from,
             to,
             frames,
             ..
-        } = *glide;
+        } = *ramp;
         let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, place as f64];
         if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
             // What comes after it would be another signal.

@@ -1,11 +1,11 @@
 //! Repeating what drivers saw.
 
 use super::super::Run;
+use super::super::async_resampler::{AsyncResamplerReader, AsyncResamplerWriter};
 use super::super::control::COMMANDS;
-use super::super::fleet::Fleet;
-use super::super::glide::{Glide, Glides};
-use super::super::link::{LinkReader, LinkWriter};
 use super::super::live::FADE_S;
+use super::super::ramp::{ParamRamp, ParamRamps};
+use super::super::runner::Runner;
 use super::super::silence::SilenceGate;
 use super::inputs::scripts;
 use super::rows::Lines;
@@ -18,7 +18,7 @@ use crate::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What one callback or one glide lasts at most, s: no driver makes up for longer stalls.
+/// What one callback or one ramp lasts at most, s: no driver makes up for longer stalls.
 const LONGEST_S: f64 = 10.0;
 /// How often a driver wakes at most where it has nothing to run, Hz; and wakes that no time has to pass for.
 const WAKES_HZ: f64 = 2000.0;
@@ -113,35 +113,35 @@ impl Changes {
         })
     }
 
-    fn next(&mut self) -> Result<Option<Glide>, ReplayError> {
+    fn next(&mut self) -> Result<Option<ParamRamp>, ReplayError> {
         let Some(text) = self.lines.next()? else {
             return Ok(None);
         };
-        let Some(glide) = self.glide(&text) else {
+        let Some(ramp) = self.ramp(&text) else {
             let (path, line) = self.lines.place();
             return Err(ReplayError::Setting { path, line });
         };
-        let range = self.known[glide.place].1.range.unwrap_or((f64::MIN, f64::MAX));
+        let range = self.known[ramp.place].1.range.unwrap_or((f64::MIN, f64::MAX));
         let is_in_range = |value: f64| (range.0..=range.1).contains(&value);
         let why = match () {
-            () if glide.begin < self.begin => "it was set before what the line before says",
-            () if !(is_in_range(glide.from) && is_in_range(glide.to)) => "the setting cannot have that value",
-            () if glide.frames as f64 > self.most_frames => "no setting takes so many frames to its value",
+            () if ramp.begin < self.begin => "it was set before what the line before says",
+            () if !(is_in_range(ramp.from) && is_in_range(ramp.to)) => "the setting cannot have that value",
+            () if ramp.frames as f64 > self.most_frames => "no setting takes so many frames to its value",
             () => {
-                self.begin = glide.begin;
-                return Ok(Some(glide));
+                self.begin = ramp.begin;
+                return Ok(Some(ramp));
             }
         };
         Err(self.lines.implausible(why))
     }
 
-    fn glide(&self, line: &str) -> Option<Glide> {
+    fn ramp(&self, line: &str) -> Option<ParamRamp> {
         let cells: Vec<&str> = line.splitn(5, ',').collect();
         let [begin, from, to, frames, name] = cells[..] else {
             return None;
         };
         let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
-        Some(Glide {
+        Some(ParamRamp {
             place: self.known.iter().position(|(known, _)| known == name)?,
             from: number(from)?,
             to: number(to)?,
@@ -198,8 +198,8 @@ pub(in super::super) struct Arrivals {
     replaced: bool,
     /// What is to be set, and what of it is next.
     changes: Changes,
-    change: Option<Glide>,
-    glides: Glides,
+    change: Option<ParamRamp>,
+    ramps: ParamRamps,
 }
 
 impl Arrivals {
@@ -216,7 +216,7 @@ impl Arrivals {
             replaced: false,
             change: changes.next()?,
             changes,
-            glides: Glides::with_room_for(COMMANDS),
+            ramps: ParamRamps::with_room_for(COMMANDS),
         })
     }
 
@@ -239,10 +239,10 @@ impl Arrivals {
         }
         let (gates, rings) = seen.split_at(self.gated.len());
         let (arrived, sent) = rings.split_at(self.arrived.len());
-        if !can_see(run, (&self.arrived, arrived), sent) {
+        if !has_arrived(run, (&self.arrived, arrived), sent) {
             return Ok(false);
         }
-        see(run, (&mut self.arrived, arrived), sent);
+        apply(run, (&mut self.arrived, arrived), sent);
         for (actuator, open) in self.gated.iter().zip(gates) {
             run.turn_gate(*actuator, *open > 0, FADE_S);
         }
@@ -250,13 +250,13 @@ impl Arrivals {
             run.fade_out(FADE_S);
         }
         while let Some(change) = self.change.take_if(|change| change.begin <= run.driver_frames()) {
-            self.glides.start(change, run);
+            self.ramps.start(change, run);
             self.change = self.changes.next()?;
         }
         let mut left = frames as usize;
         while left > 0 {
             let rate_hz = run.rate_hz();
-            let block = left.min(run.plan.block).min(self.glides.step(run, rate_hz));
+            let block = left.min(run.plan.block).min(self.ramps.step(run, rate_hz));
             run.advance(block);
             run.check_inputs()?;
             each(run)?;
@@ -268,35 +268,35 @@ impl Arrivals {
 }
 
 /// Has everything been sent that a callback saw, and does what it sent find room?
-fn can_see(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
-    let links = &run.state.links;
+fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
+    let ring_ends = &run.state.ring_ends;
     let seen = before
         .iter()
         .zip(arrived)
         .map(|(before, more)| before + u64::from(*more));
-    let sees = links.readers.iter().zip(seen).all(|(reader, seen)| {
-        let there = |reader: &LinkReader| reader.arrivals() >= seen;
+    let sees = ring_ends.readers.iter().zip(seen).all(|(reader, seen)| {
+        let there = |reader: &AsyncResamplerReader| reader.arrivals() >= seen;
         reader.as_ref().is_none_or(there)
     });
-    let fits = links.writers.iter().zip(sent).all(|(writer, sent)| {
-        let room = |writer: &LinkWriter| writer.free() >= u64::from(*sent);
+    let fits = ring_ends.writers.iter().zip(sent).all(|(writer, sent)| {
+        let room = |writer: &AsyncResamplerWriter| writer.free() >= u64::from(*sent);
         writer.as_ref().is_none_or(room)
     });
     sees && fits
 }
 
 /// Lets a run see its rings as the callback did.
-fn see(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
-    let links = &mut run.state.links;
-    for (reader, (before, more)) in links.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
+fn apply(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
+    let ring_ends = &mut run.state.ring_ends;
+    for (reader, (before, more)) in ring_ends.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
         *before += u64::from(*more);
         if let Some(reader) = reader {
-            reader.look(*before);
+            reader.poll(*before);
         }
     }
-    for (writer, sent) in links.writers.iter_mut().zip(sent) {
+    for (writer, sent) in ring_ends.writers.iter_mut().zip(sent) {
         if let Some(writer) = writer {
-            writer.look_as(u64::from(*sent));
+            writer.poll_as(u64::from(*sent));
         }
     }
 }
@@ -316,7 +316,7 @@ impl Run {
     }
 }
 
-impl Fleet {
+impl Runner {
     /// Lets what the live inputs sensed come from a run's folder.
     pub(in super::super) fn repeat_inputs(
         &mut self,

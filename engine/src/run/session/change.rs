@@ -2,9 +2,9 @@
 
 use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
-use super::super::fleet::rejoin;
-use super::super::outlets::{Outlets, WriteError, file_ports, stream};
-use super::super::swap::{Change, Next};
+use super::super::file_sinks::{FileSinks, WriteError, file_ports, stream};
+use super::super::runner::reconnect;
+use super::super::swap::{Change, PlanSwap};
 use super::{Entry, Session, tap_rings};
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
@@ -59,7 +59,7 @@ pub enum ChangeError {
         "`{device}` would be driven by {driver} before {other} has let go of `{left}`: save the graph without \
          `{device}` first, and with it a second later"
     )]
-    NotLetGo {
+    NotReleased {
         /// The device that is new.
         device: String,
         /// Its driver.
@@ -74,7 +74,7 @@ pub enum ChangeError {
 /// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
 /// new ones is, and the entries that do not.
 #[derive(Default)]
-struct GoesOn {
+struct KeptStreams {
     kept: Vec<(usize, usize)>,
     places: Vec<(usize, usize)>,
     ended: Vec<usize>,
@@ -110,25 +110,26 @@ impl Session {
         folder: Option<&Path>,
         probes: Option<&[Port]>,
     ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
-        let mut outlets = Outlets::new(graph);
-        let goes_on = self.carry_on(&mut outlets, probes);
+        let mut file_sinks = FileSinks::new(graph);
+        let kept_streams = self.keep_streams(&mut file_sinks, probes);
         let left_out = match folder {
             Some(folder) => self
-                .open_new(&mut outlets, &goes_on.ended, folder)
+                .open_new(&mut file_sinks, &kept_streams.ended, folder)
                 .map_err(ChangeError::from),
             None => Ok(Vec::new()),
         };
         let more = probes.unwrap_or_default().iter().copied();
-        let more: Vec<Port> = more.filter(|port| !goes_on.probed.contains(port)).collect();
+        let more: Vec<Port> = more.filter(|port| !kept_streams.probed.contains(port)).collect();
         let begun_probes: Vec<(Port, Stream)> = more
             .into_iter()
-            .map(|port| (port, outlets.hand_over(port.0, port.1)))
+            .map(|port| (port, file_sinks.hand_over(port.0, port.1)))
             .collect();
-        let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&outlets, &goes_on.kept)?)));
+        let ready =
+            left_out.and_then(|left_out| Ok((left_out, self.prepare(&file_sinks, &kept_streams.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
             Err(error) => {
-                outlets.take_back();
+                file_sinks.take_back();
                 return Err(error);
             }
         };
@@ -137,13 +138,16 @@ impl Session {
             change = change.and(control.put(plan)?);
         }
         self.rings = ready.rings;
-        self.taps = goes_on.places;
-        self.taps.resize(outlets.taps.len(), (0, 0));
-        let files = outlets.written.iter().filter(|written| written.writer.is_some());
+        self.taps = kept_streams.places;
+        self.taps.resize(file_sinks.taps.len(), (0, 0));
+        let files = file_sinks
+            .written
+            .iter()
+            .filter(|written| written.writer.is_some());
         let begun = files.map(|written| written.what.clone()).collect();
-        self.write(outlets, ready.outs);
+        self.write(file_sinks, ready.outs);
         let mut ended = Vec::new();
-        for number in goes_on.ended {
+        for number in kept_streams.ended {
             let entry = &mut self.entries[number];
             entry.running = false;
             ended.extend((!entry.is_handed).then(|| entry.what.clone()));
@@ -158,35 +162,35 @@ impl Session {
     }
 
     /// Taps what goes on in a new graph; of what the caller reads, where `probes` are given, those alone.
-    fn carry_on(&self, outlets: &mut Outlets<'_>, probes: Option<&[Port]>) -> GoesOn {
-        let mut goes_on = GoesOn::default();
+    fn keep_streams(&self, file_sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
+        let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
-            let ports = entry.ports_in(outlets.graph).filter(|ports| {
+            let ports = entry.ports_in(file_sinks.graph).filter(|ports| {
                 // The ring of a stream stays with its driver.
                 let stays = |(stream, port): (usize, &(NodeId, usize))| {
-                    old(stream).is_some_and(|old| self.has_tap(outlets.graph, *port, old))
+                    old(stream).is_some_and(|old| self.has_tap(file_sinks.graph, *port, old))
                 };
                 ports.iter().enumerate().all(stays)
             });
             let is_read = |port: &Port| probes.is_none_or(|probes| probes.contains(port));
             let ports = ports.filter(|ports| !entry.is_handed || ports.iter().all(is_read));
             let Some(ports) = ports else {
-                goes_on.ended.push(number);
+                kept_streams.ended.push(number);
                 continue;
             };
             if entry.is_handed {
-                goes_on.probed.extend(&ports);
+                kept_streams.probed.extend(&ports);
             }
             for (stream, port) in ports.into_iter().enumerate() {
-                goes_on
+                kept_streams
                     .kept
-                    .extend(old(stream).map(|old| (old, outlets.taps.len())));
-                outlets.taps.push(port);
-                goes_on.places.push((number, stream));
+                    .extend(old(stream).map(|old| (old, file_sinks.taps.len())));
+                file_sinks.taps.push(port);
+                kept_streams.places.push((number, stream));
             }
         }
-        goes_on
+        kept_streams
     }
 
     /// Does a new graph's port hang from the driver that has a tap of the present plans?
@@ -202,15 +206,15 @@ impl Session {
     /// Opens the files that a new graph has more; returns those that would have to be begun again.
     fn open_new(
         &self,
-        outlets: &mut Outlets<'_>,
+        file_sinks: &mut FileSinks<'_>,
         ended: &[usize],
         folder: &Path,
     ) -> Result<Vec<PathBuf>, WriteError> {
         let mut left_out = Vec::new();
-        for (index, file) in outlets.graph.written_files() {
+        for (index, file) in file_sinks.graph.written_files() {
             let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
             match self.entries.iter().position(known) {
-                None => outlets.open_file(index, folder)?,
+                None => file_sinks.open_file(index, folder)?,
                 Some(known) if ended.contains(&known) || !self.entries[known].running => {
                     left_out.push(self.entries[known].what.clone());
                 }
@@ -221,22 +225,22 @@ impl Session {
     }
 
     /// Lays out a new graph for all drivers, with the rings between them and to the files.
-    fn prepare(&self, outlets: &Outlets<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
+    fn prepare(&self, file_sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
         let options = PlanOptions {
             block: self.block,
-            taps: outlets.taps.clone(),
+            taps: file_sinks.taps.clone(),
         };
-        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = file_sinks.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::of(outlets.graph, &options))?;
-        self.lets_go_first(&all)?;
+        let all = self.by_driver(Plan::of(file_sinks.graph, &options))?;
+        self.check_handover(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
             let own = kept
                 .iter()
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
             let rings = tap_rings(&plan, own.collect(), &mut outs);
-            self.keeps_devices(control, &plan)?;
+            self.check_devices(control, &plan)?;
             plan.keep_inputs(control.plan());
             plans.push(control.prepare(Arc::new(plan), rings)?);
         }
@@ -245,13 +249,13 @@ impl Session {
             .iter()
             .map(|control| Arc::clone(control.plan()))
             .collect();
-        let mut next: Vec<&mut Next> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
-        let rings = rejoin(&before, &self.rings, &mut next);
+        let mut next: Vec<&mut PlanSwap> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
+        let rings = reconnect(&before, &self.rings, &mut next);
         Ok(Ready { plans, rings, outs })
     }
 
     /// Refuses a plan that has a device of another driver's.
-    fn keeps_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
+    fn check_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
         let others = self
             .controls
             .iter()
@@ -269,7 +273,7 @@ impl Session {
     }
 
     /// Refuses plans of which one drives something new while something that another driver drove may still be driven.
-    fn lets_go_first(&self, plans: &[Plan]) -> Result<(), ChangeError> {
+    fn check_handover(&self, plans: &[Plan]) -> Result<(), ChangeError> {
         let changes = || self.controls.iter().zip(plans);
         for (driver, (control, plan)) in changes().enumerate() {
             let Some(device) = plan.drives_beyond(control.plan()) else {
@@ -289,7 +293,7 @@ impl Session {
                 });
             }
             if let Some((left, other)) = left {
-                return Err(ChangeError::NotLetGo {
+                return Err(ChangeError::NotReleased {
                     device: device.to_owned(),
                     driver: plan.driver_name().to_owned(),
                     left: left.to_owned(),

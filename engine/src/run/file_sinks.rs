@@ -15,14 +15,14 @@ pub struct Probe {
 }
 
 /// The tapped outputs of a graph and their writers.
-pub struct Outlets<'a> {
+pub struct FileSinks<'a> {
     pub(super) graph: &'a Graph,
     pub(super) taps: Vec<(NodeId, usize)>,
-    pub(super) written: Vec<Written>,
+    pub(super) written: Vec<WrittenFile>,
 }
 
 /// A writer and the taps that are its streams.
-pub(super) struct Written {
+pub(super) struct WrittenFile {
     /// None: the caller reads the ring itself.
     pub writer: Option<Box<dyn FrameWriter>>,
     pub taps: Vec<usize>,
@@ -31,7 +31,7 @@ pub(super) struct Written {
     pub sink: Option<PathBuf>,
 }
 
-impl Written {
+impl WrittenFile {
     /// A writer of something that no tap carries.
     pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
         Self {
@@ -53,7 +53,7 @@ pub struct WriteError {
     pub error: std::io::Error,
 }
 
-impl<'a> Outlets<'a> {
+impl<'a> FileSinks<'a> {
     /// None yet.
     pub fn new(graph: &'a Graph) -> Self {
         let (taps, written) = (Vec::new(), Vec::new());
@@ -63,7 +63,7 @@ impl<'a> Outlets<'a> {
     /// Also hands an output's frames to a writer.
     pub fn probe(&mut self, probe: Probe) {
         self.taps.push((probe.node, probe.output));
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: Some(probe.writer),
             taps: vec![self.taps.len() - 1],
             what: PathBuf::from(stream(self.graph, (probe.node, probe.output)).name),
@@ -75,7 +75,7 @@ impl<'a> Outlets<'a> {
     pub(crate) fn hand_over(&mut self, node: NodeId, output: usize) -> Stream {
         let carried = stream(self.graph, (node, output));
         self.taps.push((node, output));
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: None,
             taps: vec![self.taps.len() - 1],
             what: PathBuf::from(&carried.name),
@@ -126,7 +126,7 @@ impl<'a> Outlets<'a> {
         })?;
         let first = self.taps.len();
         self.taps.extend(ports);
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: Some(writer),
             taps: (first..self.taps.len()).collect(),
             what: path,

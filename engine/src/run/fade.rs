@@ -3,7 +3,7 @@
 
 /// The factor on every actuator's request as a function of time, in units of the plan's time base.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) enum Drive {
+pub(crate) enum FadeGate {
     /// All of it.
     #[default]
     Full,
@@ -13,7 +13,7 @@ pub(crate) enum Drive {
     Falling { begin: u64, end: u64, from: f64 },
 }
 
-impl Drive {
+impl FadeGate {
     #[inline]
     pub(crate) fn factor(self, time: u64) -> f64 {
         let along = |begin: u64, end: u64| {

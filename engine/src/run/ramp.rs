@@ -3,18 +3,18 @@
 use super::Run;
 
 /// How long a setting takes to its new value.
-pub const GLIDE_S: f64 = 0.02;
+pub const PARAM_RAMP_S: f64 = 0.02;
 /// How long it stays the same on its way.
 const STEP_S: f64 = 0.000_25;
 
 /// The settings on their way. Never more than it was made for: one more arrives at once.
-pub(super) struct Glides {
-    list: Vec<Glide>,
+pub(super) struct ParamRamps {
+    list: Vec<ParamRamp>,
 }
 
 /// A change of a setting, as it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Glide {
+pub(super) struct ParamRamp {
     /// The setting's place among the live ones of the plan.
     pub place: usize,
     pub from: f64,
@@ -24,7 +24,7 @@ pub(super) struct Glide {
     pub frames: u64,
 }
 
-impl Glides {
+impl ParamRamps {
     pub fn with_room_for(most: usize) -> Self {
         Self {
             list: Vec::with_capacity(most),
@@ -32,18 +32,18 @@ impl Glides {
     }
 
     /// Sends a setting on its way, from where it is.
-    pub fn start(&mut self, mut glide: Glide, run: &mut Run) {
+    pub fn start(&mut self, mut ramp: ParamRamp, run: &mut Run) {
         let now = run.driver_frames();
-        glide.begin = now;
+        ramp.begin = now;
         let room = self.list.len() < self.list.capacity();
-        let on_its_way = self.list.iter_mut().find(|known| known.place == glide.place);
+        let on_its_way = self.list.iter_mut().find(|known| known.place == ramp.place);
         match on_its_way {
             Some(known) => {
-                glide.from = known.at(now);
-                *known = glide;
+                ramp.from = known.at(now);
+                *known = ramp;
             }
-            None if glide.frames > 0 && room => self.list.push(glide),
-            None => run.set_live(glide.place, glide.to),
+            None if ramp.frames > 0 && room => self.list.push(ramp),
+            None => run.set_live(ramp.place, ramp.to),
         }
     }
 
@@ -53,12 +53,12 @@ impl Glides {
         let step = (STEP_S * rate_hz).max(1.0) as u64;
         let now = run.driver_frames();
         let mut next = u64::MAX;
-        self.list.retain(|glide| {
-            let passed = now.saturating_sub(glide.begin);
-            if passed.is_multiple_of(step) || passed >= glide.frames {
-                run.set_live(glide.place, glide.at(now));
+        self.list.retain(|ramp| {
+            let passed = now.saturating_sub(ramp.begin);
+            if passed.is_multiple_of(step) || passed >= ramp.frames {
+                run.set_live(ramp.place, ramp.at(now));
             }
-            let left = glide.frames.saturating_sub(passed);
+            let left = ramp.frames.saturating_sub(passed);
             if left > 0 {
                 next = next.min(left).min(step - passed % step);
             }
@@ -73,14 +73,14 @@ impl Glides {
     }
 
     /// Lets everything arrive: the plan is about to go.
-    pub fn arrive(&mut self, run: &mut Run) {
-        for glide in self.list.drain(..) {
-            run.set_live(glide.place, glide.to);
+    pub fn finish(&mut self, run: &mut Run) {
+        for ramp in self.list.drain(..) {
+            run.set_live(ramp.place, ramp.to);
         }
     }
 }
 
-impl Glide {
+impl ParamRamp {
     fn at(&self, now: u64) -> f64 {
         let passed = now.saturating_sub(self.begin);
         if passed >= self.frames {

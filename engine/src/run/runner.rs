@@ -1,38 +1,38 @@
 //! Several drivers in one virtual time, joined by the rings that join them live.
 //!
-//! Time goes in rounds of at most a millisecond, as the wake-ups of timers do. In each, every driver first looks at its
+//! Time goes in quanta of at most a millisecond, as the wake-ups of timers do. In each, every driver first looks at its
 //! rings and then runs what is due; so neither their order nor the blocks they run in change a bit. A driver that is
-//! alone waits for nobody: its rounds are whole blocks.
+//! alone waits for nobody: its quanta are whole blocks.
 
-use super::link::{RingMeter, link, reserve_s};
-use super::swap::Next;
+use super::async_resampler::{RingMeter, async_resampler, reserve_s};
+use super::swap::PlanSwap;
 use super::{Faults, Run};
 use crate::graph::Graph;
 use crate::plan::{MAX_BLOCK, Plan, RingSpec};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-const ROUND_S: f64 = 1e-3;
+const QUANTUM_S: f64 = 1e-3;
 /// A round takes at most this part of a ring's reserve.
 const PART_OF_RESERVE: f64 = 0.25;
 const BILLION: u128 = 1_000_000_000;
 
 /// What a driver does in a round.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Work {
+pub(super) enum DriverTask {
     /// Looks at its rings.
-    Look,
+    Poll,
     /// Runs so many of its frames.
     Advance(usize),
 }
 
 /// The runs of all drivers of a graph.
-pub struct Fleet {
+pub struct Runner {
     runs: Vec<Run>,
     meters: Vec<Arc<RingMeter>>,
-    /// Units of the common time base that a round takes, and rounds run.
-    round: u128,
-    rounds: u128,
+    /// Units of the common time base that a round takes, and quanta run.
+    quantum: u128,
+    quanta: u128,
     /// How much faster than nominal each driver is, as a part of 10^9.
     drifts: Vec<i64>,
     /// Driver frames after which each ends.
@@ -43,30 +43,30 @@ pub struct Fleet {
     due: Vec<usize>,
 }
 
-impl Fleet {
+impl Runner {
     /// Runs of the plans of [`Plan::of`], joined.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let reserves = plans
             .iter()
             .flat_map(|plan| &plan.ring_reads)
             .map(|read| reserve_s(&read.ring));
-        let round_s = reserves.fold(ROUND_S, |round_s, reserve_s| {
-            round_s.min(PART_OF_RESERVE * reserve_s)
+        let quantum_s = reserves.fold(QUANTUM_S, |quantum_s, reserve_s| {
+            quantum_s.min(PART_OF_RESERVE * reserve_s)
         });
-        let round = match plans {
+        let quantum = match plans {
             [alone] => u128::from(alone.base.period(alone.driver)) * alone.block as u128,
             _ => {
                 let units = plans.first().map_or(1.0, |plan| plan.base.units_per_second());
-                ((round_s * units) as u128).max(1)
+                ((quantum_s * units) as u128).max(1)
             }
         };
         let count = plans.len();
         let mut runs: Vec<Run> = plans.iter().map(|plan| Run::new(Arc::clone(plan))).collect();
         Self {
-            meters: join(&mut runs.iter_mut().collect::<Vec<_>>()),
+            meters: connect(&mut runs.iter_mut().collect::<Vec<_>>()),
             runs,
-            round,
-            rounds: 0,
+            quantum,
+            quanta: 0,
             drifts: vec![0; count],
             ends: vec![u64::MAX; count],
             longest: MAX_BLOCK,
@@ -107,34 +107,34 @@ impl Fleet {
     ///
     /// # Errors
     /// The first of `each`.
-    pub fn round<E>(&mut self, mut each: impl FnMut(usize, &Run) -> Result<(), E>) -> Result<(), E> {
-        self.round_by(|driver, run, work| match work {
-            Work::Look => {
-                run.look();
+    pub fn run_quantum<E>(&mut self, mut each: impl FnMut(usize, &Run) -> Result<(), E>) -> Result<(), E> {
+        self.run_quantum_by(|driver, run, task| match task {
+            DriverTask::Poll => {
+                run.poll_rings();
                 Ok(())
             }
-            Work::Advance(frames) => {
+            DriverTask::Advance(frames) => {
                 run.advance(frames);
                 each(driver, run)
             }
         })
     }
 
-    /// A round whose work is done by `by`.
-    pub(super) fn round_by<E>(
+    /// A round whose task is done by `by`.
+    pub(super) fn run_quantum_by<E>(
         &mut self,
-        mut by: impl FnMut(usize, &mut Run, Work) -> Result<(), E>,
+        mut by: impl FnMut(usize, &mut Run, DriverTask) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.rounds += 1;
+        self.quanta += 1;
         for driver in 0..self.runs.len() {
             self.due[driver] = self.due(driver);
-            by(driver, &mut self.runs[driver], Work::Look)?;
+            by(driver, &mut self.runs[driver], DriverTask::Poll)?;
         }
         for (driver, (run, frames)) in self.runs.iter_mut().zip(&self.due).enumerate() {
             let mut left = *frames;
             while left > 0 {
                 let block = left.min(run.plan.block).min(self.longest);
-                by(driver, run, Work::Advance(block))?;
+                by(driver, run, DriverTask::Advance(block))?;
                 left -= block;
             }
         }
@@ -142,9 +142,9 @@ impl Fleet {
     }
 
     /// How long a round is, s.
-    pub fn round_s(&self) -> f64 {
+    pub fn quantum_s(&self) -> f64 {
         let units = self.runs.first().map(|run| run.plan.base.units_per_second());
-        self.round as f64 / units.unwrap_or(1.0)
+        self.quantum as f64 / units.unwrap_or(1.0)
     }
 
     /// Frames of a driver whose time comes before the end of this round.
@@ -152,7 +152,7 @@ impl Fleet {
         let run = &self.runs[driver];
         let period = u128::from(run.plan.base.period(run.plan.driver));
         let speed = BILLION.saturating_add_signed(self.drifts[driver].into());
-        let frames = (self.rounds * self.round * speed).div_ceil(period * BILLION);
+        let frames = (self.quanta * self.quantum * speed).div_ceil(period * BILLION);
         let frames = u64::try_from(frames).unwrap_or(u64::MAX).min(self.ends[driver]);
         frames.saturating_sub(run.driver_frames()) as usize
     }
@@ -172,12 +172,15 @@ impl Fleet {
         stop: &AtomicBool,
     ) -> Option<Arc<str>> {
         let fresh = || Self::new(plans).ending_after(seconds);
-        let struck = fresh().until_a_fault(stop)?;
-        let sink = struck.runs.iter().find_map(Run::struck)?;
-        let suspects = graph.leading_to(sink);
-        let mut fleet = fresh();
-        fleet.runs.iter_mut().for_each(|run| run.watch(&suspects));
-        let watched = fleet.until_a_fault(stop)?;
+        let faulted = fresh().until_a_fault(stop)?;
+        let sink = faulted.runs.iter().find_map(Run::first_faulted_sink)?;
+        let upstream_candidates = graph.leading_to(sink);
+        let mut runner = fresh();
+        runner
+            .runs
+            .iter_mut()
+            .for_each(|run| run.trace_fault(&upstream_candidates));
+        let watched = runner.until_a_fault(stop)?;
         Faults::of(watched.runs.iter().map(Run::faults)).origin
     }
 
@@ -188,7 +191,7 @@ impl Fleet {
             if stop.load(Ordering::Relaxed) {
                 return None;
             }
-            let Ok(()) = self.round(|_, _| Ok::<(), std::convert::Infallible>(()));
+            let Ok(()) = self.run_quantum(|_, _| Ok::<(), std::convert::Infallible>(()));
         }
         Some(self)
     }
@@ -209,15 +212,15 @@ impl Fleet {
 }
 
 /// A ring between two runs, and where its ends are: which run's, and at which place there.
-struct Joint {
+struct RingEdge {
     ring: RingSpec,
     reader: (usize, usize),
     writer: (usize, usize),
 }
 
 /// The rings between the plans of one graph's drivers.
-fn joints(plans: &[Arc<Plan>]) -> Vec<Joint> {
-    let mut joints = Vec::new();
+fn ring_edges(plans: &[Arc<Plan>]) -> Vec<RingEdge> {
+    let mut ring_edges = Vec::new();
     for (reader, plan) in plans.iter().enumerate() {
         for (place, ring) in plan.ring_reads.iter().enumerate() {
             let far = |plan: &Arc<Plan>| plan.ring_writes.iter().position(|write| write.edge == ring.edge);
@@ -226,55 +229,55 @@ fn joints(plans: &[Arc<Plan>]) -> Vec<Joint> {
                 continue;
             };
             let (ring, reader) = (ring.ring.clone(), (reader, place));
-            joints.push(Joint { ring, reader, writer });
+            ring_edges.push(RingEdge { ring, reader, writer });
         }
     }
-    joints
+    ring_edges
 }
 
-impl Joint {
+impl RingEdge {
     /// Puts a new ring there.
-    fn lay(&self, runs: &mut [&mut Run]) -> Arc<RingMeter> {
-        let (into, out) = link(&self.ring);
+    fn connect(&self, runs: &mut [&mut Run]) -> Arc<RingMeter> {
+        let (into, out) = async_resampler(&self.ring);
         let meter = Arc::clone(into.meter());
-        runs[self.writer.0].state.links.writers[self.writer.1] = Some(into);
-        runs[self.reader.0].state.links.readers[self.reader.1] = Some(out);
+        runs[self.writer.0].state.ring_ends.writers[self.writer.1] = Some(into);
+        runs[self.reader.0].state.ring_ends.readers[self.reader.1] = Some(out);
         meter
     }
 
     fn is_same_as(&self, other: &Self) -> bool {
-        let runs = |joint: &Self| (joint.reader.0, joint.writer.0);
+        let runs = |ring: &Self| (ring.reader.0, ring.writer.0);
         runs(self) == runs(other) && self.ring == other.ring
     }
 }
 
 /// Puts rings between the runs of one graph's drivers.
-pub(super) fn join(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
+pub(super) fn connect(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
     let plans: Vec<Arc<Plan>> = runs.iter().map(|run| Arc::clone(&run.plan)).collect();
-    joints(&plans).iter().map(|joint| joint.lay(runs)).collect()
+    ring_edges(&plans).iter().map(|ring| ring.connect(runs)).collect()
 }
 
 /// Puts rings between plans that are to take over: those that were there go on, the others are new. `known` are the
 /// meters of those between the plans before. Each driver changes over at a moment of its own: until both have, a new ring
 /// is silent at its reader's end, and full at its writer's at worst.
-pub(super) fn rejoin(
+pub(super) fn reconnect(
     before: &[Arc<Plan>],
     known: &[Arc<RingMeter>],
-    next: &mut [&mut Next],
+    next: &mut [&mut PlanSwap],
 ) -> Vec<Arc<RingMeter>> {
     let plans: Vec<Arc<Plan>> = next.iter().map(|next| Arc::clone(&next.run.plan)).collect();
-    let before: Vec<(Joint, &Arc<RingMeter>)> = joints(before).into_iter().zip(known).collect();
+    let before: Vec<(RingEdge, &Arc<RingMeter>)> = ring_edges(before).into_iter().zip(known).collect();
     let mut meters = Vec::new();
-    for joint in joints(&plans) {
-        if let Some((was, meter)) = before.iter().find(|(was, _)| was.is_same_as(&joint)) {
-            next[joint.reader.0].readers.push((was.reader.1, joint.reader.1));
-            next[joint.writer.0].writers.push((was.writer.1, joint.writer.1));
+    for ring in ring_edges(&plans) {
+        if let Some((was, meter)) = before.iter().find(|(was, _)| was.is_same_as(&ring)) {
+            next[ring.reader.0].readers.push((was.reader.1, ring.reader.1));
+            next[ring.writer.0].writers.push((was.writer.1, ring.writer.1));
             meters.push(Arc::clone(meter));
         } else {
             let mut runs: Vec<&mut Run> = next.iter_mut().map(|next| &mut next.run).collect();
-            meters.push(joint.lay(&mut runs));
-            next[joint.reader.0].gets_new_rings();
-            next[joint.writer.0].gets_new_rings();
+            meters.push(ring.connect(&mut runs));
+            next[ring.reader.0].add_new_rings();
+            next[ring.writer.0].add_new_rings();
         }
     }
     meters

@@ -29,7 +29,7 @@ const NATURAL_FREQUENCY: f64 = 4e-4;
 const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
 /// Lanes of a wrench, the widest frame that can be resampled.
-const LANES: usize = 6;
+const MAX_WIDTH: usize = 6;
 
 /// What a ring's latency leaves beyond the resampler's, s.
 pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
@@ -38,12 +38,12 @@ pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
 }
 
 /// Both ends of a ring. Allocates here and never again.
-pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
+pub fn async_resampler(plan: &RingSpec) -> (AsyncResamplerWriter, AsyncResamplerReader) {
     let spare = SPARE_S * plan.from.hz();
     let frames = (2.0 * plan.latency_s * plan.from.hz() + spare).ceil() as usize + 64;
     let (into, out) = touched_ring(frames * plan.width);
     let meter = Arc::new(RingMeter::new(plan));
-    let writer = LinkWriter {
+    let writer = AsyncResamplerWriter {
         ring: into,
         width: plan.width,
         // All of it, for the end that is first looked at after it was written.
@@ -51,11 +51,11 @@ pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
         accepted: 0,
         meter: Arc::clone(&meter),
     };
-    (writer, LinkReader::new(plan, out, meter))
+    (writer, AsyncResamplerReader::new(plan, out, meter))
 }
 
 /// The end that a producer fills.
-pub struct LinkWriter {
+pub struct AsyncResamplerWriter {
     ring: Producer<f64>,
     width: usize,
     /// Frames that may be pushed before the next look.
@@ -65,14 +65,14 @@ pub struct LinkWriter {
     meter: Arc<RingMeter>,
 }
 
-impl LinkWriter {
+impl AsyncResamplerWriter {
     /// Finds out how many frames there is room for, to stay with that until the next look.
-    pub fn look(&mut self) {
-        self.look_as(self.free());
+    pub fn poll(&mut self) {
+        self.poll_as(self.free());
     }
 
     /// Goes by room for so many frames until the next look.
-    pub fn look_as(&mut self, room: u64) {
+    pub fn poll_as(&mut self, room: u64) {
         self.room = room;
         self.accepted = 0;
     }
@@ -111,7 +111,7 @@ impl LinkWriter {
 }
 
 /// The end that a consumer reads, at its own rate.
-pub struct LinkReader {
+pub struct AsyncResamplerReader {
     ring: Consumer<f64>,
     width: usize,
     resamplers: Vec<SteeredResampler>,
@@ -127,7 +127,7 @@ pub struct LinkReader {
     quiet_ticks: u32,
     fade_ticks: u32,
     /// The frame put out last.
-    latest: [f64; LANES],
+    latest: [f64; MAX_WIDTH],
     steering: Steering,
     /// Ticks read since the last look.
     ticks: u64,
@@ -161,7 +161,7 @@ struct Steering {
     drift: f64,
 }
 
-impl LinkReader {
+impl AsyncResamplerReader {
     fn new(plan: &RingSpec, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
         // A checked graph has no rates that cannot be joined.
         let resamplers: Vec<SteeredResampler> = steered(plan.from, plan.to)
@@ -182,7 +182,7 @@ impl LinkReader {
             flow: Flow::Waiting,
             quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
             fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
-            latest: [0.0; LANES],
+            latest: [0.0; MAX_WIDTH],
             steering: Steering {
                 rate_hz: plan.from.hz(),
                 period_s: plan.to.period_s(),
@@ -208,7 +208,7 @@ impl LinkReader {
     }
 
     /// Goes by `arrived` frames until the next look.
-    pub fn look(&mut self, arrived: u64) {
+    pub fn poll(&mut self, arrived: u64) {
         // What the last callback left, as a late one finds more, and takes more.
         let left = self.fill();
         self.arrived = arrived.max(self.arrived);
