@@ -308,7 +308,7 @@ impl<'t> Parser<'t> {
     /// What stands here cannot follow.
     fn unexpected(&self) -> FormulaError {
         let Some(strange) = self.rest().chars().next() else {
-            return self.wrong("a number, a name or `(` is missing".to_owned());
+            return self.wrong("expected a number, a name or `(`".to_owned());
         };
         if let Some(here) = self.foreign(self.rest()) {
             return self.wrong(here);
@@ -412,7 +412,7 @@ impl<'t> Parser<'t> {
                 self.push(Step::Number(number));
                 Ok(())
             }
-            _ => Err(self.wrong(format!("`{text}` is no number"))),
+            _ => Err(self.wrong(format!("`{text}` is not a number"))),
         }
     }
 

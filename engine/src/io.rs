@@ -81,7 +81,7 @@ impl Extent {
 /// An input of a step as it runs, everything looked up.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ResolvedInput {
-    /// First lane of the port, in the memory before the step's own buffer or behind it.
+    /// First component of the port, in the memory before the step's own buffer or behind it.
     pub at: u32,
     pub width: u32,
     pub behind: bool,
@@ -92,7 +92,7 @@ pub(crate) struct ResolvedInput {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Binding {
     pub slot: u32,
-    /// First lane of the port in its buffer.
+    /// First component of the port in its buffer.
     pub start: u32,
     pub width: u32,
     pub form: Form,
@@ -105,7 +105,7 @@ pub(crate) struct Binding {
 pub(crate) enum Form {
     /// A frame a tick of the clock of the reader.
     Sampled,
-    /// `[count, (start, lanes..), ..]` as written by a hold.
+    /// `[count, (start, components..), ..]` as written by a hold.
     Runs,
     /// Nothing is connected.
     Absent,
@@ -156,13 +156,13 @@ impl<'a> Io<'a> {
             .is_some_and(|wire| wire.form != Form::Absent)
     }
 
-    /// Lanes of one frame of an input.
+    /// Components of one frame of an input.
     #[inline]
     pub fn width(&self, input: usize) -> usize {
         self.inputs.get(input).map_or(0, |wire| wire.width as usize)
     }
 
-    /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
+    /// All components of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
     #[inline]
     pub fn components(&self, input: usize) -> &'a [f64] {
         debug_assert!(input < self.inputs.len(), "there is no input {input}");
@@ -182,7 +182,7 @@ impl<'a> Io<'a> {
         if wire.behind { self.behind } else { self.before }
     }
 
-    /// The frames of a sampled input of `W` lanes: `frames::<3>` of a 3-vector.
+    /// The frames of a sampled input of `W` components: `frames::<3>` of a 3-vector.
     #[inline]
     pub fn frames_of<const W: usize>(&self, input: usize) -> &'a [[f64; W]] {
         debug_assert!(
@@ -221,7 +221,7 @@ impl<'a> Io<'a> {
             frames: 0,
             width: 1,
             runs: 0,
-            lanes: &[],
+            components: &[],
         };
         let Some(wire) = self.inputs.get(input) else {
             return absent;
@@ -234,23 +234,23 @@ impl<'a> Io<'a> {
                 frames: self.frames,
                 width,
                 runs: usize::MAX,
-                lanes: self.components(input),
+                components: self.components(input),
             },
             Form::Runs => {
-                let lanes = &self.side(wire)[wire.at as usize..];
-                let runs = lanes[0] as usize;
+                let components = &self.side(wire)[wire.at as usize..];
+                let runs = components[0] as usize;
                 Held {
                     at: 0,
                     frames: self.frames,
                     width,
                     runs,
-                    lanes: &lanes[1..1 + runs * (width + 1)],
+                    components: &components[1..1 + runs * (width + 1)],
                 }
             }
         }
     }
 
-    /// All lanes of an output, to be filled completely.
+    /// All components of an output, to be filled completely.
     #[inline]
     pub fn out(&mut self, output: usize) -> &mut [f64] {
         debug_assert!(output < self.outputs.len(), "there is no output {output}");
@@ -262,7 +262,7 @@ impl<'a> Io<'a> {
         &mut self.out[start..][..self.frames * width]
     }
 
-    /// The frames of an output of `W` lanes, to be filled completely.
+    /// The frames of an output of `W` components, to be filled completely.
     #[inline]
     pub fn out_frames<const W: usize>(&mut self, output: usize) -> &mut [[f64; W]] {
         debug_assert!(
@@ -310,7 +310,7 @@ pub struct Held<'a> {
     width: usize,
     /// Runs written by a hold, or `usize::MAX` for a sampled signal: a run a frame.
     runs: usize,
-    lanes: &'a [f64],
+    components: &'a [f64],
 }
 
 impl<'a> Iterator for Held<'a> {
@@ -321,14 +321,16 @@ impl<'a> Iterator for Held<'a> {
         if self.runs == usize::MAX {
             let frame = self.at;
             self.at += 1;
-            let lanes = self.lanes.get(frame * self.width..(frame + 1) * self.width)?;
-            return Some((frame..frame + 1, lanes));
+            let components = self
+                .components
+                .get(frame * self.width..(frame + 1) * self.width)?;
+            return Some((frame..frame + 1, components));
         }
         let stride = self.width + 1;
-        let run = self.lanes.get(self.at * stride..(self.at + 1) * stride)?;
+        let run = self.components.get(self.at * stride..(self.at + 1) * stride)?;
         self.at += 1;
         let end = self
-            .lanes
+            .components
             .get(self.at * stride)
             .map_or(self.frames, |start| *start as usize);
         Some((run[0] as usize..end, &run[1..]))

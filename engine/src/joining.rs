@@ -4,7 +4,7 @@
 use haptograph_signal::resample::{Quality, ResampleError, Resampler, SteeredResampler};
 use haptograph_signal::time::Rate;
 
-/// The resampling of one lane between clocks of one driver; also tells beforehand whether two rates can be joined.
+/// The resampling of one component between clocks of one driver; also tells beforehand whether two rates can be joined.
 pub(crate) fn resampler(from: Rate, to: Rate) -> Result<Resampler, ResampleError> {
     Resampler::new(from, to, Quality::LOW_LATENCY)
 }

@@ -58,7 +58,7 @@ pub struct Limit {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LimitError {
     /// A limit is zero, negative or not finite.
-    #[error("limit {name} is {value}: give a finite number above zero")]
+    #[error("limit {name} is {value}: choose a finite number above zero")]
     NotPositive {
         /// The setting.
         name: &'static str,
@@ -75,8 +75,8 @@ pub enum LimitError {
     },
     /// A ramp from peak to continuous would take too many ticks to plan.
     #[error(
-        "at a slew of {slew_per_s} per second the way from peak to continuous takes {ticks:.0} ticks, at most \
-         {most} can be planned: raise the slew limit or lower the peak",
+        "at a slew limit of {slew_per_s} per second a ramp from peak to continuous takes {ticks:.0} ticks, but at most \
+         {most} are possible: raise the slew limit or lower the peak",
         most = MOST_RUNGS
     )]
     SlewTooSlow {

@@ -524,12 +524,16 @@ macro_rules! choices {
     };
 }
 
-/// Reports a name that is none of `choices`.
+/// Reports a name that is not in `choices`.
 pub fn unknown_choice(word: &str, choices: &[&'static str], span: Span, reading: &mut Reading<'_>) {
     let diagnostic = Diagnostic::error(
         "E0303",
         span,
-        format!("`{word}` is none of {}", choices.join(", ")),
+        format!(
+            "unknown {} `{word}`; expected one of: {}",
+            reading.setting.unwrap_or("value"),
+            choices.join(", ")
+        ),
     );
     reading
         .diagnostics

@@ -140,7 +140,7 @@ impl Reader<'_> {
         let mut diagnostic = Diagnostic::error("E0101", self.span(), message).label(label);
         if let Some(string) = self.string_over_lines() {
             diagnostic = diagnostic
-                .also(string, "this string goes on over the end of its line")
+                .also(string, "this string continues over the end of its line")
                 .help("is the closing `\"` of that string missing?");
         }
         self.diagnostics.push(diagnostic);
@@ -426,7 +426,7 @@ impl Reader<'_> {
         match ron::from_str::<String>(raw) {
             Ok(text) => Some(text),
             Err(error) => {
-                let diagnostic = Diagnostic::error("E0106", self.span(), "this string has a bad escape")
+                let diagnostic = Diagnostic::error("E0106", self.span(), "invalid escape in this string")
                     .label(error.code.to_string())
                     .help("write `\\\\` for a backslash, or use a raw string r\"...\"");
                 self.diagnostics.push(diagnostic);

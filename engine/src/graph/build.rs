@@ -240,10 +240,8 @@ fn no_limit(node: &DraftNode) -> Diagnostic {
         format!("actuator sink `{kind}` has no limit"),
     )
     .label("`limit` is missing")
-    .help(format!(
-        "say what the actuator may be given at most: `limit: {expected}`"
-    ))
-    .help("nothing drives an actuator without a limit")
+    .help(format!("set the limit of the actuator: `limit: {expected}`"))
+    .help("every actuator needs a limit")
 }
 
 fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
@@ -548,7 +546,7 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
         .max_output_bound(*channel)
         .filter(|most| *most < limit.peak)?;
     let message = format!(
-        "`{}` may be given {} at its peak, but `{}` gives {most} at most: that is its limit here",
+        "the peak limit of `{}` is {}, but `{}` can give at most {most}; the limit is lowered to {most}",
         node.path, limit.peak, device.name
     );
     limit.peak = most;
@@ -560,7 +558,7 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
     Some(
         warning
             .also(device.span, "the device")
-            .help("lower the limit, or mend what the device states of itself"),
+            .help("lower the limit, or correct what the device states"),
     )
 }
 

@@ -169,7 +169,7 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
             cx.report(
                 Diagnostic::error("E0502", value.span, message)
                     .label("not a rate")
-                    .help("choose a rate from 0.001 Hz to 100 MHz, of few digits"),
+                    .help("choose a rate from 0.001 Hz to 100 MHz, such as 48000 or 59.94"),
             );
             None
         }
@@ -247,11 +247,11 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     }
     let culprit = fails.checked_sub(1)?;
     let message = format!(
-        "the rate of `{}` does not go with the clocks before it",
+        "the rate of `{}` has no common time unit with the clocks before it",
         clocks[culprit].name
     );
     let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message).label(format!(
-        "{} has no common time unit with the others of which 64 bits hold a year",
+        "{} and the others need a time unit too short for 64 bits",
         clocks[culprit].rate
     ));
     if culprit > 0 {
@@ -275,7 +275,7 @@ pub(super) fn refuse_none(cx: &mut Context<'_>, clocks: &Clocks) {
     if clocks.list.is_empty() {
         cx.report(
             Diagnostic::error("E0506", cx.document.span, "the graph has no clock")
-                .label("nothing says when it runs")
+                .label("no clock defines when it runs")
                 .help("declare a driver: `clocks: { \"audio\": Driver(rate_hz: 48000) }`"),
         );
     }
@@ -397,12 +397,9 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
             [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
             names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
         };
-        let message = format!(
-            "the clock of `{}` cannot be told from its connections",
-            target.path
-        );
+        let message = format!("cannot infer the clock of `{}` from its connections", target.path);
         let diagnostic = Diagnostic::error("E0504", target.fields.span, message)
-            .label("on which clock does it run?")
+            .label("its clock is unknown")
             .help(help);
         let diagnostic = draft.in_use(node, diagnostic, cx);
         cx.report(diagnostic);

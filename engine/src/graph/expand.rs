@@ -31,7 +31,7 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
             let message = format!("`{}` is the name of a kind of node", name.text);
             cx.diagnostics.push(
                 Diagnostic::error("E0211", name.span, message)
-                    .label("a template cannot take its place")
+                    .label("a template cannot replace it")
                     .help("give the template a name of its own"),
             );
         }
@@ -82,7 +82,7 @@ impl Expansion<'_> {
                 let message = format!("the graph has more than {MAX_NODES} nodes");
                 cx.report(
                     Diagnostic::error("E0702", name.span, message)
-                        .label("here the count was reached")
+                        .label("the count is reached here")
                         .help("do templates use one another more often than was meant?"),
                 );
                 return;
@@ -137,7 +137,7 @@ impl Expansion<'_> {
                     format!("template `{}` uses itself", kind.text),
                 )
                 .label(format!("`{}`", round.join("` uses `")))
-                .help("a template is expanded in place, so it cannot hold itself"),
+                .help("a template is expanded in place, so it cannot contain itself"),
             );
             return None;
         }

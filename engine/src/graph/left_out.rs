@@ -39,7 +39,7 @@ fn left_out(draft: &Draft, actuator: usize, cause: usize) -> Diagnostic {
     Diagnostic::warning("W0109", actuator.name, message)
         .label("nothing drives its device")
         .also(cause.name, "left out by `only`")
-        .help("write the same `only` on the actuator sink where that is meant, or connect it to a node that is there")
+        .help("if that is intended, write the same `only` on the actuator sink; else connect it to another node")
 }
 
 /// Is a node still what was meant without the nodes that are gone?

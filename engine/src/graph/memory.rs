@@ -47,13 +47,13 @@ impl Memory {
         }
         if !std::mem::replace(&mut self.reported, true) {
             let message = format!(
-                "the delays, rings and buffers of the graph need more than {} MiB: `{path}` needs {} of them, those before it {}",
+                "the delays, rings and buffers of the graph exceed {} MiB: `{path}` needs {} MiB, those before it {} MiB",
                 MAX_BYTES >> 20,
                 mebibytes(bytes),
                 mebibytes(self.bytes),
             );
             let diagnostic = Diagnostic::error("E0305", span, message)
-                .label("there is no room for this")
+                .label("exceeds the memory bound")
                 .help("shorten delays, lower rates, or use fewer of these nodes");
             cx.report(diagnostic);
         }

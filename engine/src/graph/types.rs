@@ -49,7 +49,7 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
     named
 }
 
-fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &str) -> Option<Quantity> {
+fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'static str) -> Option<Quantity> {
     let names = || -> Vec<&'static str> { Quantity::NAMED.iter().map(|(_, name, _)| *name).collect() };
     let given = node
         .fields
@@ -85,7 +85,10 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &str) -
     };
     let found = Quantity::by_name(&name);
     if found.is_none() {
-        cx.reading(|reading| unknown_choice(&name, &names(), span, reading));
+        cx.reading(|reading| {
+            reading.setting = Some(setting);
+            unknown_choice(&name, &names(), span, reading);
+        });
     }
     found
 }
@@ -274,7 +277,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         // What it is was left unsaid.
         QuantityRule::Setting(setting) if quantity == Quantity::NUMBER => wanted.name().map(|name| {
             let kind = source.entry.spec.name;
-            format!("if that is what it is, say so: `{setting}: \"{name}\"` in that `{kind}`")
+            format!("if it is {name}, write `{setting}: \"{name}\"` in that `{kind}`")
         }),
         _ => None,
     };
@@ -427,10 +430,10 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
         (0..draft.nodes.len()).find_map(|i| Some((i, unsettled(&draft.nodes[i])?)).filter(|_| !excused[i]));
     if let Some((node, output)) = found {
         let target = &draft.nodes[node];
-        let message = format!("nothing says what `{}` carries", target.output_name(output));
+        let message = format!("cannot infer what `{}` carries", target.output_name(output));
         let diagnostic = Diagnostic::error("E0409", target.fields.span, message)
-            .label("it follows its input, which follows its output")
-            .help("feed the loop from a node whose output has a kind and quantity of its own");
+            .label("its output depends on itself")
+            .help("feed the loop from a node whose output has a fixed kind and quantity");
         let diagnostic = draft.in_use(node, diagnostic, cx);
         cx.report(diagnostic);
     }

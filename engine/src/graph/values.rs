@@ -149,7 +149,7 @@ impl Parameters {
                 let message = format!("parameter `{}` is never used", name.text);
                 cx.diagnostics.push(
                     Diagnostic::warning("W0102", name.span, message)
-                        .label("nothing names it")
+                        .label("nothing uses it")
                         .help(format!("use it as `Param(\"{}\")`, or remove it", name.text)),
                 );
             }
@@ -254,7 +254,7 @@ impl Parameters {
             Place::Template(settings) => settings.contains_key(name),
         };
         if let Some(word) = reserved(formula).find(|word| is_declared(word)) {
-            let message = format!("`{word}` means something of its own in a formula");
+            let message = format!("`{word}` is a reserved name in formulas");
             cx.report(
                 wrong(at, message).help(format!("give the parameter or setting `{word}` another name")),
             );
@@ -275,7 +275,7 @@ impl Parameters {
                     ..
                 })) => numbers.push(*number),
                 Some(Some(other)) => {
-                    cx.report(wrong(at, format!("`{name}` is no number")).also(other.span, "its value"));
+                    cx.report(wrong(at, format!("`{name}` is not a number")).also(other.span, "its value"));
                     return None;
                 }
                 // It was reported where it was given.
@@ -294,7 +294,7 @@ impl Parameters {
             Ok(parsed) if !parsed.is_timed() => parsed,
             Ok(_) => {
                 let help = "a value that changes with time is a signal: use the node `Expression`";
-                cx.report(wrong(at, "`t` has no meaning in a value".into()).help(help));
+                cx.report(wrong(at, "`t` cannot be used in a value".into()).help(help));
                 return None;
             }
             Err(error) => {
@@ -305,7 +305,7 @@ impl Parameters {
         };
         let result = parsed.value(&numbers);
         if !result.is_finite() {
-            let message = format!("the formula comes to `{result}`, which is no finite number");
+            let message = format!("the value of the formula is `{result}`, not a finite number");
             cx.report(wrong(at, message));
             return None;
         }
@@ -380,7 +380,7 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
             Diagnostic::error(
                 "E0704",
                 value.span,
-                "`Setting` has a meaning only inside a template",
+                "`Setting` can only be used inside a template",
             )
             .label("not in a template")
             .help(format!(

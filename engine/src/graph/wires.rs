@@ -141,9 +141,9 @@ fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, dep
             Diagnostic::error(
                 "E0408",
                 value.span,
-                "this connection goes round in a circle and never reaches a node",
+                "this connection leads back to itself and never reaches a node",
             )
-            .label("handed on from template to template")
+            .label("passed from template to template")
             .help("an output of a template leads back to its own input"),
         );
         return None;
@@ -277,7 +277,7 @@ fn choose(
     let diagnostic = match (port, outputs) {
         (None, [_]) => return Some(0),
         (_, []) => Diagnostic::error("E0203", span, format!("`{node}` has no outputs"))
-            .label(format!("`{kind}` only takes signals in")),
+            .label(format!("`{kind}` has inputs only")),
         (None, several) => {
             let diagnostic = Diagnostic::error(
                 "E0410",
@@ -352,7 +352,7 @@ fn handed_in(
     let place = &draft.scopes[scope];
     let Some((template, _)) = place.template else {
         cx.report(
-            Diagnostic::error("E0704", span, "`Input` has a meaning only inside a template")
+            Diagnostic::error("E0704", span, "`Input` can only be used inside a template")
                 .label("not in a template")
                 .help("connect to a node: \"node.output\""),
         );

@@ -76,43 +76,43 @@ impl AnyInput {
         Ok(Self { about, queue })
     }
 
-    /// From the next tick on the channel has these lanes, as many as its shape has. Real-time safe.
+    /// From the next tick on the channel has these components, as many as its shape has. Real-time safe.
     ///
     /// # Errors
     /// [`Full`] where they cannot be queued.
-    pub fn set(&mut self, lanes: &[f64]) -> Result<(), Full> {
-        self.put(Due::Now, lanes)
+    pub fn set(&mut self, components: &[f64]) -> Result<(), Full> {
+        self.put(Due::Now, components)
     }
 
     /// The same from `seconds` of the run on. Values come in the order of their times. Real-time safe.
     ///
     /// # Errors
     /// [`Full`] where they cannot be queued.
-    pub fn set_at(&mut self, seconds: f64, lanes: &[f64]) -> Result<(), Full> {
+    pub fn set_at(&mut self, seconds: f64, components: &[f64]) -> Result<(), Full> {
         if !seconds.is_finite() {
             return Err(Full::NotFinite);
         }
         // A time that falls on a tick is that tick's, in spite of the last bit.
         let tick = (seconds.max(0.0) * self.about.rate.hz() - 1e-6).ceil().max(0.0);
-        self.put(Due::Tick(tick as u64), lanes)
+        self.put(Due::Tick(tick as u64), components)
     }
 
     /// The frame of the next tick that has none yet. Real-time safe.
     ///
     /// # Errors
     /// [`Full`] where it cannot be queued.
-    pub fn push(&mut self, lanes: &[f64]) -> Result<(), Full> {
-        self.put(Due::Next, lanes)
+    pub fn push(&mut self, components: &[f64]) -> Result<(), Full> {
+        self.put(Due::Next, components)
     }
 
-    fn put(&mut self, due: Due, lanes: &[f64]) -> Result<(), Full> {
-        if lanes.len() != self.about.kind.width() {
+    fn put(&mut self, due: Due, components: &[f64]) -> Result<(), Full> {
+        if components.len() != self.about.kind.width() {
             return Err(Full::Shape);
         }
-        if !lanes.iter().all(|lane| lane.is_finite()) {
+        if !components.iter().all(|component| component.is_finite()) {
             return Err(Full::NotFinite);
         }
-        match self.queue.0.put(due, lanes) {
+        match self.queue.0.put(due, components) {
             true => Ok(()),
             false => Err(Full::Full),
         }
@@ -163,16 +163,16 @@ impl AnyOutput {
         Self { about, from }
     }
 
-    /// Fills `lanes`, as many as the shape has, with the next frame that has not been read, if there is one. Real-time
+    /// Fills `components`, as many as the shape has, with the next frame that has not been read, if there is one. Real-time
     /// safe.
-    pub fn take(&mut self, lanes: &mut [f64]) -> bool {
-        if lanes.len() != self.about.kind.width() {
+    pub fn take(&mut self, components: &mut [f64]) -> bool {
+        if components.len() != self.about.kind.width() {
             return false;
         }
         match &mut self.from {
-            From::Queue(queue) => queue.0.take_if(|_| true, lanes).is_some(),
+            From::Queue(queue) => queue.0.take_if(|_| true, components).is_some(),
             // Whole frames were put in.
-            From::Ring(ring) => ring.pop_entire_slice(lanes).is_ok(),
+            From::Ring(ring) => ring.pop_entire_slice(components).is_ok(),
         }
     }
 

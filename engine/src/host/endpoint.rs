@@ -126,7 +126,7 @@ impl Device for HostEndpoint {
             frame
                 .iter_mut()
                 .zip(value)
-                .for_each(|(lane, value)| *lane = *value);
+                .for_each(|(component, value)| *component = *value);
         }
     }
 

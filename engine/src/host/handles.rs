@@ -16,9 +16,9 @@ use std::sync::Arc;
 pub trait HostFrame: Copy + Default + Send + 'static {
     /// Its shape.
     const KIND: Kind;
-    /// Its lanes.
+    /// Its components.
     fn components(&self) -> &[f64];
-    /// Its lanes, to be filled.
+    /// Its components, to be filled.
     fn components_mut(&mut self) -> &mut [f64];
 }
 
@@ -74,7 +74,7 @@ pub enum HostError {
         known: String,
     },
     /// An endpoint has several channels.
-    #[error("`{name}` has several channels: say which, `{name}.{}`", channels.join(&format!("`, `{name}.")))]
+    #[error("`{name}` has several channels; choose one: `{name}.{}`", channels.join(&format!("`, `{name}.")))]
     Several {
         /// The endpoint.
         name: String,
@@ -91,22 +91,22 @@ pub enum HostError {
         /// The shape that was asked for.
         asked: Kind,
     },
-    /// Somebody has that handle already.
-    #[error("`{name}` has been taken: a channel has one handle; drop the other first")]
+    /// The handle has been taken.
+    #[error("`{name}` has been taken: a channel has one handle; drop it first")]
     Taken {
         /// The channel.
         name: String,
     },
     /// Another player runs the graph.
     #[error(
-        "the graph is being played: the queues of `{name}` are for one player; check the document again for another"
+        "another player runs this graph: the queues of `{name}` serve one player; check the document again for a second one"
     )]
     Playing {
         /// An endpoint.
         name: String,
     },
     /// A player needs a graph with one driver.
-    #[error("the graph has {count} drivers ({}), a player is the driver of one", drivers.join(", "))]
+    #[error("the graph has {count} drivers ({}); a player can drive only one", drivers.join(", "))]
     Drivers {
         /// How many.
         count: usize,
@@ -114,24 +114,24 @@ pub enum HostError {
         drivers: Vec<String>,
     },
     /// No thread for the files.
-    #[error("a player cannot be made: {reason}")]
+    #[error("cannot make a player: {reason}")]
     System {
         /// What the system says.
         reason: String,
     },
 }
 
-/// What was given found no room, or was no number; nothing was queued.
+/// Why a frame was not queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
-    /// A second's worth of frames waits already: nobody calls [`Player::process`](super::Player::process).
-    #[error("the queue is full: nobody processes")]
+    /// The queue holds a second of frames: [`Player::process`](super::Player::process) is not called.
+    #[error("the queue is full: `Player::process` is not called")]
     Full,
-    /// A lane, or the time that it was set for, was infinite or no number.
-    #[error("a lane or its time is infinite or no number")]
+    /// A component or the time is NaN or infinite.
+    #[error("a component or its time is NaN or infinite")]
     NotFinite,
-    /// There were more or fewer lanes than the channel's shape has.
-    #[error("a frame of this channel has another number of lanes")]
+    /// The number of components is not that of the channel's kind.
+    #[error("a frame of this channel has another number of components")]
     Shape,
 }
 

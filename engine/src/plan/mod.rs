@@ -249,7 +249,7 @@ pub(crate) struct DelayPlan {
 pub struct RingSpec {
     /// For people: `force.output to drive.current`.
     pub name: String,
-    /// Lanes of a frame, at most those of a wrench.
+    /// Components of a frame, at most those of a wrench.
     pub width: usize,
     /// Frames a second at the end that is written.
     pub from: Rate,

@@ -61,7 +61,7 @@ pub enum ReplayError {
         error: std::io::Error,
     },
     /// The file was written by another graph.
-    #[error("{} is of another graph: it begins `{found}`, and this graph's would begin `{wanted}`", path.display())]
+    #[error("{} belongs to another graph: its first line is `{found}`, expected `{wanted}`", path.display())]
     OtherGraph {
         /// Which.
         path: PathBuf,
@@ -71,7 +71,7 @@ pub enum ReplayError {
         wanted: String,
     },
     /// The run was of another graph, though its rings and drivers are called the same.
-    #[error("{} is of another graph: {differences}; give the graph, its files and --set as they were", path.display())]
+    #[error("{} belongs to another graph: {differences}; use the graph, files and --set of that run", path.display())]
     Changed {
         /// Where the run's graph is kept.
         path: PathBuf,
@@ -97,7 +97,7 @@ pub enum ReplayError {
         line: usize,
     },
     /// A line is not what a run of that length can have written.
-    #[error("{} line {line}: {why}; the file is damaged, or of another run", path.display())]
+    #[error("{} line {line}: {why}; the file is damaged or belongs to another run", path.display())]
     Implausible {
         /// Which.
         path: PathBuf,
@@ -107,7 +107,7 @@ pub enum ReplayError {
         why: String,
     },
     /// A callback saw what nobody had sent by then.
-    #[error("{} does not go with the files of the other drivers: line {line} waits for ever", path.display())]
+    #[error("{} contradicts the files of the other drivers: line {line} waits for frames that they never send", path.display())]
     Contradiction {
         /// Which.
         path: PathBuf,
@@ -189,14 +189,14 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayEr
     let mut differences = Vec::new();
     for (name, fingerprint) in of_graph(graph) {
         match then.remove(name.as_str()) {
-            None => differences.push(format!("`{name}` was not in it")),
+            None => differences.push(format!("`{name}` is new")),
             Some(kept) if kept != format!("{fingerprint:016x}") => {
-                differences.push(format!("`{name}` is not as it was"));
+                differences.push(format!("`{name}` differs"));
             }
             Some(_) => {}
         }
     }
-    differences.extend(then.into_keys().map(|name| format!("`{name}` is gone")));
+    differences.extend(then.into_keys().map(|name| format!("`{name}` is missing")));
     if differences.is_empty() {
         return Ok(rested);
     }

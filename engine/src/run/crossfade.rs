@@ -1,8 +1,8 @@
-//! One plan that fades into another while both run, frame by frame of their driver.
+//! Cross-fade of two plans that run together frame by frame.
 //!
-//! The devices belong to the new plan from the beginning: each is moved once a tick, and both plans are given what it
-//! senses. What the old plan asks of an actuator is handed to the new one's sink, which mixes both ahead of the one
-//! limiter. So nothing is driven twice, and a loop through a body is closed by the mix.
+//! The new plan owns the devices from the start: each advances once per tick, and both plans read the same sensed
+//! values. The request of the old plan to an actuator goes to the new plan's sink, which mixes both before the one
+//! limiter. So no actuator is driven twice, and the mix closes loops through a body.
 
 use super::Run;
 use super::actuator::CrossFadeRole;
@@ -12,7 +12,7 @@ use super::swap::PlanSwap;
 use crate::limiter::Hottest;
 
 impl PlanSwap {
-    /// Puts the new plan in the place of the running one, to rise over it within `seconds`.
+    /// Replaces the running plan; the new plan fades in within `seconds`.
     pub(super) fn cross_fade(&mut self, running: &mut Run, seconds: f64, hottest: &Hottest) {
         self.take_over(running, hottest);
         let (begin, end) = running.fade_span(seconds);
@@ -32,7 +32,7 @@ impl PlanSwap {
         }
     }
 
-    /// Runs both plans for a driver frame; is the old one done?
+    /// Runs both plans for a driver frame. Returns whether the cross-fade is over.
     pub(super) fn run_together(&mut self, new: &mut Run) -> bool {
         let old = &mut self.run;
         old.state.windows.next_block(1);

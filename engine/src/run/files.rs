@@ -1,13 +1,13 @@
-//! The files of an offline run, written as its drivers go.
+//! The files of an offline run.
 
 use super::Run;
 use super::file_sinks::{WriteError, WrittenFile};
 use crate::plan::Plan;
 
-/// The writers of a run, and where each of their streams is tapped.
+/// The writers of a run and the taps of their streams.
 pub(super) struct Files {
     written: Vec<WrittenFile>,
-    /// By driver and by tap: its place in that driver's plan.
+    /// By driver and tap: index of the tap in that driver's plan.
     places: Vec<Vec<Option<usize>>>,
 }
 
@@ -23,7 +23,7 @@ impl Files {
         }
     }
 
-    /// Writes the block that a driver ran last.
+    /// Writes the last block of a driver.
     pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
         for written in &mut self.written {
             let Some(writer) = &mut written.writer else {

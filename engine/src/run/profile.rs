@@ -1,4 +1,4 @@
-//! What each step of running plans costs, by timing one quantum of theirs in many step by step.
+//! Cost of each step of running plans: of every so many quanta, one is timed step by step.
 
 use super::runner::{DriverTask, Runner};
 use crate::graph::NodeId;
@@ -8,16 +8,16 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Somebody who is told when a step is done.
+/// Observer of finished steps.
 pub(super) trait StepObserver {
-    /// Is every step run by itself, and told of?
+    /// Whether every step runs by itself and is reported.
     const STEPWISE: bool;
 
-    /// Step `number` has run `ticks` of its clock.
+    /// Called after step `number` has run `ticks` of its clock.
     fn step_done(&mut self, number: usize, ticks: usize);
 }
 
-/// Nobody.
+/// Observes nothing.
 pub(super) struct NoObserver;
 
 impl StepObserver for NoObserver {
@@ -26,61 +26,60 @@ impl StepObserver for NoObserver {
     fn step_done(&mut self, _: usize, _: usize) {}
 }
 
-/// The most samples kept of a step; beyond them each new one takes the place of an old one.
-const KEPT: usize = 4096;
-/// Stretches of quanta, with one that is timed and with none, by which the price of timing is found: what comes after a
-/// timed quantum is dearer too.
+/// Largest number of samples kept for a step; further samples replace the oldest.
+const MAX_SAMPLES: usize = 4096;
+/// Number of trials, with and without a timed quantum, that measure the cost of timing.
 const TRIALS: usize = 256;
+/// Quanta of a trial: those after a timed one cost more too.
 const TRIAL_QUANTA: u64 = 7;
-/// What timing may cost, as a part of the run.
+/// Largest cost of timing, as a fraction of the run.
 const MAX_COST: f64 = 0.01;
-/// The part of a stretch by which the timed quantum lies further along than in the stretch before: so it falls in with
-/// no rhythm of the graph's clocks.
+/// Shift of the timed quantum from period to period, as a fraction of the period: it avoids aliasing with the clocks.
 const STRIDE: f64 = 0.618_033_988_749_894_8;
 
-/// The runs of all drivers of a graph, measured.
+/// Profiled runs of all drivers of a graph.
 pub struct Profile {
     runner: Runner,
-    /// Of each driver.
+    /// One for each driver.
     drivers: Vec<DriverProfile>,
-    /// What looking at the clock itself takes, ns.
+    /// Cost of reading the clock, ns.
     clock_ns: f64,
-    /// One quantum in so many is timed.
+    /// One quantum of this many is timed.
     every: u64,
     quanta: u64,
     timed: u64,
 }
 
-/// What was seen of a driver.
+/// Samples of a driver.
 struct DriverProfile {
     stopwatch: Stopwatch,
     samples: Vec<Samples>,
 }
 
-/// What a step costs.
+/// Cost of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepCost {
-    /// What the step does: the node's path, or for what stands between nodes words like `hold stylus.force`.
+    /// Label of the step: the node's path, or a description such as `hold stylus.force`.
     pub label: String,
     /// The node it belongs to.
     pub node: NodeId,
-    /// Its clock, as an index of the graph's.
+    /// Index of its clock in the graph.
     pub clock: usize,
-    /// Median over the timed quanta, ns a tick of its clock.
+    /// Median over the timed quanta, ns per tick of its clock.
     pub median_ns: f64,
-    /// What 99 of 100 timed quanta stayed below, ns a tick.
+    /// 99 % quantile, ns per tick.
     pub p99_ns: f64,
-    /// The worst, interruptions by the system included, ns a tick.
+    /// Maximum, interruptions by the system included, ns per tick.
     pub worst_ns: f64,
-    /// Timed quanta in which it ran.
+    /// Number of timed quanta in which it ran.
     pub samples: usize,
 }
 
 struct Stopwatch {
     latest: Instant,
-    /// What looking at the clock itself takes, ns.
+    /// Cost of reading the clock, ns.
     clock_ns: f64,
-    /// Of each step in the present quantum: ns, ticks.
+    /// (ns, ticks) of each step in the present quantum.
     steps: Vec<(f64, usize)>,
 }
 
@@ -104,11 +103,10 @@ impl StepObserver for Stopwatch {
 }
 
 impl Profile {
-    /// Of the plans of [`Plan::of`]: runs some quanta to find how many of them can be timed at a hundredth of the whole
-    /// cost, then starts anew.
+    /// Profiles the plans of [`Plan::of`]. Measures first which fraction of quanta can be timed at 1 % of the cost.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let mut this = Self::timing_every(plans, u64::MAX);
-        // The first one is timed.
+        // The first quantum is timed.
         this.run_quantum();
         let mut took = [Vec::new(), Vec::new()];
         for trial in 0..2 * TRIALS {
@@ -128,7 +126,7 @@ impl Profile {
         Self::timing_every(plans, every.max(1))
     }
 
-    /// Measured runs of which one quantum in `every` is timed.
+    /// Profiles the plans by timing one quantum of `every`.
     pub fn timing_every(plans: &[Arc<Plan>], every: u64) -> Self {
         let clock_ns = clock_ns();
         let driver = |plan: &Arc<Plan>| DriverProfile {
@@ -149,17 +147,17 @@ impl Profile {
         }
     }
 
-    /// One quantum in so many is timed.
+    /// One quantum of this many is timed.
     pub fn every(&self) -> u64 {
         self.every
     }
 
-    /// How many were.
+    /// Number of timed quanta.
     pub fn timed_quanta(&self) -> u64 {
         self.timed
     }
 
-    /// Runs a quantum; the samples are those of [`Runner::quantum`].
+    /// Runs a quantum; gives the same samples as [`Runner::run_quantum`].
     pub fn run_quantum(&mut self) {
         let (stretch, at) = (self.quanta / self.every, self.quanta % self.every);
         let turn = (STRIDE * stretch as f64).fract() * self.every as f64;
@@ -197,7 +195,7 @@ impl Profile {
         }
     }
 
-    /// Runs a quantum and adds to `took_ns` what each driver took for it, as a whole.
+    /// Runs a quantum and adds the time of each driver to `took_ns`.
     pub fn run_quantum_by_driver(&mut self, took_ns: &mut [f64]) {
         let clock_ns = self.clock_ns;
         let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
@@ -211,12 +209,12 @@ impl Profile {
         });
     }
 
-    /// The runs themselves.
+    /// The runs.
     pub fn runner(&self) -> &Runner {
         &self.runner
     }
 
-    /// Of every step of a driver that ran, in the order of its plan.
+    /// Cost of every step of a driver that ran, in the order of its plan.
     pub fn costs(&self, driver: usize) -> Vec<StepCost> {
         let steps = self.runner.runs()[driver].plan.steps.iter();
         let cost = |(step, samples): (&Step, &Samples)| {
@@ -242,16 +240,16 @@ impl Profile {
 
 impl Samples {
     fn push(&mut self, ns_a_tick: f32) {
-        if self.ns_a_tick.len() < KEPT {
+        if self.ns_a_tick.len() < MAX_SAMPLES {
             self.ns_a_tick.push(ns_a_tick);
         } else {
-            self.ns_a_tick[self.seen % KEPT] = ns_a_tick;
+            self.ns_a_tick[self.seen % MAX_SAMPLES] = ns_a_tick;
         }
         self.seen += 1;
     }
 }
 
-/// What lies between two looks at the clock, ns.
+/// Time between two readings of the clock, ns.
 fn clock_ns() -> f64 {
     let gaps: Vec<f64> = (0..1000)
         .map(|_| {

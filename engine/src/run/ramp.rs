@@ -1,26 +1,27 @@
-//! Settings that change while a plan runs go to their new values in straight lines, in steps too short to feel.
+//! Linear ramps of live settings, in steps too short to feel.
 
 use super::Run;
 
-/// How long a setting takes to its new value.
+/// Duration of a ramp, s.
 pub const PARAM_RAMP_S: f64 = 0.02;
-/// How long it stays the same on its way.
+/// Duration of a step of a ramp, s.
 const STEP_S: f64 = 0.000_25;
 
-/// The settings on their way. Never more than it was made for: one more arrives at once.
+/// The ramps in progress. Beyond the capacity a setting jumps to its new value.
 pub(super) struct ParamRamps {
     list: Vec<ParamRamp>,
 }
 
-/// A change of a setting, as it is asked for.
+/// A change of a live setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ParamRamp {
-    /// The setting's place among the live ones of the plan.
+    /// Index of the setting in the plan's live settings.
     pub place: usize,
     pub from: f64,
     pub to: f64,
-    /// Driver frame at which it left, and frames that it takes; 0 for a setting that jumps.
+    /// Driver frame at which it starts.
     pub begin: u64,
+    /// Its length in driver frames; 0 for a jump.
     pub frames: u64,
 }
 
@@ -31,7 +32,7 @@ impl ParamRamps {
         }
     }
 
-    /// Sends a setting on its way, from where it is.
+    /// Starts a ramp from the setting's present value.
     pub fn start(&mut self, mut ramp: ParamRamp, run: &mut Run) {
         let now = run.driver_frames();
         ramp.begin = now;
@@ -47,8 +48,8 @@ impl ParamRamps {
         }
     }
 
-    /// Sets what is due now, and says how many driver frames at most may pass until the next time. When that is depends
-    /// on when the settings left alone, not on the blocks that are run.
+    /// Sets the values that are due, and returns the number of driver frames until the next step. The steps do not depend
+    /// on the block size.
     pub fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
         let step = (STEP_S * rate_hz).max(1.0) as u64;
         let now = run.driver_frames();
@@ -67,12 +68,12 @@ impl ParamRamps {
         usize::try_from(next).unwrap_or(usize::MAX)
     }
 
-    /// Is nothing on its way?
+    /// Whether no ramp is in progress.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// Lets everything arrive: the plan is about to go.
+    /// Sets all ramps to their ends, before the plan is replaced.
     pub fn finish(&mut self, run: &mut Run) {
         for ramp in self.list.drain(..) {
             run.set_live(ramp.place, ramp.to);

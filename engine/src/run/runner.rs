@@ -1,8 +1,8 @@
-//! Several drivers in one virtual time, joined by the rings that join them live.
+//! Runs one or several drivers in virtual time, connected by the same rings as live.
 //!
-//! Time goes in quanta of at most a millisecond, as the wake-ups of timers do. In each, every driver first looks at its
-//! rings and then runs what is due; so neither their order nor the blocks they run in change a bit. A driver that is
-//! alone waits for nobody: its quanta are whole blocks.
+//! Time advances in quanta of at most a millisecond, as the wake-ups of timers do. In each quantum every driver first
+//! polls its rings and then runs the frames that are due; so the samples depend neither on the order of the drivers nor
+//! on the block size. A quantum of a single driver is a whole block.
 
 use super::async_resampler::{RingMeter, async_resampler, reserve_s};
 use super::swap::PlanSwap;
@@ -13,16 +13,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const QUANTUM_S: f64 = 1e-3;
-/// A round takes at most this part of a ring's reserve.
+/// A quantum takes at most this part of a ring's reserve.
 const PART_OF_RESERVE: f64 = 0.25;
 const BILLION: u128 = 1_000_000_000;
 
-/// What a driver does in a round.
+/// What a driver does in a quantum.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum DriverTask {
-    /// Looks at its rings.
+    /// Polls its rings.
     Poll,
-    /// Runs so many of its frames.
+    /// Runs this many of its frames.
     Advance(usize),
 }
 
@@ -30,21 +30,22 @@ pub(super) enum DriverTask {
 pub struct Runner {
     runs: Vec<Run>,
     meters: Vec<Arc<RingMeter>>,
-    /// Units of the common time base that a round takes, and quanta run.
+    /// Length of a quantum in units of the common time base.
     quantum: u128,
+    /// Number of quanta run.
     quanta: u128,
-    /// How much faster than nominal each driver is, as a part of 10^9.
+    /// Deviation of each driver from its nominal rate, in parts per 10^9.
     drifts: Vec<i64>,
-    /// Driver frames after which each ends.
+    /// Number of frames after which each driver ends.
     ends: Vec<u64>,
-    /// Driver frames of a block at most.
+    /// Largest block in driver frames.
     longest: usize,
-    /// Frames of each driver in the present round.
+    /// Frames of each driver in the present quantum.
     due: Vec<usize>,
 }
 
 impl Runner {
-    /// Runs of the plans of [`Plan::of`], joined.
+    /// Makes connected runs of the plans of [`Plan::of`].
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let reserves = plans
             .iter()
@@ -74,7 +75,7 @@ impl Runner {
         }
     }
 
-    /// Lets each driver run faster than nominal, by so many parts per million: what a test of drift needs.
+    /// Makes each driver faster than nominal by so many parts per million, to test drift.
     #[must_use]
     pub fn drifting(mut self, ppm: &[f64]) -> Self {
         for (drift, ppm) in self.drifts.iter_mut().zip(ppm) {
@@ -83,7 +84,7 @@ impl Runner {
         self
     }
 
-    /// Lets each driver end after so many seconds of its own time.
+    /// Ends each driver after `seconds` of its own time.
     #[must_use]
     pub fn ending_after(mut self, seconds: f64) -> Self {
         for (end, run) in self.ends.iter_mut().zip(&self.runs) {
@@ -92,7 +93,7 @@ impl Runner {
         self
     }
 
-    /// Lets each driver end where the data of a source end that ends the run.
+    /// Ends each driver where the data of a source that stops the run end.
     #[must_use]
     pub fn ending_with_data_of(mut self, graph: &Graph) -> Self {
         for (end, run) in self.ends.iter_mut().zip(&self.runs) {
@@ -103,10 +104,10 @@ impl Runner {
         self
     }
 
-    /// Runs a round; like [`Run::advance`] it does not allocate. `each` sees every block of every driver when it is done.
+    /// Runs a quantum and calls `each` after every block of every driver. Like [`Run::advance`] it does not allocate.
     ///
     /// # Errors
-    /// The first of `each`.
+    /// The first error of `each`.
     pub fn run_quantum<E>(&mut self, mut each: impl FnMut(usize, &Run) -> Result<(), E>) -> Result<(), E> {
         self.run_quantum_by(|driver, run, task| match task {
             DriverTask::Poll => {
@@ -120,7 +121,7 @@ impl Runner {
         })
     }
 
-    /// A round whose task is done by `by`.
+    /// Runs a quantum in which `by` performs the tasks.
     pub(super) fn run_quantum_by<E>(
         &mut self,
         mut by: impl FnMut(usize, &mut Run, DriverTask) -> Result<(), E>,
@@ -141,13 +142,13 @@ impl Runner {
         Ok(())
     }
 
-    /// How long a round is, s.
+    /// Length of a quantum, s.
     pub fn quantum_s(&self) -> f64 {
         let units = self.runs.first().map(|run| run.plan.base.units_per_second());
         self.quantum as f64 / units.unwrap_or(1.0)
     }
 
-    /// Frames of a driver whose time comes before the end of this round.
+    /// Frames of a driver that are due before the end of this quantum.
     fn due(&self, driver: usize) -> usize {
         let run = &self.runs[driver];
         let period = u128::from(run.plan.base.period(run.plan.driver));
@@ -157,14 +158,15 @@ impl Runner {
         frames.saturating_sub(run.driver_frames()) as usize
     }
 
-    /// Have all drivers come to their ends?
+    /// Whether all drivers have ended.
     pub fn is_over(&self) -> bool {
         let mut both = self.runs.iter().zip(&self.ends);
         both.all(|(run, end)| run.driver_frames() >= *end)
     }
 
-    /// The first node with a way to the sink that was first given no number whose own output was none until then, or
-    /// nothing when stopped. Found by runs of its own, frame by frame: the same whatever the block.
+    /// Path of the first node upstream of the first faulted sink whose output is NaN or infinite; `None` when stopped.
+    ///
+    /// Repeats the run frame by frame, so that the result does not depend on the block size.
     pub(super) fn origin(
         graph: &Graph,
         plans: &[Arc<Plan>],
@@ -184,7 +186,7 @@ impl Runner {
         Faults::of(watched.runs.iter().map(Run::faults)).origin
     }
 
-    /// Runs to the round in which an actuator is first given no number; nothing when stopped.
+    /// Runs to the quantum in which an actuator first receives NaN or infinity; `None` when stopped.
     fn until_a_fault(mut self, stop: &AtomicBool) -> Option<Self> {
         self.longest = 1;
         while !self.is_over() && self.runs.iter().all(|run| run.faults().ticks == 0) {
@@ -205,20 +207,20 @@ impl Runner {
         &mut self.runs
     }
 
-    /// What is known of the rings between them.
+    /// Meters of the rings between the drivers.
     pub fn rings(&self) -> &[Arc<RingMeter>] {
         &self.meters
     }
 }
 
-/// A ring between two runs, and where its ends are: which run's, and at which place there.
+/// A ring between two runs; each end is the index of a run and the index of the end in that run.
 struct RingEdge {
     ring: RingSpec,
     reader: (usize, usize),
     writer: (usize, usize),
 }
 
-/// The rings between the plans of one graph's drivers.
+/// The rings between the plans of a graph's drivers.
 fn ring_edges(plans: &[Arc<Plan>]) -> Vec<RingEdge> {
     let mut ring_edges = Vec::new();
     for (reader, plan) in plans.iter().enumerate() {
@@ -236,7 +238,7 @@ fn ring_edges(plans: &[Arc<Plan>]) -> Vec<RingEdge> {
 }
 
 impl RingEdge {
-    /// Puts a new ring there.
+    /// Makes the ring and attaches both ends.
     fn connect(&self, runs: &mut [&mut Run]) -> Arc<RingMeter> {
         let (into, out) = async_resampler(&self.ring);
         let meter = Arc::clone(into.meter());
@@ -251,15 +253,16 @@ impl RingEdge {
     }
 }
 
-/// Puts rings between the runs of one graph's drivers.
+/// Connects the runs of a graph's drivers by rings.
 pub(super) fn connect(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
     let plans: Vec<Arc<Plan>> = runs.iter().map(|run| Arc::clone(&run.plan)).collect();
     ring_edges(&plans).iter().map(|ring| ring.connect(runs)).collect()
 }
 
-/// Puts rings between plans that are to take over: those that were there go on, the others are new. `known` are the
-/// meters of those between the plans before. Each driver changes over at a moment of its own: until both have, a new ring
-/// is silent at its reader's end, and full at its writer's at worst.
+/// Connects new plans by rings. Rings that the old plans have continue; `known` are their meters.
+///
+/// Each driver changes over at its own time: until both have, the reader of a new ring is silent and its writer may find
+/// it full.
 pub(super) fn reconnect(
     before: &[Arc<Plan>],
     known: &[Arc<RingMeter>],

@@ -224,7 +224,7 @@ impl InputScript {
         if before.is_some_and(|before| tick <= before) {
             return Err(self
                 .lines
-                .implausible("its tick does not come after that of the line before"));
+                .implausible("its tick is not after that of the previous line"));
         }
         if tick as f64 > self.most_ticks {
             return Err(self.lines.implausible("its tick is after the end of the run"));
@@ -232,7 +232,7 @@ impl InputScript {
         let mut limits = values.iter().zip(&self.limits);
         let is_beyond = |(value, limit): &(&f64, &f64)| value.is_nan() || value.abs() > **limit;
         if let Some((value, limit)) = limits.find(is_beyond) {
-            let why = format!("{value:e} is beyond {limit:e} in its SI unit, which no device senses");
+            let why = format!("{value:e} is beyond {limit:e}, the largest value of a device in its SI unit");
             return Err(self.lines.implausible(why));
         }
         Ok(Some((tick, values)))

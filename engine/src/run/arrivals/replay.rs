@@ -77,17 +77,15 @@ impl Rows {
         self.count += 1;
         let before = std::mem::replace(&mut self.state, row[1]);
         let why = match f64::from(row[1]) {
-            _ if f64::from(before) == REPLACED => {
-                "it comes after the line that says that another graph took over"
+            _ if f64::from(before) == REPLACED => "it follows the line of a change of graph",
+            state if state > REPLACED => "its second number is not 0, 1 or 2",
+            state if state < f64::from(before) => "the run continues after its fade-out",
+            _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => {
+                "the gate of an actuator is neither 0 nor 1"
             }
-            state if state > REPLACED => "its second number is none of 0, 1 and 2",
-            state if state < f64::from(before) => "the run goes on after it was faded out",
-            _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => "an actuator is neither 0 nor 1",
-            _ if f64::from(row[0]) > self.most[0] => "no callback runs so many frames",
-            _ if self.frames as f64 > self.most[1] => {
-                "the driver had run more frames by then than in all of the run"
-            }
-            _ if self.count as f64 > self.most[2] => "no driver wakes that often in a run of that length",
+            _ if f64::from(row[0]) > self.most[0] => "a callback cannot run so many frames",
+            _ if self.frames as f64 > self.most[1] => "the driver has run more frames than the run has",
+            _ if self.count as f64 > self.most[2] => "a run of that length cannot have so many callbacks",
             _ => return Ok(()),
         };
         Err(self.lines.implausible(why))
@@ -124,9 +122,11 @@ impl Changes {
         let range = self.known[ramp.place].1.range.unwrap_or((f64::MIN, f64::MAX));
         let is_in_range = |value: f64| (range.0..=range.1).contains(&value);
         let why = match () {
-            () if ramp.begin < self.begin => "it was set before what the line before says",
-            () if !(is_in_range(ramp.from) && is_in_range(ramp.to)) => "the setting cannot have that value",
-            () if ramp.frames as f64 > self.most_frames => "no setting takes so many frames to its value",
+            () if ramp.begin < self.begin => "its frame is before that of the previous line",
+            () if !(is_in_range(ramp.from) && is_in_range(ramp.to)) => {
+                "the value is out of the setting's range"
+            }
+            () if ramp.frames as f64 > self.most_frames => "a ramp cannot take so many frames",
             () => {
                 self.begin = ramp.begin;
                 return Ok(Some(ramp));
@@ -175,7 +175,7 @@ pub(in super::super) fn check_logs(
             && goes_on()
         {
             if change.begin > rows.frames {
-                return Err(changes.lines.implausible("it was set after the end of the run"));
+                return Err(changes.lines.implausible("its frame is after the end of the run"));
             }
         }
         for (_, script) in scripts(graph, plan, (folder, driver), bounds)? {

@@ -1,4 +1,4 @@
-//! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
+//! Replacing the running graph, with its files and the rings between its drivers.
 
 use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
@@ -16,94 +16,96 @@ use std::sync::Arc;
 /// A node and the index of one of its outputs.
 type Port = (NodeId, usize);
 
-/// What putting another graph in place did.
+/// Result of replacing the graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Changed {
     /// How the graphs differed.
     pub change: Change,
-    /// What is written from now on.
+    /// Files begun with the new graph.
     pub begun: Vec<PathBuf>,
-    /// What is complete, as the new graph does not have it.
+    /// Files completed because the new graph does not write them.
     pub ended: Vec<PathBuf>,
-    /// What would have to be begun again, and is not: it holds other signals.
+    /// Files of the new graph that are not written: a file of that name already has other signals.
     pub left_out: Vec<PathBuf>,
 }
 
-/// Why another graph was not put in place.
+/// Why the graph was not replaced.
 #[derive(Debug, thiserror::Error)]
 pub enum ChangeError {
-    /// It does not go with what runs.
+    /// The new plan cannot replace the running one.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// A file of it cannot be written.
+    /// A file of the new graph cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Its drivers are not those that run.
-    #[error("its drivers are {wanted} now, and {running} run; that needs a new run")]
+    /// The new graph has other drivers.
+    #[error("the new graph needs {wanted}, but the run has {running}; start a new run")]
     OtherDrivers {
-        /// Those that run, with their rates.
+        /// Drivers of the run, with their rates.
         running: String,
-        /// Its own.
+        /// Drivers of the new graph.
         wanted: String,
     },
-    /// A device would be in two plans for a while.
-    #[error("`{device}` is driven by {driver} now, and was not; that needs a new run")]
+    /// A device moves to another driver: two plans would share it for a while.
+    #[error("`{device}` moves to driver {driver}, which a running graph cannot do; start a new run")]
     MovedDevice {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// The driver that it hangs from in the new graph.
+        /// Its driver in the new graph.
         driver: String,
     },
-    /// One driver gets an actuator before another has let go of one: by another name it may be the same, and still warm.
+    /// A driver adds an actuator before another has released one: both may be the same hardware, which is still warm.
     #[error(
-        "`{device}` would be driven by {driver} before {other} has let go of `{left}`: save the graph without \
-         `{device}` first, and with it a second later"
+        "{driver} cannot drive `{device}` until {other} has released `{left}`: save the graph without `{device}`, and \
+         with it a second later"
     )]
     NotReleased {
-        /// The device that is new.
+        /// The added device.
         device: String,
         /// Its driver.
         driver: String,
-        /// The device that is not let go of yet.
+        /// The device that is not released yet.
         left: String,
         /// Its driver.
         other: String,
     },
 }
 
-/// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
-/// new ones is, and the entries that do not.
+/// Streams that continue in a new graph.
 #[derive(Default)]
 struct KeptStreams {
+    /// (old, new) index of each tap that continues.
     kept: Vec<(usize, usize)>,
+    /// (entry, stream) of each of them.
     places: Vec<(usize, usize)>,
+    /// Entries that end.
     ended: Vec<usize>,
-    /// The ports that the caller goes on reading.
+    /// The ports that the caller continues to read.
     probed: Vec<Port>,
 }
 
-/// A new graph, ready to take over.
+/// A new graph, ready to replace the running one.
 struct Ready {
-    /// By driver.
+    /// One for each driver.
     plans: Vec<Prepared>,
     rings: Vec<Arc<RingMeter>>,
-    /// Far ends of the rings of taps that are new.
+    /// Read ends of the rings of new taps.
     outs: Vec<Option<Consumer<f64>>>,
 }
 
 impl Session {
-    /// Puts another graph in place of the one that runs. Files that both write go on; new ones are opened in
-    /// `folder`, and what the new graph has no more is completed. All drivers take it, each when it is ready, or none does.
+    /// Replaces the running graph. Files that both graphs write continue; new files are opened in `folder`; files that
+    /// only the old graph writes are completed. Either all drivers change over, each when it is ready, or none does.
     ///
     /// # Errors
-    /// [`ChangeError`]; the graph that runs goes on.
+    /// [`ChangeError`]; the running graph continues.
     pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
         self.change_with(graph, Some(folder), None)
             .map(|(changed, _)| changed)
     }
 
-    /// As [`change`](Self::change); where `probes` are given, those are the outputs that the caller reads from now on.
-    /// The streams of those that are new are returned in the order of their rings.
+    /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
+    /// Returns the streams of new probes in the order of their rings.
     pub(crate) fn change_with(
         &mut self,
         graph: &Graph,
@@ -161,7 +163,7 @@ impl Session {
         Ok((changed, begun_probes))
     }
 
-    /// Taps what goes on in a new graph; of what the caller reads, where `probes` are given, those alone.
+    /// Taps the streams that continue in a new graph. If `probes` are given, only those probes continue.
     fn keep_streams(&self, file_sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
         let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
@@ -193,7 +195,7 @@ impl Session {
         kept_streams
     }
 
-    /// Does a new graph's port hang from the driver that has a tap of the present plans?
+    /// Whether a port of the new graph has the driver that a tap of the present plans has.
     fn has_tap(&self, graph: &Graph, port: (NodeId, usize), tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
         let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))
@@ -203,7 +205,7 @@ impl Session {
         self.controls.len() == 1 || control.plan().driver_name() == graph.clocks()[driver].name
     }
 
-    /// Opens the files that a new graph has more; returns those that would have to be begun again.
+    /// Opens the files that only the new graph writes. Returns those that cannot be begun again.
     fn open_new(
         &self,
         file_sinks: &mut FileSinks<'_>,
@@ -224,7 +226,7 @@ impl Session {
         Ok(left_out)
     }
 
-    /// Lays out a new graph for all drivers, with the rings between them and to the files.
+    /// Plans a new graph for all drivers, with the rings between them and to the files.
     fn prepare(&self, file_sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
         let options = PlanOptions {
             block: self.block,
@@ -254,7 +256,7 @@ impl Session {
         Ok(Ready { plans, rings, outs })
     }
 
-    /// Refuses a plan that has a device of another driver's.
+    /// Refuses a plan that uses a device of another driver.
     fn check_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
         let others = self
             .controls
@@ -272,7 +274,7 @@ impl Session {
         Ok(())
     }
 
-    /// Refuses plans of which one drives something new while something that another driver drove may still be driven.
+    /// Refuses plans in which a driver adds an actuator while another driver may still drive one that it drops.
     fn check_handover(&self, plans: &[Plan]) -> Result<(), ChangeError> {
         let changes = || self.controls.iter().zip(plans);
         for (driver, (control, plan)) in changes().enumerate() {
@@ -304,7 +306,7 @@ impl Session {
         Ok(())
     }
 
-    /// The plans of a new graph in the order of the drivers that run.
+    /// The plans of a new graph in the order of the running drivers.
     fn by_driver(&self, mut plans: Vec<Plan>) -> Result<Vec<Plan>, ChangeError> {
         if let ([_], [_]) = (&self.controls[..], &plans[..]) {
             return Ok(plans);
@@ -334,7 +336,7 @@ fn drivers<'p>(plans: impl Iterator<Item = &'p Plan>) -> String {
 }
 
 impl Entry {
-    /// The ports of a graph that carry what is written here, if it has them all.
+    /// The ports of a graph that carry the streams of this entry, if it has all of them.
     fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeId, usize)>> {
         if let Some(sink) = &self.sink {
             let (index, _) = graph.written_files().find(|(_, file)| file == sink)?;
