@@ -1,5 +1,4 @@
-//! Ends of channels whose shape is known when the program runs: what typed handles are made of, and what bindings to other
-//! languages hold.
+//! Untyped handles, whose kind of frame is checked at run time: the base of typed handles and of language bindings.
 
 use super::handles::{Full, HostError};
 use super::queue::{Due, Queue};
@@ -11,21 +10,21 @@ use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// The caller's end of a channel that nodes read, of any shape.
+/// Handle of a channel that nodes read, of any kind.
 #[derive(Debug)]
 pub struct AnyInput {
     about: About,
     queue: ClaimedQueue,
 }
 
-/// The caller's end of a channel that nodes drive, or of a probe, of any shape.
+/// Handle of a channel that nodes drive, or of a probe, of any kind.
 #[derive(Debug)]
 pub struct AnyOutput {
     about: About,
     from: From,
 }
 
-/// What is known of a channel.
+/// Description of a channel.
 #[derive(Debug)]
 pub(super) struct About {
     pub name: String,
@@ -40,7 +39,7 @@ enum From {
     Ring(Consumer<f64>),
 }
 
-/// A queue while its handle is out.
+/// A queue claimed by a handle.
 #[derive(Debug)]
 struct ClaimedQueue(Arc<Queue>);
 
@@ -76,31 +75,31 @@ impl AnyInput {
         Ok(Self { about, queue })
     }
 
-    /// From the next tick on the channel has these components, as many as its shape has. Real-time safe.
+    /// Sets the value of the channel from the next tick on. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where they cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn set(&mut self, components: &[f64]) -> Result<(), Full> {
         self.put(Due::Now, components)
     }
 
-    /// The same from `seconds` of the run on. Values come in the order of their times. Real-time safe.
+    /// Sets the value from `seconds` of the run on. Call it in the order of times. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where they cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, components: &[f64]) -> Result<(), Full> {
         if !seconds.is_finite() {
             return Err(Full::NotFinite);
         }
-        // A time that falls on a tick is that tick's, in spite of the last bit.
+        // A time on a tick belongs to that tick, despite rounding.
         let tick = (seconds.max(0.0) * self.about.rate.hz() - 1e-6).ceil().max(0.0);
         self.put(Due::Tick(tick as u64), components)
     }
 
-    /// The frame of the next tick that has none yet. Real-time safe.
+    /// Queues the frame of the next tick that has none yet. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where it cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn push(&mut self, components: &[f64]) -> Result<(), Full> {
         self.put(Due::Next, components)
     }
@@ -118,12 +117,12 @@ impl AnyInput {
         }
     }
 
-    /// Frames that wait for their tick.
+    /// Number of frames that wait for their tick.
     pub fn waiting(&self) -> usize {
         self.queue.0.len()
     }
 
-    /// Shape of a frame.
+    /// Kind of its frames.
     pub fn kind(&self) -> Kind {
         self.about.kind
     }
@@ -138,14 +137,14 @@ impl AnyInput {
         self.about.quantity
     }
 
-    /// Endpoint and channel.
+    /// Name of endpoint and channel.
     pub fn name(&self) -> &str {
         &self.about.name
     }
 }
 
 impl AnyOutput {
-    /// Of a queue, from now on: what nobody read is of the handle before.
+    /// Makes the handle of a queue and drops the frames of an earlier handle.
     pub(super) fn of_queue(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
         let from = From::Queue(ClaimedQueue::of(&about, queue)?);
         while queue.take_if(|_| true, &mut []).is_some() {}
@@ -163,20 +162,19 @@ impl AnyOutput {
         Self { about, from }
     }
 
-    /// Fills `components`, as many as the shape has, with the next frame that has not been read, if there is one. Real-time
-    /// safe.
+    /// Fills `components` with the oldest unread frame. Returns whether there was one. Real-time safe.
     pub fn take(&mut self, components: &mut [f64]) -> bool {
         if components.len() != self.about.kind.width() {
             return false;
         }
         match &mut self.from {
             From::Queue(queue) => queue.0.take_if(|_| true, components).is_some(),
-            // Whole frames were put in.
+            // The ring has whole frames only.
             From::Ring(ring) => ring.pop_entire_slice(components).is_ok(),
         }
     }
 
-    /// Frames that wait to be read; what comes while a second's worth waits is lost.
+    /// Number of unread frames. Frames beyond a second are lost.
     pub fn waiting(&self) -> usize {
         match &self.from {
             From::Queue(queue) => queue.0.len(),
@@ -184,7 +182,7 @@ impl AnyOutput {
         }
     }
 
-    /// Shape of a frame.
+    /// Kind of its frames.
     pub fn kind(&self) -> Kind {
         self.about.kind
     }
@@ -199,7 +197,7 @@ impl AnyOutput {
         self.about.quantity
     }
 
-    /// Endpoint and channel, or the probed output.
+    /// Name of endpoint and channel, or of the probed output.
     pub fn name(&self) -> &str {
         &self.about.name
     }

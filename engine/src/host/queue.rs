@@ -5,16 +5,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 /// When a queued frame takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Due {
-    /// At the first tick that comes, with everything else that is due then.
+    /// At the next tick, with all other frames that are due then.
     Now,
-    /// At a tick of its own: the next that has not taken one yet.
+    /// At the next tick that has no frame yet.
     Next,
-    /// At this tick, or the first that comes after.
+    /// At this tick or the first one after it.
     Tick(u64),
 }
 
 impl Due {
-    fn to_word(self) -> u64 {
+    fn to_bits(self) -> u64 {
         match self {
             Self::Now => 0,
             Self::Next => u64::MAX,
@@ -22,8 +22,8 @@ impl Due {
         }
     }
 
-    fn of_word(word: u64) -> Self {
-        match word {
+    fn from_bits(bits: u64) -> Self {
+        match bits {
             0 => Self::Now,
             u64::MAX => Self::Next,
             tick => Self::Tick(tick - 1),
@@ -31,18 +31,18 @@ impl Due {
     }
 }
 
-/// Frames of `width` components from one thread to one other.
+/// A bounded queue of frames of `width` components between two threads.
 ///
-/// Only the side that puts moves `put`, only the side that takes moves `taken`: a frame's words are written before `put`
-/// says so, and not written again before `taken` says so.
+/// Only the producer increments `put` and only the consumer increments `taken`. The words of a frame are written before
+/// `put` covers them, and not overwritten before `taken` does.
 #[derive(Debug)]
 pub(super) struct Queue {
     width: usize,
-    /// When each is due, then its components.
+    /// For each frame its due time, then its components.
     words: Box<[AtomicU64]>,
     put: AtomicU64,
     taken: AtomicU64,
-    /// Does somebody have the caller's end of it?
+    /// Whether a handle has claimed the caller's end.
     pub held: AtomicBool,
 }
 
@@ -72,14 +72,14 @@ impl Queue {
         &self.words[at..at + self.width + 1]
     }
 
-    /// Adds a frame, if there is room. Only ever called by one thread.
+    /// Adds a frame, if there is room. Only the producer calls it.
     pub fn put(&self, due: Due, components: &[f64]) -> bool {
         let number = self.put.load(Ordering::Relaxed);
         if number - self.taken.load(Ordering::Acquire) >= self.capacity() as u64 {
             return false;
         }
         if let [stamp, words @ ..] = self.place(number) {
-            stamp.store(due.to_word(), Ordering::Relaxed);
+            stamp.store(due.to_bits(), Ordering::Relaxed);
             for (word, component) in words.iter().zip(components) {
                 word.store(component.to_bits(), Ordering::Relaxed);
             }
@@ -88,7 +88,7 @@ impl Queue {
         true
     }
 
-    /// Takes the oldest frame if `wanted` says so of when it is due. Only ever called by one thread.
+    /// Takes the oldest frame if `wanted` holds for its due time. Only the consumer calls it.
     pub fn take_if(&self, wanted: impl FnOnce(Due) -> bool, components: &mut [f64]) -> Option<Due> {
         let number = self.taken.load(Ordering::Relaxed);
         if number == self.put.load(Ordering::Acquire) {
@@ -97,7 +97,7 @@ impl Queue {
         let [stamp, words @ ..] = self.place(number) else {
             return None;
         };
-        let due = Due::of_word(stamp.load(Ordering::Relaxed));
+        let due = Due::from_bits(stamp.load(Ordering::Relaxed));
         if !wanted(due) {
             return None;
         }
@@ -108,7 +108,7 @@ impl Queue {
         Some(due)
     }
 
-    /// Takes all that is due at a tick; is told of the last. Did anything come?
+    /// Takes all frames that are due at a tick into `components`, which keeps the last. Returns whether there was one.
     pub fn take_due(&self, tick: u64, components: &mut [f64]) -> bool {
         let mut came = false;
         let is_due = |due| match due {

@@ -1,4 +1,4 @@
-//! Running a plan as fast as the processor allows, its signals written to files.
+//! Offline runs: as fast as the processor allows, signals written to files.
 
 use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs};
 use super::file_sinks::{FileSinks, WriteError};
@@ -20,36 +20,36 @@ pub struct Offline<'a> {
     threads: usize,
 }
 
-/// What a run did.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Driver frames run, by the first driver.
+    /// Frames of the first driver.
     pub driver_frames: u64,
-    /// The same in seconds.
+    /// Duration by the first driver, s.
     pub seconds: f64,
-    /// Was it stopped before its end?
+    /// Whether it was stopped before its end.
     pub stopped: bool,
-    /// What was seen of signals that are not numbers.
+    /// NaN and infinity at actuators.
     pub faults: Faults,
-    /// What each actuator sink held back.
+    /// Limiter counts of each actuator sink.
     pub actuators: Vec<ActuatorReport>,
-    /// What happened to the rings between its drivers.
+    /// Counters of the rings between its drivers.
     pub rings: Vec<RingReport>,
 }
 
-/// A ring between two drivers.
+/// Report of a ring between two drivers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RingReport {
     /// Output and input.
     pub name: String,
     /// The declared latency, s.
     pub latency_s: f64,
-    /// What was counted.
+    /// Its counters.
     pub counts: RingCounts,
 }
 
 impl RingReport {
-    /// What is known of it now.
+    /// Snapshot of a ring.
     pub fn of(meter: &RingMeter) -> Self {
         Self {
             name: meter.name.clone(),
@@ -65,10 +65,10 @@ pub enum OfflineError {
     /// A file could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// What is to be repeated cannot be.
+    /// The run cannot be replayed.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// A worker thread ended early; only a panic in a node can do that.
+    /// A worker thread ended early: a node panicked.
     #[error("a worker thread ended early: a node panicked")]
     Worker,
 }
@@ -83,19 +83,19 @@ impl<'a> Offline<'a> {
         }
     }
 
-    /// Spreads the plan over this many threads, a stretch of its steps each; the samples stay the same. A graph with
-    /// several drivers runs on one.
+    /// Spreads the steps of the plan over this many threads; the samples stay the same. A graph with several drivers
+    /// runs on one.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads.max(1);
         self
     }
 
-    /// Runs for `seconds`, until the data of a source end that ends the run, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
-    /// complete afterwards, also when it was stopped.
+    /// Runs for `seconds`, until a source that stops the run has no more data, or until `stop` is set. Calls `progress`
+    /// with the seconds done. Completes all files, also when stopped.
     ///
     /// # Errors
-    /// [`OfflineError`] where a file cannot be written or a worker ended.
+    /// [`OfflineError`] if a file cannot be written or a node panicked.
     pub fn run(
         self,
         seconds: f64,
@@ -117,19 +117,18 @@ impl<'a> Offline<'a> {
             1 => run_single(plans.remove(0), self.threads, request, &mut files, progress),
             _ => run_several(plans, request, &mut files, progress),
         };
-        // Also after a failure, such as a full disk: what was written stays and is complete up to there.
+        // Also after a failure, such as a full disk: the files are complete up to there.
         let finished = files.finish();
         let outcome = outcome?;
         finished?;
         Ok(outcome)
     }
 
-    /// Repeats a live run from what its drivers saw of their rings then, and what was set meanwhile, as it stands in
-    /// `folder`, with what its live inputs sensed: the same bits, up to where it ended or another graph took over. What
-    /// stands there is checked against `bounds` before anything runs.
+    /// Replays a live run from the log in `folder`, bit for bit, up to its end or a change of graph. Checks the log against
+    /// `bounds` first.
     ///
     /// # Errors
-    /// [`OfflineError`] where a file cannot be written, or what is in the folder is not of such a run of this graph.
+    /// [`OfflineError`] if a file cannot be written, or the log is not of a run of this graph within the bounds.
     pub fn replay(
         self,
         (folder, bounds): (&Path, &ReplayBounds),
@@ -178,7 +177,7 @@ impl<'a> Offline<'a> {
     }
 }
 
-/// What is run, for how long.
+/// A run of a graph for some time.
 #[derive(Clone, Copy)]
 struct Request<'a> {
     graph: &'a Graph,
@@ -276,14 +275,14 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Frames of the block that begins at `done`; none at the end or when stopped.
+    /// Length of the block that begins at `done`; `None` at the end or when stopped.
     fn after(&self, done: u64) -> Option<usize> {
         let left = self.total.saturating_sub(done);
         (left > 0 && !self.stop.load(Ordering::Relaxed)).then(|| left.min(self.block) as usize)
     }
 }
 
-/// The plan's steps in as many stretches of equal length as `threads`, never through an island.
+/// Cuts the plan's steps into `threads` stages of equal length, never within an island.
 fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
     let mut starts = Vec::new();
     let mut number = 0;
@@ -300,13 +299,13 @@ fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
     cuts.windows(2).map(|pair| pair[0]..pair[1]).collect()
 }
 
-/// A block on its way from one stage to the next: its frames, and the buffers that live across the cut.
+/// A block between two stages: its length, and the buffers that live across the cut.
 struct StageBlock {
     frames: usize,
     buffers: Vec<Vec<f64>>,
 }
 
-/// Runs each stretch of steps on a thread of its own, blocks passing from one to the next.
+/// Runs each stage on a thread of its own; blocks pass from one stage to the next.
 fn pipeline(
     plan: &Arc<Plan>,
     stages: &[Range<usize>],
@@ -389,14 +388,14 @@ fn stage_block(run: &mut Run, stage: &Range<usize>, block: &StageBlock) {
     run.steps(stage.clone());
 }
 
-/// The buffers that are written before a cut of the list and needed after it.
+/// The buffers that are written before a cut and needed after it.
 fn crossing(plan: &Plan, cut: usize) -> impl Iterator<Item = &Life> {
     plan.lives
         .iter()
         .filter(move |life| life.from < cut && life.to >= cut)
 }
 
-/// The whole run's outcome: of every actuator what its own stage saw.
+/// Merges the outcomes of the stages; each actuator's report comes from its own stage.
 fn merge(plan: &Plan, stages: &[Range<usize>], runs: &[Run]) -> (u64, Faults, Vec<ActuatorReport>) {
     let mut faults = Faults::default();
     let mut actuators: Vec<ActuatorReport> = Vec::new();

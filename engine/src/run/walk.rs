@@ -1,4 +1,4 @@
-//! One walk through the steps of a plan: real-time code.
+//! Runs the steps of a plan: real-time code.
 
 use super::State;
 use super::actuator::When;
@@ -13,14 +13,14 @@ use crate::plan::{BridgeKind, Plan, StepWork};
 use std::ops::Range;
 
 impl State {
-    /// After a processor was changed or replaced by another of its kind.
+    /// Updates the single-frame form of a processor after a change of its settings or state.
     pub(super) fn update_single(&mut self, processor: usize) {
         if let Some(single) = self.processors[processor].single() {
             self.singles[processor].single = single;
         }
     }
 
-    /// Sets a live setting of what does this work.
+    /// Sets a live setting of the processor or actuator of this work.
     pub(super) fn set(&mut self, work: StepWork, setting: usize, value: f64) {
         match work {
             StepWork::Process(index) => {
@@ -109,7 +109,7 @@ impl State {
         let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
         for (step, processor) in self.singles[range].iter().zip(processors) {
-            // In a chain the frame stays in a register: a load has to wait for the store before it.
+            // In a chain the frame stays in a register: a load would wait for the preceding store.
             let x = match step.from == latest_at {
                 true => latest,
                 false => memory[step.from as usize],
@@ -120,8 +120,7 @@ impl State {
         }
     }
 
-    /// Runs processors that follow one another at one clock, up to one that can do without ports in this window;
-    /// returns how many.
+    /// Runs successive processors of a clock, up to one that needs no ports in this window. Returns how many.
     #[inline(never)]
     fn with_ports(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
         let window = self.windows.of(lines[0].clock);

@@ -1,4 +1,4 @@
-//! Repeating what drivers saw.
+//! Replays the logs of drivers.
 
 use super::super::Run;
 use super::super::async_resampler::{AsyncResamplerReader, AsyncResamplerWriter};
@@ -18,18 +18,19 @@ use crate::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What one callback or one ramp lasts at most, s: no driver makes up for longer stalls.
+/// Longest possible callback or ramp, s: no driver catches up after a longer stall.
 const LONGEST_S: f64 = 10.0;
-/// How often a driver wakes at most where it has nothing to run, Hz; and wakes that no time has to pass for.
+/// Largest rate of wake-ups without frames, Hz.
 const WAKES_HZ: f64 = 2000.0;
+/// Tolerance of the number of wake-ups.
 const SPARE_WAKES: f64 = 1e4;
 
-/// The callbacks of a driver as they stand in its file, each checked against those before it.
+/// Reads the callbacks of a driver from its file and checks each against those before it.
 struct Rows {
     lines: Lines,
     columns: usize,
     gates: usize,
-    /// At most: frames of a callback, frames in all, and lines.
+    /// Largest number of frames of a callback, of frames in all, and of lines.
     most: [f64; 3],
     /// Frames and lines so far.
     frames: u64,
@@ -62,13 +63,13 @@ impl Rows {
         })
     }
 
-    /// Reads the next line into `row`, which is empty behind the last.
+    /// Reads the next line into `row`; empty at the end of the file.
     fn next(&mut self, row: &mut Vec<u32>) -> Result<(), ReplayError> {
         row.clear();
         let Some(text) = self.lines.next()? else {
             return Ok(());
         };
-        // Nothing is too large: a line with something that is no whole number is refused as a whole.
+        // A cell that is not a whole number is dropped, and its line refused for the missing column.
         row.extend(text.split(',').take(self.columns).flat_map(str::parse::<u32>));
         if row.len() != self.columns || text.split(',').count() != self.columns {
             return Err(self.lines.malformed(self.columns));
@@ -92,10 +93,10 @@ impl Rows {
     }
 }
 
-/// What is to be set of a driver, as it stands in its file.
+/// Reads the setting changes of a driver from its file.
 struct Changes {
     lines: Lines,
-    /// The live settings, and how each is called in a line.
+    /// The live settings with their names in the file.
     known: Vec<(String, LiveSetting)>,
     most_frames: f64,
     begin: u64,
@@ -151,8 +152,8 @@ impl Changes {
     }
 }
 
-/// Reads all logs of a run in its folder, and refuses what a run of that length cannot have written. Memory is of a
-/// constant size; `goes_on` is asked now and then.
+/// Reads all logs of a run and refuses what a run of that length cannot have written. Uses constant memory; stops early
+/// if `goes_on` returns false.
 pub(in super::super) fn check_logs(
     (graph, plans): (&Graph, &[Arc<Plan>]),
     folder: &Path,
@@ -185,19 +186,20 @@ pub(in super::super) fn check_logs(
     Ok(())
 }
 
-/// What a driver saw, as it is read from its files while it is repeated.
+/// Replay of a driver from its files.
 pub(in super::super) struct Arrivals {
     rows: Rows,
-    /// The callback that is next; empty behind the last.
+    /// The next callback; empty at the end.
     row: Vec<u32>,
     gated: Vec<usize>,
-    /// Of each ring that is read: frames that had arrived by the line done last.
+    /// Frames arrived by the last callback, for each ring that is read.
     arrived: Vec<u64>,
     fading: bool,
-    /// Another graph took over.
+    /// Whether another graph took over.
     replaced: bool,
-    /// What is to be set, and what of it is next.
+    /// Setting changes.
     changes: Changes,
+    /// The next change.
     change: Option<ParamRamp>,
     ramps: ParamRamps,
 }
@@ -224,7 +226,7 @@ impl Arrivals {
         self.replaced || self.row.is_empty()
     }
 
-    /// Runs the next callback, if everything that it saw has been sent by now and what it sent finds room.
+    /// Runs the next callback, if the frames that it read have arrived and those that it sent fit.
     fn run_next<E: From<ReplayError>>(
         &mut self,
         run: &mut Run,
@@ -267,7 +269,7 @@ impl Arrivals {
     }
 }
 
-/// Has everything been sent that a callback saw, and does what it sent find room?
+/// Whether the frames that a callback read have arrived and those that it sent fit.
 fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
     let ring_ends = &run.state.ring_ends;
     let seen = before
@@ -285,7 +287,7 @@ fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> 
     sees && fits
 }
 
-/// Lets a run see its rings as the callback did.
+/// Sets the rings of a run to the counts of the callback.
 fn apply(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
     let ring_ends = &mut run.state.ring_ends;
     for (reader, (before, more)) in ring_ends.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
@@ -302,7 +304,7 @@ fn apply(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
 }
 
 impl Run {
-    /// Was everything read of the live inputs that is repeated?
+    /// Returns the first error of the input scripts.
     fn check_inputs(&mut self) -> Result<(), ReplayError> {
         let scripts = self
             .state
@@ -317,7 +319,7 @@ impl Run {
 }
 
 impl Runner {
-    /// Lets what the live inputs sensed come from a run's folder.
+    /// Replays the live inputs from a run's folder.
     pub(in super::super) fn repeat_inputs(
         &mut self,
         (graph, plans): (&Graph, &[Arc<Plan>]),
@@ -328,7 +330,7 @@ impl Runner {
             for (place, script) in scripts(graph, plan, (folder, driver), bounds)? {
                 run.state.devices[place].script = Some(script);
             }
-            // Nothing was heard yet, whatever these devices told this process before.
+            // No input has been heard yet in the replayed run.
             for place in gated(plan) {
                 run.state.actuators[place].gate = SilenceGate::new(false);
             }
@@ -336,8 +338,8 @@ impl Runner {
         Ok(())
     }
 
-    /// Repeats the callbacks of a live run, each driver's in their order. `each` sees every block of every driver;
-    /// `goes_on` is asked now and then.
+    /// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops early if
+    /// `goes_on` returns false.
     pub(in super::super) fn replay<E: From<ReplayError>>(
         &mut self,
         scripts: &mut [Arrivals],
@@ -347,7 +349,7 @@ impl Runner {
         while goes_on() {
             let mut moved = false;
             for (driver, (script, run)) in scripts.iter_mut().zip(self.runs_mut()).enumerate() {
-                // As far as the others let it: a ring holds little.
+                // Until the driver has to wait for the others: a ring holds little.
                 while goes_on() && script.run_next(run, |run| each(driver, run))? {
                     moved = true;
                 }
@@ -356,7 +358,7 @@ impl Runner {
                 return Ok(());
             }
             if !moved && scripts.iter().any(|script| script.replaced) {
-                // The others saw what the graph after this one sent.
+                // The other drivers read frames of the next graph.
                 return Ok(());
             }
             if let (false, true, Some(stuck)) =
