@@ -1,13 +1,13 @@
-//! What a processor sees of its signals: typed slices, exactly as many frames as the tick has.
+//! Inputs and outputs of a processor: typed slices with the frames of a tick.
 
 use crate::frame::{Contact, Weights};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::hint::black_box;
 
-/// All buffers of a run: one stretch of f64 that begins on a cache line, as does every buffer in it.
+/// The memory of a run: all buffers in one slice, each aligned to a cache line.
 ///
-/// Alignment alone is worth a factor of two in cheap nodes; it is reached by an offset into an ordinary vector. One
-/// stretch, because a step borrows its own buffer and everything around it at once by two splits, without a move.
+/// Alignment makes cheap nodes twice as fast; an offset into a vector gives it. With one slice a step borrows its own
+/// buffer and everything around it by two splits.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     data: Vec<f64>,
@@ -39,8 +39,8 @@ impl Memory {
 /// f64s in the smallest page that systems have.
 const PAGE: usize = 512;
 
-/// A buffer whose pages are in memory before it is used. The system only promises a buffer of zeros: each of its pages is
-/// fetched where it is first written, and that must not be the real-time thread.
+/// Touches every page of a buffer. The system maps a page of a zeroed buffer at its first write, which must not happen in
+/// the real-time thread.
 pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
     let last = buffer.len().checked_sub(1);
     for at in (0..buffer.len()).step_by(PAGE).chain(last) {
@@ -49,7 +49,7 @@ pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
     buffer
 }
 
-/// An empty ring whose pages are in memory before it is used.
+/// Makes an empty ring whose pages are mapped.
 pub(crate) fn touched_ring(capacity: usize) -> (Producer<f64>, Consumer<f64>) {
     let (mut into, mut out) = RingBuffer::new(capacity);
     if let Ok(all) = into.write_chunk_uninit(capacity) {
@@ -69,7 +69,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// What lies before the buffer, the buffer, and what lies behind it.
+    /// Splits the memory into the part before the buffer, the buffer, and the part behind it.
     #[inline]
     pub(crate) fn split(self, memory: &mut [f64]) -> (&[f64], &mut [f64], &[f64]) {
         let (before, rest) = memory.split_at_mut(self.start as usize);
@@ -78,7 +78,7 @@ impl Extent {
     }
 }
 
-/// An input of a step as it runs, everything looked up.
+/// An input of a step, resolved to memory.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ResolvedInput {
     /// First component of the port, in the memory before the step's own buffer or behind it.
@@ -88,7 +88,7 @@ pub(crate) struct ResolvedInput {
     pub form: Form,
 }
 
-/// Where an input of a step lies, in a plan.
+/// An input of a step in a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Binding {
     pub slot: u32,
@@ -96,22 +96,22 @@ pub(crate) struct Binding {
     pub start: u32,
     pub width: u32,
     pub form: Form,
-    /// Clock whose window says which frames of the buffer are meant.
+    /// Clock whose window selects the frames of the buffer.
     pub clock: u32,
 }
 
-/// How an input's frames lie in its buffer.
+/// Layout of an input's frames in its buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
-    /// A frame a tick of the clock of the reader.
+    /// One frame per tick of the reader's clock.
     Sampled,
     /// `[count, (start, components..), ..]` as written by a hold.
     Runs,
-    /// Nothing is connected.
+    /// Not connected.
     Absent,
 }
 
-/// Where an output of a step lies in its own buffer.
+/// Place of an output in the buffer of its step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Placing {
     pub start: u32,
@@ -121,8 +121,8 @@ pub(crate) struct Placing {
 /// The inputs and outputs of one call of `process`.
 ///
 /// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
-/// port from its place on; outputs likewise. Asking for a port that is not there, or with another width than its
-/// kind's, gives an empty slice; in a build with debug assertions, as tests are, it panics.
+/// port one after the other; outputs likewise. A port that does not exist or has another width gives an empty slice; with
+/// debug assertions, as in tests, it panics.
 pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.
@@ -148,7 +148,7 @@ impl<'a> Io<'a> {
         self.inputs.len()
     }
 
-    /// Is this input connected?
+    /// Whether this input is connected.
     #[inline]
     pub fn connected(&self, input: usize) -> bool {
         self.inputs

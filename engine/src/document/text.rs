@@ -1,8 +1,7 @@
-//! RON text into values that know their place.
+//! Parser of RON text into values with places.
 //!
-//! ron keeps no places of values and stops at the first error, so structure is read here: one pass over the text
-//! for tokens, one over the brackets, one for values. Every pass is linear, and reading goes on after an error at
-//! the next comma. The escapes of strings are ron's own.
+//! The ron crate keeps no places and stops at the first error. This parser has three linear passes: tokens, brackets and
+//! values. It continues after an error at the next comma. String escapes are parsed by ron.
 
 mod tokens;
 

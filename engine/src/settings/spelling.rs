@@ -1,4 +1,4 @@
-//! What somebody may have meant who wrote a name that is not there.
+//! Suggestions for misspelt names.
 
 /// Longer words, in bytes, are not compared.
 const MAX_COMPARED: usize = 64;
