@@ -15,7 +15,7 @@ pub struct Prediction {
     pub variance: f64,
 }
 
-/// Why a model cannot be made or used.
+/// Error of making or using a model.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PredictionError {
     /// A polynomial with a root on or outside the unit circle.
@@ -28,20 +28,20 @@ pub enum PredictionError {
         /// Its value.
         reflection: f64,
     },
-    /// A numerator or denominator that is not a number.
+    /// A NaN or infinite coefficient.
     #[error("a coefficient is not a finite number")]
     NotFinite,
     /// Fewer lags or samples than the order needs.
     #[error("order {order} needs {needed} values and only {given} were given")]
     TooShort {
-        /// The order asked for.
+        /// The requested order.
         order: usize,
         /// Lags or samples needed.
         needed: usize,
         /// Lags or samples given.
         given: usize,
     },
-    /// Lags that no signal has.
+    /// Lags that are not an autocovariance.
     #[error("these lags are not an autocovariance: at lag {lag} the prediction error would become negative")]
     NotAnAutocovariance {
         /// The first impossible lag.

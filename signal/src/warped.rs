@@ -1,4 +1,4 @@
-//! Polynomials on a warped frequency axis: all-pole models whose resolution lies where the hand feels.
+//! Polynomials on a warped frequency axis: all-pole models with higher resolution at low frequencies.
 //!
 //! The unit delay of `A(z)` is replaced by the all-pass `D(z) = (z^-1 - l) / (1 - l z^-1)` with the warping factor
 //! `l` in [0, 1). On the unit circle `D = exp(-j W)` with the warped frequency `W(w) = w + 2 atan2(l sin w, 1 - l cos w)`,

@@ -22,10 +22,10 @@ pub struct Lattice {
     arch: Arch,
 }
 
-/// What a lattice runs with.
+/// Parameters of a lattice.
 #[derive(Debug, Clone)]
 pub(super) struct Coefficients {
-    /// How many stages there are.
+    /// Number of stages.
     pub order: usize,
     /// The reflection coefficient `k_m` of each stage, from stage 1; beyond the order 0.
     pub sine: [f64; MAX_ORDER],
@@ -88,7 +88,7 @@ impl Default for Lattice {
 }
 
 impl Lattice {
-    /// A filter at rest that passes its excitation on.
+    /// Makes a filter with zero state that passes its excitation.
     pub fn new() -> Self {
         Self {
             coefficients: Coefficients::IDENTITY,
@@ -98,7 +98,7 @@ impl Lattice {
         }
     }
 
-    /// The coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
+    /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
     /// [`ArmaError`] for too many, not finite or unstable ones, keeping the old.
@@ -115,7 +115,7 @@ impl Lattice {
         in_runs(self, 1, excitation, out);
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         self.backward.fill(0.0);
         self.since_settled = 0;

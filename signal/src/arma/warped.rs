@@ -36,7 +36,7 @@ impl Default for WarpedLattice {
 }
 
 impl WarpedLattice {
-    /// A silent filter at rest: it has no coefficients yet.
+    /// Makes a silent filter without coefficients.
     pub fn new() -> Self {
         Self {
             step: Box::new(Step::SILENT),
@@ -46,7 +46,7 @@ impl WarpedLattice {
         }
     }
 
-    /// The coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in
+    /// Sets the coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in
     /// 0..=[`MAX_WARPING`](crate::warped::MAX_WARPING), and the gain. Does not allocate.
     ///
     /// # Errors
@@ -77,13 +77,13 @@ impl WarpedLattice {
         in_runs(self, 1, excitation, out);
     }
 
-    /// Goes on as another filter would: its coefficients and its state. Does not allocate.
+    /// Copies the coefficients and the state of another filter. Does not allocate.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.step.clone_from(&other.step);
         (self.state, self.since_settled) = (other.state, other.since_settled);
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         self.state.fill(0.0);
         self.since_settled = 0;

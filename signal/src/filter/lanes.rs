@@ -62,7 +62,7 @@ impl<const L: usize> SectionLanes<L> {
 }
 
 impl<const L: usize> Running<L> {
-    /// Puts lanes to rest that have died away or are no longer finite.
+    /// Clears lanes that are silent, NaN or infinite.
     fn settle(&mut self) {
         for l in 0..L {
             let [s1, s2] = [self.state[0][l], self.state[1][l]];

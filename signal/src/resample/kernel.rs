@@ -154,7 +154,7 @@ pub(super) struct History {
 }
 
 impl History {
-    /// All zero. Allocates here and never again.
+    /// All zero. Allocates here only.
     pub fn new(width: usize) -> Self {
         Self {
             samples: vec![0.0; width + width.max(512)].into_boxed_slice(),

@@ -26,7 +26,7 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// A resampler of a signal that was zero before its first sample. Allocates here and never again.
+    /// A resampler of a signal that was zero before its first sample. Allocates here only.
     ///
     /// # Errors
     /// [`ResampleError`] for a quality that makes no filter, or a ratio too fine for a table.
