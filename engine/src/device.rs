@@ -60,8 +60,8 @@ pub trait Device: CloneDevice + Send + Sync {
     fn write(&mut self, channel: usize, frame: &[f64]);
     /// Called before the first frame of a live run: values queued before count as heard.
     fn begin(&mut self) {}
-    /// Polls external input. Called when a driver of a live run wakes, before the frames that are due; they use what has
-    /// arrived by `now`.
+    /// Polls external input. Called when a driver of a live run wakes, before the frames that are due; they use what
+    /// has arrived by `now`.
     fn poll(&mut self, now: Instant) {
         let _ = now;
     }
@@ -74,8 +74,8 @@ pub trait Device: CloneDevice + Send + Sync {
         let _ = channel;
         0.0
     }
-    /// Largest magnitude that a driven channel can output, in the channel's unit, if it is known. The check lowers higher
-    /// limits to it.
+    /// Largest magnitude that a driven channel can output, in the channel's unit, if it is known. The check lowers
+    /// higher limits to it.
     fn max_output_bound(&self, channel: usize) -> Option<f64> {
         let _ = channel;
         None

@@ -197,9 +197,9 @@ impl Formula {
         work.first().copied().unwrap_or(f64::NAN)
     }
 
-    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results are
-    /// the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not finite is
-    /// zero.
+    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results
+    /// are the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not
+    /// finite is zero.
     pub fn compute<'a>(
         &self,
         frames: usize,

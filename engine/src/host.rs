@@ -1,20 +1,20 @@
 //! Host endpoints: a graph embedded in another program, without devices and files.
 //!
-//! [`CheckOptions::hosted`](crate::graph::CheckOptions::hosted) binds the endpoints of a graph to queues of the caller.
-//! [`Graph::input`](crate::graph::Graph::input) and [`Graph::output`](crate::graph::Graph::output) give typed handles to
-//! their channels; [`Player`] runs the graph in the caller's callback.
+//! [`CheckOptions::hosted`](crate::graph::CheckOptions::hosted) binds the endpoints of a graph to queues of the
+//! caller. [`Graph::input`](crate::graph::Graph::input) and [`Graph::output`](crate::graph::Graph::output) give typed
+//! handles to their channels; [`Player`] runs the graph in the caller's callback.
 //!
 //! # How frames are counted
-//! Every channel ticks on the clock of the nodes that read or drive it. A channel whose clock has 1/384 of the driver's
-//! rate ticks in every 384th frame of the driver, however the frames are split into calls of [`Player::process`]. At each
-//! tick an input takes the values that are due: all values that were [set](Input::set) since the last tick, or one
-//! [pushed](Input::push) frame, or a value set for [a time](Input::set_at) that has come. Otherwise it holds its last
-//! value. An output gets one frame per tick.
+//! Every channel ticks on the clock of the nodes that read or drive it. A channel whose clock has 1/384 of the
+//! driver's rate ticks in every 384th frame of the driver, however the frames are split into calls of
+//! [`Player::process`]. At each tick an input takes the values that are due: all values that were [set](Input::set)
+//! since the last tick, or one [pushed](Input::push) frame, or a value set for [a time](Input::set_at) that has come.
+//! Otherwise it holds its last value. An output gets one frame per tick.
 //!
 //! # Silence
-//! An endpoint whose channels took no value for `timeout_ms` is silent, like any live input: the actuators that depend on
-//! it ramp to zero unless `on_silence` is `Hold`, and back when values arrive. Before the first value they stay at zero.
-//! Values queued before the first call count from the first frame on.
+//! An endpoint whose channels took no value for `timeout_ms` is silent, like any live input: the actuators that
+//! depend on it ramp to zero unless `on_silence` is `Hold`, and back when values arrive. Before the first value they
+//! stay at zero. Values queued before the first call count from the first frame on.
 //!
 //! # Threads
 //! Handles and player can be used on different threads. [`Player::process`], [`Input::set`], [`Input::push`] and

@@ -39,8 +39,8 @@ impl Memory {
 /// f64s in the smallest page that systems have.
 const PAGE: usize = 512;
 
-/// Touches every page of a buffer. The system maps a page of a zeroed buffer at its first write, which must not happen in
-/// the real-time thread.
+/// Touches every page of a buffer. The system maps a page of a zeroed buffer at its first write, which must not
+/// happen in the real-time thread.
 pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
     let last = buffer.len().checked_sub(1);
     for at in (0..buffer.len()).step_by(PAGE).chain(last) {
@@ -121,8 +121,8 @@ pub(crate) struct Placing {
 /// The inputs and outputs of one call of `process`.
 ///
 /// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
-/// port one after the other; outputs likewise. A port that does not exist or has another width gives an empty slice; with
-/// debug assertions, as in tests, it panics.
+/// port one after the other; outputs likewise. A port that does not exist or has another width gives an empty slice;
+/// with debug assertions, as in tests, it panics.
 pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.

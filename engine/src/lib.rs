@@ -1,4 +1,5 @@
-//! The dataflow engine of haptograph: it reads documents, checks them into graphs, lays graphs out as plans and runs plans.
+//! The dataflow engine of haptograph: it reads documents, checks them into graphs, lays graphs out as plans and runs
+//! plans.
 //!
 //! ```text
 //! text -> Document -> Graph -> Plan -> Run -> sinks

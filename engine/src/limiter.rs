@@ -13,8 +13,9 @@
 //!
 //! # What is promised over a change of limits
 //!
-//! Let M(t) be the mean square, weighted by the window of the limit that is in force, of **everything** that the actuator
-//! was given since the run began, whatever limits were in force then. At every tick, with k = exp(-1 / (window rate)):
+//! Let M(t) be the mean square, weighted by the window of the limit that is in force, of **everything** that the
+//! actuator was given since the run began, whatever limits were in force then. At every tick, with k = exp(-1 /
+//! (window rate)):
 //!
 //! ```text
 //! M(t) - continuous^2 <= k max(0, M(t - 1) - continuous^2)
@@ -25,13 +26,13 @@
 //! seconds the energy is at most continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
 //!
 //! The proof: a limiter that goes on for another one begins from m >= M, which `Heat` can give for any window. Both
-//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit no heat is left, the outputs
-//! are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M. A change of
-//! limits happens while the output is zero, from where every state is admissible.
+//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit no heat is left, the
+//! outputs are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M.
+//! A change of limits happens while the output is zero, from where every state is admissible.
 //!
-//! Output before the run is unknown and counts as the continuous limit in force: the actuator starts without heat reserve,
-//! and a higher limit does not add any. An actuator that is removed and may come back under another name counts as hot as
-//! the hottest removed one; no cooling is assumed.
+//! Output before the run is unknown and counts as the continuous limit in force: the actuator starts without heat
+//! reserve, and a higher limit does not add any. An actuator that is removed and may come back under another name
+//! counts as hot as the hottest removed one; no cooling is assumed.
 
 mod heat;
 
@@ -194,8 +195,8 @@ impl<const N: usize> Limiter<N> {
         self.counts
     }
 
-    /// Upper bound of the weighted mean square, unit squared: 0 when cold; can exceed the square of the continuous limit
-    /// after a change of limits.
+    /// Upper bound of the weighted mean square, unit squared: 0 when cold; can exceed the square of the continuous
+    /// limit after a change of limits.
     pub fn mean_square(&self) -> f64 {
         self.continuous_square - self.budget
     }

@@ -17,20 +17,22 @@ impl Registry {
         Self::default()
     }
 
-    /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
+    /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
+    /// `E0212`.
     pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
         self.nodes.push(entry);
         self
     }
 
-    /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
+    /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
+    /// `E0212`.
     pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
         self.devices.push(entry);
         self
     }
 
-    /// Adds library templates that a graph can include by `include: ["std/NAME.ron"]`. `name` is `std/NAME.ron`, `text` a
-    /// `Parts(...)`. Replaces parts of the same name.
+    /// Adds library templates that a graph can include by `include: ["std/NAME.ron"]`. `name` is `std/NAME.ron`,
+    /// `text` a `Parts(...)`. Replaces parts of the same name.
     pub fn add_parts(&mut self, name: &'static str, text: &'static str) -> &mut Self {
         self.library.retain(|(known, _)| *known != name);
         self.library.push((name, text));

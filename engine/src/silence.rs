@@ -63,8 +63,8 @@ pub struct LiveInput {
 }
 
 impl LiveInput {
-    /// Whether an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while the
-    /// device is silent or jumps.
+    /// Whether an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
+    /// the device is silent or jumps.
     pub(crate) fn lets_through(&self, own: bool) -> bool {
         match self.cell.get() {
             InputState::Never => false,

@@ -12,7 +12,8 @@
 //! #     const SPEC: NodeSpec = NodeSpec { name: "Twice", group: "math", doc: "Doubles.", source: "",
 //! #         inputs: &[any_input("input", "What is doubled.")],
 //! #         outputs: &[output_like("output", "input", "Twice the input.")], example: "" };
-//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Doubler)) }
+//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+//! Ok(Box::new(Doubler)) }
 //! # }
 //! # impl Processor for Doubler {
 //! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {

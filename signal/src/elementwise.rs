@@ -1,7 +1,7 @@
 //! Arithmetic on every sample of a block, compiled for several instruction sets and dispatched at run time.
 //!
-//! Each sample is computed by the same operations in the same order, without fused multiply-add, so that the bits depend
-//! neither on the instruction set nor on the block.
+//! Each sample is computed by the same operations in the same order, without fused multiply-add, so that the bits
+//! depend neither on the instruction set nor on the block.
 
 use pulp::{Arch, Simd, WithSimd};
 

@@ -51,7 +51,8 @@ impl Biquad {
         (inverse_z * self.a[1] + self.a[0]) * inverse_z + 1.0
     }
 
-    /// Group delay in samples: that of the numerator less that of the denominator, each `Re(sum k c_k z^-k / sum c_k z^-k)`.
+    /// Group delay in samples: that of the numerator less that of the denominator, each `Re(sum k c_k z^-k / sum c_k
+    /// z^-k)`.
     fn group_delay(&self, inverse_z: Complex64) -> f64 {
         let numerator = self.numerator(inverse_z);
         let zeros = if numerator.norm() <= 1e-9 * self.b.iter().map(|b| b.abs()).sum::<f64>() {
@@ -65,8 +66,9 @@ impl Biquad {
         zeros - poles
     }
 
-    /// Matrix from the states of two trapezoidal integrators that form this section (Zavalishin) to its direct-form state.
-    /// The meaning of the integrator states does not depend on the coefficients; that of the direct-form state does.
+    /// Matrix from the states of two trapezoidal integrators that form this section (Zavalishin) to its direct-form
+    /// state. The meaning of the integrator states does not depend on the coefficients; that of the direct-form state
+    /// does.
     fn integrators_to_state(&self) -> [[f64; 2]; 2] {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         if a2 == 0.0 && b2 == 0.0 {
@@ -224,8 +226,8 @@ impl SectionsState {
         }
     }
 
-    /// Sets new coefficients for the same number of sections and converts the state: a settled constant stays constant and
-    /// the output does not jump.
+    /// Sets new coefficients for the same number of sections and converts the state: a settled constant stays
+    /// constant and the output does not jump.
     pub fn turn(&mut self, sections: &[Biquad]) {
         for (running, biquad) in self.sections.iter_mut().zip(sections) {
             let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.integrators_to_state(), running.state);

@@ -239,7 +239,8 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
     Ok(())
 }
 
-/// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same bits.
+/// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same
+/// bits.
 ///
 /// Whether all are stable; if not, the rows are of no meaning.
 #[inline(always)]
@@ -269,8 +270,8 @@ pub(crate) fn step_down_lanes<const L: usize>(rows: &mut [[f64; L]]) -> bool {
     unstable == [0.0; L]
 }
 
-/// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and the
-/// taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
+/// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and
+/// the taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
 pub(crate) fn ladder(
     ar: &[f64],
     ma: &[f64],

@@ -1,5 +1,5 @@
-//! Physical quantities as exponents of SI base units. They prevent connecting a speed to a force and give the quantity of
-//! a derivative.
+//! Physical quantities as exponents of SI base units. They prevent connecting a speed to a force and give the
+//! quantity of a derivative.
 
 use std::fmt;
 

@@ -1,8 +1,8 @@
 //! Resampling: by an exact ratio between clocks with rational rates, or by a steered ratio between clocks that drift.
 //!
 //! Both interpolate with a windowed sinc. Output k is at the time k / output rate and shows the input one
-//! [latency](Resampler::latency_s) before. It is a fixed sum over fixed inputs, so the samples do not depend on the block
-//! size.
+//! [latency](Resampler::latency_s) before. It is a fixed sum over fixed inputs, so the samples do not depend on the
+//! block size.
 
 mod kernel;
 mod polyphase;

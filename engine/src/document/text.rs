@@ -1,7 +1,7 @@
 //! Parser of RON text into values with places.
 //!
-//! The ron crate keeps no places and stops at the first error. This parser has three linear passes: tokens, brackets and
-//! values. It continues after an error at the next comma. String escapes are parsed by ron.
+//! The ron crate keeps no places and stops at the first error. This parser has three linear passes: tokens, brackets
+//! and values. It continues after an error at the next comma. String escapes are parsed by ron.
 
 mod tokens;
 

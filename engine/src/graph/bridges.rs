@@ -1,4 +1,4 @@
-//! Rates: every connection stays on one clock or names the bridge by which it leaves it.
+//! Check of bridges: a connection between clocks needs one.
 
 use super::Bridge;
 use super::clocks::Clocks;
@@ -9,10 +9,10 @@ use crate::joining::least_ring_latency_s;
 use crate::node::Flow;
 use std::cmp::Ordering;
 
-/// Of a wrench half a hundred megabytes.
+/// Largest ring in frames: 50 MB for wrenches.
 const MOST_RING_FRAMES: f64 = 1e6;
 
-/// Checks every bridge; one that has nothing to do is taken away.
+/// Checks every bridge and removes unnecessary ones.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     for node in 0..draft.nodes.len() {
         for slot in 0..draft.nodes[node].inputs.len() {
@@ -55,10 +55,10 @@ fn error(
     ))
 }
 
-/// Adds where a template hands the connection on.
+/// Adds the place where a template passes the connection on.
 pub(super) fn via(diagnostic: Diagnostic, wire: &Wire) -> Diagnostic {
     match wire.via {
-        Some(span) if span != wire.span => diagnostic.also(span, "handed on here"),
+        Some(span) if span != wire.span => diagnostic.also(span, "passed on here"),
         _ => diagnostic,
     }
 }
@@ -234,7 +234,7 @@ fn crossing(
     }
 }
 
-/// A bridge that interpolates takes numbers only.
+/// Refuses interpolation of frames that are not linear.
 fn unmixable(from: &DraftNode, wire: &Wire, bridge: Bridge, help: &str) -> Finding {
     match (from.outputs[wire.output].kind, wire.bridge) {
         (Some(kind), Some((_, form))) if !kind.is_linear() => error(
@@ -254,7 +254,7 @@ fn rate_order(clocks: &Clocks, a: usize, b: usize) -> Ordering {
     (u128::from(n) * u128::from(e)).cmp(&(u128::from(m) * u128::from(d)))
 }
 
-/// The bridges that would work, and what each does.
+/// Help: the possible bridges and their descriptions.
 fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire: &Wire) -> String {
     let linear = draft.nodes[wire.from].outputs[wire.output]
         .kind

@@ -1,4 +1,4 @@
-//! Clocks as declared, and on which of them every node runs.
+//! Clocks, and their assignment to nodes.
 
 use super::draft::{Context, Draft};
 use super::expand::parts;
@@ -139,7 +139,7 @@ fn declared<'a>(
     clock
 }
 
-/// `48000`, `59.94`, or `(1000, 3)` for a third of a kilohertz.
+/// Reads a rate: `48000`, `59.94`, or `(1000, 3)` for a third of a kilohertz.
 fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     let rate = match &value.shape {
         Shape::Number(_, text) => Rate::parse(text),
@@ -161,7 +161,6 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     match rate {
         Ok(rate) => Some(rate),
         Err(error) => {
-            // The text of a number is not news to its writer: whatever is wrong with it, it is no such rate.
             let message = match error {
                 RateError::NotANumber(text) => format!("{text} Hz is not a rate"),
                 error => error.to_string(),
@@ -176,7 +175,7 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     }
 }
 
-/// The driver at the root of a clock; `None` where the way there was reported.
+/// The driver from which a clock derives; `None` after a reported error.
 fn driver(
     cx: &mut Context<'_>,
     declared: &[Declared<'_>],
@@ -235,7 +234,7 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     if let Ok(base) = TimeBase::new(&rates) {
         return Some(base);
     }
-    // The first clock that does not go with those before it; more clocks never help.
+    // Bisection for the first clock that has no common time unit with those before it.
     let mut fits = 0;
     let mut fails = rates.len();
     while fails - fits > 1 {
@@ -261,7 +260,7 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     None
 }
 
-/// Finds the clock of every node: as written, else as its connections say.
+/// Assigns a clock to every node: as written, else inferred from its connections.
 pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     for node in 0..draft.nodes.len() {
         given_clock(cx, draft, clocks, node);
@@ -270,7 +269,7 @@ pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     report_unknown(cx, draft, clocks);
 }
 
-/// Reports that there is no clock at all: nothing would drive the graph.
+/// Reports a graph without clocks.
 pub(super) fn refuse_none(cx: &mut Context<'_>, clocks: &Clocks) {
     if clocks.list.is_empty() {
         cx.report(
@@ -321,8 +320,8 @@ fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
     matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
 }
 
-/// A node without a clock of its own runs on that of what it is connected to without a bridge: of its inputs first,
-/// else of what reads it, else of the device it shares; where the graph has one clock alone, on that.
+/// Infers clocks: a node takes the clock of an input without bridge, else of a reader, else of another node of its
+/// device; else the only clock of the graph.
 fn infer(draft: &mut Draft, clocks: &Clocks) {
     let count = draft.nodes.len();
     let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
@@ -364,7 +363,7 @@ fn infer(draft: &mut Draft, clocks: &Clocks) {
     }
 }
 
-/// Reports the first node of every chain without a clock; those behind it wait for the same answer.
+/// Reports the first node of every chain without a clock; the others depend on it.
 fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     let unknown: Vec<usize> = (0..draft.nodes.len())
         .filter(|i| draft.nodes[*i].clock.is_none() && !draft.nodes[*i].entry.is_file())
@@ -409,7 +408,7 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     }
 }
 
-/// Reports clocks that neither a node nor a used clock needs.
+/// Reports unused clocks.
 pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
     let mut used = vec![false; clocks.list.len()];
     for node in &draft.nodes {

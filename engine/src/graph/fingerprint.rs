@@ -18,8 +18,8 @@ use std::path::Path;
 /// Version of the content and the algorithm of fingerprints.
 const VERSION: u64 = 1;
 
-/// A 64-bit hash of a sequence of items: FNV-1a over the bytes of each item, preceded by their number; numbers are eight
-/// bytes, little-endian.
+/// A 64-bit hash of a sequence of items: FNV-1a over the bytes of each item, preceded by their number; numbers are
+/// eight bytes, little-endian.
 struct Fingerprint(u64);
 
 impl Fingerprint {

@@ -1,4 +1,4 @@
-//! Kinds and quantities: what every output carries, and whether every input can take it.
+//! Kinds and quantities: inference for outputs, check of inputs.
 
 use super::bridges::via;
 use super::draft::{Context, Draft, DraftNode, Slot, Type};
@@ -11,10 +11,10 @@ use haptograph_signal::quantity::Quantity;
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
-/// Quantities that settings name, by node and setting; `None` where that was reported.
+/// Quantities that settings name, by node and setting; `None` after a reported error.
 type Named = HashMap<(usize, &'static str), Option<Quantity>>;
 
-/// Finds what every output carries and checks every connection.
+/// Infers the type of every output and checks every connection.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
     let named = quantities_by_name(cx, draft);
     infer(draft, &named);
@@ -93,7 +93,7 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'stati
     found
 }
 
-/// Settles outputs in the order in which what they depend on becomes known.
+/// Infers the types of outputs in the order of their dependencies.
 fn infer(draft: &mut Draft, named: &Named) {
     let readers = draft.readers(|_| true);
     let mut queue: VecDeque<usize> = (0..draft.nodes.len()).collect();
@@ -116,7 +116,7 @@ fn infer(draft: &mut Draft, named: &Named) {
     }
 }
 
-/// What is connected to a slot.
+/// Type of the output that is connected to a slot.
 fn arriving(draft: &Draft, slot: &Slot) -> Option<Type> {
     let wire = slot.wire.as_ref()?;
     Some(draft.nodes[wire.from].outputs[wire.output])
@@ -127,7 +127,7 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
     let target = &draft.nodes[node];
     match rule {
         KindRule::Is(kind) => Some(kind),
-        // An output that says nothing of itself carries numbers.
+        // An output without a rule carries scalars.
         KindRule::Linear | KindRule::Any => Some(Kind::Scalar),
         KindRule::Same(input) => {
             let connected = target
@@ -179,7 +179,7 @@ fn port<'d>(node: &'d DraftNode, input: &str) -> Option<&'d InputSpec> {
     node.entry.spec.inputs.iter().find(|port| port.name == input)
 }
 
-/// Do the connections of this list have to be alike, because an output or another input follows them?
+/// Whether the connections of this list need one type, because an output or another input depends on it.
 fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     let spec = node.entry.spec;
     let inputs = spec.inputs.iter().map(|port| (port.kind, port.quantity));
@@ -195,7 +195,7 @@ fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     })
 }
 
-/// What is wrong with what arrives at a slot.
+/// The type error of a slot, if any.
 fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: usize) -> Option<Diagnostic> {
     let target = &draft.nodes[node];
     let slot = &target.inputs[slot];
@@ -274,7 +274,7 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
     let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
     let source = &draft.nodes[wire.from];
     let stated = match source.entry.spec.outputs[wire.output].quantity {
-        // What it is was left unsaid.
+        // The source does not state its quantity.
         QuantityRule::Setting(setting) if quantity == Quantity::NUMBER => wanted.name().map(|name| {
             let kind = source.entry.spec.name;
             format!("if it is {name}, write `{setting}: \"{name}\"` in that `{kind}`")
@@ -288,22 +288,22 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         };
         swapped(draft, named, node, slot, (carried, wanted))
     };
-    // What arrives is what the node says that it takes.
-    let retold = || match (port.quantity, quantity.name()) {
+    // The node states which quantity it takes.
+    let restated = || match (port.quantity, quantity.name()) {
         (QuantityRule::Setting(setting), Some(name)) => Some(format!(
-            "write `{setting}: \"{name}\"` if that is meant, or connect {}",
+            "write `{setting}: \"{name}\"` if that is intended, or connect {}",
             word(wanted)
         )),
         _ => None,
     };
     let help = stated
         .or_else(swapped)
-        .or_else(retold)
+        .or_else(restated)
         .unwrap_or_else(|| conversion(cx, quantity, wanted));
     Some(via(diagnostic.help(help), wire))
 }
 
-/// Another input of the node that gets what this one takes, and takes what this one gets.
+/// Help for two swapped inputs: another input has the type that this one needs, and needs the type that this one has.
 fn swapped(
     draft: &Draft,
     named: &Named,
@@ -342,7 +342,7 @@ fn word(quantity: Quantity) -> String {
     quantity.name().map_or_else(|| quantity.unit(), str::to_owned)
 }
 
-/// How one quantity is turned into the other.
+/// Help for converting one quantity into the other.
 fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
     let (had, wanted) = (word(from), word(to));
     let direct = converters(cx, |input, output| {
@@ -378,7 +378,7 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
         .unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
 }
 
-/// Names of kinds that need one input only, so that their outputs are made of it, and for which `fits` holds.
+/// Names of kinds with one required input for which `fits` holds.
 fn converters(
     cx: &Context<'_>,
     fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool,
@@ -404,14 +404,14 @@ fn converters(
     (!names.is_empty()).then(|| names.join(" or "))
 }
 
-/// Reports the first output whose type nothing settles: a loop that no signal enters.
+/// Reports the first output whose type cannot be inferred: a loop without input.
 fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
     let unsettled = |node: &DraftNode| {
         node.outputs
             .iter()
             .position(|output| output.kind.is_none() || output.quantity.is_none())
     };
-    // What depends on a node that was reported is not at fault.
+    // Nodes that depend on a reported one are not at fault.
     let mut excused: Vec<bool> = draft
         .nodes
         .iter()

@@ -1,4 +1,4 @@
-//! Parameters of the graph and settings of templates, put in place of their names.
+//! Replacement of parameters and template settings by their values.
 
 use super::build::part_of_text;
 use super::draft::Context;
@@ -11,11 +11,11 @@ use crate::settings::closest;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Values that replaced names may hold this many values together, so that no file grows without bound.
+/// Largest total number of replaced values: nested replacement could grow without bound.
 const MAX_REPLACED: usize = 1_000_000;
-/// Longer formulas are refused, bytes.
+/// Largest formula, bytes.
 const MAX_FORMULA: usize = 16_384;
-/// Brackets within brackets after replacement.
+/// Largest nesting of brackets after replacement.
 const MAX_DEPTH: usize = 128;
 
 /// The graph's parameters.
@@ -29,12 +29,12 @@ struct Parameter {
     used: bool,
 }
 
-/// Where a value stands, and with it what names it may use.
+/// Place of a value, which determines the names that it can use.
 #[derive(Clone, Copy)]
 pub(super) enum Place<'a> {
     /// In the graph: `Param("name")`.
     Graph,
-    /// In a template: `Setting("name")`; `None` is a setting that was reported.
+    /// In a template: `Setting("name")`; `None` is a setting with a reported error.
     Template(&'a HashMap<String, Option<Value>>),
 }
 
@@ -55,7 +55,7 @@ fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
 }
 
 impl Parameters {
-    /// The defaults, replaced by those that go with a set of endpoints, and these by what the command line sets.
+    /// Reads the defaults; those of the set of endpoints and then the command line override them.
     pub fn read(cx: &mut Context<'_>, endpoints: &str, set: &[(String, String)]) -> Self {
         let mut values: HashMap<String, Parameter> = HashMap::new();
         for (name, value) in &cx.document.parameters {
@@ -85,7 +85,7 @@ impl Parameters {
                 unknown(cx, name, at(0, name.len()));
                 continue;
             };
-            // Blanks in place of the name keep the places of what follows.
+            // Blanks instead of the name keep the places of the value.
             let blanked = " ".repeat(name.len() + 1) + written;
             let value = text::read(id, &blanked, &mut Vec::new());
             let wants_text = matches!(parameter.value.shape, Shape::String(_));
@@ -102,7 +102,7 @@ impl Parameters {
         this
     }
 
-    /// Parameters that are formulas over others, each over those that come before it.
+    /// Computes parameters that are formulas over earlier ones.
     fn compute_defaults(&mut self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
             let Some(value) = self
@@ -126,7 +126,7 @@ impl Parameters {
                 Some((formula, at)) => self.computed(cx, &value, formula, at, Place::Graph),
                 None => malformed(cx, &value, &tag.text),
             };
-            // What was reported is not reported again where the parameter is used.
+            // A placeholder avoids further errors at the uses.
             let one = Shape::Number(1.0, "1".into());
             let computed = computed.unwrap_or(Value {
                 span: value.span,
@@ -138,7 +138,7 @@ impl Parameters {
         }
     }
 
-    /// Reports parameters that nothing names.
+    /// Reports unused parameters.
     pub fn warn_unused(&self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
             if self
@@ -156,8 +156,7 @@ impl Parameters {
         }
     }
 
-    /// The value with every name replaced; `None` where that was reported. `uses` gets the places of what came
-    /// from elsewhere.
+    /// The value with every name replaced; `None` after a reported error. Adds to `uses` the places of replaced values.
     pub fn replace(
         &mut self,
         cx: &mut Context<'_>,
@@ -227,7 +226,7 @@ impl Parameters {
         Some(Value { span, shape })
     }
 
-    /// What a formula over numbers comes to: parameters in the graph, settings in a template.
+    /// Computes a formula over parameters in the graph or settings in a template.
     fn computed(
         &mut self,
         cx: &mut Context<'_>,
@@ -278,9 +277,9 @@ impl Parameters {
                     cx.report(wrong(at, format!("`{name}` is not a number")).also(other.span, "its value"));
                     return None;
                 }
-                // It was reported where it was given.
+                // Reported where it is given.
                 Some(None) => return None,
-                // Says that there is none of this name.
+                // Reports the unknown name.
                 None => {
                     match place {
                         Place::Graph => self.parameter(cx, value, name, place),
@@ -454,8 +453,8 @@ fn measure(value: &Value) -> (usize, usize) {
         .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }
 
-/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would take
-/// a minute.
+/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would
+/// take a minute.
 const MAX_COMPARED_NAMES: usize = 500;
 
 /// These names in order, where they are still of use to [`suggest`].

@@ -106,8 +106,8 @@ impl Player {
         self.probes.take_any(name)
     }
 
-    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, make system calls or panic. Queued
-    /// inputs are taken at the ticks at which they are due; outputs and probes have their frames afterwards.
+    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, make system calls or panic.
+    /// Queued inputs are taken at the ticks at which they are due; outputs and probes have their frames afterwards.
     pub fn process(&mut self, frames: usize) {
         let mut left = frames as u64;
         while left > 0 {
@@ -188,8 +188,8 @@ impl Probes {
 
 impl Session {
     /// As [`change`](Self::change), with probes of the new graph. Existing probes that are named continue with their
-    /// handles, the others end; new ones are returned. Unknown outputs are ignored. Without a folder the graph's file sinks
-    /// write nothing.
+    /// handles, the others end; new ones are returned. Unknown outputs are ignored. Without a folder the graph's file
+    /// sinks write nothing.
     ///
     /// # Errors
     /// [`ChangeError`]; the running graph continues.

@@ -1,8 +1,8 @@
 //! The plan of a graph: a flat list of steps over a few reused buffers.
 //!
-//! A plan has the initial state; [`Run`](crate::run::Run) clones it. Time is divided into windows of whole driver frames,
-//! and every clock runs the ticks of the window, so that samples do not depend on the block size. Loops closed by a delay
-//! or a device are **islands**: their steps run in sub-windows that begin at the loop's own ticks.
+//! A plan has the initial state; [`Run`](crate::run::Run) clones it. Time is divided into windows of whole driver
+//! frames, and every clock runs the ticks of the window, so that samples do not depend on the block size. Loops
+//! closed by a delay or a device are **islands**: their steps run in sub-windows that begin at the loop's own ticks.
 
 mod build;
 mod order;

@@ -9,10 +9,10 @@
 //! ```
 //!
 //! The columns are: the frames run; 1 from the start of the fade-out of a stop; for each actuator downstream of live
-//! inputs, 1 if its gate is open and 0 if an input is silent; for each ring that it reads, the frames that arrived since
-//! the line before; for each ring that it writes, the frames that fitted. A last line with a 2 in the second column marks
-//! a change of graph, where the log ends. The live inputs have files of their own, see [`inputs`]. A second file of each
-//! driver has the setting changes:
+//! inputs, 1 if its gate is open and 0 if an input is silent; for each ring that it reads, the frames that arrived
+//! since the line before; for each ring that it writes, the frames that fitted. A last line with a 2 in the second
+//! column marks a change of graph, where the log ends. The live inputs have files of their own, see [`inputs`]. A
+//! second file of each driver has the setting changes:
 //!
 //! ```text
 //! frame,from,to,glide frames,setting

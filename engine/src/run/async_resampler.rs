@@ -126,7 +126,8 @@ pub struct AsyncResamplerReader {
     arrived: u64,
     taken: u64,
     flow: Flow,
-    /// Output ticks until the resampler contains only frames since its reset, and output ticks of the fade-in after that.
+    /// Output ticks until the resampler contains only frames since its reset, and output ticks of the fade-in after
+    /// that.
     quiet_ticks: u32,
     fade_ticks: u32,
     /// The last output frame.

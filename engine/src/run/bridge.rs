@@ -81,7 +81,8 @@ impl BridgeState {
         }
     }
 
-    /// Converts the frames `x` of the writer's window to the frames `y` of the reader's; for runs, `y` is the whole list.
+    /// Converts the frames `x` of the writer's window to the frames `y` of the reader's; for runs, `y` is the whole
+    /// list.
     pub(crate) fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
         match self.kind {
             BridgeKind::Hold => self.hold(ends, x, y),

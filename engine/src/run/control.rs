@@ -150,9 +150,10 @@ impl Control {
 
     /// Replaces the running plan.
     ///
-    /// A plan of the same graph continues without changing a bit; live settings that differ ramp to their new values. A
-    /// plan of another graph cross-fades with the old one, or fades through zero if they cannot run together; nodes that
-    /// both have keep their state. Settings that were changed live keep their values unless the file changes them too.
+    /// A plan of the same graph continues without changing a bit; live settings that differ ramp to their new values.
+    /// A plan of another graph cross-fades with the old one, or fades through zero if they cannot run together; nodes
+    /// that both have keep their state. Settings that were changed live keep their values unless the file changes
+    /// them too.
     ///
     /// # Errors
     /// [`ControlError`] if the driver's rate differs or the command ring is full.

@@ -124,8 +124,8 @@ impl<'a> Offline<'a> {
         Ok(outcome)
     }
 
-    /// Replays a live run from the log in `folder`, bit for bit, up to its end or a change of graph. Checks the log against
-    /// `bounds` first.
+    /// Replays a live run from the log in `folder`, bit for bit, up to its end or a change of graph. Checks the log
+    /// against `bounds` first.
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be written, or the log is not of a run of this graph within the bounds.

@@ -48,8 +48,8 @@ impl ParamRamps {
         }
     }
 
-    /// Sets the values that are due, and returns the number of driver frames until the next step. The steps do not depend
-    /// on the block size.
+    /// Sets the values that are due, and returns the number of driver frames until the next step. The steps do not
+    /// depend on the block size.
     pub fn step(&mut self, run: &mut Run, rate_hz: f64) -> usize {
         let step = (STEP_S * rate_hz).max(1.0) as u64;
         let now = run.driver_frames();

@@ -261,8 +261,8 @@ pub(super) fn connect(runs: &mut [&mut Run]) -> Vec<Arc<RingMeter>> {
 
 /// Connects new plans by rings. Rings that the old plans have continue; `known` are their meters.
 ///
-/// Each driver changes over at its own time: until both have, the reader of a new ring is silent and its writer may find
-/// it full.
+/// Each driver changes over at its own time: until both have, the reader of a new ring is silent and its writer may
+/// find it full.
 pub(super) fn reconnect(
     before: &[Arc<Plan>],
     known: &[Arc<RingMeter>],

@@ -94,7 +94,8 @@ impl Session {
         }
     }
 
-    /// Opens a live run and returns its real-time sides, one for each driver in the order of the graph, and the session.
+    /// Opens a live run and returns its real-time sides, one for each driver in the order of the graph, and the
+    /// session.
     ///
     /// With a `folder`, the run writes its replay log there.
     ///
@@ -333,7 +334,8 @@ impl Session {
     }
 }
 
-/// Makes the rings of a plan's taps, except those kept from the old plan. Puts their read ends into `outs` by tap index.
+/// Makes the rings of a plan's taps, except those kept from the old plan. Puts their read ends into `outs` by tap
+/// index.
 fn tap_rings(plan: &Plan, kept: Vec<(usize, usize)>, outs: &mut [Option<Consumer<f64>>]) -> TapRings {
     let (mut rings, far) = TapRings::new(plan, |place| kept.iter().all(|(_, new)| *new != place));
     for (place, far) in plan.tap_places.iter().zip(far) {

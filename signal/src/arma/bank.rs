@@ -23,8 +23,8 @@ enum Plain {
     Lattice(Bank<LatticeGroup>),
 }
 
-/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give as a `WarpedLattice`, but for
-/// rounding, and the same bits for all block sizes and all other voices of its order.
+/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give as a
+/// `WarpedLattice`, but for rounding, and the same bits for all block sizes and all other voices of its order.
 #[derive(Debug, Clone)]
 pub struct WarpedBank(Bank<WarpedGroup>);
 
@@ -176,11 +176,12 @@ impl WarpedBank {
         })
     }
 
-    /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has `a_{k+1}` of each.
-    /// The bits of [`Self::set_coefficients`] one by one, at a fraction of the cost.
+    /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has
+    /// `a_{k+1}` of each. The bits of [`Self::set_coefficients`] one by one, at a fraction of the cost.
     ///
     /// # Errors
-    /// As there, with the voice's number in its group, of the first that has one; all keep the old. A group that does not exist is ignored.
+    /// As there, with the voice's number in its group, of the first that has one; all keep the old. A group that does
+    /// not exist is ignored.
     pub fn set_group(
         &mut self,
         group: usize,

@@ -11,12 +11,14 @@ use pulp::{Arch, Simd, WithSimd};
 /// state can only grow by what the excitation brings, whatever the stable coefficients do. For white excitation of
 /// variance 1 every backward signal has variance 1 under every set of coefficients.
 ///
-/// A sample has to pass all stages one by one, but stage m can take the next sample as soon as stage m - 1 has seen this
-/// one. So all even stages run at once, then all odd ones, on as many samples under way as there are pairs of stages.
+/// A sample has to pass all stages one by one, but stage m can take the next sample as soon as stage m - 1 has seen
+/// this one. So all even stages run at once, then all odd ones, on as many samples under way as there are pairs of
+/// stages.
 #[derive(Debug, Clone)]
 pub struct Lattice {
     coefficients: Coefficients,
-    /// Backward signals `g_0` to `g_{order-1}` of the sample before; the others are 0, or of no meaning right at `order`.
+    /// Backward signals `g_0` to `g_{order-1}` of the sample before; the others are 0, or of no meaning right at
+    /// `order`.
     backward: [f64; MAX_ORDER + 1],
     since_settled: usize,
     arch: Arch,
@@ -198,7 +200,8 @@ impl WithSimd for Run<'_> {
     }
 }
 
-/// Stages 2i + 2 and 2i + 1 in lane i. A sample enters in the lane of the highest stages and moves down one lane a tick.
+/// Stages 2i + 2 and 2i + 1 in lane i. A sample enters in the lane of the highest stages and moves down one lane a
+/// tick.
 struct Wavefront<const PAIRS: usize, const LADDER: bool> {
     upper: Stages<PAIRS>,
     lower: Stages<PAIRS>,

@@ -62,8 +62,8 @@ pub enum DesignError {
     },
 }
 
-/// A design without frequencies. [`at`](Self::at) computes its sections without allocating, so that a running filter can
-/// be tuned.
+/// A design without frequencies. [`at`](Self::at) computes its sections without allocating, so that a running filter
+/// can be tuned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prototype {
     /// Analog poles of a low-pass with its -3 dB point at 1 rad/s; none for the double pole.
@@ -215,7 +215,8 @@ pub fn butterworth_highpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Resul
     designed(&Prototype::butterworth_highpass(order)?, [cutoff_hz; 2], rate_hz)
 }
 
-/// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the centre.
+/// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the
+/// centre.
 ///
 /// # Errors
 /// As [`butterworth_lowpass`], and [`DesignError::EmptyBand`].
@@ -244,8 +245,8 @@ pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sect
 
 /// Two equal real poles at `lambda_rad_s`, by backward differences: `(lambda T)^2 / (1 + lambda T - z^-1)^2`.
 ///
-/// The velocity filter of the public haptic texture toolkit, with lambda = 125 rad/s: -6 dB near lambda/2 pi, -3 dB at 0.64 of that,
-/// delay 2/lambda.
+/// The velocity filter of the public haptic texture toolkit, with lambda = 125 rad/s: -6 dB near lambda/2 pi, -3 dB
+/// at 0.64 of that, delay 2/lambda.
 ///
 /// # Errors
 /// [`DesignError::Rate`]; [`DesignError::Cutoff`] unless lambda is positive.
@@ -312,8 +313,8 @@ fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
     }
 }
 
-/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are kept to
-/// 2e-16: at this w to a thousandth.
+/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are
+/// kept to 2e-16: at this w to a thousandth.
 const LEAST_PAIR: f64 = 2.4e-7;
 /// A single pole is told by 2 w.
 const LEAST_SINGLE: f64 = 1e-12;
@@ -435,7 +436,8 @@ impl Zeros {
     }
 }
 
-/// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the next.
+/// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the
+/// next.
 fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Complex64) -> Cascade {
     let mut room = [[Complex64::new(0.0, 0.0); 2 * MAX_ORDER]; 2];
     let [real, complex] = &mut room;

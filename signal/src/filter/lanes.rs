@@ -21,8 +21,8 @@ struct Running<const L: usize> {
 }
 
 impl<const L: usize> SectionLanes<L> {
-    /// One filter a lane, at rest; lanes without one are silent. All should have as many sections: missing ones pass the signal on. Allocates
-    /// here and never again.
+    /// One filter a lane, at rest; lanes without one are silent. All should have as many sections: missing ones pass
+    /// the signal on. Allocates here and never again.
     pub fn new(filters: &[Sections]) -> Self {
         let sections = filters.iter().map(|filter| filter.sections.len()).max();
         let running = |number: usize| {

@@ -7,7 +7,8 @@ use crate::time::Rate;
 /// Largest correction of the ratio, ppm in either direction.
 pub const MAX_CORRECTION_PPM: f64 = 500.0;
 
-/// Positions between two inputs for which taps are stored; between them they are interpolated by cubics (error -125 dB).
+/// Positions between two inputs for which taps are stored; between them they are interpolated by cubics (error -125
+/// dB).
 const PHASES: usize = 32;
 
 /// Resamples between two clocks that drift: as [`Resampler`](super::Resampler), with a ratio that follows

@@ -76,8 +76,8 @@ fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
     columns
 }
 
-/// Largest plausible magnitude of a sensed quantity, SI. Packets and full scales of soundcards are bounded by 1e6, which
-/// filters overshoot.
+/// Largest plausible magnitude of a sensed quantity, SI. Packets and full scales of soundcards are bounded by 1e6,
+/// which filters overshoot.
 fn plausible(quantity: Quantity) -> f64 {
     match quantity {
         Quantity::LENGTH | Quantity::ANGLE | Quantity::TORQUE => 1e6,

@@ -338,8 +338,8 @@ impl Runner {
         Ok(())
     }
 
-    /// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops early if
-    /// `goes_on` returns false.
+    /// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops
+    /// early if `goes_on` returns false.
     pub(in super::super) fn replay<E: From<ReplayError>>(
         &mut self,
         scripts: &mut [Arrivals],

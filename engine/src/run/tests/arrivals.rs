@@ -37,7 +37,8 @@ fn settable(mut graph: Graph) -> Graph {
     graph
 }
 
-/// What was heard of a run whose drivers wake at random, stall, are set and stopped; and how often a ring ran dry or over.
+/// What was heard of a run whose drivers wake at random, stall, are set and stopped; and how often a ring ran dry or
+/// over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
     let (file_sinks, heard) = listening(graph);
     let options = LiveOptions {

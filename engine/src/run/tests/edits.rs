@@ -1,5 +1,6 @@
-//! Random sequences of edits to a run of two drivers: limits, windows, gains, sinks and endpoints change, and actuators move
-//! from one driver to the other. What each actuator is given is judged by the limit in force, tick by tick.
+//! Random sequences of edits to a run of two drivers: limits, windows, gains, sinks and endpoints change, and
+//! actuators move from one driver to the other. What each actuator is given is judged by the limit in force, tick by
+//! tick.
 
 use super::heat::{Asks, Coil, RealCoil};
 use super::world::{TestDrive, with_drives};

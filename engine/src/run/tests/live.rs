@@ -275,7 +275,8 @@ impl Device for Heard {
     }
 }
 
-/// A graph that is read again has inputs of its own, which nobody hears; the device that goes on is the one that is heard.
+/// A graph that is read again has inputs of its own, which nobody hears; the device that goes on is the one that is
+/// heard.
 #[test]
 fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_takes_over() {
     let cells: Vec<Arc<InputCell>> = (0..3).map(|_| Arc::default()).collect();
