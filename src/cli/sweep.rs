@@ -320,7 +320,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     SweepPage {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
-        simulation: first.summary.simulation().clone(),
+        simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
         asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),

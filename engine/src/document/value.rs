@@ -68,6 +68,15 @@ fn brief_number(number: f64) -> String {
     }
 }
 
+/// The last part of the path of a file; any other text, such as a formula, is left whole.
+fn brief_text(text: &str) -> &str {
+    let last = text.rsplit('/').next().unwrap_or_default();
+    let extension = last.rsplit_once('.').map_or("", |(_, extension)| extension);
+    let is_file = extension.starts_with(|c: char| c.is_ascii_alphabetic())
+        && extension.chars().all(|c| c.is_ascii_alphanumeric());
+    if is_file { last } else { text }
+}
+
 impl Value {
     /// Short form for display: numbers to four digits, the last part of a path.
     pub fn brief(&self) -> String {
@@ -77,7 +86,7 @@ impl Value {
             Shape::Bool(is_so) => is_so.to_string(),
             Shape::Number(number, text) if text.len() > 7 => brief_number(*number),
             Shape::Number(_, text) => text.clone(),
-            Shape::String(text) => text.rsplit('/').next().unwrap_or_default().into(),
+            Shape::String(text) => brief_text(text).into(),
             Shape::List(values) => format!("[{}]", all(values)),
             Shape::Map(pairs) => {
                 let pairs = pairs

@@ -355,8 +355,10 @@ impl Places {
             Ok(built) => Some(built),
             Err(error) => {
                 let make = |span, message| Diagnostic::error("E0304", span, message);
+                let is_part = error.part.is_some();
                 let mut diagnostic = self.finding(&cx.sources, error, make);
-                if let Some(help) = not_there(cx, &diagnostic) {
+                let parameter = || parameter_in_text(cx, &diagnostic).filter(|_| is_part);
+                if let Some(help) = not_there(cx, &diagnostic).or_else(parameter) {
                     diagnostic.help = vec![help];
                 }
                 cx.report(diagnostic);
@@ -393,6 +395,17 @@ impl Places {
         }
         diagnostic
     }
+}
+
+/// What to write where a word of a text, as of a formula, is the name of a parameter.
+fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
+    let span = diagnostic.primary.as_ref()?.span;
+    let word = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
+    cx.document.parameters().find(|(name, _)| *name == word)?;
+    Some(format!(
+        "`{word}` is a parameter of the graph, and this text sees its inputs only: multiply by `Gain(gain: \
+         Param(\"{word}\"))`, or make it an input, `Constant(value: Param(\"{word}\"))`"
+    ))
 }
 
 /// What to do about a path that was given by `--set`, or while the graph runs, and leads to no file.

@@ -320,21 +320,27 @@ fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
     matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
 }
 
-/// Infers clocks: a node takes the clock of an input without bridge, else of a reader, else of another node of its
-/// device; else the only clock of the graph.
+/// Infers clocks: a node takes the clock of an input without bridge, the fastest if they differ, so that the slower one
+/// is reported for its missing bridge; else that of a reader, else of another node of its device; else the only clock.
 fn infer(draft: &mut Draft, clocks: &Clocks) {
     let count = draft.nodes.len();
     let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
     for readers in &mut readers {
         readers.retain(|to| !draft.nodes[*to].entry.is_file());
     }
-    let mut queue: VecDeque<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    let rate_hz = |node: &usize| {
+        let clock = draft.nodes[*node].clock;
+        clock.map_or(0.0, |clock| clocks.list[clock].rate.hz())
+    };
+    let mut given: Vec<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    given.sort_by(|a, b| rate_hz(b).total_cmp(&rate_hz(a)));
+    let mut queue = VecDeque::from(given);
     loop {
         while let Some(from) = queue.pop_front() {
             for &to in &readers[from] {
                 if draft.nodes[to].clock.is_none() && !draft.nodes[to].broken {
                     draft.nodes[to].clock = draft.nodes[from].clock;
-                    queue.push_back(to);
+                    queue.push_front(to);
                 }
             }
         }

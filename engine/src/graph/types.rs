@@ -1,7 +1,7 @@
 //! Kinds and quantities: inference for outputs, check of inputs.
 
 use super::bridges::via;
-use super::draft::{Context, Draft, DraftNode, Slot, Type};
+use super::draft::{Context, Draft, DraftNode, Slot, Type, Wire};
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Shape, Value};
 use crate::frame::Kind;
@@ -272,14 +272,13 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         _ => format!("{to} takes {wanted}, but `{from}` is {quantity}"),
     };
     let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
-    let source = &draft.nodes[wire.from];
-    let stated = match source.entry.spec.outputs[wire.output].quantity {
-        // The source does not state its quantity.
-        QuantityRule::Setting(setting) if quantity == Quantity::NUMBER => wanted.name().map(|name| {
-            let kind = source.entry.spec.name;
-            format!("if it is {name}, write `{setting}: \"{name}\"` in that `{kind}`")
-        }),
-        _ => None,
+    let stated = || {
+        let (source, setting) = stated_by(draft, wire).filter(|_| quantity == Quantity::NUMBER)?;
+        let name = wanted.name()?;
+        Some(format!(
+            "`{}` makes a plain number: give it `{setting}: \"{name}\"`, if that is what it is",
+            source.path
+        ))
     };
     let swapped = || {
         let wanted = Type {
@@ -296,11 +295,30 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         )),
         _ => None,
     };
-    let help = stated
+    let help = stated()
         .or_else(swapped)
         .or_else(restated)
         .unwrap_or_else(|| conversion(cx, quantity, wanted));
     Some(via(diagnostic.help(help), wire))
+}
+
+/// The node whose setting states the quantity of a signal, and that setting. Follows nodes that pass on the quantity of an
+/// input.
+fn stated_by<'d>(draft: &'d Draft, wire: &'d Wire) -> Option<(&'d DraftNode, &'static str)> {
+    let mut wire = wire;
+    // No chain is longer than the graph; one that closes on itself ends here too.
+    for _ in 0..draft.nodes.len() {
+        let source = draft.nodes.get(wire.from)?;
+        let passed_on = match source.entry.spec.outputs[wire.output].quantity {
+            QuantityRule::Setting(setting) => return Some((source, setting)),
+            QuantityRule::Same(input) => input,
+            _ => return None,
+        };
+        let inputs = source.entry.spec.inputs;
+        let of_input = |slot: &&Slot| inputs[slot.port].name == passed_on;
+        wire = source.inputs.iter().find(of_input)?.wire.as_ref()?;
+    }
+    None
 }
 
 /// Help for two swapped inputs: another input has the type that this one needs, and needs the type that this one has.
@@ -356,6 +374,8 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
         Some(format!("{wanted} is {had} {how}: {list} {does}"))
     };
     let over_time = match () {
+        // Every quantity per second is made of some number per second, which says nothing.
+        () if from == Quantity::NUMBER => None,
         () if to == from.per(Quantity::TIME) => {
             by_time("differentiates", QuantityRule::PerSecond, "per second")
         }

@@ -79,22 +79,18 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                 let wire = value
                     .as_ref()
                     .and_then(|value| resolve(cx, draft, scope, value, 0));
-                // A number in place of a connection is most likely that of the setting which stands in for it.
-                let stands_in = format!("{}_", input.name);
+                // A number in place of a connection is most likely that of the setting of the same name with a unit.
                 if let Some(Value {
                     shape: Shape::Number(_, number),
                     ..
                 }) = &value
-                    && let Some(setting) = draft.nodes[node]
-                        .entry
-                        .settings()
-                        .iter()
-                        .find(|setting| setting.name.starts_with(&stands_in))
+                    && let Some(setting) = draft.nodes[node].entry.settings().iter().find(|setting| {
+                        let unit = setting.name.strip_prefix(input.name);
+                        unit.is_some_and(|unit| unit.starts_with('_'))
+                    })
                     && let Some(found) = cx.diagnostics.get_mut(before)
                 {
-                    *found = found
-                        .clone()
-                        .help(format!("did you mean `{}: {number}`?", setting.name));
+                    found.help = vec![format!("did you mean `{}: {number}`?", setting.name)];
                 }
                 let broken = wire.is_none();
                 draft.nodes[node].inputs.push(Slot { port, wire, broken });
