@@ -63,21 +63,20 @@ impl Player {
             let (count, drivers) = (drivers.len(), drivers.collect());
             return Err(HostError::Drivers { count, drivers });
         }
-        let mut file_sinks = FileSinks::new(graph);
+        let mut sinks = FileSinks::new(graph);
         let mut names = Vec::new();
         for name in &options.probes {
             let (node, output) = graph.find_output(name)?;
-            names.push((name.clone(), file_sinks.hand_over(node, output)));
+            names.push((name.clone(), sinks.hand_over(node, output)));
         }
         let system = |reason: &dyn std::fmt::Display| HostError::System {
             reason: reason.to_string(),
         };
         if let Some(folder) = &options.folder {
-            file_sinks.open_files(folder).map_err(|error| system(&error))?;
+            sinks.open_files(folder).map_err(|error| system(&error))?;
         }
         let playing = claim(graph)?;
-        let (mut live, mut session) =
-            Session::open(file_sinks, &options.live).map_err(|error| system(&error))?;
+        let (mut live, mut session) = Session::open(sinks, &options.live).map_err(|error| system(&error))?;
         let check_interval = live.block() as u64;
         live.follow_inputs_every(check_interval);
         let probes = Probes::new(names, session.handed());

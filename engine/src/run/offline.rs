@@ -15,7 +15,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// An offline run that is being set up.
 pub struct Offline<'a> {
-    file_sinks: FileSinks<'a>,
+    sinks: FileSinks<'a>,
     block: usize,
     threads: usize,
 }
@@ -75,9 +75,9 @@ pub enum OfflineError {
 
 impl<'a> Offline<'a> {
     /// A run of a graph in blocks of `block` driver frames (0: the default), its files written.
-    pub fn new(file_sinks: FileSinks<'a>, block: usize) -> Self {
+    pub fn new(sinks: FileSinks<'a>, block: usize) -> Self {
         Self {
-            file_sinks,
+            sinks,
             block,
             threads: 1,
         }
@@ -104,12 +104,12 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.file_sinks.taps,
+            taps: self.sinks.taps,
         };
-        let mut plans = Plan::of(self.file_sinks.graph, &options);
-        let mut files = Files::new(self.file_sinks.written, plans.iter());
+        let mut plans = Plan::of(self.sinks.graph, &options);
+        let mut files = Files::new(self.sinks.written, plans.iter());
         let request = Request {
-            graph: self.file_sinks.graph,
+            graph: self.sinks.graph,
             seconds,
             stop,
         };
@@ -137,14 +137,14 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.file_sinks.taps,
+            taps: self.sinks.taps,
         };
-        let plans: Vec<Arc<Plan>> = Plan::of(self.file_sinks.graph, &options)
+        let plans: Vec<Arc<Plan>> = Plan::of(self.sinks.graph, &options)
             .into_iter()
             .map(Arc::new)
             .collect();
-        let rested = check_graph(self.file_sinks.graph, folder)?;
-        let graph = self.file_sinks.graph;
+        let rested = check_graph(self.sinks.graph, folder)?;
+        let graph = self.sinks.graph;
         let goes_on = || !stop.load(Ordering::Relaxed);
         check_logs((graph, &plans), folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
@@ -153,7 +153,7 @@ impl<'a> Offline<'a> {
             .enumerate()
             .map(open)
             .collect::<Result<Vec<_>, _>>()?;
-        let mut files = Files::new(self.file_sinks.written, plans.iter().map(Arc::as_ref));
+        let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
         let mut runner = Runner::new(&plans);
         runner.repeat_inputs((graph, &plans), folder, bounds)?;
         if !rested {

@@ -86,8 +86,8 @@ impl Session {
     ///
     /// # Errors
     /// System errors if no thread can be started; an error if the graph has several drivers.
-    pub fn open(file_sinks: FileSinks<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
-        let (mut lives, session) = Self::open_all(file_sinks, options, None)?;
+    pub fn open(sinks: FileSinks<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
+        let (mut lives, session) = Self::open_all(sinks, options, None)?;
         match (lives.pop(), lives.is_empty()) {
             (Some(live), true) => Ok((live, session)),
             _ => Err(std::io::Error::other("this graph has several drivers")),
@@ -102,13 +102,13 @@ impl Session {
     /// # Errors
     /// System errors if a thread cannot be started or a file cannot be written.
     pub fn open_all(
-        file_sinks: FileSinks<'_>,
+        sinks: FileSinks<'_>,
         options: &LiveOptions,
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Live>, Self)> {
         let plan_options = PlanOptions {
             block: options.block,
-            taps: file_sinks.taps.clone(),
+            taps: sinks.taps.clone(),
         };
         let mut session = Self {
             stop: Arc::clone(&options.stop),
@@ -117,16 +117,16 @@ impl Session {
             writer: WriterThread::default(),
             block: options.block,
             entries: Vec::new(),
-            taps: vec![(0, 0); file_sinks.taps.len()],
+            taps: vec![(0, 0); sinks.taps.len()],
             handed: Vec::new(),
         };
-        if folder.is_some() || file_sinks.written.iter().any(|written| written.writer.is_some()) {
+        if folder.is_some() || sinks.written.iter().any(|written| written.writer.is_some()) {
             session.writer.start()?;
         }
-        let mut outs: Vec<_> = file_sinks.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();
-        for plan in Plan::of(file_sinks.graph, &plan_options) {
+        for plan in Plan::of(sinks.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
@@ -136,7 +136,7 @@ impl Session {
                 live.run_mut().assume_thermally_saturated();
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            let data = file_sinks.graph.frames_of_data(plan.driver_rate());
+            let data = sinks.graph.frames_of_data(plan.driver_rate());
             if let Some(frames) = options.seconds.map(frames).into_iter().chain(data).min() {
                 live.end_after(frames);
             }
@@ -145,13 +145,13 @@ impl Session {
         }
         session.rings = connect(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let Some(folder) = folder {
-            arrivals::keep_graph(file_sinks.graph, options.rested, folder)?;
+            arrivals::keep_graph(sinks.graph, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
-                session.log_inputs(file_sinks.graph, (driver, live), folder)?;
+                session.log_inputs(sinks.graph, (driver, live), folder)?;
             }
         }
-        session.write(file_sinks, outs);
+        session.write(sinks, outs);
         Ok((lives, session))
     }
 
@@ -256,14 +256,14 @@ impl Session {
     }
 
     /// Passes the writers and the read ends of their rings to the writer thread.
-    fn write(&mut self, file_sinks: FileSinks<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
-        for written in file_sinks.written {
+    fn write(&mut self, sinks: FileSinks<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
+        for written in sinks.written {
             let number = self.entries.len();
             let mut streams = Vec::new();
             let mut ends = Vec::new();
             for (place, tap) in written.taps.iter().enumerate() {
                 self.taps[*tap] = (number, place);
-                streams.push(stream(file_sinks.graph, file_sinks.taps[*tap]));
+                streams.push(stream(sinks.graph, sinks.taps[*tap]));
                 ends.extend(rings[*tap].take());
             }
             self.entries.push(Entry {

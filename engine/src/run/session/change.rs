@@ -112,11 +112,11 @@ impl Session {
         folder: Option<&Path>,
         probes: Option<&[Port]>,
     ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
-        let mut file_sinks = FileSinks::new(graph);
-        let kept_streams = self.keep_streams(&mut file_sinks, probes);
+        let mut sinks = FileSinks::new(graph);
+        let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {
             Some(folder) => self
-                .open_new(&mut file_sinks, &kept_streams.ended, folder)
+                .open_new(&mut sinks, &kept_streams.ended, folder)
                 .map_err(ChangeError::from),
             None => Ok(Vec::new()),
         };
@@ -124,14 +124,13 @@ impl Session {
         let more: Vec<Port> = more.filter(|port| !kept_streams.probed.contains(port)).collect();
         let begun_probes: Vec<(Port, Stream)> = more
             .into_iter()
-            .map(|port| (port, file_sinks.hand_over(port.0, port.1)))
+            .map(|port| (port, sinks.hand_over(port.0, port.1)))
             .collect();
-        let ready =
-            left_out.and_then(|left_out| Ok((left_out, self.prepare(&file_sinks, &kept_streams.kept)?)));
+        let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&sinks, &kept_streams.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
             Err(error) => {
-                file_sinks.take_back();
+                sinks.take_back();
                 return Err(error);
             }
         };
@@ -141,13 +140,13 @@ impl Session {
         }
         self.rings = ready.rings;
         self.taps = kept_streams.places;
-        self.taps.resize(file_sinks.taps.len(), (0, 0));
+        self.taps.resize(sinks.taps.len(), (0, 0));
         let files = file_sinks
             .written
             .iter()
             .filter(|written| written.writer.is_some());
         let begun = files.map(|written| written.what.clone()).collect();
-        self.write(file_sinks, ready.outs);
+        self.write(sinks, ready.outs);
         let mut ended = Vec::new();
         for number in kept_streams.ended {
             let entry = &mut self.entries[number];
@@ -164,14 +163,14 @@ impl Session {
     }
 
     /// Taps the streams that continue in a new graph. If `probes` are given, only those probes continue.
-    fn keep_streams(&self, file_sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
+    fn keep_streams(&self, sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
         let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
-            let ports = entry.ports_in(file_sinks.graph).filter(|ports| {
+            let ports = entry.ports_in(sinks.graph).filter(|ports| {
                 // The ring of a stream stays with its driver.
                 let stays = |(stream, port): (usize, &(NodeId, usize))| {
-                    old(stream).is_some_and(|old| self.has_tap(file_sinks.graph, *port, old))
+                    old(stream).is_some_and(|old| self.has_tap(sinks.graph, *port, old))
                 };
                 ports.iter().enumerate().all(stays)
             });
@@ -187,8 +186,8 @@ impl Session {
             for (stream, port) in ports.into_iter().enumerate() {
                 kept_streams
                     .kept
-                    .extend(old(stream).map(|old| (old, file_sinks.taps.len())));
-                file_sinks.taps.push(port);
+                    .extend(old(stream).map(|old| (old, sinks.taps.len())));
+                sinks.taps.push(port);
                 kept_streams.places.push((number, stream));
             }
         }
@@ -208,15 +207,15 @@ impl Session {
     /// Opens the files that only the new graph writes. Returns those that cannot be begun again.
     fn open_new(
         &self,
-        file_sinks: &mut FileSinks<'_>,
+        sinks: &mut FileSinks<'_>,
         ended: &[usize],
         folder: &Path,
     ) -> Result<Vec<PathBuf>, WriteError> {
         let mut left_out = Vec::new();
-        for (index, file) in file_sinks.graph.written_files() {
+        for (index, file) in sinks.graph.written_files() {
             let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
             match self.entries.iter().position(known) {
-                None => file_sinks.open_file(index, folder)?,
+                None => sinks.open_file(index, folder)?,
                 Some(known) if ended.contains(&known) || !self.entries[known].running => {
                     left_out.push(self.entries[known].what.clone());
                 }
@@ -227,14 +226,14 @@ impl Session {
     }
 
     /// Plans a new graph for all drivers, with the rings between them and to the files.
-    fn prepare(&self, file_sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
+    fn prepare(&self, sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
         let options = PlanOptions {
             block: self.block,
-            taps: file_sinks.taps.clone(),
+            taps: sinks.taps.clone(),
         };
-        let mut outs: Vec<_> = file_sinks.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::of(file_sinks.graph, &options))?;
+        let all = self.by_driver(Plan::of(sinks.graph, &options))?;
         self.check_handover(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
