@@ -7,27 +7,26 @@
 //! - slew: two successive outputs differ by at most `slew_per_s` / rate;
 //! - faults: a NaN or infinite input counts as a request of zero; the output follows as fast as the slew limit allows.
 //!
-//! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
-//! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
-//! (`Rung`); every admissible state has an admissible successor, the next rung down.
+//! All limits hold at once: the output only takes a magnitude from which a ramp down to `continuous` at full slew stays
+//! within the heat reserve. The heat of such a ramp is tabulated when the limiter is built (`Rung`); every admissible
+//! state has an admissible successor, the next rung down.
 //!
-//! # What is promised over a change of limits
+//! # Guarantee over a change of limits
 //!
-//! Let M(t) be the mean square, weighted by the window of the limit that is in force, of **everything** that the
-//! actuator was given since the run began, whatever limits were in force then. At every tick, with k = exp(-1 /
-//! (window rate)):
+//! Let M(t) be the mean square of the **whole** output since the start of the run, under whatever limits, weighted by
+//! the window of the limit in force. At every tick, with k = exp(-1 / (window rate)):
 //!
 //! ```text
 //! M(t) - continuous^2 <= k max(0, M(t - 1) - continuous^2)
 //! ```
 //!
-//! So M never goes above the limit; where a limit is lowered, or its window shortened, below the heat that is there
-//! already, the excess only decays, and what is given since then keeps the limit by itself. Over a rectangle of T
-//! seconds the energy is at most continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
+//! So M never exceeds the limit by new output. If a limit is lowered, or its window shortened, below the present heat,
+//! the excess only decays, and the output since then keeps the limit by itself. Over T seconds the energy is at most
+//! continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
 //!
-//! The proof: a limiter that goes on for another one begins from m >= M, which `Heat` can give for any window. Both
-//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit no heat is left, the
-//! outputs are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M.
+//! Proof: a limiter that continues another one starts from m >= M, which `Heat` can give for any window. Both
+//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit there is no heat reserve,
+//! the outputs are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M.
 //! A change of limits happens while the output is zero, from where every state is admissible.
 //!
 //! Output before the run is unknown and counts as the continuous limit in force: the actuator starts without heat
