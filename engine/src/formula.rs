@@ -210,9 +210,9 @@ impl Formula {
         work.first().copied().unwrap_or(f64::NAN)
     }
 
-    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results are
-    /// the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not finite is
-    /// zero.
+    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results
+    /// are the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not
+    /// finite is zero.
     pub fn compute<'a>(
         &self,
         frames: usize,
@@ -321,7 +321,7 @@ impl<'t> Parser<'t> {
     /// What stands here cannot follow.
     fn unexpected(&self) -> FormulaError {
         let Some(strange) = self.rest().chars().next() else {
-            return self.wrong("a number, a name or `(` is missing".to_owned());
+            return self.wrong("expected a number, a name or `(`".to_owned());
         };
         if let Some(here) = self.foreign(self.rest()) {
             return self.wrong(here);
@@ -430,7 +430,7 @@ impl<'t> Parser<'t> {
                 self.push(Step::Number(number));
                 Ok(())
             }
-            _ => Err(self.wrong(format!("`{text}` is no number"))),
+            _ => Err(self.wrong(format!("`{text}` is not a number"))),
         }
     }
 

@@ -1,18 +1,18 @@
-//! A value as written in a graph file: RON's shapes with the place of each, before anything is known of its meaning.
+//! Values of a graph file: RON values with their places, before any check.
 
 use super::text;
 use crate::diagnostic::{Diagnostics, Sources, Span};
 
-/// A value and where it stands.
+/// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
-    /// Where it stands.
+    /// Its place.
     pub span: Span,
-    /// What it is.
+    /// Its content.
     pub shape: Shape,
 }
 
-/// The shapes of RON.
+/// The kinds of RON values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// `()`
@@ -51,12 +51,12 @@ pub enum Body {
     Fields(Vec<(Name, Value)>),
 }
 
-/// An identifier or key and where it stands.
+/// An identifier or key and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Name {
-    /// Where it stands.
+    /// Its place.
     pub span: Span,
-    /// The text.
+    /// Its text.
     pub text: String,
 }
 
@@ -78,7 +78,7 @@ fn brief_text(text: &str) -> &str {
 }
 
 impl Value {
-    /// The value in a few characters: numbers to four digits, the last part of a path.
+    /// Short form for display: numbers to four digits, the last part of a path.
     pub fn brief(&self) -> String {
         let all = |values: &[Self]| values.iter().map(Self::brief).collect::<Vec<_>>().join(", ");
         match &self.shape {
@@ -110,10 +110,10 @@ impl Value {
         }
     }
 
-    /// Reads a text that is one value of RON.
+    /// Parses a text as one RON value.
     ///
     /// # Errors
-    /// Where it is not, or has brackets within more than 64 others.
+    /// If it is not RON, or brackets are nested deeper than 64.
     #[doc(hidden)]
     pub fn parse(text: &str) -> Result<Self, Diagnostics> {
         let (mut sources, mut list) = (Sources::default(), Vec::new());
@@ -121,7 +121,7 @@ impl Value {
         text::read(id, text, &mut list).ok_or(Diagnostics { sources, list })
     }
 
-    /// The name, where it is one without brackets: `synth`.
+    /// The name, if the value is a name without brackets: `synth`.
     pub(crate) fn bare_name(&self) -> Option<&str> {
         match &self.shape {
             Shape::Tagged(Tagged {
@@ -132,7 +132,7 @@ impl Value {
         }
     }
 
-    /// What it is, in a person's words: `a number`, `a list`.
+    /// Description for messages: `a number`, `a list`.
     pub fn describe(&self) -> &'static str {
         match &self.shape {
             Shape::Unit => "()",
