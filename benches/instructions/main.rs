@@ -100,7 +100,9 @@ fn compare(keep: bool) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if dearer {
-        say("where that is meant, `cargo run --release -p haptograph-instructions -- --keep` keeps the new counts");
+        say(
+            "where that is meant, `cargo run --release -p haptograph-instructions -- --keep` keeps the new counts",
+        );
         return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS

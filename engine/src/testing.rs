@@ -32,7 +32,7 @@ mod example;
 pub use example::{Built, device_from_example, node_from_example};
 
 use crate::frame::Kind;
-use crate::io::{Form, Io, LINE, Memory, Placing, Wire};
+use crate::io::{Form, Io, LINE, Memory, Placing, ResolvedInput};
 use crate::node::{
     BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
 };
@@ -46,7 +46,7 @@ pub struct Bench {
     processor: Box<dyn Processor>,
     kinds: Vec<Option<Kind>>,
     tick: Tick,
-    wires: Vec<Wire>,
+    wires: Vec<ResolvedInput>,
     memory: Memory,
     placings: Vec<Placing>,
     out: Memory,
@@ -100,7 +100,7 @@ impl Bench {
             let width = cx.input_widths[slot];
             let begin = at;
             at += (1 + MAX_FRAMES * (width + 1)).next_multiple_of(LINE);
-            Wire {
+            ResolvedInput {
                 at: begin as u32,
                 width: width as u32,
                 behind: false,

@@ -173,7 +173,7 @@ fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
             if round < rounds {
                 measured.run_quantum();
             } else {
-                measured.round_by_driver(&mut took_ns);
+                measured.run_quantum_by_driver(&mut took_ns);
             }
             for (plain, measured) in plain.runs().iter().zip(measured.runner().runs()) {
                 assert_eq!(plain.driver_frames(), measured.driver_frames());

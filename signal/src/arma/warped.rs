@@ -14,9 +14,9 @@ use step::{ROWS, SUMS, Step};
 /// and its input by the angle whose sine is `sqrt(1 - l^2)`; the loops without delay that this makes are solved stage
 /// by stage (`1 - k l alpha >= 1 - l > 0`). A step from (states, excitation) to (states, last backward signal) is
 /// then orthogonal **whatever the coefficients**: the energy of the states grows by no more than the excitation's,
-/// however the sets follow one another, and for white excitation of variance 1 the output stays within `(1 + l) / (1
-/// - l)` of the variance that the gain gives it. Expanding `A(D)` to a polynomial in z would need more than double
-/// precision.
+/// however the sets follow one another, and for white excitation of variance 1 the output stays within
+/// `(1 + l) / (1 - l)` of the variance that the gain gives it. Expanding `A(D)` to a polynomial in z would need more
+/// than double precision.
 ///
 /// Because a set lasts for tens of samples, the step is written out as a matrix when the set is taken (a column a
 /// state), and a sample is one product of matrix and vector: no chain from stage to stage. Its multiplications are

@@ -141,10 +141,7 @@ impl Session {
         self.rings = ready.rings;
         self.taps = kept_streams.places;
         self.taps.resize(sinks.taps.len(), (0, 0));
-        let files = file_sinks
-            .written
-            .iter()
-            .filter(|written| written.writer.is_some());
+        let files = sinks.written.iter().filter(|written| written.writer.is_some());
         let begun = files.map(|written| written.what.clone()).collect();
         self.write(sinks, ready.outs);
         let mut ended = Vec::new();
