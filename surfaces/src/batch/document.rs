@@ -101,7 +101,7 @@ impl Signal {
 
 impl Samples {
     /// NumPy's word.
-    pub fn word(self) -> &'static str {
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Float32 => "float32",
             Self::Float64 => "float64",

@@ -106,7 +106,7 @@ impl Manifest {
                 .iter()
                 .map(|signal| signal.name().to_owned())
                 .collect(),
-            samples: batch.samples().word().to_owned(),
+            samples: batch.samples().as_str().to_owned(),
             jobs: batch.jobs(),
             jobs_per_chunk: batch.jobs_per_chunk(),
             update_hz: batch.update_hz(),

@@ -113,7 +113,7 @@ impl Batch {
                     return Err(at(PlanProblem::NoTexture { file }));
                 };
                 let mut input = Input::new("surface", &file, sha256);
-                input.origin = Some(surface.provenance.origin.word().to_owned());
+                input.origin = Some(surface.provenance.origin.as_str().to_owned());
                 input.source = Some(surface.provenance.source);
                 self.inputs.push(input);
                 self.surfaces.push(BatchSurface { name, texture });

@@ -364,6 +364,6 @@ pub enum MergeError {
         part: &'static str,
     },
     /// One surface has one kind of data behind it.
-    #[error("one surface is {}, the other {}; they do not make one", _0.word(), _1.word())]
+    #[error("one surface is {}, the other {}; they do not make one", _0.as_str(), _1.as_str())]
     Origins(Origin, Origin),
 }

@@ -267,7 +267,7 @@ fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenan
     }
     let mut provenance = Provenance::new(origin, sources.join("; "));
     for (index, recording) in recordings.iter().enumerate() {
-        let gesture = recording.gesture().word();
+        let gesture = recording.gesture().as_str();
         provenance
             .settings
             .insert(format!("recording {} gesture", index + 1), gesture.to_owned());
@@ -297,7 +297,7 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         "processing.velocity_lowpass_hz",
         processing.velocity_lowpass_hz.to_string(),
     );
-    say("processing.reduction", processing.reduction.word().to_owned());
+    say("processing.reduction", processing.reduction.as_str().to_owned());
     if let Some(rate_hz) = processing.rate_hz {
         say("processing.rate_hz", rate_hz.to_string());
     }

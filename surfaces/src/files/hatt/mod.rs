@@ -70,7 +70,7 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
 
 /// The comment that labels an exported surface; dashes that would end it are bent.
 fn label(provenance: &Provenance) -> String {
-    let origin = provenance.origin.word();
+    let origin = provenance.origin.as_str();
     let label = format!(
         "{LABEL}{origin}; made by {}; from {}",
         provenance.version, provenance.source
@@ -81,14 +81,11 @@ fn label(provenance: &Provenance) -> String {
 fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
     let (origin, rest) = comment.trim().strip_prefix(LABEL)?.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
-    let origins = [
-        Origin::Simulated,
-        Origin::Measured,
-        Origin::Imported,
-        Origin::Procedural,
-    ];
-    let origin = origins.into_iter().find(|known| known.word() == origin)?;
-    Some((origin, source.to_owned(), made_by.to_owned()))
+    Some((
+        origin.parse::<Origin>().ok()?,
+        source.to_owned(),
+        made_by.to_owned(),
+    ))
 }
 
 /// What may be wrong with a toolkit file.

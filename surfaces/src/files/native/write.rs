@@ -25,7 +25,7 @@ fn write_surface(out: &mut String, surface: &Surface) -> std::fmt::Result {
     writeln!(
         out,
         "    provenance: (\n        origin: {},",
-        provenance.origin.word()
+        provenance.origin.as_str()
     )?;
     writeln!(out, "        source: {},", quoted(&provenance.source))?;
     writeln!(out, "        made_by: {},", quoted(&provenance.version))?;

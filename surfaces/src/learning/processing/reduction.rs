@@ -22,8 +22,8 @@ pub enum AxisReduction {
 }
 
 impl AxisReduction {
-    /// The word for people and files, such as `dft321`.
-    pub fn word(self) -> &'static str {
+    /// The name in files and messages, such as `dft321`.
+    pub fn as_str(self) -> &'static str {
         match self {
             AxisReduction::Dft321 => "dft321",
             AxisReduction::Sum => "sum",
