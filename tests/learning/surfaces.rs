@@ -229,7 +229,7 @@ fn a_few_surfaces_stand_for_a_folder() {
     assert_eq!(found["selected"].as_array().unwrap().len(), 2);
     assert!(
         fail(folder, &["surface", "select", "many", "--count", "4"])
-            .contains("4 surfaces cannot be chosen of 3")
+            .contains("cannot select 4 of 3 surfaces")
     );
     assert!(succeed(folder, &["surface", "select", "many"]).contains("2 of 3 surfaces"));
 }
