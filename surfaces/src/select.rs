@@ -67,7 +67,7 @@ pub struct Selection {
 
 /// An error of selecting surfaces.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum SelectError {
     #[error("cannot select {clusters} of {surfaces} surfaces; give a number from 1 to {surfaces}")]
     Clusters { clusters: usize, surfaces: usize },

@@ -13,7 +13,7 @@ const MAX_MARKER_BYTES: u64 = 1 << 12;
 
 /// Why a folder cannot be written to.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum FolderError {
     #[error("cannot write to {}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// Why parts are not a whole.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum MergeError {
     #[error("there is nothing to merge; name the folders of the parts")]
     Nothing,

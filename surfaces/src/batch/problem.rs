@@ -35,7 +35,7 @@ impl std::error::Error for PlanError {
 /// What is wrong with a plan.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum PlanProblem {
     #[error("cannot read it: {0}")]
     Io(#[from] std::io::Error),

@@ -50,7 +50,7 @@ pub struct Rendered {
 
 /// Why a batch could not be rendered.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum RenderError {
     #[error(transparent)]
     Folder(#[from] FolderError),

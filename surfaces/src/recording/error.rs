@@ -6,7 +6,7 @@ use super::rows::listed;
 
 /// An error in the content of a recording's file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum ReadError {
     #[error("{0}")]
     Io(String),

@@ -245,7 +245,7 @@ fn read_error(path: &Path, source: ReadError) -> LoadError {
 
 /// An error of reading a recording's file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum LoadError {
     #[error("cannot read {}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },

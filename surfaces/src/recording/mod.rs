@@ -425,7 +425,7 @@ fn all_finite(values: &[f64]) -> bool {
 
 /// An error in the samples or the calibration of a recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum RecordingError {
     #[error("the rate of the {quantity} is {} Hz; it must be a finite number above 0", shown(*rate_hz))]
     Rate { quantity: &'static str, rate_hz: f64 },

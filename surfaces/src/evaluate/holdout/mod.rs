@@ -56,7 +56,7 @@ impl Default for HoldoutSettings {
 
 /// Why recordings cannot be held out.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum HoldoutError {
     #[error(transparent)]
     Study(#[from] StudyError),
