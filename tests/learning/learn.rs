@@ -122,7 +122,7 @@ fn a_surface_without_friction_says_so_and_keeps_its_texture() {
         settings["not learned: friction"]
             .as_str()
             .unwrap()
-            .contains("pulling"),
+            .contains("friction coefficient"),
         "{settings}"
     );
     let page = fs::read_to_string(folder.path().join("page/report.html")).unwrap();

@@ -145,7 +145,7 @@ fn a_column_that_is_there_twice_is_shown_at_its_place() {
         &["learn", "twice.csv", "-o", "x.ron"],
     ] {
         let error = fail(folder.path(), arguments);
-        for part in ["x is there twice", "twice.csv:1:5", "x,y,x", "^"] {
+        for part in ["column name x occurs twice", "twice.csv:1:5", "x,y,x", "^"] {
             assert!(error.contains(part), "{arguments:?}: {part} is missing: {error}");
         }
     }

@@ -63,7 +63,7 @@ fn breaks_are_found_and_printed_as_agreed() {
         told.contains("bad.csv:3:3") && !told.contains("column 2"),
         "{told}"
     );
-    assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("there are a, y"));
+    assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("the columns are a, y"));
 }
 
 #[test]
