@@ -14,7 +14,7 @@ pub fn page(title: &str, found: &Holdout, simulated: bool) -> String {
     let splits = found.splits();
     let sections: Vec<(&str, String)> = splits
         .iter()
-        .map(|split| (split.split.word(), section(found, split)))
+        .map(|split| (split.split.as_str(), section(found, split)))
         .collect();
     let about = format!(
         "What is learned from one part of a recording against another part, {} materials, powers of {} seeds of noise averaged.",

@@ -32,7 +32,7 @@ pub fn describe(found: &Holdout) -> String {
 }
 
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
-    let mut text = format!("\n{}\n\n{}", split.split.word(), methods_table(split));
+    let mut text = format!("\n{}\n\n{}", split.split.as_str(), methods_table(split));
     text += &format!(
         "\nTwo stationary takes as long as these parts are {:.2} dB apart, one and the mean over seeds {:.2} dB.\n",
         split.estimator_db.0, split.estimator_db.1
@@ -111,7 +111,7 @@ fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
 
 /// Distances material by material.
 fn materials_table(found: &Holdout, split: &SplitResult) -> String {
-    let words = split.methods.iter().map(|method| method.method.word());
+    let words = split.methods.iter().map(|method| method.method.as_str());
     let header: Vec<&str> = std::iter::once("LSD, dB").chain(words).collect();
     let complete = |method: &&MethodMean| method.lsd_by_material.len() == found.materials.len();
     if !split.methods.iter().all(|method| complete(&method)) {
@@ -176,9 +176,9 @@ fn contact_table(results: &[&ContactResult]) -> String {
 pub fn to_json(found: &Holdout, contact: &[ContactResult], simulated: bool) -> Value {
     let split = |split: &SplitResult| {
         json!({
-            "split": split.split.word(),
+            "split": split.split.as_str(),
             "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
-            "best_baseline": split.best_baseline.word(),
+            "best_baseline": split.best_baseline.as_str(),
             "unexplained_level_db": mean_json(split.unexplained_level_db),
             "estimator_two_takes_db": split.estimator_db.0,
             "estimator_mean_of_seeds_db": split.estimator_db.1,
@@ -203,7 +203,7 @@ fn contact_json(result: &ContactResult) -> Value {
         })
     };
     json!({
-        "error": result.contact.word(),
+        "error": result.contact.as_str(),
         "tested_on": result.split,
         "materials": result.materials,
         "loses": result.loses,
@@ -214,7 +214,7 @@ fn contact_json(result: &ContactResult) -> Value {
 fn method_json(method: &MethodMean) -> Value {
     let some = |mean: Mean| mean_json(Some(mean));
     json!({
-        "method": method.method.word(),
+        "method": method.method.as_str(),
         "loses": method.loses,
         "lsd_by_material_db": method.lsd_by_material,
         "lsd_db": some(method.lsd_db),
