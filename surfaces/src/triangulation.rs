@@ -145,7 +145,7 @@ impl Triangulation {
 enum WalkStep {
     Inside,
     OnSide,
-    Through(u32),
+    Into(u32),
 }
 
 impl Cell {
