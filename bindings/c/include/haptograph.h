@@ -242,7 +242,8 @@ haptograph_status haptograph_graph_parse(const char *text,
 haptograph_status haptograph_graph_free(haptograph_graph graph);
 
 // Returns the rate of the driver frames that haptograph_player_process() counts, Hz. Any thread; not real-time.
-haptograph_status haptograph_graph_rate(haptograph_graph graph, double *rate_hz);
+haptograph_status haptograph_graph_rate(haptograph_graph graph,
+                                        double *rate_hz);
 
 // Copies the warnings of a graph, as printed on a terminal: at most `capacity` bytes with a final 0. `length`: the full
 // length in bytes without the 0, or null. Any thread; not real-time.
