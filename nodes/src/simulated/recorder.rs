@@ -123,11 +123,7 @@ impl DeviceKind for SimulatedRecordingTool {
             );
             return Err(BuildError::of_node(message).help("read it on a clock of 10000 Hz"));
         }
-        let name = MaterialName::from_word(&settings.material).ok_or_else(|| {
-            let words: Vec<&str> = MaterialName::ALL.into_iter().map(MaterialName::word).collect();
-            let message = format!("there is no simulated material `{}`", settings.material);
-            BuildError::at("material", message).help(format!("choose one of {}", words.join(", ")))
-        })?;
+        let name: MaterialName = (settings.material.parse()).map_err(|error: String| BuildError::at("material", error))?;
         let (motion, person) = (settings.motion, settings.person);
         let grip = if motion == Motion::Press {
             ToolGrip::LOAD_FRAME
@@ -136,7 +132,7 @@ impl DeviceKind for SimulatedRecordingTool {
         };
         let seed = stream_seed(
             cx.seed,
-            &format!("{}/{person}/{}", name.word(), motion.gesture().as_str()),
+            &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()),
         );
         let mut tool = SimulatedTool::new(&Material::of(name), grip, &habit(&motion, person), SUBSTEPS, seed)
             .map_err(|error| BuildError::at("motion", error.to_string()))?;
