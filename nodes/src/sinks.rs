@@ -42,10 +42,7 @@ fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
         .unwrap_or_default();
     if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
         let known: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
-        return refused(format!(
-            "`{file}` does not end in {}",
-            known.join(" or ")
-        ));
+        return refused(format!("`{file}` does not end in {}", known.join(" or ")));
     }
     Ok(path.to_owned())
 }

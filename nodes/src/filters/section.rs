@@ -300,7 +300,7 @@ impl NodeKind for SecondOrderSection {
         };
         if !section.is_stable() {
             let message = "the section is unstable: a pole lies on or outside the unit circle";
-            return Err(BuildError::at("a", message).help("a stable section has |a_2| < 1 and |a_1| < 1 + a_2"));
+            return Err(BuildError::at("a", message).help("stability needs |a_2| < 1 and |a_1| < 1 + a_2"));
         }
         let sections = filter::Sections {
             sections: vec![section],

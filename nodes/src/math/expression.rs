@@ -80,17 +80,17 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
         let names = LETTERS.get(..inputs).map(<[&str]>::to_vec);
         return names.ok_or_else(|| {
             let message = format!("{inputs} inputs need `names`");
-            BuildError::at("names", message).help("give one name for each input, in the order of `inputs`")
+            BuildError::at("names", message).help("give a name for each, in the order of `inputs`")
         });
     }
     if given.len() != inputs {
         let message = format!("{} names for {inputs} inputs", given.len());
-        return Err(BuildError::at("names", message).help("give one name for each input, in the order of `inputs`"));
+        return Err(BuildError::at("names", message).help("give a name for each, in the order of `inputs`"));
     }
     for (i, name) in given.iter().enumerate() {
         if !is_free(name) || given[..i].contains(name) {
             let message = format!("`{name}` is not a valid name of an input");
-            let help = "use each name once: letters, digits and `_`, but no function, no constant and not `t`";
+            let help = "use each name once: letters, digits and `_`; no function, constant or `t`";
             return Err(BuildError::at("names", message).help(help));
         }
     }

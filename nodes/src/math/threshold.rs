@@ -43,7 +43,7 @@ impl NodeKind for Threshold {
 
     fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         if let Some(falls_to) = settings.falls_to.filter(|falls_to| *falls_to > settings.rises_to) {
-            let message = format!("`falls_to` is {falls_to}, above `rises_to`, {}", settings.rises_to);
+            let message = format!("`falls_to` is {falls_to}, which is above {}", settings.rises_to);
             return Err(BuildError::at("falls_to", message).help("give a value no higher than `rises_to`"));
         }
         Ok(Box::new(Rising {

@@ -6,7 +6,7 @@
 
 use super::terrain::Relief;
 
-/// A material as the simulation knows it.
+/// Properties of a simulated material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// The height field.

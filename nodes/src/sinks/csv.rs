@@ -79,11 +79,7 @@ impl FileSink for Table {
         let text = text
             .into_inner()
             .map_err(|error| io::Error::other(error.to_string()))?;
-        note::write(
-            path,
-            "The columns of the CSV file of this name.",
-            &facts(streams),
-        )?;
+        note::write(path, "The columns of the CSV file of this name.", &facts(streams))?;
         let mut rows = Rows {
             file: File::create(path)?,
             text,

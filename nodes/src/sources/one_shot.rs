@@ -21,7 +21,7 @@ haptograph_engine::settings! {
         [live] full_scale: f64 = 1.0;
         /// Quantity of the output, by name.
         quantity: String = "number".into();
-        /// Scales the amplitude by the event's value divided by this, in the SI unit of the event; none: the amplitude does not depend on the event.
+        /// Scales the amplitude by the event's value divided by this, in the SI unit of the event; none: fixed amplitude.
         per_value: Option<f64> = None, in 1e-12..=1e12;
     }
 }

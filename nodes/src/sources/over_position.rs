@@ -107,7 +107,7 @@ impl NodeKind for WavOverPosition {
             (None, Some(recorded_mm_s)) => rate_hz / (recorded_mm_s * 1e-3),
             (Some(_), Some(_)) => {
                 return Err(
-                    BuildError::at("recorded_mm_s", "`length_mm` and `recorded_mm_s` are both given").help("remove one of them")
+                    BuildError::at("recorded_mm_s", "`length_mm` is given too").help("remove one of them")
                 );
             }
             (None, None) => {

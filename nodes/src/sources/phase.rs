@@ -108,7 +108,7 @@ impl NodeKind for Adsr {
             kind: KindRule::Is(Kind::Scalar),
             ..any_input("gate", "The gate is open while this is above zero.")
         }],
-        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "The envelope, 0 to 1.")],
+        outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "0 to 1.")],
         example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
     };
 
