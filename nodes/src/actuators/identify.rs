@@ -270,7 +270,7 @@ fn whole_delay(
     const LONGEST_S: f64 = 1.0;
     /// Fraction of the strongest bin's power below which a bin is mostly noise.
     const LEAST_POWER: f64 = 1e-4;
-    /// Bounds the parameters that the fit determines.
+    /// Samples of delay left for the fit to determine.
     const LEFT: usize = 5;
     let strongest = within
         .clone()
