@@ -71,7 +71,7 @@ impl NodeKind for BrakeController {
         group: "actuators",
         doc: "The brake current that makes the pen drag like a surface of a requested friction: by the experimental \
               line, with a slow correction by the measured friction. It reports whether the requested friction can be rendered, and \
-              rests while its model of the coil is too hot.",
+              outputs zero while the modelled coil is too hot.",
         source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12",
         inputs: &[
             input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
@@ -107,7 +107,7 @@ impl NodeKind for BrakeController {
                 Kind::Scalar,
                 Quantity::NUMBER,
                 "0: the requested friction can be rendered. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
-                 would lift the ball. 4: the correction is at its end. 5: the coil is too hot.",
+                 would lift the ball. 4: the correction is at its limit. 5: the coil is too hot.",
             ),
             output(
                 "coil",

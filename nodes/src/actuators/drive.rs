@@ -133,7 +133,7 @@ impl ActuatorKind for ActuatorSink {
         name: "ActuatorSink",
         group: "sinks",
         doc: "Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity \
-              becomes no current.",
+              become zero.",
         source: "3.1.3",
         inputs: &[input(
             "current",

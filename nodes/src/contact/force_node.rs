@@ -30,7 +30,7 @@ impl NodeKind for NormalForce {
         name: "NormalForce",
         group: "contact",
         doc: "The force of a surface on the tool along its normal, by Hooke's law, with optional damping. It pushes \
-              and never pulls. With the device's damping given, a wall that is not passive is warned about: b > K T / 2 + B.",
+              and never pulls. With the device's damping given, a warning reports a wall that is not passive, b <= K T / 2 + B.",
         source: "4.3, A.3.2; Colgate and Schenkel 1997",
         inputs: &[
             input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),

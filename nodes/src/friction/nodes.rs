@@ -69,7 +69,7 @@ impl NodeKind for DahlFriction {
         name: "DahlFriction",
         group: "friction",
         doc: "Stick-slip friction after Dahl: tool and surface stick by a spring that stretches up to 4 mm times mu, then \
-              slip. The passive variant, the default, gives no energy whatever the load does.",
+              slip. The passive variant, the default, never adds energy, whatever the load does.",
         source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)",
         inputs: &[CONTACT, LOAD],
         outputs: &[FORCE],

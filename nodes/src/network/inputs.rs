@@ -37,7 +37,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
     name: "LiveInput",
     group: "sources",
     doc: "A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`, \
-          a `SerialInput` or a `SimulatedInput`, which says in which range the number is. Three make a vector by `Pack`.",
+          a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.",
     source: "",
     inputs: &[],
     outputs: &[OutputSpec {

@@ -49,9 +49,9 @@ impl<const N: usize> Latest<N> {
     }
 }
 
-/// What a device senses: position (m), orientation (rotation vector, rad), force (N), torque (N m).
+/// Size of a state: position (m), orientation (rotation vector, rad), force (N), torque (N m).
 pub(super) const SENSED: usize = 12;
-/// What it is driven by: force (N), current of the actuator and of the brake (A).
+/// Size of a command: force (N), current of the actuator and of the brake (A).
 pub(super) const DRIVEN: usize = 5;
 
 /// Counts of a device's packets.

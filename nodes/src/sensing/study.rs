@@ -53,7 +53,7 @@ impl NodeKind for Responsiveness {
         name: "Responsiveness",
         group: "sensing",
         doc: "The four rendering conditions of the study on responsiveness: force or speed or both are replaced by \
-              constants. There is still no texture at rest, nor while nothing is pressed.",
+              constants. There is no texture at rest or without force.",
         source: "4.5.2, Table 4.1",
         inputs: &[SPEED, FORCE],
         outputs: &[

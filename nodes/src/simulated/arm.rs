@@ -75,7 +75,7 @@ impl DeviceKind for SimulatedOmni {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedOmni",
         doc: "A desktop arm at 1 kHz with steps of 0.055 mm and 3.3 N, held by a simulated hand: a mass on a spring and a \
-              damper that pull it along what it means to do. The seed is the person and the attempt.",
+              damper that pull it along an intended path. The seed is the person and the attempt.",
         source: "4.3",
         simulated: true,
         senses: &[

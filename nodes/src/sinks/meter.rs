@@ -25,7 +25,7 @@ impl NodeKind for Meter {
         name: "Meter",
         group: "sinks",
         doc: "The level of a signal: the root of its exponentially weighted mean square, and a peak that decays with \
-              the same time constant. Of a vector, its length counts.",
+              the same time constant. For a vector they measure its length.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[

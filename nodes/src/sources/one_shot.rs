@@ -35,7 +35,7 @@ impl NodeKind for OneShot {
         name: "OneShot",
         group: "sources",
         doc: "Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own \
-              tick. An event while it plays begins it anew. Its rate has to be that of the node's clock.",
+              tick. An event during playback restarts it. The file's rate has to be that of the node's clock.",
         source: "",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Event),

@@ -188,7 +188,7 @@ impl NodeKind for Chirp {
         name: "Chirp",
         group: "sources",
         doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency of its \
-              ends goes on from the phase that was reached.",
+              ends continues from the present phase.",
         source: "",
         inputs: &[],
         outputs: &[made("The sweep.")],

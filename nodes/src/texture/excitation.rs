@@ -30,7 +30,7 @@ impl NodeKind for Excitation {
         group: "texture",
         doc: "White Gaussian noise that excites a synthesis filter, with the variance of the coefficients \
               (exactly zero if that is zero). Without coefficients the variance is 1. If the surface crackles, the \
-              level fluctuates about that variance by the depth and time constant that its file says.",
+              level fluctuates about that variance with the depth and time constant of its file.",
         source: "2.4.2; crackle: docs/texture-models.md",
         inputs: &[input(
             "coefficients",

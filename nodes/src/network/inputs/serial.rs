@@ -62,7 +62,7 @@ impl DeviceKind for SerialInput {
         doc: "One number from a serial port, for example from a sensor on an Arduino: a column of lines of numbers separated by commas, \
               spaces or tabs, mapped to a range. It works in live runs only, and in programs built with the feature \
               `serial`. A line of more than 512 bytes is dropped whole. While the port is silent or gone, every actuator \
-              that depends on it is at zero, unless `on_silence` is `Hold`; a port that is gone is looked for twice a second.",
+              that depends on it is at zero, unless `on_silence` is `Hold`; it tries to reopen a port that is gone twice a second.",
         source: "",
         simulated: false,
         senses: VALUE,
