@@ -244,7 +244,7 @@ impl Connections {
             .map(|known| (known.device.as_str(), known.link.counts()))
     }
 
-    /// Each device, with its address or path.
+    /// Each device, and where it is listened to or read from.
     pub fn places(&self) -> impl Iterator<Item = (&str, &str)> {
         self.heard
             .iter()

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn names_parse() {
         for name in MaterialName::ALL {
-            assert_eq!(name.as_str().parse(), Ok(name));
+            assert_eq!(name.as_str().parse::<MaterialName>(), Ok(name));
         }
         assert!("T7".parse::<MaterialName>().is_err());
     }

@@ -123,8 +123,8 @@ impl DeviceKind for SimulatedRecordingTool {
             );
             return Err(BuildError::of_node(message).help("put its nodes on a clock of 10000 Hz"));
         }
-        let name: MaterialName =
-            (settings.material.parse()).map_err(|error: String| BuildError::at("material", error))?;
+        let name = settings.material.parse::<MaterialName>();
+        let name = name.map_err(|error| BuildError::at("material", error))?;
         let (motion, person) = (settings.motion, settings.person);
         let grip = if motion == Motion::Press {
             ToolGrip::LOAD_FRAME
