@@ -63,7 +63,7 @@ pub fn record(
         Gesture::Press => "Press",
     };
     let set = [
-        ("material", session.material.word().to_owned()),
+        ("material", session.material.as_str().to_owned()),
         ("motion", motion.to_owned()),
         ("person", session.person.to_string()),
     ];

@@ -244,7 +244,7 @@ fn what_cannot_be_meant_is_refused_before_any_work() {
             "--over gives `gain` twice",
         ),
         (&["draw", &graph, "-o", "no/such.svg"], "there is no folder no"),
-        (&["check", "rates.ron"], "the rows of a table have one rate"),
+        (&["check", "rates.ron"], "all columns of a CSV file need one rate"),
         (
             &["bench", &graph, "--svg", "no/such.svg"],
             "there is no folder no",

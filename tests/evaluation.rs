@@ -31,7 +31,7 @@ fn take(material: MaterialName, person: u64, seed: u64) -> Take {
     };
     let recording = record(&session, &AtomicBool::new(false), &mut |_| ()).unwrap();
     let name = RecordingName {
-        material: material.word().to_owned(),
+        material: material.as_str().to_owned(),
         person: person.to_string(),
         take: seed.to_string(),
     };
@@ -206,7 +206,7 @@ fn textures_are_too_loud_below_60_hz_because_their_models_are_short() {
         );
         println!(
             "{}: 20 to 40 Hz {low:.1} dB, 60 to 1000 Hz {rest:.1} dB, all {all:.1} dB too loud",
-            material.word()
+            material.as_str()
         );
         assert!(rest.abs() < 1.5 && all.abs() < 1.5);
         // Neither breaks nor interpolation nor the choice of the order: one model of the whole drag is no better...

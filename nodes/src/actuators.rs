@@ -1,4 +1,4 @@
-//! Actuators and what stands before them: the voice-coil model, its identification and its compensation.
+//! Actuators: the voice-coil model, its identification, its dynamic compensation, brakes and sinks.
 
 pub mod brake;
 pub mod brake_node;

@@ -1,4 +1,4 @@
-//! Contact: where a tool's point meets a surface, how deep, and what pushes back.
+//! Contact of a tool with a surface: position, penetration and normal force.
 
 pub mod force_node;
 pub mod mesh;
@@ -18,16 +18,16 @@ use haptograph_engine::frame;
 pub struct Contact {
     /// Whether the tool touches.
     pub touching: bool,
-    /// Haptic interface point (HIP): where the device is, m.
+    /// Haptic interface point (HIP): position of the device, m.
     pub hip_m: Vec3,
-    /// Ideal haptic interface point (IHIP, proxy, god-object): where the tool would be on a hard surface, m. In free
+    /// Ideal haptic interface point (IHIP, proxy, god-object): position of the tool on a rigid surface, m. In free
     /// space it is the HIP.
     pub proxy_m: Vec3,
     /// Distance from HIP to proxy, m; zero in free space.
     pub penetration_m: f64,
-    /// Unit normal at the proxy, from HIP to proxy; null in free space.
+    /// Unit normal at the proxy, from HIP to proxy; zero in free space.
     pub normal: Vec3,
-    /// Which face is touched: the triangle of a mesh, the side of a box (0 to 5: -x +x -y +y -z +z), else 0.
+    /// The touched face: the triangle of a mesh, the side of a box (0 to 5: -x +x -y +y -z +z), else 0.
     pub face: u32,
 }
 

@@ -1,13 +1,13 @@
-//! Inputs that a setting stands in for while they are not connected.
+//! Inputs that fall back to a setting while they are not connected.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, InputSpec, input};
 use haptograph_signal::quantity::Quantity;
 
-/// An input, and the setting that counts while it is not connected.
+/// An input, and the setting that replaces it while it is not connected.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fallback {
-    /// Place of the input among those of its node.
+    /// Index of the input in its node.
     pub input: usize,
     /// Name of the input.
     pub port: &'static str,
@@ -16,15 +16,15 @@ pub(crate) struct Fallback {
 }
 
 impl Fallback {
-    /// Is the input connected?
+    /// Whether the input is connected.
     pub fn is_connected(&self, cx: &BuildContext) -> bool {
         cx.input_widths.get(self.input).is_some_and(|width| *width > 0)
     }
 
-    /// The setting; none is needed where the input is connected.
+    /// The setting, which is optional if the input is connected.
     ///
     /// # Errors
-    /// [`BuildError`] where there is neither.
+    /// [`BuildError`] if the setting is missing and the input is not connected.
     pub fn setting(&self, setting: Option<f64>, cx: &BuildContext) -> Result<Option<f64>, BuildError> {
         if setting.is_some() || self.is_connected(cx) {
             return Ok(setting);
@@ -34,7 +34,7 @@ impl Fallback {
         Err(BuildError::of_node(message).help(format!("add `{field}: ...`, or connect `{port}`")))
     }
 
-    /// A warning where the setting is written and counts for nothing.
+    /// A warning if the setting has no effect.
     pub fn advice(&self, setting: Option<f64>, cx: &BuildContext) -> Option<BuildError> {
         let Self { port, field, .. } = self;
         (setting.is_some() && self.is_connected(cx)).then(|| {
@@ -44,13 +44,13 @@ impl Fallback {
     }
 }
 
-/// An input of a frequency that a setting stands in for.
+/// A frequency input that falls back to a setting.
 pub(crate) const fn frequency_input(name: &'static str, doc: &'static str) -> InputSpec {
     input(name, Kind::Scalar, Quantity::FREQUENCY, doc).optional()
 }
 
-/// The first frame after `from` at which one of the signals has another value than at `from`; `frames` where there is none.
-/// Signals that are not connected are empty.
+/// The first frame after `from` at which one of the signals changes; `frames` if there is none.
+/// Unconnected signals are empty.
 pub(crate) fn next_change(signals: &[&[f64]], from: usize, frames: usize) -> usize {
     let change = |signal: &&[f64]| {
         let first = signal.get(from)?.to_bits();

@@ -1,4 +1,4 @@
-//! Linear filters, applied to every lane by itself.
+//! Linear filters, applied to each component separately.
 
 pub mod classical;
 pub mod section;
@@ -9,33 +9,33 @@ use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState}
 use crate::fallback::{Fallback, next_change};
 use crate::successor;
 
-/// The greatest number of frequencies of a design.
+/// Largest number of frequencies of a design.
 const MOST: usize = 2;
 
-/// A cascade of second-order sections on every lane of a linear signal.
+/// A cascade of second-order sections on each component of a linear signal.
 #[derive(Debug, Clone)]
 pub(crate) struct LaneFilter {
     lanes: Box<[SectionsState]>,
-    /// Room for one lane of the longest block.
+    /// Buffer for one component of the longest block.
     scratch: Box<[f64]>,
     latency: Latency,
     tuning: Option<Tuning>,
 }
 
-/// The frequencies of a filter that can be turned: the first live settings of its node, and inputs that stand in for them.
+/// The frequencies of a tunable filter: the first live settings of its node, and inputs that replace them.
 #[derive(Debug, Clone)]
 struct Tuning {
     prototype: Prototype,
     rate_hz: f64,
     settings: [f64; MOST],
-    /// What the sections were last asked for. Where that is no filter, they are as before.
+    /// The frequencies last requested. The sections keep their old ones where these give no filter.
     asked: [f64; MOST],
-    /// Which of the settings an input stands in for, and whether it is connected.
+    /// For each frequency, whether an input that replaces the setting is connected.
     inputs: Box<[bool]>,
 }
 
 impl LaneFilter {
-    /// A filter that stays as it is, at rest; its group delay is stated for `passband_hz`.
+    /// A filter with fixed frequencies and zero state; its group delay is stated for `passband_hz`.
     pub(crate) fn fixed(filter: &Sections, cx: &BuildContext, passband_hz: f64) -> Self {
         let width = cx.input_widths.first().copied().unwrap_or(1).max(1);
         let scratch = if width > 1 { cx.max_frames } else { 0 };
@@ -50,7 +50,7 @@ impl LaneFilter {
         }
     }
 
-    /// A filter whose frequencies can be turned. The group delay of one whose frequency is a signal is not known.
+    /// A tunable filter. Its group delay is unknown if a frequency is a signal.
     fn tuned(
         prototype: Prototype,
         frequencies: [f64; MOST],
@@ -75,7 +75,7 @@ impl LaneFilter {
         Ok(filter)
     }
 
-    /// Turns the sections to other frequencies, where these make a filter.
+    /// Tunes the sections to other frequencies if these give a filter.
     fn turn(&mut self, asked: [f64; MOST]) {
         let Some(tuning) = self.tuning.as_mut().filter(|tuning| tuning.asked != asked) else {
             return;
@@ -86,7 +86,7 @@ impl LaneFilter {
         }
     }
 
-    /// Filters lane by lane.
+    /// Filters component by component.
     fn filter(&mut self, x: &[f64], y: &mut [f64]) {
         if let [only] = &mut *self.lanes {
             only.process(x, y);
@@ -105,7 +105,7 @@ impl LaneFilter {
         }
     }
 
-    /// The same with frequencies that are signals; a signal that is not connected is empty.
+    /// Filters with frequencies that are signals; an unconnected signal is empty.
     fn follow(&mut self, signals: [&[f64]; MOST], x: &[f64], y: &mut [f64]) {
         let width = self.lanes.len();
         let (frames, mut from) = (x.len() / width, 0);
@@ -129,8 +129,8 @@ impl LaneFilter {
     }
 }
 
-/// A frequency that came as a signal: from a millionth of the rate, and below half of it so far that the states, which swing from
-/// sample to sample there, are not large when it falls.
+/// Clamps a frequency signal: from a millionth of the rate to well below half of it, so that the states, which alternate from
+/// sample to sample there, are not large when the frequency falls.
 fn within(hz: f64, rate_hz: f64) -> f64 {
     hz.clamp(1e-6 * rate_hz, 0.45 * rate_hz)
 }
@@ -165,7 +165,7 @@ impl Processor for LaneFilter {
         if let Some(known) = tuning.settings.get_mut(setting) {
             *known = value;
         }
-        // A signal is followed when it is read.
+        // A frequency signal is applied when it is read.
         if !tuning.inputs.contains(&true) {
             let settings = tuning.settings;
             self.turn(settings);
@@ -186,13 +186,13 @@ impl Processor for LaneFilter {
             return;
         }
         if tuning.rate_hz != old_tuning.rate_hz {
-            // Sections of another rate would be those of other frequencies.
+            // At another rate these sections have other frequencies.
             for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
                 new.copy_state_from(old);
             }
             return;
         }
-        // It goes on as this one, and turns to what it is asked for itself.
+        // The new filter takes over the state and then tunes to its own frequencies.
         tuning.asked = old_tuning.asked;
         let (settings, follows) = (tuning.settings, tuning.inputs.contains(&true));
         for (new, old) in new.lanes.iter_mut().zip(&self.lanes) {
@@ -208,7 +208,7 @@ impl Processor for LaneFilter {
     }
 }
 
-/// A design that is not possible, as an error about the setting that has to change.
+/// The error of an impossible design, at the setting that has to change.
 pub(crate) fn design_error(cutoff_field: &'static str) -> impl Fn(DesignError) -> BuildError {
     move |error| match &error {
         DesignError::Order { .. } => BuildError::at("order", error.to_string()),

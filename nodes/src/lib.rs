@@ -22,7 +22,7 @@ pub mod texture;
 mod units;
 pub mod wav;
 
-/// Counts what tests must not allocate.
+/// Counts allocations, which real-time code must not make.
 #[cfg(test)]
 #[expect(unsafe_code, reason = "an allocator that counts")]
 #[path = "../tests/realtime/mod.rs"]

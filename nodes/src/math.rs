@@ -1,4 +1,4 @@
-//! Plain arithmetic on signals, lane by lane where the frames have several.
+//! Arithmetic on signals, component by component.
 
 pub mod calculus;
 pub mod curve;

@@ -1,8 +1,8 @@
-//! Devices beyond a network: a program that owns a real arm, sensor or tablet sends what it senses and gets back what
-//! to drive, by haptograph's own protocol ([`protocol`]) or by Open Sound Control; and inputs of one number each
-//! ([`inputs`]).
+//! Network devices: another program owns a real arm, sensor or tablet, sends its measurements and receives commands
+//! for its actuators, by haptograph's own protocol ([`protocol`]) or by Open Sound Control. Inputs of one number each are in
+//! [`inputs`].
 //!
-//! A thread of its own talks to the network; ticks see its latest news through a cell without locks.
+//! A separate thread handles the network; ticks read the latest update through a lock-free cell.
 
 mod conditioner;
 mod control;
@@ -24,48 +24,48 @@ pub use socket::{Connected, Connections};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// Why a device beyond the network cannot be reached.
+/// Error of a network device or live input.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
-    /// Its address is not to be had.
+    /// The address cannot be bound.
     #[error("device `{device}` cannot listen at {address}: {error}")]
     Bind {
         /// Name of the endpoint.
         device: String,
-        /// Where it should listen.
+        /// The address.
         address: SocketAddr,
-        /// What the system says.
+        /// Error of the system.
         error: std::io::Error,
     },
-    /// It cannot be read.
+    /// The event device cannot be read.
     #[error("device `{device}` cannot be read from {}: {error}", path.display())]
     Input {
         /// Name of the endpoint.
         device: String,
         /// The event device.
         path: PathBuf,
-        /// What is wrong.
+        /// The error.
         error: std::io::Error,
     },
-    /// An input cannot be heard.
-    #[error("input `{device}` cannot be heard at {place}: {error}")]
+    /// An input cannot be opened.
+    #[error("input `{device}` cannot be opened at {place}: {error}")]
     Place {
         /// Name of the endpoint.
         device: String,
         /// An address, a serial port or a MIDI port.
         place: String,
-        /// What is wrong.
+        /// The error.
         error: std::io::Error,
     },
-    /// An input at a serial port that is read at another rate.
-    #[error("input `{0}` reads {1} at another rate than others do; give all of them the same `baud`")]
+    /// Inputs at one serial port differ in `baud`.
+    #[error("input `{0}` reads {1} at another rate than other inputs: give all of them the same `baud`")]
     Differ(String, String),
-    /// Two endpoints would listen at the same place.
+    /// Two endpoints listen at the same address.
     #[error("devices `{0}` and `{1}` both listen at {2}; give each a port of its own")]
     Shared(String, String, SocketAddr),
 }
 
-/// News of a device, as its thread would tell them: the tip at rest, pressed with a force (N).
+/// Publishes an update of a device, as its thread would: the tip at rest, pressed with a force (N).
 #[cfg(test)]
 pub(crate) fn told_by_hand(place: &str, force_n: f64) {
     let mut sensed = [0.0; link::SENSED];

@@ -1,4 +1,4 @@
-//! What is known of the hand from what the sensors say.
+//! Speed of the tool, and measures of studies, from sensor signals.
 
 pub mod contact_speed;
 pub mod speed;

@@ -1,5 +1,5 @@
-//! Simulated bodies: hands, tools, devices and objects that run where no hardware is. Whatever comes from here is
-//! labelled simulated wherever it is shown.
+//! Simulated hands, tools, devices and objects, for runs without hardware. All of their signals are
+//! labelled simulated wherever they are shown.
 
 pub mod accelerometer;
 pub mod acting;

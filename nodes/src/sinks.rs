@@ -1,4 +1,4 @@
-//! Where signals end: files and meters.
+//! Sinks: files, plots and meters.
 
 pub mod csv;
 pub mod meter;
@@ -12,27 +12,27 @@ pub mod wav;
 use haptograph_engine::node::BuildError;
 use std::path::{Component, Path, PathBuf};
 
-/// Names that mean a device on some systems, whatever their ending.
+/// Names that mean a device on some systems, with any extension.
 const DEVICES: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// A file name that stays inside the run's folder and ends as one of `endings` says.
+/// Checks that a file name stays inside the run's folder and has one of the `endings`.
 fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
     let path = Path::new(file);
     let refused = |message: String| {
         let help = format!(
-            "give a plain name such as \"texture.{}\"; `--out` says which folder",
+            "give a plain name such as \"texture.{}\"; `--out` sets the folder",
             endings[0]
         );
         Err(BuildError::at("file", message).help(help))
     };
-    // Empty parts are passed over by `components`: "a//b", "a/".
+    // `components` skips empty parts: "a//b", "a/".
     let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
     if !is_inside || file.is_empty() || file.split('/').any(|part| matches!(part, "" | "." | "..")) {
         return refused(format!("`{file}` is not a file name inside the run's folder"));
     }
     if let Some(part) = file.split('/').find(|part| !is_portable(part)) {
         return refused(format!(
-            "`{}` is not a file name on every system",
+            "`{}` is not a valid file name on every system",
             part.escape_debug()
         ));
     }
@@ -42,15 +42,12 @@ fn inside_the_run(file: &str, endings: &[&str]) -> Result<PathBuf, BuildError> {
         .unwrap_or_default();
     if !endings.iter().any(|known| known.eq_ignore_ascii_case(ending)) {
         let known: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
-        return refused(format!(
-            "`{file}` does not end in {}, which is what is written",
-            known.join(" or ")
-        ));
+        return refused(format!("`{file}` does not end in {}", known.join(" or ")));
     }
     Ok(path.to_owned())
 }
 
-/// Is this part of a path one that every file system takes, for itself?
+/// Whether every file system accepts this part of a path.
 fn is_portable(part: &str) -> bool {
     let stem = part.split('.').next().unwrap_or_default().to_ascii_lowercase();
     let is_port = |name: &str| {

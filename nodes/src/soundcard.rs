@@ -1,19 +1,19 @@
-//! Soundcards: devices that an amplifier with a voice-coil actuator hangs on, or a sensor.
+//! Soundcards: devices that connect a voice-coil actuator's amplifier, or a sensor.
 //!
-//! The device kinds are always there, so that graphs which name them can be checked and run offline anywhere. What
-//! moves samples to a real card needs cpal, and that on Linux the headers of ALSA: it is the feature `soundcard`,
-//! always on where no system package is needed.
+//! The device kinds exist in every build, so that any machine can check graphs that name them and run them offline. Access
+//! to a real card needs cpal, which on Linux needs the headers of ALSA: it is the feature `soundcard`,
+//! always on where no system package is needed (macOS, Windows).
 
 mod card;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod fill;
-#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
-mod kept;
 mod kinds;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod listen;
 #[cfg(any(feature = "soundcard", target_os = "macos", windows))]
 mod play;
+#[cfg(any(feature = "soundcard", target_os = "macos", windows))]
+mod reconnecting;
 mod request;
 #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
 mod shared;
@@ -43,111 +43,111 @@ pub use request::{Heard, Played, Request, Wanted, played, wanted};
 
 use haptograph_engine::run::Histogram;
 
-/// Why a graph cannot be driven by a soundcard.
+/// Error of a soundcard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SoundcardError {
-    /// The program was built without it.
+    /// The program was built without soundcards.
     #[error(
         "this haptograph was built without soundcards; install the headers with `sudo apt install libasound2-dev \
          pkg-config` (Fedora: `sudo dnf install alsa-lib-devel`), then build with `cargo build --release --features \
          soundcard`"
     )]
     NotBuilt,
-    /// It does not tick on a driver of its own.
-    #[error(
-        "device `{0}` is a soundcard and has to tick on a driver clock, not on a derived one: bridge to it"
-    )]
+    /// The device ticks on a derived clock.
+    #[error("soundcard `{0}` ticks on a derived clock: put it on a driver clock and bridge to it")]
     Derived(String),
-    /// Two endpoints want the card in two ways.
-    #[error("devices `{0}` and `{1}` want soundcards that differ in {2}; one soundcard drives a graph")]
+    /// Two endpoints request the card with different settings.
+    #[error(
+        "devices `{0}` and `{1}` request soundcards that differ in {2}: one soundcard drives a graph, so give both the same"
+    )]
     Differ(String, String, &'static str),
-    /// Two endpoints drive one channel.
-    #[error("devices `{0}` and `{1}` both drive channel {2} of the soundcard")]
+    /// Two endpoints drive the same channel.
+    #[error("devices `{0}` and `{1}` both drive channel {2} of the soundcard: give each its own")]
     Shared(String, String, u32),
-    /// No such card.
+    /// No card matches.
     #[error("there is no soundcard `{wanted}` that {does}; there are: {found}")]
     Unknown {
-        /// The name that was asked for.
+        /// The requested name.
         wanted: String,
-        /// What it should do.
+        /// Whether it should play or listen.
         does: &'static str,
-        /// What there is.
+        /// The cards that exist.
         found: String,
     },
-    /// The card cannot do what is asked for.
-    #[error("{card} cannot do {wanted}; it does: {found}")]
+    /// The card does not support the requested stream.
+    #[error("{card} does not support {wanted}; it supports: {found}")]
     Unsupported {
-        /// Its name.
+        /// Name of the card.
         card: String,
-        /// What was asked for.
+        /// The requested stream.
         wanted: String,
-        /// What it can do.
+        /// The streams that it supports.
         found: String,
     },
-    /// What the system says.
+    /// An error of the sound system.
     #[error("the soundcard cannot be opened: {0}")]
     System(String),
 }
 
-/// What there is to say of a card while it runs.
+/// A message about a card during a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CardNote {
-    /// It went or came.
+    /// The card vanished or came back.
     Turn(String),
-    /// The system complains of it: the same may come a thousand times.
+    /// An error of the system, which may repeat many times.
     Complaint(String),
 }
 
-/// A soundcard as it is listed.
+/// A soundcard of this machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Name to give as `device`.
+    /// Name for the setting `device`.
     pub name: String,
-    /// Longer name.
+    /// Long name.
     pub about: String,
-    /// Can it play?
+    /// Playback, if the card supports it.
     pub plays: Option<Ability>,
-    /// Can it listen?
+    /// Capture, if the card supports it.
     pub listens: Option<Ability>,
 }
 
-/// What a card can do one way.
+/// What a card supports in one direction.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ability {
-    /// Is it the system's default?
+    /// Whether it is the system's default.
     pub default: bool,
-    /// Forms of streams: a line for each.
+    /// Supported streams, one per line.
     pub formats: Vec<String>,
 }
 
-/// What came of a request for a stream.
+/// A stream as the card opened it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Got {
+pub struct OpenedStream {
     /// Name of the card.
     pub card: String,
     /// Rate, Hz.
     pub rate_hz: u32,
     /// Channels of the stream.
     pub channels: u16,
-    /// Form of its samples.
+    /// Sample format.
     pub format: String,
-    /// Frames of a callback, as far as the system says.
+    /// Frames of a callback, if the system states them.
     pub buffer_frames: Option<u32>,
 }
 
-/// What was counted of a stream beside the wake-ups.
+/// Counts of a stream.
 #[derive(Debug, Clone, Default)]
 pub struct CardCounts {
     /// Under- and overruns that the system reported.
     pub xruns: u64,
-    /// The longest time that a callback came late after one, ns.
+    /// Longest delay of a callback after an xrun, ns.
     pub xrun_delay_max_ns: u64,
-    /// When the latest was, since the start, ns.
+    /// Time of the last xrun since the start, ns.
     pub xrun_last_ns: u64,
     /// Samples at or beyond full scale.
     pub clipped: u64,
-    /// How often the card vanished.
+    /// Times that the card vanished.
     pub vanished: u64,
-    /// Times from callback to sound, or from sound to callback, that the system stated.
+    /// Times between callback and converter, as the system states them.
     pub latency: Histogram,
 }

@@ -1,4 +1,4 @@
-//! Signals out of nothing but time, chance or a file.
+//! Sources of signals: generators, noise and files.
 
 pub mod csv;
 pub mod noise;
@@ -13,21 +13,21 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{AfterData, BuildContext, DataEnd, KindRule, OutputSpec, QuantityRule};
 
 haptograph_engine::choices! {
-    /// What follows where the data of a file end.
+    /// What a source outputs after the end of its file.
     pub enum AtEnd {
         /// The run ends: the last frame of the data is the last one of the run.
         Stop,
-        /// The last value holds.
+        /// The output holds the last value.
         Hold,
-        /// Zero follows.
+        /// The output is zero.
         Silence,
-        /// The data start again.
+        /// The data repeat from the start.
         Loop,
     }
 }
 
 impl AtEnd {
-    /// What the engine is told of data of so many frames.
+    /// The end of the signal, for the engine, of a source with data of `frames` frames.
     fn after(&self, frames: u64) -> Option<DataEnd> {
         let then = match self {
             Self::Stop => AfterData::Stop,
@@ -38,7 +38,7 @@ impl AtEnd {
         Some(DataEnd { frames, then })
     }
 
-    /// The same, where the older setting `repeat` may ask for a loop.
+    /// `Loop` where the older setting `repeat` is true.
     fn or_loop(self, repeat: bool) -> Self {
         if repeat { Self::Loop } else { self }
     }
@@ -54,7 +54,7 @@ const fn made(doc: &'static str) -> OutputSpec {
     }
 }
 
-/// The first tick at or after a time, so that an instant falls on the same tick whatever the rounding of `time_s`.
+/// The first tick at or after a time. Rounding of `time_s` does not change it.
 fn tick_at(time_s: f64, cx: &BuildContext) -> u64 {
     (time_s * cx.rate.hz() - 1e-6).ceil().max(0.0) as u64
 }

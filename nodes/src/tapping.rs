@@ -1,4 +1,4 @@
-//! Tapping (4.3.2): the moment of contact with its speed, and the transient that a tap of that speed leaves.
+//! Tapping (4.3.2): detection of a tap with its speed, and the recorded transient for that speed.
 
 pub mod node;
 pub mod onset;

@@ -1,4 +1,4 @@
-//! Rendering a texture (thesis 2.4): locate, interpolate, excite, filter.
+//! Texture rendering (thesis 2.4): locate, interpolate, excite, filter.
 
 pub mod excitation;
 pub mod filter;
@@ -15,16 +15,16 @@ use std::path::Path;
 pub(crate) fn load_surface(path: &Path) -> Result<Surface, BuildError> {
     files::load(path).map_err(|error| {
         BuildError::at("surface", error.to_string())
-            .help("give a surface file, by its path from the graph file")
+            .help("give the path of a surface file, relative to the graph file")
     })
 }
 
-/// Its texture, without which there is nothing to render.
+/// The texture of a surface, or an error if it has none.
 pub(crate) fn load_texture(path: &Path) -> Result<TextureModel, BuildError> {
     let surface = load_surface(path)?;
     surface.texture.ok_or_else(|| {
         let message = format!("the surface {} has no texture", surface.name);
-        BuildError::at("surface", message).help("choose a surface with one, or leave the texture nodes out")
+        BuildError::at("surface", message).help("choose a surface with one, or remove the texture nodes")
     })
 }
 

@@ -1,8 +1,8 @@
-//! Headers of tables, and the units at the end of column names.
+//! Headers of CSV files, and the units at the end of column names.
 
 pub use haptograph_signal::units::{of_header, of_header_as, suffix};
 
-/// Why a header is none of a table: nothing is there, or its cells are not separated by commas.
+/// The error of a header that is empty, or whose cells are not separated by commas.
 pub fn no_header(header: &csv::StringRecord) -> Option<&'static str> {
     let mut cells = header.iter();
     match (cells.next().unwrap_or_default(), cells.next()) {

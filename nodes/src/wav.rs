@@ -1,7 +1,7 @@
-//! WAV files: a writer whose file is valid at every moment, a reader, and the repair of headers that fall short.
+//! WAV files: a writer whose file is always valid, a reader, and the repair of headers.
 //!
 //! The container is RIFF, and RF64 (EBU Tech 3306) where the samples take more than 4 GiB: the writer reserves the room
-//! of the `ds64` chunk from the start, so that a file becomes RF64 where it stands.
+//! of the `ds64` chunk from the start, so that a file becomes RF64 in place.
 
 mod reader;
 mod repair;
@@ -11,12 +11,12 @@ pub use reader::{Encoding, Layout, WavError, read_channel, read_layout};
 pub use repair::{Repair, repair};
 pub use writer::WavWriter;
 
-/// What the samples of a file are, as it is written: 32-bit floats.
+/// Format of a written file: 32-bit floats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Format {
-    /// Numbers of a frame.
+    /// Channels.
     pub channels: u16,
-    /// Frames a second.
+    /// Frames per second.
     pub rate_hz: u32,
 }
 
@@ -27,9 +27,9 @@ impl Format {
     }
 }
 
-/// Bytes before the samples of a file that is written here.
+/// Bytes before the samples of a written file.
 pub const HEADER_BYTES: u64 = 94;
-/// Bytes in the body of a `ds64` chunk, and of the `JUNK` chunk that holds its place.
+/// Bytes in the body of a `ds64` chunk, and of the `JUNK` chunk that reserves its room.
 const DS64_BYTES: u32 = 28;
 /// The format tag of IEEE floats.
 const FLOAT: u16 = 3;

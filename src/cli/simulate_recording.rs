@@ -41,8 +41,8 @@ pub struct Arguments {
 }
 
 fn materials() -> impl TypedValueParser<Value = MaterialName> {
-    PossibleValuesParser::new(MaterialName::ALL.map(MaterialName::word))
-        .try_map(|word| MaterialName::from_word(&word).ok_or("no such material"))
+    PossibleValuesParser::new(MaterialName::ALL.map(MaterialName::as_str))
+        .try_map(|text| text.parse::<MaterialName>())
 }
 
 fn motions() -> impl TypedValueParser<Value = Gesture> {
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             session.seconds
         ));
     }
-    let (motion, material) = (session.gesture.as_str(), session.material.word());
+    let (motion, material) = (session.gesture.as_str(), session.material.as_str());
     match arguments.json {
         true => say_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),

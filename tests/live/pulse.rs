@@ -396,7 +396,7 @@ fn a_card_that_vanishes_is_waited_for_and_its_actuator_rises_from_nothing() {
     // Nobody finds the daemon again before what it plays is recorded.
     fs::remove_file(home.config()).unwrap();
     home.daemon = None;
-    run.wait_for("soundcard default has gone; the run waits until it is back");
+    run.wait_for("soundcard default is gone; the run waits until it is back");
     assert!(home.start_daemon());
     let recorder = home.record();
     home.open_the_way();
@@ -454,7 +454,7 @@ fn an_input_that_vanishes_is_nothing_until_it_is_back() {
     run.wait_for("2 s: late");
     drop(playing);
     home.daemon = None;
-    run.wait_for("soundcard default has gone; nothing is heard of it until it is back");
+    run.wait_for("soundcard default is gone; its inputs are silent until it is back");
     std::thread::sleep(Duration::from_millis(500));
     assert!(home.start_daemon());
     let playing = play(&home);

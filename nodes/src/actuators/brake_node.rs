@@ -1,4 +1,4 @@
-//! The control of the pen's friction brake as a node, and the sink that drives the brake.
+//! The node that controls the pen's friction brake, and the sink that drives it.
 
 use super::brake::{Brake, BrakeSettings, CoilSettings, Dragging, Reach, Solenoid};
 use super::limit::CurrentLimitSettings;
@@ -15,11 +15,11 @@ use std::path::PathBuf;
 haptograph_engine::settings! {
     /// Settings of [`BrakeController`].
     pub struct BrakeControllerSettings {
-        /// The surface whose coefficient of friction is wanted, relative to the graph file.
+        /// Surface file with the requested coefficient of friction, relative to the graph file.
         surface: Option<PathBuf> = None;
-        /// The wanted coefficient of friction, in place of the surface's.
+        /// Requested coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=2.0;
-        /// Speed of the correction by the measured friction, 1/s; zero: open loop, as in the thesis.
+        /// Gain of the correction by the measured friction, 1/s; zero: open loop, as in the thesis.
         trim_per_s: f64 = BrakeSettings::default().trim_per_s, in 0.0..=100.0;
         /// Largest correction of the coefficient.
         most_trim: f64 = BrakeSettings::default().most_trim, in 0.0..=2.0;
@@ -69,9 +69,9 @@ impl NodeKind for BrakeController {
     const SPEC: NodeSpec = NodeSpec {
         name: "BrakeController",
         group: "actuators",
-        doc: "The current for the pen's brake that makes it drag as a surface of a wanted friction: by the experimental \
-              line, corrected slowly by the friction that is measured. It says whether the wanted friction can be had, and \
-              rests while its model of the coil is too hot.",
+        doc: "The brake current that makes the pen drag like a surface of a requested friction: by the experimental \
+              line, with a slow correction by the measured friction. It reports whether the requested friction can be rendered, and \
+              outputs zero while the modelled coil is too hot.",
         source: "5.5, Eq. 5.5.9, 5.5.10 and 5.5.12",
         inputs: &[
             input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N."),
@@ -94,7 +94,7 @@ impl NodeKind for BrakeController {
                 "measured",
                 Kind::Scalar,
                 Quantity::NUMBER,
-                "Friction coefficient as measured; the last one while at rest.",
+                "Measured coefficient of friction; it holds its last value at rest.",
             ),
             output(
                 "trim",
@@ -106,8 +106,8 @@ impl NodeKind for BrakeController {
                 "reach",
                 Kind::Scalar,
                 Quantity::NUMBER,
-                "0: the wanted friction can be had. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
-                 would lift the ball. 4: the correction is at its end. 5: the coil is too hot.",
+                "0: the requested friction can be rendered. 1: the free pen has more. 2: the current is at its limit. 3: the plunger \
+                 would lift the ball. 4: the correction is at its limit. 5: the coil is too hot.",
             ),
             output(
                 "coil",
@@ -121,7 +121,7 @@ impl NodeKind for BrakeController {
 
     fn build(settings: BrakeControllerSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         if settings.coil.rearm_c > settings.coil.trip_c || settings.coil.ambient_c >= settings.coil.rearm_c {
-            let message = "a coil trips at `trip_c`, and comes back at `rearm_c`, above `ambient_c` and no higher than it";
+            let message = "`rearm_c` has to lie above `ambient_c` and no higher than `trip_c`";
             return Err(BuildError::at("coil", message).help("give ambient_c < rearm_c <= trip_c"));
         }
         Ok(Box::new(Braking {
@@ -137,9 +137,8 @@ fn wanted(settings: &BrakeControllerSettings) -> Result<f64, BuildError> {
         return Ok(mu);
     }
     let Some(path) = &settings.surface else {
-        return Err(
-            BuildError::at("mu", "there is no wanted friction").help("give `mu` or a `surface` that has one")
-        );
+        return Err(BuildError::at("mu", "the requested friction is missing")
+            .help("give `mu` or a `surface` that has one"));
     };
     let surface = load_surface(path)?;
     surface.friction.map(|friction| friction.mu()).ok_or_else(|| {
@@ -199,7 +198,7 @@ impl Processor for Braking {
 haptograph_engine::settings! {
     /// Settings of [`BrakeSink`].
     pub struct BrakeSinkSettings {
-        /// What the solenoid may be given.
+        /// Limit of the solenoid.
         limit: CurrentLimitSettings;
     }
 }
@@ -212,25 +211,25 @@ impl ActuatorKind for BrakeSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "BrakeSink",
         group: "sinks",
-        doc: "Drives the solenoid of the pen's brake by current, within limits that it has to state.",
+        doc: "Drives the solenoid of the pen's brake by current, within limits that the graph has to state.",
         source: "5.5",
         inputs: &[input(
             "brake",
             Kind::Scalar,
             Quantity::CURRENT,
-            "Current that is asked for, A.",
+            "Requested current, A.",
         )],
         outputs: &[output(
             "delivered",
             Kind::Scalar,
             Quantity::CURRENT,
-            "Current that the brake was given, A.",
+            "Current after the limit, A.",
         )],
         example: r#""hold": BrakeSink(brake: "brake.current", endpoint: "pen", limit: (peak_a: 0.3, continuous_a: 0.3))"#,
     };
 
     fn limit(settings: &BrakeSinkSettings) -> Result<(f64, Limit), BuildError> {
-        // A gain here would heat the coil unknown to the controller's thermal model.
+        // The controller's thermal model would not include a gain here.
         Ok((1.0, settings.limit.limit()?))
     }
 }

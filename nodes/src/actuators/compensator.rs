@@ -1,5 +1,5 @@
-//! Dynamic compensation of a voice-coil actuator (3.1.2): the current that makes the hand feel the acceleration that
-//! is asked for, by an inverse of the actuator's response.
+//! Dynamic compensation of a voice-coil actuator (3.1.2): computes the current for a requested acceleration
+//! by an inverse of the actuator's response.
 //!
 //! The response A/I = g s^4 / D(s) has four zeros at rest, so its inverse alone would have four integrators. In
 //! cascade with a fourth-order Butterworth high-pass s^4 / B(s) they cancel: C(s) = D(s) / (g B(s)) is stable, of
@@ -10,13 +10,13 @@ use super::two_mass::{Mode, Response};
 use haptograph_signal::filter::{Biquad, Sections, SectionsState};
 use std::f64::consts::TAU;
 
-/// What the compensated actuator should be.
+/// Targets of the compensation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CompensatorSettings {
     /// Corner of the high-pass that commanded to felt acceleration is to follow, Hz.
     pub corner_hz: f64,
-    /// Largest current per acceleration that the compensator may ask for at any frequency, A/(m/s2). Where the inverse
-    /// at `corner_hz` would ask for more, the corner moves up until it does not.
+    /// Largest current per acceleration of the compensator at any frequency, A/(m/s2). If the inverse
+    /// at `corner_hz` needs more, the corner moves up until it does not.
     pub most_a_per_m_s2: f64,
 }
 
@@ -30,7 +30,7 @@ impl Default for CompensatorSettings {
     }
 }
 
-/// Why no compensator can be designed.
+/// Error of the design of a compensator.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CompensatorError {
     /// The response is not that of a stable actuator.
@@ -39,14 +39,14 @@ pub enum CompensatorError {
     /// The corner is not between zero and half the rate.
     #[error("the corner {corner_hz} Hz must lie above zero and below half the rate {rate_hz} Hz")]
     Corner {
-        /// The corner asked for, or the one at which the search for a bounded gain ended.
+        /// The requested corner, or the last one of the search for a bounded gain.
         corner_hz: f64,
         /// The rate at which the compensator runs.
         rate_hz: f64,
     },
-    /// Even far above the resonances more current is needed.
+    /// More current is needed even far above the resonances.
     #[error(
-        "the actuator needs {needed_a_per_m_s2:.3} A for 1 m/s2 even above its resonances: allow at least that"
+        "the actuator needs {needed_a_per_m_s2:.3} A for 1 m/s2 even above its resonances: allow at least that current"
     )]
     Gain {
         /// 1/|g|.
@@ -54,7 +54,7 @@ pub enum CompensatorError {
     },
 }
 
-/// Turns commanded acceleration into current. Allocates when designed only.
+/// Converts commanded acceleration into current. Allocates only when designed.
 #[derive(Debug, Clone)]
 pub struct Compensator {
     corner_hz: f64,
@@ -93,17 +93,17 @@ impl Compensator {
         })
     }
 
-    /// Commanded accelerations in m/s2 become currents in A, in place.
+    /// Converts commanded accelerations, m/s2, into currents, A, in place.
     pub fn process(&mut self, samples: &mut [f64]) {
         self.state.process_in_place(samples);
     }
 
-    /// Goes on from the state of another compensator.
+    /// Takes over the state of another compensator.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.state.copy_state_from(&other.state);
     }
 
-    /// The corner of the high-pass that was reached, Hz.
+    /// The actual corner of the high-pass, Hz.
     pub fn corner_hz(&self) -> f64 {
         self.corner_hz
     }

@@ -1,4 +1,4 @@
-//! What stands before a voice-coil actuator: the compensator of its dynamics, and the sink that drives it.
+//! The nodes of a voice-coil actuator: the dynamic compensator, and the sink that drives it.
 
 use super::compensator::{Compensator, CompensatorError, CompensatorSettings};
 use super::limit::CurrentLimitSettings;
@@ -17,12 +17,12 @@ haptograph_engine::settings! {
         model: TwoMassSettings = TwoMassSettings::placeholder();
         /// Corner of the high-pass that commanded to felt acceleration follows.
         corner_hz: f64 = 20.0, in 0.1..=10_000.0;
-        /// Most current per acceleration at any frequency, A/(m/s2); the corner moves up until it is kept.
+        /// Largest current per acceleration at any frequency, A/(m/s2); the corner moves up until this holds.
         most_a_per_m_s2: f64 = 0.5, in 1e-6..=1e6;
     }
 }
 
-/// The current that makes the hand feel an acceleration.
+/// Computes the current for a requested acceleration.
 pub struct DynamicCompensator;
 
 impl NodeKind for DynamicCompensator {
@@ -30,14 +30,14 @@ impl NodeKind for DynamicCompensator {
     const SPEC: NodeSpec = NodeSpec {
         name: "DynamicCompensator",
         group: "actuators",
-        doc: "The current that makes the hand feel the acceleration that is asked for: the inverse of a two-mass model \
+        doc: "Computes the current that makes the hand feel a requested acceleration: the inverse of a two-mass model \
               of the voice-coil actuator, in series with a high-pass of fourth order.",
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         inputs: &[input(
             "acceleration",
             Kind::Scalar,
             Quantity::ACCELERATION,
-            "What is to be felt, m/s2.",
+            "Requested acceleration, m/s2.",
         )],
         outputs: &[output(
             "current",
@@ -78,7 +78,7 @@ impl NodeKind for DynamicCompensator {
             return Vec::new();
         }
         let message = format!(
-            "a clock of {rate_hz} Hz plays nothing above {} Hz, and vibrations are felt up to {FELT_TO_HZ} Hz",
+            "a clock of {rate_hz} Hz renders nothing above {} Hz, but vibrations are felt up to {FELT_TO_HZ} Hz",
             0.5 * rate_hz
         );
         vec![BuildError {
@@ -91,7 +91,7 @@ impl NodeKind for DynamicCompensator {
     }
 }
 
-/// Up to here fingers feel vibrations, Hz.
+/// Highest vibration that fingers feel, Hz.
 const FELT_TO_HZ: f64 = 1000.0;
 
 #[derive(Debug, Clone)]
@@ -117,9 +117,9 @@ impl Processor for Compensating {
 haptograph_engine::settings! {
     /// Settings of [`ActuatorSink`].
     pub struct ActuatorSinkSettings {
-        /// A plain factor on the current, before the limit.
+        /// Gain on the current, without unit, before the limit.
         [live] gain: f64 = 1.0;
-        /// What the actuator may be given.
+        /// Limit of the actuator.
         limit: CurrentLimitSettings;
     }
 }
@@ -132,20 +132,20 @@ impl ActuatorKind for ActuatorSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "ActuatorSink",
         group: "sinks",
-        doc: "Drives a voice-coil actuator by current, within limits that it has to state. What is not a number \
-              becomes no current.",
+        doc: "Drives a voice-coil actuator by current, within limits that the graph has to state. NaN and infinity \
+              become zero.",
         source: "3.1.3",
         inputs: &[input(
             "current",
             Kind::Scalar,
             Quantity::CURRENT,
-            "Current that is asked for, A.",
+            "Requested current, A.",
         )],
         outputs: &[output(
             "delivered",
             Kind::Scalar,
             Quantity::CURRENT,
-            "Current that the actuator was given, A.",
+            "Current after the limit, A.",
         )],
         example: r#""out": ActuatorSink(current: "drive.current", endpoint: "haptuator", limit: (peak_a: 0.5, continuous_a: 0.25))"#,
     };

@@ -8,9 +8,9 @@ use haptograph_signal::quantity::Quantity;
 haptograph_engine::settings! {
     /// Settings of [`ForceSink`].
     pub struct ForceSinkSettings {
-        /// A plain factor on the force, before the limit.
+        /// Gain on the force, without unit, before the limit.
         [live] gain: f64 = 1.0;
-        /// What the arm may be given. Peak and window express a short overload, as the thesis's taps need.
+        /// Limit of the arm. Peak and window allow a short overload, which the thesis's taps need.
         limit: ForceLimitSettings;
     }
 }
@@ -23,19 +23,19 @@ impl ActuatorKind for ForceSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "ForceSink",
         group: "sinks",
-        doc: "Drives an arm by force, within limits that it has to state. What is not a number becomes no force.",
+        doc: "Drives an arm by force, within limits that the graph has to state. NaN and infinity become zero.",
         source: "4.3",
         inputs: &[input(
             "force",
             Kind::Vector,
             Quantity::FORCE,
-            "Force on the hand that is asked for, N.",
+            "Requested force on the hand, N.",
         )],
         outputs: &[output(
             "delivered",
             Kind::Vector,
             Quantity::FORCE,
-            "Force that the arm was given, N.",
+            "Force after the limit, N.",
         )],
         example: r#""push": ForceSink(force: "total.output", endpoint: "arm", limit: (peak_n: 3.3, continuous_n: 0.88))"#,
     };

@@ -1,11 +1,11 @@
 //! Fits a voice-coil actuator on its tool to a recorded sweep of current and felt acceleration.
 //!
-//! The recording's answer A/I is estimated in narrow bands and matched by g s^4 / D(s) and a delay: first by a linear
+//! The recorded response A/I is estimated in narrow bands and matched by g s^4 / D(s) and a delay: first by a linear
 //! fit (Sanathanan and Koerner 1963), then by least squares of the acceleration's error (Levenberg and Marquardt),
 //! which is maximum likelihood when the accelerometer's noise is white.
 //!
-//! What a sweep can tell are five numbers: g and the four of D. The two masses have seven parameters, of which one
-//! scale (all of them together with K_f) can never be seen; so one known mass does not suffice: six unknown ratios
+//! A sweep determines five numbers: g and the four of D. The two masses have seven parameters, of which one
+//! scale (all of them together with K_f) is not observable; so one known mass does not suffice: six unknown ratios
 //! stand against five numbers. Two must be known, the magnet's mass and either the body's mass or the force per current
 //! ([`Known`]); with nothing known the resonances, their quality and the gain remain.
 
@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// What is known of the actuator beside the recording.
+/// Known parameters of the actuator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known {
     /// Nothing.
@@ -27,7 +27,7 @@ pub enum Known {
         /// The body's with tool and hand.
         body_kg: f64,
     },
-    /// The magnet's mass, kg, and the force per current, N/A (from the maker).
+    /// The magnet's mass, kg, and the force per current, N/A (from its data sheet).
     MagnetAndForce {
         /// The magnet's mass.
         magnet_kg: f64,
@@ -36,9 +36,9 @@ pub enum Known {
     },
 }
 
-/// More is no voice coil's.
+/// Largest plausible current of a voice coil.
 const MOST_CURRENT_A: f64 = 1e6;
-/// More is no accelerometer's.
+/// Largest plausible acceleration.
 const MOST_ACCELERATION_M_S2: f64 = 1e9;
 
 /// A recording of a sweep.
@@ -54,7 +54,7 @@ pub struct Sweep<'a> {
     pub band_hz: [f64; 2],
 }
 
-/// An actuator as a recording shows it.
+/// An actuator fitted to a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identified {
     /// Acceleration per current.
@@ -63,7 +63,7 @@ pub struct Identified {
     pub modes: [Mode; 2],
     /// Delay of the recording (converters, held current), s.
     pub delay_s: f64,
-    /// The masses, springs and dampers, where enough was known. The higher resonance is taken for the magnet's.
+    /// The masses, springs and dampers, if enough is known. The higher resonance is assumed to be the magnet's.
     pub parameters: Option<TwoMass>,
     /// Fraction of the acceleration's power within the band that the fit does not explain.
     pub unexplained: f64,
@@ -76,18 +76,18 @@ pub struct Identified {
 pub struct BandAnswer {
     /// Middle of the band, by the current's power.
     pub frequency_hz: f64,
-    /// As it was recorded.
+    /// The recorded response.
     pub measured: Complex64,
-    /// As it was fitted.
+    /// The fitted response.
     pub fitted: Complex64,
 }
 
-/// Why no actuator can be fitted.
+/// Error of the fit of an actuator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum IdentifyError {
-    /// The signals do not fit together.
+    /// The signals differ in length or are too short.
     #[error(
-        "{current} samples of current and {acceleration} of acceleration: give as many of one as of the other, at least 1000"
+        "{current} samples of current but {acceleration} of acceleration: give the same number of both, at least 1000"
     )]
     Lengths {
         /// Samples of current.
@@ -95,7 +95,7 @@ pub enum IdentifyError {
         /// Samples of acceleration.
         acceleration: usize,
     },
-    /// Not a band within the rate.
+    /// The band is not within the rate.
     #[error(
         "the band {low_hz} to {high_hz} Hz must rise, start above zero and end below a quarter of the rate {rate_hz} Hz"
     )]
@@ -110,10 +110,10 @@ pub enum IdentifyError {
     /// A sample that is not finite.
     #[error("sample {index} of the recording is not a finite number")]
     NotFinite {
-        /// Which one.
+        /// Index of the sample.
         index: usize,
     },
-    /// Powers so far apart that sums of them lose all but the largest.
+    /// A sample is so large that sums of powers lose all others.
     #[error("the recording's {what} reaches {largest:e} {unit}: check the units and look for a wrong sample")]
     OutOfScale {
         /// Current or acceleration.
@@ -123,20 +123,20 @@ pub enum IdentifyError {
         /// Its unit.
         unit: &'static str,
     },
-    /// Nothing recorded in the band.
+    /// The recording has no current in the band.
     #[error("the recording has no current in the band: record a sweep over it")]
     NoSignal,
-    /// The fit did not end at an actuator.
+    /// No actuator fits the recording.
     #[error(
-        "no actuator explains the recording: {unexplained:.0} % of the acceleration's power is left over; check the units, the band and that the sensor sat on the tool"
+        "no actuator explains the recording: {unexplained:.0} % of the acceleration's power remains unexplained; check the units, the band and that the sensor was on the tool"
     )]
     NoFit {
         /// Percent.
         unexplained: f64,
     },
-    /// What is said to be known contradicts the recording.
+    /// The known parameters contradict the recording.
     #[error(
-        "no springs and dampers above zero give the recorded resonances with what is said to be known: check the masses"
+        "no springs and dampers above zero give the recorded resonances with the known parameters: check the masses"
     )]
     Contradiction,
 }
@@ -181,16 +181,16 @@ pub fn identify(sweep: &Sweep, known: Known) -> Result<Identified, IdentifyError
     })
 }
 
-/// The measured answer in one band.
+/// The measured response in one band.
 #[derive(Debug, Clone, Copy)]
 struct Band {
     omega: f64,
     answer: Complex64,
-    /// Power of the current in the band: the inverse of the answer's variance under white noise.
+    /// Power of the current in the band: the inverse of the response's variance under white noise.
     weight: f64,
 }
 
-/// The bands, and by how many samples the acceleration was taken early for them.
+/// The bands, and by how many samples the acceleration was advanced for them.
 fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     const PER_OCTAVE: f64 = 32.0;
     let (current, acceleration) = (sweep.current_a.len(), sweep.acceleration_m_s2.len());
@@ -258,8 +258,8 @@ fn measure(sweep: &Sweep) -> Result<(Vec<Band>, usize), IdentifyError> {
     }
 }
 
-/// How many samples the acceleration is taken early, so that what is left of its delay is a few. A soundcard's buffers
-/// are milliseconds, and turn the answer within a band. The answer's largest peak is where it begins: above its
+/// Samples by which to advance the acceleration, so that a delay of a few samples remains. A soundcard's buffers
+/// are milliseconds, which rotate the phase of the response within a band. The impulse response starts at its largest peak: above its
 /// resonances the acceleration follows the current.
 fn whole_delay(
     current: &[Complex64],
@@ -268,9 +268,9 @@ fn whole_delay(
     rate_hz: f64,
 ) -> usize {
     const LONGEST_S: f64 = 1.0;
-    /// Of the strongest bin's power: where there is less current there is little but noise.
+    /// Fraction of the strongest bin's power below which a bin is mostly noise.
     const LEAST_POWER: f64 = 1e-4;
-    /// What the fit finds by itself.
+    /// Samples of delay left for the fit to determine.
     const LEFT: usize = 5;
     let strongest = within
         .clone()
@@ -299,7 +299,7 @@ fn spectrum(x: &[f64]) -> Vec<Complex64> {
     bins
 }
 
-/// g s^4 e^(-s delay) / [(s^2 + a_1 s + b_1)(s^2 + a_2 s + b_2)] in a form that cannot leave the actuators: the
+/// g s^4 e^(-s delay) / [(s^2 + a_1 s + b_1)(s^2 + a_2 s + b_2)] in a form that stays a stable actuator: the
 /// logarithms of a and b, gain and delay relative to the start's.
 #[derive(Debug, Clone)]
 struct Fit {
@@ -449,7 +449,7 @@ fn linear_fit(bands: &[Band], delay_s: f64) -> Option<Response> {
             right[2 * k] = b.re;
             right[2 * k + 1] = b.im;
         }
-        // The decomposition would iterate for ever over what is no number.
+        // The decomposition does not terminate on NaN.
         if !rows.iter().chain(&right).all(|x| x.is_finite()) {
             return None;
         }

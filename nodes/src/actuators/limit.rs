@@ -1,9 +1,9 @@
-//! What an actuator may be given, in the unit of its drive: settings that every sink of an actuator has to state.
+//! Limits of an actuator, in the unit of its input: settings that every actuator sink has to state.
 
 use haptograph_engine::limiter::Limiter;
 use haptograph_engine::node::{BuildError, Limit};
 
-/// Settings of a limit, whose fields and words name the unit.
+/// Declares the settings of a limit, whose fields and docs name the unit.
 macro_rules! limit_settings {
     (
         $(#[doc = $summary:expr])*
@@ -14,7 +14,7 @@ macro_rules! limit_settings {
             pub struct $name {
                 #[doc = $peak_doc]
                 $peak: f64, in 1e-9..=1e6;
-                /// Largest root of the mean square, exponentially weighted over the window, in the same unit: what it bears for good.
+                /// Largest continuous RMS value, exponentially weighted over the window, in the same unit.
                 $continuous: f64, in 1e-9..=1e6;
                 #[doc = $heat_doc]
                 window_s: f64 = 10.0, in 1e-3..=1e6;
@@ -24,7 +24,7 @@ macro_rules! limit_settings {
         }
 
         impl $name {
-            /// The limit, if it can be kept at any rate that an actuator is driven at.
+            /// The limit, if it holds at every rate of an actuator.
             pub(crate) fn limit(&self) -> Result<Limit, BuildError> {
                 keepable(Limit {
                     peak: self.$peak,
@@ -38,29 +38,29 @@ macro_rules! limit_settings {
 }
 
 limit_settings! {
-    /// What a coil may be given.
+    /// Limit of a coil.
     CurrentLimitSettings:
     peak_a "Largest current at any time, A.",
     continuous_a,
-    slew_a_per_s "Largest rate of change, A/s; none: not limited.",
+    slew_a_per_s "Largest rate of change, A/s; none: no limit.",
     heat "Time constant of the coil's heat, s."
 }
 
 limit_settings! {
-    /// What an actuator may be given.
+    /// Limit of an actuator.
     VoltageLimitSettings:
     peak_v "Largest voltage at any time, V.",
     continuous_v,
-    slew_v_per_s "Largest rate of change, V/s; none: not limited.",
+    slew_v_per_s "Largest rate of change, V/s; none: no limit.",
     heat "Time constant of the coil's heat, s."
 }
 
 limit_settings! {
-    /// What an arm may be given; lengths of vectors count.
+    /// Limit of an arm; it applies to the length of the force.
     ForceLimitSettings:
     peak_n "Largest force at any time, N.",
     continuous_n,
-    slew_n_per_s "Largest rate of change, N/s; none: not limited.",
+    slew_n_per_s "Largest rate of change, N/s; none: no limit.",
     heat "Time constant of the motors' heat, s."
 }
 

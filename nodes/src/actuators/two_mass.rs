@@ -1,14 +1,14 @@
 //! The voice-coil actuator on a tool, as two masses: the magnet (a) hangs by its suspension from the body (h), the
-//! body is held by the hand. The current pushes one against the other.
+//! body is held by the hand. The current drives one against the other.
 //!
 //! m_a x_a'' = -k_a (x_a - x_h) - b_a (x_a' - x_h') + K_f i
 //! m_h x_h'' =  k_a (x_a - x_h) + b_a (x_a' - x_h') - K_f i - k_h x_h - b_h x_h' + F
 //!
-//! so that the felt acceleration A = s^2 X_h answers the current by
+//! so that the felt acceleration A = s^2 X_h responds to the current by
 //!
 //! A/I = -K_f m_a s^4 / [(m_a s^2 + b_a s + k_a)(m_h s^2 + b_h s + k_h) + (b_a s + k_a) m_a s^2]
 //!
-//! with four zeros at rest: no current makes a lasting acceleration. (Form: McMahan and Kuchenbecker 2014.)
+//! with four zeros at 0 Hz: no current causes a constant acceleration. (Form: McMahan and Kuchenbecker 2014.)
 
 use haptograph_signal::Complex64;
 use nalgebra::{Matrix4, Matrix6, Vector4};
@@ -26,7 +26,7 @@ pub struct TwoMass {
     pub suspension_n_per_m: f64,
     /// Damping of its suspension b_a, N s/m.
     pub suspension_n_s_per_m: f64,
-    /// Mass of the actuator's body, the tool and what of the hand moves with it m_h, kg.
+    /// Mass of the actuator's body, the tool and the part of the hand that moves with them m_h, kg.
     pub body_kg: f64,
     /// Stiffness of the grip k_h, N/m.
     pub hand_n_per_m: f64,
@@ -34,7 +34,7 @@ pub struct TwoMass {
     pub hand_n_s_per_m: f64,
 }
 
-/// Why a set of parameters is no actuator.
+/// Error of a set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TwoMassError {
     /// A parameter is zero, negative or not finite.
@@ -56,8 +56,8 @@ pub struct Mode {
     pub q: f64,
 }
 
-/// Acceleration per current as `gain` s^4 / (s^4 + c_3 s^3 + c_2 s^2 + c_1 s + c_0): all that current and
-/// acceleration alone can tell of an actuator.
+/// Acceleration per current as `gain` s^4 / (s^4 + c_3 s^3 + c_2 s^2 + c_1 s + c_0): all that current and felt
+/// acceleration determine of an actuator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Acceleration per current far above the resonances -K_f / m_h, m/s2/A.
@@ -115,7 +115,7 @@ impl TwoMass {
         }
     }
 
-    /// The answer of the felt acceleration to the current.
+    /// The response of the felt acceleration to the current.
     pub fn response(&self) -> Response {
         let (mass_ratio, omega_a, beta_a) = (
             self.magnet_kg / self.body_kg,
@@ -167,7 +167,7 @@ impl TwoMass {
         )
     }
 
-    /// The machine that plays these parameters, inputs held over each tick of `rate_hz`.
+    /// A machine with these parameters; its inputs hold over each tick of `rate_hz`.
     pub fn machine(&self, rate_hz: f64) -> TwoMassMachine {
         let (a, b) = self.state_space();
         // exp of [A B; 0 0] T holds the state's and the held inputs' transition, exactly.
@@ -197,7 +197,7 @@ impl Response {
 
     /// The two quadratics s^2 + (w/q) s + w^2 whose product is the denominator, the higher frequency first.
     ///
-    /// Nothing where the denominator is not that of a stable pair of modes.
+    /// None if the denominator is not a stable pair of modes.
     pub fn modes(&self) -> Option<[Mode; 2]> {
         let factors = quadratic_factors(self.denominator)?;
         let mut modes = factors.map(|[linear, constant]| Mode {
@@ -253,7 +253,7 @@ fn quadratic_factors([c3, c2, c1, c0]: [f64; 4]) -> Option<[[f64; 2]; 2]> {
     factors.try_into().ok()
 }
 
-/// Two masses in motion, stepped exactly for inputs held over each tick. Labelled simulated wherever it is shown.
+/// Two masses in motion, stepped exactly for inputs held over each tick. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct TwoMassMachine {
     transition: [[f64; 6]; 4],
@@ -262,10 +262,10 @@ pub struct TwoMassMachine {
     acceleration_m_s2: f64,
 }
 
-/// What can be seen of [`TwoMassMachine`] at a tick.
+/// Measurable state of a [`TwoMassMachine`] at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoMassReading {
-    /// Acceleration of the body, the one that is felt, m/s2: the mean over the tick that has just ended (an instant
+    /// Acceleration of the body, which the hand feels, m/s2: the mean over the last tick (an instantaneous value
     /// would alias the steps of the held current).
     pub acceleration_m_s2: f64,
     /// Displacement of the body, m.
@@ -275,7 +275,7 @@ pub struct TwoMassReading {
 }
 
 impl TwoMassMachine {
-    /// One tick under a current and an outer force on the body, both held. Inputs that are not finite count as zero.
+    /// Advances one tick under a current and an external force on the body, both held. NaN and infinity count as zero.
     pub fn advance(&mut self, current_a: f64, force_n: f64) {
         let [current_a, force_n] = [current_a, force_n].map(|u| if u.is_finite() { u } else { 0.0 });
         let [magnet_m, magnet_m_s, body_m, body_m_s] = self.state;
@@ -283,7 +283,7 @@ impl TwoMassMachine {
         let next = self
             .transition
             .map(|row| row.iter().zip(&all).map(|(t, x)| t * x).sum::<f64>());
-        // A body left alone comes to rest; denormals would make that slow.
+        // Flush denormals, which are slow.
         self.state = if next.iter().all(|x| x.abs() < 1e-30) {
             [0.0; 4]
         } else {
@@ -301,7 +301,7 @@ impl TwoMassMachine {
         }
     }
 
-    /// Acceleration per current at a frequency as the machine plays it: current held over a tick, the tick's mean
+    /// Acceleration per current of the machine at a frequency: current held over a tick, the tick's mean
     /// acceleration read at its end, m/s2/A.
     pub fn response_at(&self, frequency_hz: f64) -> Complex64 {
         let z = Complex64::from_polar(1.0, std::f64::consts::TAU * frequency_hz / self.rate_hz);

@@ -16,12 +16,12 @@ haptograph_engine::settings! {
         [live] stiffness_n_per_mm: f64 = 0.25, in 0.0..=1000.0;
         /// Damping of the motion along the normal, N s/m; needs `velocity`.
         [live] damping_n_s_per_m: f64 = 0.0, in 0.0..=1000.0;
-        /// Viscous damping of the device itself, N s/m: what keeps the loop passive. None: not checked.
+        /// Viscous damping of the device itself, N s/m, which keeps the loop passive. None: no check.
         device_damping_n_s_per_m: Option<f64> = None, in 0.0..=1000.0;
     }
 }
 
-/// What a surface pushes back with.
+/// The normal force of a surface.
 pub struct NormalForce;
 
 impl NodeKind for NormalForce {
@@ -29,16 +29,11 @@ impl NodeKind for NormalForce {
     const SPEC: NodeSpec = NodeSpec {
         name: "NormalForce",
         group: "contact",
-        doc: "The force of a surface on the tool along its normal, by Hooke's law, with damping if wanted. It pushes \
-              and never pulls. With the device's damping given, a wall that is not passive is warned about: b > K T / 2 + B.",
+        doc: "The force of a surface on the tool along its normal, by Hooke's law, with optional damping. It pushes \
+              and never pulls. With the device's damping given, a warning reports a wall that is not passive, b <= K T / 2 + B.",
         source: "4.3, A.3.2; Colgate and Schenkel 1997",
         inputs: &[
-            input(
-                "contact",
-                Kind::Contact,
-                Quantity::NUMBER,
-                "Where the tool touches.",
-            ),
+            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
             input(
                 "velocity",
                 Kind::Vector,
@@ -58,7 +53,7 @@ impl NodeKind for NormalForce {
         if settings.damping_n_s_per_m > 0.0 && cx.input_widths.get(1) == Some(&0) {
             let message = "damping needs the velocity of the tool";
             return Err(BuildError::at("damping_n_s_per_m", message)
-                .help("connect `velocity`, or leave the damping out"));
+                .help("connect `velocity`, or remove the damping"));
         }
         Ok(Box::new(Pushing {
             wall: wall(&settings),
@@ -75,12 +70,11 @@ impl NodeKind for NormalForce {
             return Vec::new();
         }
         let message = format!(
-            "this wall is not passive at {rate_hz} Hz: the device would need a damping of more than {:.3} N s/m, it has {device_n_s_per_m}",
+            "this wall is not passive at {rate_hz} Hz: the device needs a damping above {:.3} N s/m, but it has {device_n_s_per_m}",
             verdict.needed_n_s_per_m
         );
         let most = verdict.most_stiffness_n_per_m * 1e-3;
-        let help =
-            format!("a stiffness below {most:.3} N/mm would be; a hand that holds the device damps it too");
+        let help = format!("a stiffness below {most:.3} N/mm is passive; a hand on the device adds damping");
         vec![BuildError::at("stiffness_n_per_mm", message).help(help)]
     }
 }

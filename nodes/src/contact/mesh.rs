@@ -12,15 +12,15 @@ use crate::vector::{Vec3, add, cross, direction, distance, dot, norm, scale, sub
 use index::Index;
 use std::collections::HashMap;
 
-/// Diagonals of meshes that can be computed with, m: of smaller and larger ones products of areas leave the range of numbers.
+/// Valid diagonals of meshes, m: beyond them products of areas overflow or underflow.
 const SIZES_M: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
-/// How far from the origin a mesh may reach, in diagonals: corners are told apart to 1e-7 of one.
+/// Largest distance of a mesh from the origin, in diagonals: corners differ by at least 1e-7 of one.
 const FARTHEST: f64 = 1e6;
 
 /// No triangle on the other side of an edge.
 pub const NONE: u32 = u32::MAX;
 
-/// Triangles in space, in metres. Closed meshes are turned so that their normals point outwards.
+/// A triangle mesh, in metres. Closed meshes are oriented so that their normals point outwards.
 #[derive(Debug, Clone)]
 pub struct TriangleMesh {
     vertices: Vec<Vec3>,
@@ -34,31 +34,31 @@ pub struct TriangleMesh {
     index: Index,
 }
 
-/// Why a mesh cannot be used.
+/// Error of a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// Nothing left to touch.
+    /// The mesh has no area.
     #[error("the mesh has no triangle with an area: check the file")]
     Empty,
-    /// A coordinate that is not a number.
+    /// A coordinate is NaN or infinite.
     #[error("vertex {vertex} of the mesh (counted from 0) is not finite")]
     NotFinite {
-        /// Which vertex.
+        /// Index of the vertex.
         vertex: usize,
     },
-    /// A corner that is not there.
+    /// A corner does not exist.
     #[error("triangle {triangle} of the mesh (counted from 0) has a corner that does not exist")]
     BadIndex {
-        /// Which triangle.
+        /// Index of the triangle.
         triangle: usize,
     },
-    /// The scale is not a positive number.
+    /// The unit is not a positive number.
     #[error("the mesh's unit is {unit_m} m: give a finite number above zero (0.001 for files in mm)")]
     BadUnit {
         /// Metres per unit of the file.
         unit_m: f64,
     },
-    /// Its sizes cannot be computed with.
+    /// The size is out of range.
     #[error(
         "the mesh is {diagonal_m:.3e} m across and reaches to {far_m:.3e} m from the origin: its size lies from 1e-6 to 1e6 m, and it lies within a million times that of the origin; check its unit and its corners"
     )]
@@ -68,20 +68,20 @@ pub enum MeshError {
         /// The largest coordinate, m.
         far_m: f64,
     },
-    /// A file that cannot be read.
+    /// The file cannot be read.
     #[error("the {format} file cannot be read: {problem}")]
     Unreadable {
         /// STL or OBJ.
         format: MeshFormat,
-        /// What the reader says.
+        /// Error of the reader.
         problem: String,
     },
-    /// More than can be counted.
+    /// There are too many triangles or vertices.
     #[error("the mesh has more than 4 000 000 000 triangles or vertices")]
     TooLarge,
 }
 
-/// Where a mesh fails to be a convex solid.
+/// The edge at which a mesh is not a convex solid.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the mesh is not a convex solid: at the edge from ({}) to ({}) mm {fault}", mm(.from_m), mm(.to_m))]
 pub struct NotConvex {
@@ -89,23 +89,23 @@ pub struct NotConvex {
     pub from_m: Vec3,
     /// The other end, m.
     pub to_m: Vec3,
-    /// What is wrong there.
+    /// The fault at the edge.
     pub fault: EdgeFault,
 }
 
-/// What is wrong at an edge.
+/// The fault of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum EdgeFault {
-    /// One triangle only, or more than two, or two that disagree on the outside.
+    /// The edge has one triangle, more than two, or two of opposite orientation.
     #[error("the surface is not closed")]
     Open,
     /// The faces bend towards the outside.
     #[error("the faces bend inwards by {degrees:.2} degrees")]
     Concave {
-        /// By how much.
+        /// The angle.
         degrees: f64,
     },
-    /// Convex along all edges, but not one piece without holes.
+    /// The mesh is convex along all edges, but not one body without holes.
     #[error("a second body or a tunnel begins")]
     Apart,
 }
@@ -119,10 +119,10 @@ fn mm(point: &Vec3) -> String {
     )
 }
 
-/// Where a way from one point to another first meets a mesh.
+/// The first intersection of a segment with a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Fraction of the way.
+    /// Fraction of the segment.
     pub fraction: f64,
     /// The triangle.
     pub triangle: u32,
@@ -146,7 +146,7 @@ impl TriangleMesh {
         }
         let diagonal_m = diagonal(corners);
         let is_in_scale = SIZES_M.contains(&diagonal_m) && far_m(corners) <= FARTHEST * diagonal_m;
-        // What is no larger than a point has no triangle either, which is said below.
+        // A mesh of the size of a point has no triangles, which is an error below.
         if diagonal_m > 0.0 && !is_in_scale {
             let far_m = far_m(corners);
             return Err(MeshError::OutOfScale { diagonal_m, far_m });
@@ -197,7 +197,7 @@ impl TriangleMesh {
         &self.triangles
     }
 
-    /// Triangles without an area that were left out.
+    /// Number of removed triangles without area.
     pub fn removed(&self) -> usize {
         self.removed
     }
@@ -227,7 +227,7 @@ impl TriangleMesh {
         self.centre_m
     }
 
-    /// Where the way from one point to another first touches the mesh, from either side. Exact: no way passes between
+    /// The first intersection of a segment with the mesh, from either side. It is exact: no segment passes between
     /// two triangles that share an edge or a corner. Allocates nothing.
     pub fn first_hit(&self, from_m: Vec3, to_m: Vec3) -> Option<Hit> {
         let mut first: Option<Hit> = None;
@@ -240,7 +240,7 @@ impl TriangleMesh {
         first
     }
 
-    /// Every triangle that the way from one point to another touches, in no particular order. Allocates nothing.
+    /// Visits every triangle that a segment touches, in no particular order. Allocates nothing.
     pub fn all_hits(&self, from_m: Vec3, to_m: Vec3, visit: impl FnMut(Hit)) {
         self.index
             .hits(&self.vertices, &self.triangles, from_m, to_m, visit);
@@ -257,7 +257,7 @@ impl TriangleMesh {
         Self::new(&corners, &self.triangles)
     }
 
-    /// Whether the mesh is one closed convex solid; if not, an edge that shows it.
+    /// Checks that the mesh is one closed convex solid; the error names an edge that violates it.
     pub fn check_convex(&self) -> Result<(), NotConvex> {
         for (t, around) in self.neighbours.iter().enumerate() {
             for (edge, &other) in around.iter().enumerate() {
@@ -356,9 +356,9 @@ fn far_m(points: &[Vec3]) -> f64 {
     points.iter().flatten().fold(0.0, |far, x| far.max(x.abs()))
 }
 
-/// One name for corners within `tolerance_m` of each other; the first of them stays.
+/// Welds corners within `tolerance_m` of each other to the first of them.
 fn weld(corners: &[Vec3], tolerance_m: f64) -> (Vec<Vec3>, Vec<u32>) {
-    // Counted from the lowest corner, cells have small numbers wherever the mesh lies.
+    // Relative to the lowest corner, cell indices are small wherever the mesh lies.
     let (low, _) = bounds(corners);
     let cell_m = if tolerance_m > 0.0 { 2.0 * tolerance_m } else { 1.0 };
     let mut cells: HashMap<[i64; 3], u32> = HashMap::with_capacity(corners.len());
@@ -380,7 +380,7 @@ fn weld(corners: &[Vec3], tolerance_m: f64) -> (Vec<Vec3>, Vec<u32>) {
     (vertices, renamed)
 }
 
-/// Triangles across each edge; none where an edge does not belong to exactly two that agree on the outside.
+/// Triangles across each edge; none if an edge does not belong to exactly two triangles of the same orientation.
 fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut owners: HashMap<(u32, u32), u32> = HashMap::with_capacity(3 * triangles.len());
     for (t, corners) in triangles.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Nodes that say whether a tool touches, and where: one for each shape, and one for scenes of several.
+//! Contact nodes: one for each shape, and one for scenes of several shapes.
 
 use super::Contact;
 use super::mesh::{MeshFormat, TriangleMesh};
@@ -15,7 +15,7 @@ use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The longest mesh file that is read, bytes: some five million triangles.
+/// Size limit of mesh files, bytes: about five million triangles.
 const MAX_MESH_BYTES: u64 = 256 << 20;
 
 const POSITION: &[InputSpec] = &[input(
@@ -45,7 +45,7 @@ haptograph_engine::settings! {
 }
 
 haptograph_engine::settings! {
-    /// A ball.
+    /// A sphere.
     pub struct SphereSettings {
         /// Centre, mm.
         centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
@@ -71,7 +71,7 @@ haptograph_engine::settings! {
         file: PathBuf;
         /// Millimetres of one unit of the file.
         unit_mm: f64 = 1.0, in 1e-9..=1e9;
-        /// A free point on the side that is to be felt, mm; none: above the mesh.
+        /// A point in free space on the side that the tool feels, mm; none: above the mesh.
         start_mm: Option<[f64; 3]> = None;
     }
 }
@@ -81,7 +81,7 @@ haptograph_engine::choices! {
     pub enum Solid {
         /// A half space.
         Plane(PlaneSettings),
-        /// A ball.
+        /// A sphere.
         Sphere(SphereSettings),
         /// A box, touched from outside.
         Box(BoxSettings),
@@ -126,7 +126,7 @@ impl Solid {
 /// A mesh from the file that the setting `file` names.
 pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, BuildError> {
     let Some(format) = MeshFormat::of(file) else {
-        let message = format!("{} ends neither in .stl nor in .obj", file.display());
+        let message = format!("{} has neither the extension .stl nor .obj", file.display());
         return Err(BuildError::at("file", message).help("export the mesh as STL or OBJ"));
     };
     let failed =
@@ -135,7 +135,7 @@ pub(crate) fn load_mesh(file: &Path, unit_mm: f64) -> Result<TriangleMesh, Build
     TriangleMesh::from_bytes(&bytes, format, unit_mm * 1e-3).map_err(|error| failed(&error))
 }
 
-/// The field that a shape's error is about.
+/// The setting that a shape's error belongs to.
 fn field(error: ShapeError) -> BuildError {
     let ShapeError::OutOfRange { name, .. } = error;
     let field = match name {
@@ -165,7 +165,7 @@ impl Processor for Toucher {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let positions = io.frames_of::<3>(0);
         let [contact, solid] = io.outs();
-        // Nodes of one shape have no second output.
+        // Only scenes have a second output.
         let mut solid = solid.iter_mut();
         for (lanes, hip_m) in contact.as_chunks_mut().0.iter_mut().zip(positions) {
             let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
@@ -235,7 +235,7 @@ haptograph_engine::settings! {
     }
 }
 
-/// Contact with a ball.
+/// Contact with a sphere.
 pub struct ContactSphere;
 
 impl NodeKind for ContactSphere {
@@ -243,7 +243,7 @@ impl NodeKind for ContactSphere {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactSphere",
         group: "contact",
-        doc: "Contact of a tool with a ball. HIP and IHIP are positions of the centre of the ball at the tool's tip.",
+        doc: "Contact of a tool with a sphere. HIP and IHIP are positions of the centre of the ball at the tool's tip.",
         source: SOURCE,
         inputs: POSITION,
         outputs: &[CONTACT],
@@ -273,7 +273,7 @@ haptograph_engine::settings! {
         centre_mm: [f64; 3] = [0.0, 0.0, 0.0];
         /// Extents along x, y and z, mm.
         size_mm: [f64; 3];
-        /// Touched from inside: a room.
+        /// Contact from inside: a room.
         inside: bool = false;
         /// Diameter of the ball at the tool's tip, mm.
         proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
@@ -351,7 +351,7 @@ impl NodeKind for ContactScene {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactScene",
         group: "contact",
-        doc: "Contact of a tool with several shapes at once; the deepest counts.",
+        doc: "Contact of a tool with several shapes at once; the deepest contact applies.",
         source: "4.5.2",
         inputs: POSITION,
         outputs: &[
@@ -360,7 +360,7 @@ impl NodeKind for ContactScene {
                 "solid",
                 Kind::Scalar,
                 Quantity::NUMBER,
-                "Which shape is touched, from 0.",
+                "Index of the touched shape, from 0.",
             ),
         ],
         example: r#""touch": ContactScene(position: "arm.position", solids: [Room(size_mm: (160.0, 160.0, 120.0)), Sphere(diameter_mm: 50.0)])"#,
@@ -368,13 +368,13 @@ impl NodeKind for ContactScene {
 
     fn build(settings: ContactSceneSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         if settings.solids.is_empty() {
-            return Err(BuildError::at("solids", "there is nothing to touch").help("list at least one shape"));
+            return Err(BuildError::at("solids", "`solids` is empty").help("list at least one shape"));
         }
         toucher(&settings.solids, settings.proxy_diameter_mm)
     }
 }
 
-/// A contact's parts.
+/// The components of a contact.
 pub struct ContactParts;
 
 impl NodeKind for ContactParts {
@@ -382,7 +382,7 @@ impl NodeKind for ContactParts {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactParts",
         group: "contact",
-        doc: "The parts of a contact as signals of their own.",
+        doc: "The components of a contact as separate signals.",
         source: "4.3",
         inputs: &[input("contact", Kind::Contact, Quantity::NUMBER, "The contact.")],
         outputs: &[
@@ -396,7 +396,7 @@ impl NodeKind for ContactParts {
                 "hip",
                 Kind::Vector,
                 Quantity::LENGTH,
-                "Haptic interface point: where the tool is, m.",
+                "Haptic interface point: position of the tool, m.",
             ),
             output(
                 "ihip",
@@ -408,7 +408,7 @@ impl NodeKind for ContactParts {
                 "normal",
                 Kind::Vector,
                 Quantity::NUMBER,
-                "Outward unit normal; zero while free.",
+                "Outward unit normal; zero in free space.",
             ),
             output(
                 "penetration",

@@ -1,5 +1,5 @@
-//! Convex objects on a force/torque sensor, as graph files write them: the node that locates contacts and the simulated
-//! object are told the same.
+//! Convex objects on a force/torque sensor, as settings. The node that locates contacts and the simulated
+//! object share them.
 
 use super::mesh::TriangleMesh;
 use super::nodes::load_mesh;
@@ -36,7 +36,7 @@ haptograph_engine::settings! {
         diameter_mm: f64 = 25.4, in 0.1..=10_000.0;
         /// Height, mm.
         height_mm: f64 = 25.4, in 0.1..=10_000.0;
-        /// Flat strips that its mantle is made of.
+        /// Number of flat strips of its mantle.
         strips: u32 = 96, in 3..=10_000;
     }
 }
@@ -59,13 +59,13 @@ haptograph_engine::settings! {
     }
 }
 
-/// Splits of the icosahedron that stands for a ball: 20 480 triangles, 0.01 mm from a ball of 25 mm.
+/// Splits of the icosahedron that approximates a ball: 20 480 triangles, 0.01 mm from a ball of 25 mm.
 const BALL_SPLITS: u32 = 5;
 
 /// The object as it stands on the sensor: its lowest point at a height over the sensor's origin, m.
 ///
 /// # Errors
-/// [`BuildError`] where its mesh cannot be read or made.
+/// [`BuildError`] if its mesh cannot be read or made.
 pub fn on_sensor(object: &Object, height_m: f64) -> Result<Arc<TriangleMesh>, BuildError> {
     let made = match object {
         Object::Cube(cube) => TriangleMesh::cuboid([cube.edge_mm * 1e-3; 3]),

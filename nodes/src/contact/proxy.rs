@@ -1,16 +1,16 @@
 //! The god-object on a mesh (Zilles and Salisbury 1995): a point that follows the device but stays on the free side of
 //! the surface, as near to the device as a hard surface lets it.
 //!
-//! What makes it safe is one rule: the proxy moves only along a way that was seen, by exact predicates, to touch no
-//! triangle. Nothing else is relied upon, not the mesh's being closed, not its orientation, not the sliding below. What is
-//! felt is the side the proxy is on; a tool that starts inside feels the inside.
+//! One rule makes it safe: the proxy moves only along a segment that, by exact predicates, touches no
+//! triangle. It does not rely on a closed mesh, on orientation, or on the sliding below. The felt side
+//! is the proxy's side; a tool that starts inside feels the inside.
 
 use super::Contact;
 use super::mesh::TriangleMesh;
 use crate::vector::{Vec3, add_scaled, cross, direction, distance, dot, norm, scale, sub};
 use std::sync::Arc;
 
-/// The proxy of one tool on one mesh. Allocates nothing, ever.
+/// The proxy of one tool on one mesh. Never allocates.
 #[derive(Debug, Clone)]
 pub struct MeshProxy {
     mesh: Arc<TriangleMesh>,
@@ -29,11 +29,11 @@ struct Plane {
 
 /// Planes that can hold the proxy at once: three fix a point; the fourth lets one of them be exchanged.
 const MOST_PLANES: usize = 4;
-/// Rounds of sliding in one tick. Smooth surfaces take two to four; what is left over follows in the next tick.
+/// Largest number of sliding steps per tick. Smooth surfaces take two to four; the rest follows in the next tick.
 const MOST_ROUNDS: usize = 12;
 
 impl MeshProxy {
-    /// A proxy at a free point, on the side of the surface that is to be felt.
+    /// A proxy at a point in free space, on the side of the surface that the tool feels.
     pub fn new(mesh: Arc<TriangleMesh>, start_m: Vec3) -> Self {
         let skin_m = 1e-6 * mesh.diagonal_m();
         Self {
@@ -49,7 +49,7 @@ impl MeshProxy {
         Self::new(mesh, start_m)
     }
 
-    /// Goes on from where another proxy is, on the same mesh or one like it.
+    /// Takes over the position of another proxy, on the same or a similar mesh.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.proxy_m = other.proxy_m;
     }
@@ -59,12 +59,12 @@ impl MeshProxy {
         &self.mesh
     }
 
-    /// Where the proxy is, m.
+    /// Position of the proxy, m.
     pub fn proxy_m(&self) -> Vec3 {
         self.proxy_m
     }
 
-    /// One tick: the device is at `hip_m`. A position that is not finite is no contact and leaves the proxy where it is.
+    /// Advances one tick with the device at `hip_m`. A position that is not finite gives no contact and does not move the proxy.
     pub fn update(&mut self, hip_m: Vec3) -> Contact {
         if !hip_m.iter().all(|x| x.is_finite()) {
             return Contact::free(hip_m);
@@ -85,7 +85,7 @@ impl MeshProxy {
 
     fn contact(&self, hip_m: Vec3, plane: Plane) -> Contact {
         let stretch = sub(self.proxy_m, hip_m);
-        // Near the surface the skin hides the direction; the face has it.
+        // Near the surface the direction is within rounding; use the face's normal.
         let deep = norm(stretch) > 10.0 * self.skin_m;
         let normal = direction(stretch).filter(|_| deep).unwrap_or(plane.normal);
         Contact {
@@ -98,8 +98,8 @@ impl MeshProxy {
         }
     }
 
-    /// One round: straight at the device until a triangle stops the proxy, then along the planes met towards the point
-    /// that is nearest to the device. Nothing when the way is free; else the plane that stops it.
+    /// One sliding step: straight towards the device until a triangle stops the proxy, then along the planes met towards the point
+    /// nearest to the device. Returns the plane that stops the proxy, if any.
     fn slide(&mut self, hip_m: Vec3) -> Option<Plane> {
         let first = self.advance(hip_m)?;
         let mut planes = [first; MOST_PLANES];
@@ -118,7 +118,7 @@ impl MeshProxy {
         Some(first)
     }
 
-    /// Moves towards a goal as far as the mesh lets it; the plane that stopped it, if any.
+    /// Moves towards a goal as far as the mesh allows; returns the plane that stopped it, if any.
     fn advance(&mut self, goal_m: Vec3) -> Option<Plane> {
         let Some(hit) = self.mesh.first_hit(self.proxy_m, goal_m) else {
             self.proxy_m = goal_m;

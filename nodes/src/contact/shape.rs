@@ -19,7 +19,7 @@ pub enum Shape {
         /// Outward direction, of any length.
         normal: Vec3,
     },
-    /// A ball.
+    /// A sphere.
     Sphere {
         /// Centre, m.
         centre_m: Vec3,
@@ -40,31 +40,31 @@ pub enum Shape {
         /// Extents, m.
         size_m: Vec3,
     },
-    /// A mesh, touched by a point (the proxy's diameter does not count), from outside unless the tool starts inside.
+    /// A mesh, touched by a point (the proxy's diameter is ignored), from outside unless the tool starts inside.
     Mesh {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
-        /// A free point on the side to be felt, m; none: above the mesh.
+        /// A point in free space on the side that the tool feels, m; none: above the mesh.
         start_m: Option<Vec3>,
     },
 }
 
-/// Why a shape cannot be touched.
+/// Error of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// A number without meaning.
+    /// A setting is out of range.
     #[error("the shape's {name} is {value}: give {range}")]
     OutOfRange {
         /// The setting.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The allowed range.
         range: &'static str,
     },
 }
 
-/// A tool and the shape it may touch. Allocates nothing after it is made.
+/// A tool and a shape. Allocates only when made.
 #[derive(Debug, Clone)]
 pub struct Touch {
     kind: Kind,
@@ -121,7 +121,7 @@ impl Touch {
         };
         let kind = match shape {
             Shape::Plane { origin_m, normal } => {
-                let range = "a direction that is not null";
+                let range = "a direction other than zero";
                 let normal = direction(*normal).ok_or(ShapeError::OutOfRange {
                     name: "normal",
                     value: 0.0,
@@ -157,7 +157,7 @@ impl Touch {
         Ok(Self { kind })
     }
 
-    /// Goes on from where another tool is on a shape of the same kind.
+    /// Takes over the state of another tool on a shape of the same kind.
     pub fn copy_state_from(&mut self, other: &Self) {
         match (&mut self.kind, &other.kind) {
             (
@@ -172,7 +172,7 @@ impl Touch {
         }
     }
 
-    /// One tick: the device is at `hip_m`. A position that is not finite is no contact.
+    /// Advances one tick with the device at `hip_m`. A position that is not finite gives no contact.
     pub fn update(&mut self, hip_m: Vec3) -> Contact {
         if !hip_m.iter().all(|x| x.is_finite()) {
             return Contact::free(hip_m);
@@ -258,7 +258,7 @@ fn pushed_to(hip_m: Vec3, proxy_m: Vec3, normal: Vec3, face: u32) -> Contact {
 /// side. Which side holds it: 0 to 5, none when free.
 fn around_box(half_m: Vec3, proxy_m: Vec3, hip_m: Vec3) -> (Vec3, Option<u32>) {
     let inside = |x: Vec3| (0..3).all(|i| x[i].abs() < half_m[i]);
-    // A first position inside the box has no past: the nearest side has it.
+    // The first position is inside the box: use the nearest side.
     let start_m = if inside(proxy_m) {
         lift_out(half_m, proxy_m)
     } else {
@@ -316,7 +316,7 @@ fn entry(half_m: Vec3, from_m: Vec3, to_m: Vec3) -> Option<(usize, f64)> {
         .filter(|_| (0.0..1.0).contains(&enter.0) && enter.0 < leave)
 }
 
-/// Several shapes at once; the deepest contact counts.
+/// Several shapes at once; the deepest contact applies.
 #[derive(Debug, Clone)]
 pub struct Scene {
     touches: Vec<Touch>,
@@ -332,14 +332,14 @@ impl Scene {
         Ok(Self { touches })
     }
 
-    /// Goes on from where another tool is among shapes of the same kinds.
+    /// Takes over the state of another tool among shapes of the same kinds.
     pub fn copy_state_from(&mut self, other: &Self) {
         for (touch, other) in self.touches.iter_mut().zip(&other.touches) {
             touch.copy_state_from(other);
         }
     }
 
-    /// One tick: the deepest contact and the number of its shape.
+    /// Advances one tick; returns the deepest contact and the index of its shape.
     pub fn update(&mut self, hip_m: Vec3) -> (Contact, usize) {
         let free = (Contact::free(hip_m), 0);
         self.touches

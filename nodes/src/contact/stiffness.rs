@@ -1,14 +1,14 @@
-//! The force that a surface pushes back with, and whether a sampled loop can render it without giving energy.
+//! The normal force of a surface, and whether a sampled loop renders it passively.
 
 use super::Contact;
 use crate::vector::{Vec3, dot, scale};
 
-/// A wall: Hooke's law along the normal, with damping if wanted. It pushes and never pulls.
+/// A wall: Hooke's law along the normal, with optional damping. It pushes and never pulls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
     /// Stiffness K, N/m. The thesis: 250 (4.3) and 500 (A.3.2).
     pub stiffness_n_per_m: f64,
-    /// Damping B of the motion along the normal, N s/m. Of the thesis: none.
+    /// Damping B of the motion along the normal, N s/m. The thesis has none.
     pub damping_n_s_per_m: f64,
 }
 
@@ -43,7 +43,7 @@ impl Wall {
     }
 }
 
-/// What Colgate's bound says of a wall on a device.
+/// Colgate's passivity bound of a wall on a device.
 ///
 /// A sampled wall (position sampled, backward difference for the velocity, force held) coupled to a device of viscous
 /// damping b is passive for any hand if and only if b > K T / 2 + |B| (Colgate and Schenkel 1997, "Passivity of a class of
@@ -51,7 +51,7 @@ impl Wall {
 /// b > T/2 / (1 - cos wT) Re[(1 - exp(-jwT)) H(exp(jwT))] for H(z) = K + B (z - 1)/(T z)). We have not seen the paper itself;
 /// the general condition is quoted in Brown's thesis of the same group (1995), and the tests here evaluate it on all
 /// frequencies and find the same bound. It holds for damping of the device alone: dry friction and position steps are not
-/// in it (Abbott and Okamura 2005), nor is the hand's own damping, which helps. A wall beyond the bound is a warning, no
+/// in it (Abbott and Okamura 2005), nor is the hand's own damping, which helps. A wall beyond the bound gives a warning; it is no
 /// proof of trouble.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Passivity {

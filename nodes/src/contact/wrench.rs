@@ -1,5 +1,5 @@
 //! Where a tool touches an object that stands on a force/torque sensor (5.2): the line of action of the measured force meets
-//! the object's surface. Any tool will do, as long as it touches in one point and the object is convex.
+//! the object's surface. Any tool works if it touches in one point and the object is convex.
 
 mod path;
 
@@ -36,7 +36,7 @@ impl Default for WrenchSettings {
 pub struct WrenchContact {
     /// Whether the force is above the threshold.
     pub touching: bool,
-    /// Point of contact on the surface, m; while nothing touches, the last one.
+    /// Point of contact on the surface, m; it holds its last value in free space.
     pub position_m: Vec3,
     /// Outward unit normal there.
     pub normal: Vec3,
@@ -53,12 +53,12 @@ pub struct WrenchContact {
     /// Uncertainty of the point itself, m: as Eq. 5.2.4, with the whole lever from the sensor to the point. Where the force
     /// runs through the sensor there is no torque, but its direction is as uncertain as ever.
     pub point_uncertainty_m: f64,
-    /// Distance by which the line of action misses the object, m (0 when it meets it); then the nearest point of the surface
+    /// Distance by which the line of action misses the object, m (0 if it hits). If it misses, the nearest point of the surface
     /// is taken.
     pub miss_m: f64,
 }
 
-/// Locates contacts on one object. Allocates nothing, ever.
+/// Locates contacts on one object. Never allocates.
 #[derive(Debug, Clone)]
 pub struct WrenchLocator {
     object: Arc<TriangleMesh>,
@@ -67,7 +67,7 @@ pub struct WrenchLocator {
 }
 
 impl WrenchLocator {
-    /// A locator for a convex object, given in the sensor's frame. A concave object is refused: a line could leave and enter
+    /// A locator for a convex object, given in the sensor's frame. A concave object is an error: a line could enter
     /// it more than once.
     pub fn new(object: Arc<TriangleMesh>, settings: WrenchSettings) -> Result<Self, NotConvex> {
         object.check_convex()?;
@@ -95,17 +95,17 @@ impl WrenchLocator {
         &self.object
     }
 
-    /// Goes on from the last contact of another locator.
+    /// Takes over the last contact of another locator.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.last = other.last;
     }
 
-    /// One tick: the contact behind the force and the torque on the object, N and N m. A wrench that is not finite, or whose
-    /// line of action lies beyond all numbers, is none. It costs no more than [`TriangleMesh::most_visits`] of the object.
+    /// Advances one tick: the contact that causes the force and the torque on the object, N and N m. A wrench that is not finite, or whose
+    /// line of action overflows, gives no contact. The cost is bounded by [`TriangleMesh::most_visits`] of the object.
     pub fn update(&mut self, force_on_object_n: Vec3, torque_on_object_n_m: Vec3) -> WrenchContact {
         let (force_n, torque_n_m) = (force_on_object_n, torque_on_object_n_m);
         let size_n = norm(force_n);
-        // Written so that a force that is not a number does not touch.
+        // Written so that a NaN force gives no contact.
         let touching =
             size_n >= self.settings.threshold_n && size_n.is_finite() && norm(torque_n_m).is_finite();
         if !touching {
@@ -116,7 +116,7 @@ impl WrenchLocator {
         let along = scale(force_n, 1.0 / size_n);
         let met = self.object.meet_line(foot_m, along);
         if !met.miss_m.is_finite() {
-            // The torque is so large that the line of action lies beyond all numbers.
+            // The torque is so large that the line of action overflows.
             return self.let_go();
         }
         // Where the line enters, the force is compressive.

@@ -1,4 +1,4 @@
-//! Nodes of contact location from a wrench: where a tool touches an object on a force/torque sensor, and how fast it
+//! Nodes that locate the contact of a tool with an object on a force/torque sensor, and compute how fast it
 //! slides.
 
 use super::object::{CubeSettings, Object, on_sensor};
@@ -22,14 +22,14 @@ haptograph_engine::settings! {
         height_mm: f64 = 8.0, in -1000.0..=1000.0;
         /// Force at which contact begins, N.
         threshold_n: f64 = WrenchSettings::default().threshold_n, in 1e-6..=1000.0;
-        /// Step of the measured force, N, for the uncertainty.
+        /// Resolution of the measured force, N, for the uncertainty.
         force_step_n: f64 = WrenchSettings::default().force_step_n, in 0.0..=1000.0;
-        /// Step of the measured torque, N mm, for the uncertainty.
+        /// Resolution of the measured torque, N mm, for the uncertainty.
         torque_step_n_mm: f64 = WrenchSettings::default().torque_step_n_m * 1e3, in 0.0..=1e6;
     }
 }
 
-/// Where a tool touches an object on a sensor.
+/// Locates the contact of a tool with an object on a sensor.
 pub struct ContactFromWrench;
 
 impl NodeKind for ContactFromWrench {
@@ -37,9 +37,9 @@ impl NodeKind for ContactFromWrench {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactFromWrench",
         group: "contact",
-        doc: "Where a tool touches an object that stands on a force/torque sensor: the line of action of the force meets \
-              the object's surface where it presses. The object has to be convex; a concave one is refused, with the edge \
-              that makes it so. Any tool will do. A tick looks at no more than 4096 boxes of the object's hierarchy and \
+        doc: "Locates the contact of a tool with an object on a force/torque sensor: the line of action of the force meets \
+              the object's surface at the contact. The object has to be convex; a concave one is an error that names the edge \
+              that makes it concave. Any tool works. A tick visits at most 4096 boxes of the object's hierarchy and \
               twice its triangles, whatever the wrench.",
         source: "5.2, Eq. 5.2.1 to 5.2.4",
         inputs: &[input(
@@ -78,7 +78,7 @@ impl NodeKind for ContactFromWrench {
                 "miss",
                 Kind::Scalar,
                 Quantity::LENGTH,
-                "By how much the line of action misses the object, m.",
+                "Distance by which the line of action misses the object, m.",
             ),
             output(
                 "point_uncertainty",
@@ -158,7 +158,7 @@ haptograph_engine::settings! {
     pub struct SurfaceSpeedSettings {
         /// Cut-off of the second-order low-pass, below half the rate.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
-        /// How far the point may jitter before it counts as motion, in uncertainties.
+        /// Jitter of the point that does not count as motion, in uncertainties.
         leash: f64 = LEASH, in 0.0..=1000.0;
     }
 }
@@ -175,12 +175,7 @@ impl NodeKind for SurfaceSpeed {
               as far apart as when the faces are laid flat. Jitter within the point's uncertainty is no motion.",
         source: "5.2.3",
         inputs: &[
-            input(
-                "contact",
-                Kind::Contact,
-                Quantity::NUMBER,
-                "Where the tool touches.",
-            ),
+            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
             input(
                 "uncertainty",
                 Kind::Scalar,
@@ -194,19 +189,19 @@ impl NodeKind for SurfaceSpeed {
                 "speed",
                 Kind::Scalar,
                 Quantity::SPEED,
-                "Speed along the surface, m/s; zero while free.",
+                "Speed along the surface, m/s; zero in free space.",
             ),
             output(
                 "along",
                 Kind::Vector,
                 Quantity::SPEED,
-                "Velocity in the tangent plane, m/s; zero while free.",
+                "Velocity in the tangent plane, m/s; zero in free space.",
             ),
             output(
                 "way",
                 Kind::Scalar,
                 Quantity::LENGTH,
-                "Length of the way so far, m.",
+                "Length of the path so far, m.",
             ),
         ],
         example: r#""speed": SurfaceSpeed(contact: "touch.contact", uncertainty: "touch.point_uncertainty")"#,

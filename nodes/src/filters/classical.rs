@@ -1,4 +1,4 @@
-//! The classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
+//! Classical designs: Butterworth, Bessel, and the double pole of the haptic texture toolkit.
 
 use haptograph_engine::node::{
     BuildContext, BuildError, InputSpec, NodeKind, NodeSpec, Processor, any_input, output_like,
@@ -11,7 +11,7 @@ use crate::fallback::{Fallback, frequency_input};
 haptograph_engine::settings! {
     /// Settings of a low-pass or high-pass.
     pub struct CutoffSettings {
-        /// Where the response has fallen by 3 dB, below half the rate; needed where `cutoff` is not connected.
+        /// Cut-off (-3 dB), below half the rate; required unless `cutoff` is connected.
         [live, below_nyquist] cutoff_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Number of poles.
         order: u32 = 2, in 1..=16;
@@ -28,12 +28,12 @@ const CUTOFF_INPUTS: &[InputSpec] = &[
     any_input("input", "The signal."),
     frequency_input(
         "cutoff",
-        "The cut-off in place of `cutoff_hz`, kept from a millionth to 0.45 of the rate; NaN or infinite: as before. Each \
-         change is a new design at its tick. The delay is not counted then.",
+        "Replaces `cutoff_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored. Each \
+         change redesigns the filter at its tick. The group delay is then not counted in the latency.",
     ),
 ];
 
-/// A filter of one cut-off; its pass band is told of the cut-off.
+/// A filter of one cut-off; `passband` maps the cut-off to a frequency of the pass band.
 fn of_cutoff(
     prototype: Result<Prototype, DesignError>,
     cutoff_hz: Option<f64>,
@@ -47,7 +47,7 @@ fn of_cutoff(
     Ok(Box::new(filter.map_err(design_error("cutoff_hz"))?))
 }
 
-/// Of the rate: where a filter begins whose frequency comes as a signal, until that is a number.
+/// Fraction of the rate: cut-off of a filter before its frequency signal is finite.
 const START: f64 = 0.01;
 
 /// Butterworth low-pass.
@@ -58,11 +58,11 @@ impl NodeKind for LowPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "LowPass",
         group: "filters",
-        doc: "Butterworth low-pass: the flattest magnitude, unit gain at rest. Turned while it runs, it goes on from what it \
-              holds: a constant stays constant.",
-        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        doc: "Butterworth low-pass: maximally flat magnitude, unit gain at 0 Hz. A change of the cut-off keeps its \
+              state: a constant stays constant.",
+        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
         inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "What lies below the cut-off.")],
+        outputs: &[output_like("output", "input", "The signal below the cut-off.")],
         example: r#""smooth": LowPass(input: "sensor.force", cutoff_hz: 20.0)"#,
     };
 
@@ -85,18 +85,18 @@ impl NodeKind for HighPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "HighPass",
         group: "filters",
-        doc: "Butterworth high-pass: the flattest magnitude, unit gain at half the rate. Turned while it runs, it goes on from \
-              what it holds.",
-        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        doc: "Butterworth high-pass: maximally flat magnitude, unit gain at half the rate. A change of the cut-off keeps \
+              its state.",
+        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
         inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "What lies above the cut-off.")],
+        outputs: &[output_like("output", "input", "The signal above the cut-off.")],
         example: r#""vibration": HighPass(input: "sensor.acceleration", cutoff_hz: 20.0)"#,
     };
 
     fn build(settings: CutoffSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let CutoffSettings { cutoff_hz, order } = settings;
         let prototype = Prototype::butterworth_highpass(order as usize);
-        // The middle, on a logarithmic scale, of what passes.
+        // The geometric mean of the pass band.
         let middle_hz = |cutoff_hz: f64| (cutoff_hz * 0.5 * cx.rate.hz()).sqrt();
         of_cutoff(prototype, cutoff_hz, cx, middle_hz)
     }
@@ -109,9 +109,9 @@ impl NodeKind for HighPass {
 haptograph_engine::settings! {
     /// Settings of [`BandPass`].
     pub struct BandPassSettings {
-        /// Lower edge, where the response has fallen by 3 dB; needed where `low` is not connected.
+        /// Lower edge (-3 dB); required unless `low` is connected.
         [live, below_nyquist] low_hz: Option<f64> = None, in 1e-6..=1e9;
-        /// Upper edge, where the response has fallen by 3 dB, below half the rate; needed where `high` is not connected.
+        /// Upper edge (-3 dB), below half the rate; required unless `high` is connected.
         [live, below_nyquist] high_hz: Option<f64> = None, in 1e-6..=1e9;
         /// Order of the prototype: half the number of poles.
         order: u32 = 2, in 1..=16;
@@ -139,25 +139,25 @@ impl NodeKind for BandPass {
     const SPEC: NodeSpec = NodeSpec {
         name: "BandPass",
         group: "filters",
-        doc: "Butterworth band-pass: unit gain in the middle of the band. Turned while it runs, it goes on from what it holds; \
-              edges that are not below each other leave it as it was.",
-        source: "bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        doc: "Butterworth band-pass: unit gain in the middle of the band. A change of its edges keeps its state; \
+              if `low` is not below `high`, the filter does not change.",
+        source: "bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
         inputs: &[
             any_input("input", "The signal."),
             frequency_input(
                 "low",
-                "The lower edge in place of `low_hz`, kept from a millionth to 0.45 of the rate; NaN or infinite: as before.",
+                "Replaces `low_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored.",
             ),
-            frequency_input("high", "The upper edge in place of `high_hz`, likewise."),
+            frequency_input("high", "Replaces `high_hz`, likewise."),
         ],
-        outputs: &[output_like("output", "input", "What lies within the band.")],
+        outputs: &[output_like("output", "input", "The signal within the band.")],
         example: r#""felt": BandPass(input: "texture.acceleration", low_hz: 20.0, high_hz: 400.0)"#,
     };
 
     fn build(settings: BandPassSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         let low_hz = EDGES[0].setting(settings.low_hz, cx)?;
         let high_hz = EDGES[1].setting(settings.high_hz, cx)?;
-        // An edge that comes as a signal begins an octave from the other one, or as near as there is room.
+        // An edge that is a signal starts one octave from the other edge, or nearer if the rate leaves no room.
         let rate_hz = cx.rate.hz();
         let low_hz = low_hz.unwrap_or_else(|| high_hz.map_or(START * rate_hz, |high_hz| 0.5 * high_hz));
         let high_hz = high_hz.unwrap_or_else(|| (2.0 * low_hz).min((low_hz * 0.5 * rate_hz).sqrt()));
@@ -190,11 +190,11 @@ impl NodeKind for Bessel {
     const SPEC: NodeSpec = NodeSpec {
         name: "Bessel",
         group: "filters",
-        doc: "Bessel low-pass: the flattest delay, so that transients keep their shape. Turned while it runs, it goes on from \
-              what it holds: a constant stays constant.",
-        source: "2.2; bilinear transform, prewarped; turned as a trapezoidal state-variable filter is",
+        doc: "Bessel low-pass: maximally flat delay, so that transients keep their shape. A change of the cut-off keeps \
+              its state: a constant stays constant.",
+        source: "2.2; bilinear transform, prewarped; tuned like a trapezoidal state-variable filter",
         inputs: CUTOFF_INPUTS,
-        outputs: &[output_like("output", "input", "What lies below the cut-off.")],
+        outputs: &[output_like("output", "input", "The signal below the cut-off.")],
         example: r#""antialias": Bessel(input: "accelerometer.acceleration", cutoff_hz: 400.0, order: 5)"#,
     };
 
@@ -212,7 +212,7 @@ impl NodeKind for Bessel {
 haptograph_engine::settings! {
     /// Settings of [`DoublePole`].
     pub struct DoublePoleSettings {
-        /// Both poles, rad/s. The response falls by 3 dB at 0.64 of it, by 6 dB at it; the delay is 2 / lambda.
+        /// Both poles, rad/s. The response is -3 dB at 0.64 lambda and -6 dB at lambda; the delay is 2 / lambda.
         [live] lambda_rad_s: f64 = 125.0, in 1e-6..=1e9;
     }
 }
@@ -228,7 +228,7 @@ impl NodeKind for DoublePole {
         doc: "Low-pass with two equal real poles: no overshoot.",
         source: "the public haptic texture toolkit's filter for velocity (backward differences)",
         inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The signal, smoothed.")],
+        outputs: &[output_like("output", "input", "The smoothed signal.")],
         example: r#""calm": DoublePole(input: "velocity.output", lambda_rad_s: 125.0)"#,
     };
 

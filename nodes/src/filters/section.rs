@@ -1,4 +1,4 @@
-//! One second-order section, by its response or by its coefficients.
+//! A second-order section, given by its response or by its coefficients.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -12,15 +12,15 @@ use crate::fallback::{Fallback, frequency_input, next_change};
 use crate::successor;
 
 haptograph_engine::choices! {
-    /// What a [`Biquad`] does about its frequency.
+    /// The response of a [`Biquad`].
     pub enum Shape {
-        /// Passes what lies below.
+        /// Low-pass.
         LowPass,
-        /// Passes what lies above.
+        /// High-pass.
         HighPass,
-        /// Passes what lies around, with unit gain at the centre.
+        /// Band-pass with unit gain at the centre.
         BandPass,
-        /// Takes out what lies around.
+        /// Notch.
         Notch,
     }
 }
@@ -28,11 +28,11 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`Biquad`].
     pub struct BiquadSettings {
-        /// What passes.
+        /// The response.
         shape: Shape = Shape::LowPass;
-        /// Corner or centre, above zero and below half the rate; needed where `frequency` is not connected.
+        /// Cut-off or centre frequency, above zero and below half the rate; required unless `frequency` is connected.
         [live, below_nyquist] frequency_hz: Option<f64> = None, in 1e-6..=1e9;
-        /// Quality: 0.7071 is a Butterworth low-pass, more is a resonance.
+        /// Quality: 0.7071 gives a Butterworth low-pass, a higher one a resonance.
         [live] q: f64 = std::f64::consts::FRAC_1_SQRT_2, in 0.01..=10_000.0;
     }
 }
@@ -43,7 +43,7 @@ const FREQUENCY: Fallback = Fallback {
     field: "frequency_hz",
 };
 
-/// A second-order filter whose frequency and quality can be turned while it runs.
+/// A second-order filter with tunable frequency and quality.
 pub struct Biquad;
 
 impl NodeKind for Biquad {
@@ -57,8 +57,8 @@ impl NodeKind for Biquad {
             any_input("input", "The signal."),
             frequency_input(
                 "frequency",
-                "The frequency in place of `frequency_hz`, kept from a millionth to 0.45 of the rate; NaN or infinite: as before. \
-                 The delay is not counted then.",
+                "Replaces `frequency_hz`, clamped from a millionth to 0.45 of the rate; NaN and infinity are ignored. \
+                 The group delay is then not counted in the latency.",
             ),
         ],
         outputs: &[output_like("output", "input", "The filtered signal.")],
@@ -93,7 +93,7 @@ impl NodeKind for Biquad {
     }
 }
 
-/// What the section is asked for now.
+/// The requested frequency and quality.
 #[derive(Debug, Clone)]
 struct Wanted {
     shape: Shape,
@@ -101,20 +101,20 @@ struct Wanted {
     q: f64,
 }
 
-/// Lanes of the widest linear frame.
+/// Components of the widest linear frame.
 const WIDEST: usize = Kind::Wrench.width();
-/// Ticks between looks at whether a state has died away or is no number.
+/// Ticks between checks whether a state has decayed to nothing or is NaN.
 const SETTLE: u64 = 64;
 
-/// The section as two trapezoidal integrators. Their states mean the same at any frequency, so that turning it leaves
-/// no jump; the response is that of the section by the bilinear transform.
+/// The section as two trapezoidal integrators. Their states do not depend on the frequency, so that a change causes
+/// no jump. The response is that of the section by the bilinear transform.
 #[derive(Debug, Clone)]
 struct StateVariable {
     tuning: Tuning,
-    /// Of each lane, what the two integrators hold.
+    /// States of the two integrators, per component.
     states: [[f64; 2]; WIDEST],
     wanted: Wanted,
-    /// Is its frequency a signal?
+    /// Whether the frequency is a signal.
     follows: bool,
     rate_hz: f64,
 }
@@ -125,7 +125,7 @@ struct Tuning {
     a: [f64; 3],
     /// 1 / q.
     damping: f64,
-    /// What the input, the band-pass and the low-pass contribute to the output.
+    /// Weights of input, band-pass and low-pass in the output.
     mix: [f64; 3],
 }
 
@@ -147,7 +147,7 @@ impl Tuning {
         }
     }
 
-    /// The same filter as a section, to know its delay.
+    /// The same filter as a section, to compute its delay.
     fn section(&self, wanted: &Wanted, rate_hz: f64) -> filter::Biquad {
         let g = (PI * wanted.frequency_hz / rate_hz).tan();
         let [a1, ..] = self.a;
@@ -170,7 +170,7 @@ impl Tuning {
 }
 
 impl StateVariable {
-    /// Some frames, the first of them at the tick `first`.
+    /// Filters a block of frames; the first frame is tick `first`.
     fn run(&mut self, first: u64, width: usize, x: &[f64], y: &mut [f64]) {
         let Tuning {
             a: [a1, a2, a3],
@@ -219,7 +219,7 @@ impl Processor for StateVariable {
     fn set(&mut self, setting: usize, value: f64) {
         match setting {
             _ if !value.is_finite() => {}
-            // Just inside half the rate: at it, the integrators would be infinitely fast.
+            // Just below half the rate, where the integrators' gain would be infinite.
             1 if !self.follows => self.turn(value.clamp(1e-6, 0.499 * self.rate_hz)),
             2 => {
                 self.wanted.q = value.clamp(0.01, 10_000.0);
@@ -257,7 +257,7 @@ impl Processor for StateVariable {
     }
 }
 
-/// Silence is exactly zero, and a bad sample does not stick.
+/// Decayed states become exactly zero, and so does NaN.
 fn settle(state: &mut [f64; 2]) {
     let silent = state.iter().all(|s| s.abs() < 1e-30);
     if silent || !state.iter().all(|s| s.is_finite()) {
@@ -299,8 +299,8 @@ impl NodeKind for SecondOrderSection {
             a: settings.a,
         };
         if !section.is_stable() {
-            let message = "the section is not stable: a pole lies on or outside the unit circle";
-            return Err(BuildError::at("a", message).help("stable means |a_2| < 1 and |a_1| < 1 + a_2"));
+            let message = "the section is unstable: a pole lies on or outside the unit circle";
+            return Err(BuildError::at("a", message).help("stability needs |a_2| < 1 and |a_1| < 1 + a_2"));
         }
         let sections = filter::Sections {
             sections: vec![section],

@@ -17,13 +17,13 @@
 use crate::contact::Contact;
 use crate::vector::{Vec3, ZERO, add, add_scaled, cross, dot, norm, reject, scale, sub};
 
-/// What a growing load does to the stretch.
+/// Effect of a growing load on the stretch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UnderLoad {
-    /// It shrinks until the spring's energy is covered: no motion gains energy.
+    /// The stretch shrinks until the spring's energy is covered: no motion gains energy.
     #[default]
     Passive,
-    /// It stays, and the spring's energy grows with the load: Eq. 4.3.2 as printed.
+    /// The stretch does not change, and the spring's energy grows with the load: Eq. 4.3.2 as printed.
     AsPrinted,
 }
 
@@ -32,7 +32,7 @@ pub enum UnderLoad {
 pub struct DahlSettings {
     /// Largest stretch for a coefficient of friction of 1, m.
     pub stretch_m: f64,
-    /// What a growing load does to the stretch.
+    /// Effect of a growing load on the stretch.
     pub under_load: UnderLoad,
 }
 
@@ -46,7 +46,7 @@ impl Default for DahlSettings {
     }
 }
 
-/// The friction of one tool. Allocates nothing, ever.
+/// The friction of one tool. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Dahl {
     settings: DahlSettings,
@@ -70,12 +70,12 @@ impl Dahl {
         Self { settings, held: None }
     }
 
-    /// Goes on from the touch of another one.
+    /// Takes over the state of another friction.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.held = other.held;
     }
 
-    /// One tick: the friction on the tool, N, at a normal force and a coefficient of friction. A contact without a finite
+    /// Advances one tick: the friction on the tool, N, at a normal force and a coefficient of friction. A contact without a finite
     /// proxy, force or coefficient has none.
     pub fn update(&mut self, contact: &Contact, load_n: f64, mu: f64) -> Vec3 {
         let usable = contact.touching
@@ -121,7 +121,7 @@ impl Dahl {
         self.held.map_or(ZERO, |held| held.stretch_m)
     }
 
-    /// What remains of the stretch (a factor) and of the credit when the load changes.
+    /// The factor on the stretch, and the credit left, when the load changes.
     fn reload(&self, held: &Held, load_n: f64) -> (f64, f64) {
         // The spring's energy is F_n z^2 / (2 stretch).
         let per_load = dot(held.stretch_m, held.stretch_m) / (2.0 * self.settings.stretch_m);

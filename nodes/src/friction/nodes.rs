@@ -12,12 +12,7 @@ use haptograph_engine::node::{
 use haptograph_signal::quantity::Quantity;
 use std::path::{Path, PathBuf};
 
-const CONTACT: InputSpec = input(
-    "contact",
-    Kind::Contact,
-    Quantity::NUMBER,
-    "Where the tool touches.",
-);
+const CONTACT: InputSpec = input("contact", Kind::Contact, Quantity::NUMBER, "The contact.");
 const LOAD: InputSpec = input("load", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
 const FORCE: OutputSpec = output(
     "force",
@@ -26,11 +21,11 @@ const FORCE: OutputSpec = output(
     "Friction on the tool, N, in the tangent plane.",
 );
 
-/// The coefficient of friction: as given, else the surface's.
+/// The coefficient of friction: the setting, or else the surface's.
 fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildError> {
     let Some(path) = surface.filter(|_| mu.is_none()) else {
         return mu.ok_or_else(|| {
-            BuildError::at("mu", "there is no coefficient of friction")
+            BuildError::at("mu", "the coefficient of friction is missing")
                 .help("give `mu` or a `surface` that has one")
         });
     };
@@ -42,11 +37,11 @@ fn coefficient(mu: Option<f64>, surface: Option<&Path>) -> Result<f64, BuildErro
 }
 
 haptograph_engine::choices! {
-    /// What a growing load does to a stretched [`DahlFriction`].
+    /// Effect of a growing load on the stretch of [`DahlFriction`].
     pub enum UnderGrowingLoad {
         /// The stretch shrinks until its energy is covered: no motion gains energy.
         Passive,
-        /// The stretch stays and gains energy, as printed in the thesis.
+        /// The stretch does not change and gains energy, as printed in the thesis.
         AsPrinted,
     }
 }
@@ -54,13 +49,13 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`DahlFriction`].
     pub struct DahlFrictionSettings {
-        /// The surface whose coefficient of friction counts, relative to the graph file.
+        /// Surface file with the coefficient of friction, relative to the graph file.
         surface: Option<PathBuf> = None;
-        /// The coefficient of friction, in place of the surface's.
+        /// Coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=10.0;
         /// Largest stretch for a coefficient of friction of 1, mm.
         stretch_mm: f64 = 4.0, in 0.001..=1000.0;
-        /// What a growing load does to the stretch.
+        /// Effect of a growing load on the stretch.
         under_load: UnderGrowingLoad = UnderGrowingLoad::Passive;
     }
 }
@@ -74,7 +69,7 @@ impl NodeKind for DahlFriction {
         name: "DahlFriction",
         group: "friction",
         doc: "Stick-slip friction after Dahl: tool and surface stick by a spring that stretches up to 4 mm times mu, then \
-              slip. The passive variant, the default, gives no energy whatever the load does.",
+              slip. The passive variant, the default, never adds energy, whatever the load does.",
         source: "4.3.1, Eq. 4.3.1 and 4.3.2 (corrected)",
         inputs: &[CONTACT, LOAD],
         outputs: &[FORCE],
@@ -126,9 +121,9 @@ impl Processor for Sticking {
 haptograph_engine::settings! {
     /// Settings of [`ViscousCoulombFriction`].
     pub struct ViscousCoulombSettings {
-        /// The surface whose coefficient of friction counts, relative to the graph file.
+        /// Surface file with the coefficient of friction, relative to the graph file.
         surface: Option<PathBuf> = None;
-        /// The coefficient of friction, in place of the surface's.
+        /// Coefficient of friction; replaces the surface's.
         [live] mu: Option<f64> = None, in 0.0..=10.0;
         /// Slope of the viscous region by normal force, s/mm.
         slope_s_per_mm: f64 = 0.004, in 1e-9..=1e3;

@@ -21,8 +21,8 @@ impl Default for ViscousCoulomb {
 }
 
 impl ViscousCoulomb {
-    /// Friction on the tool, N, at a velocity (its normal part does not count), a normal force and a coefficient of
-    /// friction. Where one of them is not finite there is none.
+    /// Friction on the tool, N, at a velocity (its normal component is ignored), a normal force and a coefficient of
+    /// friction. It is zero if one of them is not finite.
     #[inline]
     pub fn force_n(&self, velocity_m_s: Vec3, normal: Vec3, load_n: f64, mu: f64) -> Vec3 {
         let along = reject(velocity_m_s, normal);

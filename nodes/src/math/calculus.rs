@@ -9,10 +9,10 @@ use haptograph_engine::settings::NoSettings;
 
 use crate::successor;
 
-/// Lanes of the widest linear frame.
+/// Components of the widest linear frame.
 const WIDEST: usize = Kind::Wrench.width();
 
-/// The change a second.
+/// The derivative in time.
 pub struct Derivative;
 
 impl NodeKind for Derivative {
@@ -20,7 +20,7 @@ impl NodeKind for Derivative {
     const SPEC: NodeSpec = NodeSpec {
         name: "Derivative",
         group: "math",
-        doc: "The change since the frame before, per second. Zero at the first frame. Follow it with a low-pass: it \
+        doc: "The difference to the last frame, per second; zero at the first frame. Follow it with a low-pass: it \
               amplifies noise in proportion to frequency.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
@@ -91,14 +91,14 @@ impl Processor for Difference {
 haptograph_engine::settings! {
     /// Settings of [`Integrator`].
     pub struct IntegratorSettings {
-        /// Time constant with which the past is forgotten, s; none: nothing is forgotten.
+        /// Time constant of the leak, s; none: no leak.
         leak_s: Option<f64> = None, in 1e-6..=1e9;
         /// Value at the start and after a reset, in the SI unit of the output.
         start: f64 = 0.0;
     }
 }
 
-/// The sum over time.
+/// The integral over time.
 pub struct Integrator;
 
 impl NodeKind for Integrator {
@@ -106,21 +106,21 @@ impl NodeKind for Integrator {
     const SPEC: NodeSpec = NodeSpec {
         name: "Integrator",
         group: "math",
-        doc: "The integral over time by the trapezoidal rule; with `leak_s` it forgets the past exponentially. A frame \
-              that is not a number is not added up.",
+        doc: "The integral over time by the trapezoidal rule; with `leak_s` the integral decays exponentially. A frame \
+              with NaN or infinity is skipped.",
         source: "",
         inputs: &[
             any_input("input", "The signal."),
             InputSpec {
                 kind: KindRule::Is(Kind::Event),
-                ..any_input("reset", "Puts the integral back to `start`.").optional()
+                ..any_input("reset", "Resets the integral to `start`.").optional()
             },
         ],
         outputs: &[OutputSpec {
             name: "output",
             kind: KindRule::Same("input"),
             quantity: QuantityRule::TimesSeconds("input"),
-            doc: "Its integral up to this frame.",
+            doc: "The integral up to this frame.",
         }],
         example: r#""distance": Integrator(input: "speed.speed")"#,
     };
@@ -141,7 +141,7 @@ impl NodeKind for Integrator {
 
 #[derive(Debug, Clone)]
 struct Integral {
-    /// Part of the sum that is left a frame later.
+    /// Decay factor per frame.
     keep: f64,
     half_period_s: f64,
     start: f64,
@@ -172,7 +172,7 @@ impl Processor for Integral {
                 };
                 let next = self.keep * *sum + added;
                 if next.is_finite() {
-                    // A leaking sum must not linger among the denormals.
+                    // A leaking sum must not stay among the denormals.
                     *sum = if next.abs() < 1e-200 { 0.0 } else { next };
                     *previous = *x;
                 }

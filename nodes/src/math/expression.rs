@@ -1,4 +1,4 @@
-//! A formula as a node.
+//! A node that computes a formula.
 
 use haptograph_engine::formula::{Formula, is_free};
 use haptograph_engine::frame::Kind;
@@ -7,18 +7,18 @@ use haptograph_engine::node::{
     Processor, QuantityRule, Tick,
 };
 
-/// Names of inputs that have none of their own.
+/// Default names of the inputs.
 const LETTERS: [&str; 8] = ["a", "b", "c", "d", "f", "g", "h", "k"];
 
 haptograph_engine::settings! {
     /// Settings of [`Expression`].
     pub struct ExpressionSettings {
-        /// What is computed, in SI units: `"0.4 * a * sin(2*pi * b / 0.002)"`.
+        /// The formula, in SI units: `"0.4 * a * sin(2*pi * b / 0.002)"`.
         formula: String;
-        /// The names of the inputs in the formula, in the order of `inputs`; where none are given `a`, `b`, `c`, `d`, `f`,
+        /// Names of the inputs in the formula, in the order of `inputs`; by default `a`, `b`, `c`, `d`, `f`,
         /// `g`, `h`, `k`.
         names: Vec<String> = vec![];
-        /// What comes out, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -44,7 +44,7 @@ impl NodeKind for Expression {
             quantity: QuantityRule::Any,
             flow: Flow::Sampled,
             presence: Presence::Many,
-            doc: "Scalars of any quantity, in the order of their names.",
+            doc: "Scalars of any quantity, in the order of `names`.",
         }],
         outputs: &[OutputSpec {
             name: "output",
@@ -69,7 +69,7 @@ impl NodeKind for Expression {
     }
 
     fn memory_bytes(settings: &ExpressionSettings, cx: &BuildContext) -> u64 {
-        // It works on fewer numbers a frame than the formula has characters.
+        // The formula has more characters than intermediate values.
         size_of::<f64>() as u64 * settings.formula.len() as u64 * cx.max_frames as u64
     }
 }
@@ -79,7 +79,7 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
     if given.is_empty() {
         let names = LETTERS.get(..inputs).map(<[&str]>::to_vec);
         return names.ok_or_else(|| {
-            let message = format!("{inputs} inputs have no names");
+            let message = format!("{inputs} inputs need `names`");
             BuildError::at("names", message).help("give a name for each, in the order of `inputs`")
         });
     }
@@ -89,8 +89,8 @@ fn names(given: &[String], inputs: usize) -> Result<Vec<&str>, BuildError> {
     }
     for (i, name) in given.iter().enumerate() {
         if !is_free(name) || given[..i].contains(name) {
-            let message = format!("`{name}` cannot be the name of an input here");
-            let help = "a name is a word of letters, digits and `_` that stands once and is no function, constant or `t`";
+            let message = format!("`{name}` is not a valid name of an input");
+            let help = "use each name once: letters, digits and `_`; no function, constant or `t`";
             return Err(BuildError::at("names", message).help(help));
         }
     }

@@ -1,5 +1,5 @@
-//! Keeping signals within bounds: clamp, soft clip, slew limit. What is not a number passes, so that the engine's
-//! watch at the sinks finds where it came from; it does not stick.
+//! Bounds on signals: clamp, soft clip, slew limit. NaN and infinity pass and leave no state, so that the engine's
+//! check at the sinks finds their origin.
 
 use haptograph_engine::node::{
     BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Single, Tick, any_input, output_like,
@@ -17,7 +17,7 @@ haptograph_engine::settings! {
     }
 }
 
-/// Cuts a signal off at two bounds.
+/// Clamps a signal to two bounds.
 pub struct Clamp;
 
 impl NodeKind for Clamp {
@@ -25,7 +25,7 @@ impl NodeKind for Clamp {
     const SPEC: NodeSpec = NodeSpec {
         name: "Clamp",
         group: "math",
-        doc: "Cuts every lane of a signal off at two bounds.",
+        doc: "Clamps every component of a signal to two bounds.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[output_like("output", "input", "The signal within the bounds.")],
@@ -77,12 +77,12 @@ impl Processor for Clamping {
 haptograph_engine::settings! {
     /// Settings of [`SoftClip`].
     pub struct SoftClipSettings {
-        /// What the output approaches and never exceeds, in the SI unit of the signal.
+        /// Bound that the output approaches and never exceeds, in the SI unit of the signal.
         [live] limit: f64, in 1e-12..=1e12;
     }
 }
 
-/// Bends a signal into bounds without a corner.
+/// Limits a signal smoothly.
 pub struct SoftClip;
 
 impl NodeKind for SoftClip {
@@ -90,7 +90,7 @@ impl NodeKind for SoftClip {
     const SPEC: NodeSpec = NodeSpec {
         name: "SoftClip",
         group: "math",
-        doc: "Bends every lane of a signal into bounds without a corner: limit tanh(x / limit). Small signals pass \
+        doc: "Limits every component of a signal smoothly: limit tanh(x / limit). Small signals pass nearly \
               unchanged.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
@@ -145,7 +145,7 @@ haptograph_engine::settings! {
     }
 }
 
-/// Limits how fast a signal changes.
+/// Limits the slew rate of a signal.
 pub struct SlewLimit;
 
 impl NodeKind for SlewLimit {
@@ -153,14 +153,14 @@ impl NodeKind for SlewLimit {
     const SPEC: NodeSpec = NodeSpec {
         name: "SlewLimit",
         group: "math",
-        doc: "Limits how fast a signal changes; of a vector, the length of its change. The output starts at the first \
+        doc: "Limits the slew rate of a signal; for a vector, the length of its change. The output starts at the first \
               input.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[output_like(
             "output",
             "input",
-            "The signal, late where it changes too fast.",
+            "The signal, delayed where it changes too fast.",
         )],
         example: r#""eased": SlewLimit(input: "stylus.force", most_per_s: 50.0)"#,
     };
@@ -178,7 +178,7 @@ impl NodeKind for SlewLimit {
 #[derive(Debug, Clone)]
 struct SlewLimiting {
     most_per_s: f64,
-    /// As many lanes as the widest linear frame has.
+    /// Components of the last output, as many as the widest linear frame has.
     previous: [f64; 6],
     started: bool,
     period_s: f64,
@@ -202,7 +202,7 @@ impl Processor for SlewLimiting {
                 1.0
             };
             for ((y, p), x) in y.iter_mut().zip(previous).zip(x) {
-                // The whole way is taken exactly.
+                // A change within the limit is taken exactly.
                 *p = if part < 1.0 { *p + part * (x - *p) } else { *x };
                 *y = *p;
             }

@@ -22,7 +22,7 @@ impl NodeKind for Multiply {
     const SPEC: NodeSpec = NodeSpec {
         name: "Multiply",
         group: "math",
-        doc: "Multiplies a signal, every lane of it, by a scalar signal.",
+        doc: "Multiplies every component of a signal by a scalar signal.",
         source: "",
         inputs: &[
             any_input("input", "The signal."),
@@ -71,8 +71,8 @@ impl NodeKind for Divide {
     const SPEC: NodeSpec = NodeSpec {
         name: "Divide",
         group: "math",
-        doc: "Divides a signal, every lane of it, by a scalar signal. Where the divisor is zero the quotient is zero, \
-              as is wanted of a ratio of forces while nothing touches.",
+        doc: "Divides every component of a signal by a scalar signal. If the divisor is zero the quotient is zero, \
+              as a ratio of forces needs it while nothing touches.",
         source: "",
         inputs: &[
             any_input("input", "The dividend."),

@@ -1,4 +1,4 @@
-//! Which signal goes on, and when: switch and delay.
+//! Switch and delay.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -12,12 +12,12 @@ use crate::successor;
 haptograph_engine::settings! {
     /// Settings of [`Switch`].
     pub struct SwitchSettings {
-        /// Which input goes on while `selector` is not connected: 0 is the first.
+        /// Input that is passed on while `selector` is not connected; 0 is the first.
         [live] select: u32 = 0;
     }
 }
 
-/// Passes one of several signals on.
+/// Selects one of several signals.
 pub struct Switch;
 
 impl NodeKind for Switch {
@@ -25,14 +25,14 @@ impl NodeKind for Switch {
     const SPEC: NodeSpec = NodeSpec {
         name: "Switch",
         group: "math",
-        doc: "Passes one of several signals of one kind and quantity on, chosen by a signal or by a setting.",
+        doc: "Selects one of several signals of one kind and quantity, by a signal or by a setting.",
         source: "",
         inputs: &[
             input(
                 "selector",
                 Kind::Scalar,
                 Quantity::NUMBER,
-                "Rounded to the number of an input, from 0; beyond the last it means the last.",
+                "Index of the input, from 0; rounded, and clamped to the last input.",
             )
             .optional(),
             InputSpec {
@@ -44,7 +44,7 @@ impl NodeKind for Switch {
                 doc: "The signals to choose from.",
             },
         ],
-        outputs: &[output_like("output", "inputs", "The chosen signal.")],
+        outputs: &[output_like("output", "inputs", "The selected signal.")],
         example: r#""source": Switch(inputs: ["texture.acceleration", "tone.output"], select: 1)"#,
     };
 
@@ -52,7 +52,7 @@ impl NodeKind for Switch {
         let inputs = cx.input_widths.len().saturating_sub(1);
         let select = settings.select as usize;
         if select >= inputs {
-            let message = format!("there is no input {select} among {inputs}");
+            let message = format!("`select` is {select}, but there are {inputs} inputs");
             return Err(BuildError::at("select", message).help("inputs are counted from 0"));
         }
         Ok(Box::new(Switching { select }))
@@ -74,7 +74,7 @@ impl Processor for Switching {
         }
         let (selector, width) = (io.components(0), io.width(1).max(1));
         for (frame, selected) in selector.iter().enumerate() {
-            // The conversion saturates, and what is not a number is 0.
+            // The conversion saturates and turns NaN into 0.
             let x = io.components(1 + (selected.round() as usize).min(last));
             let lanes = frame * width..(frame + 1) * width;
             io.out(0)[lanes.clone()].copy_from_slice(&x[lanes]);
@@ -91,12 +91,12 @@ impl Processor for Switching {
 haptograph_engine::settings! {
     /// Settings of [`Delay`].
     pub struct DelaySettings {
-        /// How many frames later, at most ten million.
+        /// Delay in frames, at most ten million.
         frames: u32, in 0..=10_000_000;
     }
 }
 
-/// The same signal, later.
+/// Delays a signal by whole frames.
 pub struct Delay;
 
 impl NodeKind for Delay {
@@ -104,11 +104,11 @@ impl NodeKind for Delay {
     const SPEC: NodeSpec = NodeSpec {
         name: "Delay",
         group: "math",
-        doc: "Passes a signal on a number of frames later; zero before that. It does not close a feedback loop: for \
+        doc: "Delays a signal by a number of frames; the output is zero before that. It does not close a feedback loop: for \
               that, write the delay on the connection, as `Delay(...)` in place of the input.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
-        outputs: &[output_like("output", "input", "The signal, later.")],
+        outputs: &[output_like("output", "input", "The delayed signal.")],
         example: r#""echo": Delay(input: "texture.acceleration", frames: 480)"#,
     };
 
@@ -130,7 +130,7 @@ impl NodeKind for Delay {
 
 #[derive(Debug, Clone)]
 struct Later {
-    /// The lanes of the last frames, the oldest at `next`.
+    /// The last frames, the oldest at `next`.
     ring: Box<[f64]>,
     next: usize,
     delay_s: f64,

@@ -1,4 +1,4 @@
-//! One number applied to a signal: gain, offset, calibration, absolute value.
+//! Gain, offset, calibration and absolute value.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -11,7 +11,7 @@ use haptograph_signal::elementwise;
 haptograph_engine::settings! {
     /// Settings of [`Gain`].
     pub struct GainSettings {
-        /// The factor, a plain number.
+        /// The factor, without unit.
         [live] gain: f64 = 1.0, in -1e9..=1e9;
     }
 }
@@ -24,7 +24,7 @@ impl NodeKind for Gain {
     const SPEC: NodeSpec = NodeSpec {
         name: "Gain",
         group: "math",
-        doc: "Multiplies a signal by a plain number. The quantity stays; to turn one into another use `Calibrate`.",
+        doc: "Multiplies a signal by a number without unit. The quantity does not change; to convert it, use `Calibrate`.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[output_like("output", "input", "The signal times the gain.")],
@@ -41,16 +41,16 @@ impl NodeKind for Gain {
 haptograph_engine::settings! {
     /// Settings of [`Calibrate`].
     pub struct CalibrateSettings {
-        /// What comes out per unit of what goes in, both in SI: A per m/s2, V per N.
+        /// Output per input, both in SI units: A per m/s2, V per N.
         [live] factor: f64, in -1e9..=1e9;
-        /// The quantity that goes in, by name.
+        /// Quantity of the input, by name.
         from: String;
-        /// The quantity that comes out, by name.
+        /// Quantity of the output, by name.
         to: String;
     }
 }
 
-/// Turns one quantity into another by a factor.
+/// Converts a quantity into another by a factor.
 pub struct Calibrate;
 
 impl NodeKind for Calibrate {
@@ -58,7 +58,7 @@ impl NodeKind for Calibrate {
     const SPEC: NodeSpec = NodeSpec {
         name: "Calibrate",
         group: "math",
-        doc: "Turns a signal of one quantity into another by a factor: the sensitivity of a sensor, the constant of an \
+        doc: "Converts a signal to another quantity by a factor: the sensitivity of a sensor, the constant of an \
               actuator, the gain of an amplifier.",
         source: "",
         inputs: &[InputSpec {
@@ -85,7 +85,7 @@ impl NodeKind for Calibrate {
     }
 }
 
-/// Multiplies; the factor is the first setting.
+/// Multiplies by the first setting.
 #[derive(Debug, Clone)]
 struct Scaler {
     factor: f64,
@@ -111,7 +111,7 @@ impl Processor for Scaler {
 haptograph_engine::settings! {
     /// Settings of [`Offset`].
     pub struct OffsetSettings {
-        /// What is added, in the SI unit of the signal.
+        /// The offset, in the SI unit of the signal.
         [live] offset: f64 = 0.0;
     }
 }
@@ -163,7 +163,7 @@ impl Processor for Shifter {
     }
 }
 
-/// The absolute value of every lane.
+/// The absolute value of every component.
 pub struct Abs;
 
 impl NodeKind for Abs {
@@ -171,7 +171,7 @@ impl NodeKind for Abs {
     const SPEC: NodeSpec = NodeSpec {
         name: "Abs",
         group: "math",
-        doc: "The absolute value of every lane. For the length of a vector use `Magnitude`.",
+        doc: "The absolute value of every component. For the length of a vector use `Magnitude`.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[output_like("output", "input", "Its absolute value.")],

@@ -75,11 +75,11 @@ impl NodeKind for Subtract {
         doc: "Subtracts `less` from `input`, both of one kind and quantity.",
         source: "",
         inputs: &[
-            any_input("input", "What is subtracted from."),
+            any_input("input", "The minuend."),
             InputSpec {
                 kind: KindRule::Same("input"),
                 quantity: QuantityRule::Same("input"),
-                ..any_input("less", "What is subtracted.")
+                ..any_input("less", "The subtrahend.")
             },
         ],
         outputs: &[output_like("output", "input", "The difference.")],
@@ -108,7 +108,7 @@ haptograph_engine::settings! {
     pub struct MixerSettings {
         /// A gain for each input, in the order of `inputs`.
         gains: Vec<f64>;
-        /// A gain on the whole mix.
+        /// Gain of the whole mix.
         [live] master: f64 = 1.0, in -1e9..=1e9;
     }
 }
@@ -121,7 +121,7 @@ impl NodeKind for Mixer {
     const SPEC: NodeSpec = NodeSpec {
         name: "Mixer",
         group: "math",
-        doc: "Adds any number of signals of one kind and quantity, each with a gain of its own.",
+        doc: "Adds any number of signals of one kind and quantity, each with its own gain.",
         source: "",
         inputs: &[TERMS],
         outputs: &[output_like(
@@ -155,7 +155,7 @@ struct Mixing {
 
 impl Processor for Mixing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        // The first two at once: most mixes have no more.
+        // The first two in one pass: most mixes have no more.
         let done = match *self.gains {
             [a, b, ..] => {
                 let (x, z) = (io.components(0), io.components(1));

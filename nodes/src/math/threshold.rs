@@ -1,4 +1,4 @@
-//! Events out of a signal.
+//! Events from a signal.
 
 use crate::successor;
 use haptograph_engine::frame::{Event, Kind};
@@ -10,14 +10,14 @@ use haptograph_engine::node::{
 haptograph_engine::settings! {
     /// Settings of [`Threshold`].
     pub struct ThresholdSettings {
-        /// Fires when the signal rises to this or above it, in the SI unit of the signal.
+        /// Fires when the signal rises to this value or above it, in the SI unit of the signal.
         [live] rises_to: f64;
-        /// Can fire again when it has fallen to this or below; none: to anything below `rises_to`.
+        /// The signal has to fall to this value or below it before the next event; none: to any value below `rises_to`.
         falls_to: Option<f64> = None;
     }
 }
 
-/// An event where a signal rises to a value.
+/// Fires an event when a signal rises to a value.
 pub struct Threshold;
 
 impl NodeKind for Threshold {
@@ -25,8 +25,8 @@ impl NodeKind for Threshold {
     const SPEC: NodeSpec = NodeSpec {
         name: "Threshold",
         group: "math",
-        doc: "An event at the tick at which a scalar rises to a value, and not again before it has fallen (hysteresis). What \
-              begins above the value has not risen.",
+        doc: "Fires an event when a scalar rises to a value, and not again before it has fallen (hysteresis). A signal \
+              that starts above the value fires only after it has fallen.",
         source: "",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Scalar),
@@ -36,15 +36,15 @@ impl NodeKind for Threshold {
             name: "event",
             kind: KindRule::Is(Kind::Event),
             quantity: QuantityRule::Same("input"),
-            doc: "Fires with the signal's value.",
+            doc: "Event with the signal's value.",
         }],
         example: r#""pressed": Threshold(input: "stylus.force", rises_to: 0.5, falls_to: 0.3)"#,
     };
 
     fn build(settings: ThresholdSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
         if let Some(falls_to) = settings.falls_to.filter(|falls_to| *falls_to > settings.rises_to) {
-            let message = format!("falls to {falls_to}, which is above {}", settings.rises_to);
-            return Err(BuildError::at("falls_to", message).help("give a value at most that of `rises_to`"));
+            let message = format!("`falls_to` is {falls_to}, which is above {}", settings.rises_to);
+            return Err(BuildError::at("falls_to", message).help("give a value no higher than `rises_to`"));
         }
         Ok(Box::new(Rising {
             rises_to: settings.rises_to,
@@ -62,7 +62,7 @@ struct Rising {
 }
 
 impl Rising {
-    /// What is no number neither fires nor arms.
+    /// NaN neither fires nor arms.
     fn fires(&mut self, x: f64) -> bool {
         let fires = self.armed && x >= self.rises_to;
         let falls = x < self.rises_to && self.falls_to.is_none_or(|falls_to| x <= falls_to);

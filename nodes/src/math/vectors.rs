@@ -1,4 +1,4 @@
-//! 3-vectors and wrenches: length, products, parts.
+//! 3-vectors and wrenches: length, products, components.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -138,7 +138,7 @@ impl Processor for VectorProduct {
     }
 }
 
-/// A vector's three numbers.
+/// The components of a vector.
 pub struct Components;
 
 impl NodeKind for Components {
@@ -175,7 +175,7 @@ impl Processor for Unpacking {
     }
 }
 
-/// Three numbers as a vector.
+/// A vector from three scalars.
 pub struct Pack;
 
 impl NodeKind for Pack {
@@ -183,7 +183,7 @@ impl NodeKind for Pack {
     const SPEC: NodeSpec = NodeSpec {
         name: "Pack",
         group: "math",
-        doc: "Makes a 3-vector of three scalars of one quantity.",
+        doc: "Makes a 3-vector from three scalars of one quantity.",
         source: "",
         inputs: &[
             InputSpec {
@@ -227,7 +227,7 @@ impl Processor for Packing {
     }
 }
 
-/// A wrench's force and torque.
+/// Force and torque of a wrench.
 pub struct WrenchParts;
 
 impl NodeKind for WrenchParts {
@@ -268,7 +268,7 @@ impl Processor for WrenchUnpacking {
     }
 }
 
-/// A force and a torque as a wrench.
+/// A wrench from a force and a torque.
 pub struct MakeWrench;
 
 impl NodeKind for MakeWrench {
@@ -276,7 +276,7 @@ impl NodeKind for MakeWrench {
     const SPEC: NodeSpec = NodeSpec {
         name: "MakeWrench",
         group: "math",
-        doc: "Makes a wrench of a force and a torque about the origin.",
+        doc: "Makes a wrench from a force and a torque about the origin.",
         source: "",
         inputs: &[
             input("force", Kind::Vector, Quantity::FORCE, "The force, N."),

@@ -1,4 +1,4 @@
-//! What is made of a measured wrench before anyone feels it: its zero is taken off, and its noise.
+//! Conditions a measured wrench: subtracts its zero and filters its noise.
 
 use crate::filters::design_error;
 use crate::vector::norm;
@@ -9,17 +9,17 @@ use haptograph_signal::time::Rate;
 /// Force and torque, N and N m.
 pub(super) type Wrench = [f64; 6];
 
-/// Takes a zero off what is measured, and filters it.
+/// Subtracts a zero from measurements, and filters them.
 ///
-/// The zero is the mean over a time in which force and torque are steady and the force is small: a hand on the sensor would
-/// be felt as a contact of the opposite sign for as long as the run lasts. Until there is one, nothing is felt.
+/// The zero is the mean over a time with steady force and torque and a small force: a hand on the sensor would otherwise
+/// cause a false contact of the opposite sign for the rest of the run. Until the zero is known the output is zero.
 #[derive(Debug, Clone)]
 pub(super) struct Conditioner {
     zeroing: Option<Zeroing>,
     zero: Wrench,
-    /// How much of what is measured passes: it rises when the zero has been taken, so that nothing leaps.
+    /// Gain of the output; it rises from 0 when the zero is known, so that the output does not jump.
     reach: f64,
-    /// Has the sensor been heard since the conditioner was built? Before that there is nothing to take a zero off.
+    /// Whether a measurement has arrived since the conditioner was built.
     was_heard: bool,
     reach_per_tick: f64,
     filters: Option<[SectionsState; 6]>,
@@ -27,30 +27,30 @@ pub(super) struct Conditioner {
     wrench: Wrench,
 }
 
-/// When a mean is a zero.
+/// Conditions for a mean to be the zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ZeroSettings {
-    /// Time of the mean, s; 0: the device has taken its zero off.
+    /// Time of the mean, s; 0: the device subtracts its own zero.
     pub window_s: f64,
-    /// The greatest force that can be an offset, N.
+    /// Largest force that can be an offset, N.
     pub within_n: f64,
-    /// The most that a force may change within the time, N; a torque by as much at [`LEVER_M`].
+    /// Largest change of a force within the time, N; of a torque, this times [`LEVER_M`].
     pub steady_n: f64,
 }
 
-/// The lever by which a bound on forces is one on torques, m.
+/// Lever that converts a bound on forces to one on torques, m.
 const LEVER_M: f64 = 0.05;
-/// Fewer measurements cannot show that nothing moves.
+/// Smallest number of measurements that shows steadiness.
 const LEAST_PACKETS: u64 = 8;
-/// From the zero on, what is felt rises in this time, s.
+/// Rise time of the output after the zero is known, s.
 const RAMP_S: f64 = 0.01;
 
-/// The mean that is being taken.
+/// The mean in progress.
 #[derive(Debug, Clone)]
 struct Zeroing {
     settings: ZeroSettings,
     ticks: u64,
-    /// Ticks since it began, and those of them that brought news.
+    /// Ticks since its start, and those of them with a new measurement.
     seen: u64,
     packets: u64,
     sum: Wrench,
@@ -58,12 +58,12 @@ struct Zeroing {
     most: Wrench,
 }
 
-/// What became of a zero in a tick.
+/// Change of the zero in a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ZeroNews {
-    /// It was taken.
+    /// The zero was taken.
     Taken(Wrench),
-    /// The time is over and something moved or pressed: it begins anew.
+    /// Something moved or pressed during the time: the mean restarts.
     Refused,
 }
 
@@ -118,7 +118,7 @@ impl Zeroing {
 const ORDER: usize = 2;
 
 impl Conditioner {
-    /// One that takes a zero, unless one is known of the same sensor, and filters from a cut-off on.
+    /// A conditioner that takes a zero, unless `known` has it, and low-passes at a cut-off.
     pub fn new(
         zero: ZeroSettings,
         known: Option<Wrench>,
@@ -146,7 +146,7 @@ impl Conditioner {
         })
     }
 
-    /// A tick passes in which this was measured, anew or not; nothing is where the device is not heard.
+    /// Advances one tick with a measurement, new or not. `is_heard` is false while the device is silent.
     pub fn advance(&mut self, measured: Wrench, is_heard: bool, is_news: bool) -> Option<ZeroNews> {
         self.was_heard |= is_heard;
         let news = match &mut self.zeroing {
@@ -174,7 +174,7 @@ impl Conditioner {
         news
     }
 
-    /// What is felt of it; zero until the zero is known.
+    /// The conditioned wrench; zero until the zero is known.
     pub fn wrench(&self) -> &Wrench {
         &self.wrench
     }

@@ -1,4 +1,4 @@
-//! Settings of a running graph, told by Open Sound Control: `/out/gain 0.5` is the setting `gain` of the node `out`,
+//! Sets settings of a running graph by Open Sound Control: `/out/gain 0.5` is the setting `gain` of the node `out`,
 //! `/gain 0.5` the graph's parameter `gain`.
 
 use super::osc::decode;
@@ -9,19 +9,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::JoinHandle;
 
-/// A setting that was told, both as one types them: `out.gain`, `0.5`.
+/// A received setting, name and value as text: `out.gain`, `0.5`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Told {
     /// A parameter, or a node's path and its setting.
     pub name: String,
-    /// A number, a truth or a text.
+    /// A number, a boolean or a text.
     pub value: String,
 }
 
-/// Letters of the longest name and of the longest value.
+/// Largest length of a name and of a value.
 const MOST_LETTERS: usize = 200;
 
-/// Listens at one address, on a thread of its own, until it is dropped. Anyone who reaches that address is heard.
+/// Listens at one address, on a separate thread, until it is dropped. It accepts packets from any sender.
 #[derive(Debug)]
 pub struct OscControl {
     address: SocketAddr,
@@ -31,10 +31,10 @@ pub struct OscControl {
 }
 
 impl OscControl {
-    /// Hands every setting that is told at `address` to `heard`.
+    /// Passes every setting received at `address` to `heard`.
     ///
     /// # Errors
-    /// What the system says where the address is not to be had.
+    /// The system's error if the address cannot be bound.
     pub fn listen(
         address: SocketAddr,
         mut heard: impl FnMut(Told) + Send + 'static,
@@ -49,7 +49,7 @@ impl OscControl {
             .spawn(move || {
                 let mut bytes = [0; 65_536];
                 while !ends.load(Relaxed) {
-                    // What else can go wrong here is that nothing came.
+                    // Other errors are timeouts.
                     let Ok(count) = socket.recv(&mut bytes) else {
                         continue;
                     };
@@ -69,12 +69,12 @@ impl OscControl {
         })
     }
 
-    /// Where it listens: the port that the system chose, if it was asked to.
+    /// The address, with the port that the system chose for port 0.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Packets that were no settings.
+    /// Packets that contained no settings.
     pub fn malformed(&self) -> u64 {
         self.malformed.load(Relaxed)
     }
@@ -84,13 +84,13 @@ impl Drop for OscControl {
     fn drop(&mut self) {
         self.stop.store(true, Relaxed);
         if let Some(thread) = self.thread.take() {
-            // It can have panicked only in what hears; there is nobody left to tell.
+            // Only the callback can have panicked; nothing remains to report to.
             let _ = thread.join();
         }
     }
 }
 
-/// The settings in a packet, bundles taken at once; none if any of it is something else.
+/// The settings in a packet; bundles apply immediately. None if any part is something else.
 pub fn understand(bytes: &[u8]) -> Option<Vec<Told>> {
     let mut told = Vec::new();
     let mut packets = vec![decode(bytes).ok()?];

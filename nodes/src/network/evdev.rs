@@ -1,4 +1,4 @@
-//! A tablet or mouse that Linux itself reads, in physical units.
+//! A tablet or mouse read through Linux's event devices, in physical units.
 
 #[cfg(all(feature = "evdev", target_os = "linux"))]
 mod reading;
@@ -15,15 +15,15 @@ use std::time::Duration;
 haptograph_engine::settings! {
     /// A tablet or mouse, read from Linux's event devices.
     pub struct EvdevDeviceSettings {
-        /// The event device: one of the links in /dev/input/by-id, say.
+        /// The event device, for example a link in /dev/input/by-id.
         path: String;
-        /// Counts of a millimetre: needed for a mouse (1000 dpi are 39.4) and for a tablet that does not say its own.
+        /// Counts per millimetre: required for a mouse (1000 dpi are 39.4) and for a tablet that does not report it.
         counts_per_mm: Option<f64> = None, in 0.01..=100_000.0;
-        /// Normal force at full pressure, and while a button is held or a finger is down where there is no pressure, N.
+        /// Normal force at full pressure, N. A device without pressure has it while a button is held or a finger is down.
         pressed_n: f64 = 1.0, in 0.0..=100.0;
-        /// A tip that seems to move faster has jumped, mm/s.
+        /// Speed above which a movement of the tip counts as a jump, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
-        /// What it does to the actuators that depend on the device when it is gone, as after it is unplugged.
+        /// Effect on dependent actuators while the device is gone, for example unplugged.
         on_silence: OnSilence = OnSilence::Zero;
     }
 }
@@ -35,9 +35,9 @@ impl DeviceKind for EvdevDevice {
     type Settings = EvdevDeviceSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "EvdevDevice",
-        doc: "A tablet or mouse that Linux reads. It is read in live runs only, and by programs built with the feature \
-              `evdev`. A tablet's origin is its middle, a mouse's where it is at the start; y points away from the user. \
-              Normal force is pressure times `pressed_n`: no tablet states newtons. While it is gone, every actuator that \
+        doc: "A tablet or mouse that Linux reads. It works in live runs only, and in programs built with the feature \
+              `evdev`. The origin is the middle of a tablet, or the start position of a mouse; y points away from the user. \
+              Normal force is pressure times `pressed_n`: no tablet reports newtons. While it is gone, every actuator that \
               depends on it is at zero, unless `on_silence` is `Hold`.",
         source: "2.4",
         simulated: false,
@@ -49,7 +49,7 @@ impl DeviceKind for EvdevDevice {
     fn build(settings: EvdevDeviceSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if settings.path.is_empty() {
             return Err(
-                BuildError::at("path", "the path is empty").help("`ls /dev/input/by-id` names the devices")
+                BuildError::at("path", "the path is empty").help("`ls /dev/input/by-id` lists the devices")
             );
         }
         let input = Input {
@@ -67,10 +67,10 @@ impl DeviceKind for EvdevDevice {
     }
 }
 
-/// It is told of as present ten times as often; a device that was pulled out is gone.
+/// Silence after which the device counts as gone. Its thread reports it as present ten times as often.
 pub(super) const TIMEOUT: Duration = Duration::from_millis(50);
 
-/// An event device and how it is understood.
+/// An event device with its scale.
 #[derive(Debug)]
 pub(super) struct Input {
     pub link: Arc<Link>,
@@ -79,7 +79,7 @@ pub(super) struct Input {
     pub pressed_n: f64,
 }
 
-/// Whether it is the same device, understood in the same way.
+/// Whether device and scale are the same.
 impl PartialEq for Input {
     fn eq(&self, other: &Self) -> bool {
         (&self.path, self.counts_per_mm, self.pressed_n)
@@ -87,18 +87,18 @@ impl PartialEq for Input {
     }
 }
 
-/// A device whose events cannot be understood.
+/// The error of a device of unknown scale.
 pub(super) fn unknown_scale() -> std::io::Error {
     std::io::Error::new(
         std::io::ErrorKind::InvalidInput,
-        "it does not say how many counts a millimetre has; give `counts_per_mm`",
+        "it does not report its counts per millimetre; give `counts_per_mm`",
     )
 }
 
 #[cfg(all(feature = "evdev", target_os = "linux"))]
 pub(super) use reading::begin;
 
-/// Says what is missing.
+/// Fails with build instructions.
 #[cfg(not(all(feature = "evdev", target_os = "linux")))]
 pub(super) fn begin(
     _: &str,
@@ -107,6 +107,6 @@ pub(super) fn begin(
     _: &Arc<std::sync::atomic::AtomicBool>,
 ) -> std::io::Result<(std::thread::JoinHandle<()>, bool)> {
     Err(std::io::Error::other(
-        "this program was built without it; on Linux, `cargo build --release --features evdev`",
+        "this program was built without evdev; on Linux, `cargo build --release --features evdev`",
     ))
 }

@@ -1,7 +1,7 @@
-//! Inputs of one number each: a fader, a key, a sensor on a serial line. Whatever they are told, a graph gets numbers in
-//! the range that it names.
+//! Inputs of one number each: a fader, a key, a sensor on a serial line. Whatever they receive, a graph gets numbers in
+//! the range of its settings.
 //!
-//! Inputs at one place (an address, a port) share the thread that listens there, a hub.
+//! Inputs at one place (an address, a port) share a listening thread, the hub.
 
 mod hub;
 mod midi;
@@ -27,17 +27,17 @@ use std::time::{Duration, Instant};
 haptograph_engine::settings! {
     /// Settings of `LiveInput`.
     pub struct LiveInputSettings {
-        /// What the number is, by name: `"frequency"`, `"force"`. The endpoint gives it in that quantity's SI unit.
+        /// Quantity of the number, by name: `"frequency"`, `"force"`. The endpoint gives it in that quantity's SI unit.
         quantity: String = "number".to_owned();
     }
 }
 
-/// Reads one number.
+/// Reads a live input.
 pub const LIVE_INPUT: NodeSpec = NodeSpec {
     name: "LiveInput",
     group: "sources",
-    doc: "One number from outside: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`, \
-          a `SerialInput` or a `SimulatedInput`, which says in which range the number is. Three make a vector by `Pack`.",
+    doc: "A live input of one number: a fader, a key, a sensor on a serial line. Its endpoint is an `OscInput`, a `MidiInput`, \
+          a `SerialInput` or a `SimulatedInput`, which sets the range of the number. Three numbers make a vector with `Pack`.",
     source: "",
     inputs: &[],
     outputs: &[OutputSpec {
@@ -49,7 +49,7 @@ pub const LIVE_INPUT: NodeSpec = NodeSpec {
     example: r#""pitch": LiveInput(clock: "control", endpoint: "pitch", quantity: "frequency")"#,
 };
 
-/// What such an endpoint senses.
+/// The channel of such an endpoint.
 pub(crate) const VALUE: &[Channel] = &[Channel {
     name: "value",
     kind: Kind::Scalar,
@@ -57,12 +57,12 @@ pub(crate) const VALUE: &[Channel] = &[Channel {
     doc: "The number, in the SI unit of the quantity that the `LiveInput` names.",
 }];
 
-/// The largest magnitude that a number may be mapped to, in its SI unit.
+/// Largest magnitude of a mapped number, in its SI unit.
 const LARGEST: f64 = 1e6;
-/// The same of what it is mapped from.
+/// Largest magnitude of a received number.
 const LARGEST_FROM: f64 = 1e9;
 
-/// What is heard, and what becomes of it: a straight line between two pairs of numbers, and never beyond them.
+/// A linear map from a range of received numbers to an output range, with clamping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mapping {
     from: [f64; 2],
@@ -70,12 +70,12 @@ pub(crate) struct Mapping {
 }
 
 impl Mapping {
-    /// From one pair to another.
+    /// A map from one range to another.
     pub fn new(from: [f64; 2], to: [f64; 2]) -> Result<Self, BuildError> {
         if from[0] == from[1] {
-            let message = format!("`from` begins and ends at {}", from[0]);
+            let message = format!("both ends of `from` are {}", from[0]);
             return Err(BuildError::at("from", message)
-                .help("give the smallest and the largest number that is heard"));
+                .help("give the smallest and the largest number that is received"));
         }
         for (field, pair, largest) in [("from", from, LARGEST_FROM), ("to", to, LARGEST)] {
             if let Some(far) = pair.iter().find(|end| end.abs() > largest) {
@@ -85,19 +85,19 @@ impl Mapping {
         Ok(Self { from, to })
     }
 
-    /// What a finite number becomes.
+    /// Maps a finite number.
     pub fn of(&self, heard: f64) -> f64 {
         let [[from, last], [low, high]] = [self.from, self.to];
         let share = ((heard - from) / (last - from)).clamp(0.0, 1.0);
-        // The line itself may miss its end by a rounding.
+        // Rounding may put the end of the line out of range.
         (low + share * (high - low)).clamp(low.min(high), low.max(high))
     }
 }
 
-/// An input as ticks see it.
+/// The ticking side of an input.
 #[derive(Debug, Clone)]
 pub(super) struct NumberInput {
-    /// Where it is heard, and which number there.
+    /// Its place and its route there.
     pub place: Place,
     pub route: Route,
     reader: Reader,
@@ -115,7 +115,7 @@ impl NumberInput {
         (timeout, on_silence): (Duration, OnSilence),
         cx: &BuildContext,
     ) -> Box<dyn Device> {
-        // Whether it is silent depends on the timeout: inputs with others have links of their own.
+        // Silence depends on the timeout: inputs with another timeout have their own links.
         let link = super::remote::link_at(&format!("{place} {selector} {timeout:?}"));
         Box::new(Self {
             reader: Reader::new(&link, cx.rate, timeout),

@@ -1,4 +1,4 @@
-//! What a network thread and a ticking thread share: the latest news each way, without locks or waiting.
+//! State shared by a network thread and a ticking thread: the latest update each way, lock-free and wait-free.
 
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputCell, InputState};
@@ -7,15 +7,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 use std::time::{Duration, Instant};
 
-/// The latest of something that is N numbers: one thread puts, others look. A look that meets a put is told nothing.
+/// The latest update of N numbers: one thread writes, others read. A read during a write returns none.
 #[derive(Debug)]
 pub(super) struct Latest<const N: usize> {
-    /// Odd while a put is under way.
+    /// Version, odd during a write.
     version: AtomicU64,
     words: [AtomicU64; N],
 }
 
-/// Looks that are tried again when they meet a put.
+/// Attempts of a read that meets a write.
 const TRIES: usize = 4;
 
 impl<const N: usize> Latest<N> {
@@ -26,7 +26,7 @@ impl<const N: usize> Latest<N> {
         }
     }
 
-    /// Puts new ones in place. Only ever called by one thread.
+    /// Writes new numbers. Only one thread may call it.
     pub fn put(&self, values: &[f64; N]) {
         let version = self.version.load(Ordering::Relaxed);
         self.version.store(version.wrapping_add(1), Ordering::Relaxed);
@@ -37,7 +37,7 @@ impl<const N: usize> Latest<N> {
         self.version.store(version.wrapping_add(2), Ordering::Release);
     }
 
-    /// How often something was put, and what was put last; none while that changes.
+    /// Number of writes and the latest numbers; none during a write.
     pub fn look(&self) -> Option<(u64, [f64; N])> {
         (0..TRIES).find_map(|_| {
             let before = self.version.load(Ordering::Acquire);
@@ -49,29 +49,29 @@ impl<const N: usize> Latest<N> {
     }
 }
 
-/// What a device senses: position (m), orientation (rotation vector, rad), force (N), torque (N m).
+/// Size of a state: position (m), orientation (rotation vector, rad), force (N), torque (N m).
 pub(super) const SENSED: usize = 12;
-/// What it is driven by: force (N), current of the actuator and of the brake (A).
+/// Size of a command: force (N), current of the actuator and of the brake (A).
 pub(super) const DRIVEN: usize = 5;
 
-/// What was seen of the packets of a device.
+/// Counts of a device's packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Taken over.
+    /// Accepted.
     pub accepted: u64,
-    /// Known to have been sent and never seen.
+    /// Lost: sent but never received.
     pub missing: u64,
-    /// Older than one that was taken over, and dropped: out of order, or sent twice.
+    /// Dropped because a newer one was accepted: out of order, or duplicate.
     pub outdated: u64,
-    /// Of a wrong size, version or content.
+    /// Wrong size, version or content.
     pub malformed: u64,
-    /// With something that is not a finite number.
+    /// A number is NaN or infinite.
     pub not_numbers: u64,
-    /// With something beyond [`LARGEST`](super::protocol::LARGEST).
+    /// A number is beyond [`LARGEST`](super::protocol::LARGEST).
     pub too_large: u64,
-    /// From somebody else than the device.
+    /// From a sender other than the device.
     pub strangers: u64,
-    /// Taken over, but the tip had moved as no hand moves it.
+    /// Accepted, but the tip had moved faster than a hand can.
     pub jumps: u64,
     /// Times that no zero of force and torque was taken, as something moved or pressed.
     pub refused_zeros: u64,

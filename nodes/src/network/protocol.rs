@@ -1,6 +1,6 @@
-//! The device protocol, version 1: one datagram for what a device senses, one in answer for what to drive.
+//! The device protocol, version 1: a state datagram from the device, and a command datagram in answer.
 //!
-//! All numbers are little-endian, all units SI. `docs/device-protocol.md` describes it for those who write the other
+//! All numbers are little-endian, all units SI. `docs/device-protocol.md` describes it for authors of the device's
 //! side.
 
 /// Bytes of a state packet.
@@ -12,17 +12,17 @@ pub const MAGIC: [u8; 4] = *b"HGRF";
 /// Of this protocol.
 pub const VERSION: u16 = 1;
 
-/// What no state holds anything beyond, in SI units: 1000 km, 1 MN.
+/// Largest magnitude of a number in a state, in SI units: 1000 km, 1 MN.
 pub const LARGEST: f64 = 1e6;
 
 const STATE: u16 = 1;
 const COMMAND: u16 = 2;
 const HEADER_BYTES: usize = 24;
 
-/// What a device senses.
+/// State of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct State {
-    /// Grows by one with every packet, and begins again at zero after the largest number.
+    /// Increases by one with every packet and wraps to zero.
     pub sequence: u32,
     /// The device's own clock, ns.
     pub timestamp_ns: u64,
@@ -36,14 +36,14 @@ pub struct State {
     pub torque_n_m: [f64; 3],
 }
 
-/// What to drive.
+/// Command to a device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Command {
-    /// Of the command.
+    /// Sequence number of the command.
     pub sequence: u32,
-    /// Of the state that it answers.
+    /// Sequence number of the state that it answers.
     pub answers: u32,
-    /// Timestamp of the state that it answers: what the device needs for the time of the round trip.
+    /// Timestamp of the state that it answers, from which the device computes the round trip.
     pub timestamp_ns: u64,
     /// Force of the motors, N.
     pub force_n: [f64; 3],
@@ -51,37 +51,37 @@ pub struct Command {
     pub current_a: f64,
     /// Current of the brake, A.
     pub brake_a: f64,
-    /// Is the graph running? If not, all of the above is zero and there is nothing to wait for.
+    /// Whether the graph is running. If not, all numbers above are zero and no further command follows.
     pub running: bool,
 }
 
-/// Why bytes are no packet.
+/// Error of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
-    /// Neither too long nor too short is taken.
-    #[error("a packet of {got} bytes, where this kind has {wanted}")]
+    /// The length is wrong.
+    #[error("the packet has {got} bytes; this kind has {wanted}")]
     Size {
-        /// Bytes that came.
+        /// Received bytes.
         got: usize,
-        /// Bytes that it has.
+        /// Bytes of this kind.
         wanted: usize,
     },
-    /// Not of this protocol, version or kind.
+    /// The header has another protocol, version or kind.
     #[error("not a packet of this protocol, version and kind")]
     Header,
-    /// Something in it is not a finite number.
-    #[error("something in the packet is not a finite number")]
+    /// A number is NaN or infinite.
+    #[error("a number in the packet is NaN or infinite")]
     NotFinite,
-    /// Something in it is beyond [`LARGEST`].
-    #[error("something in the packet is beyond {LARGEST:e} in its SI unit")]
+    /// A number is beyond [`LARGEST`].
+    #[error("a number in the packet is beyond {LARGEST:e} in its SI unit")]
     TooLarge,
 }
 
 impl State {
-    /// From the bytes of a packet.
+    /// Parses a packet.
     ///
     /// # Errors
-    /// [`PacketError`] for anything but a whole, sound packet.
+    /// [`PacketError`] if the packet is invalid.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PacketError> {
         let (sequence, _, timestamp_ns, numbers) = open::<12>(bytes, STATE, STATE_BYTES)?;
         if !are_within_reason(&numbers) {
@@ -98,7 +98,7 @@ impl State {
         })
     }
 
-    /// As a packet.
+    /// Encodes a packet.
     pub fn to_bytes(&self) -> [u8; STATE_BYTES] {
         let mut bytes = [0; STATE_BYTES];
         let numbers = [
@@ -118,16 +118,16 @@ impl State {
     }
 }
 
-/// Is nothing beyond [`LARGEST`]? One absurd number would stay in an integrator for the rest of a run.
+/// Whether all numbers are within [`LARGEST`]. One absurd number would stay in an integrator for the rest of a run.
 pub(super) fn are_within_reason(numbers: &[f64]) -> bool {
     numbers.iter().all(|x| x.abs() <= LARGEST)
 }
 
 impl Command {
-    /// From the bytes of a packet.
+    /// Parses a packet.
     ///
     /// # Errors
-    /// [`PacketError`] for anything but a whole, sound packet.
+    /// [`PacketError`] if the packet is invalid.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PacketError> {
         let (sequence, answers, timestamp_ns, numbers) = open::<6>(bytes, COMMAND, COMMAND_BYTES)?;
         let [x, y, z, current_a, brake_a, running] = numbers;
@@ -142,7 +142,7 @@ impl Command {
         })
     }
 
-    /// As a packet.
+    /// Encodes a packet.
     pub fn to_bytes(&self) -> [u8; COMMAND_BYTES] {
         let mut bytes = [0; COMMAND_BYTES];
         let [x, y, z] = self.force_n;

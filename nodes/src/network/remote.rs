@@ -1,5 +1,5 @@
-//! The device at the other end, as ticks see it: its latest news while they are fresh, and whether they are. What it and
-//! others are driven by while they are not is the engine's business.
+//! The ticking side of a network device: its latest update while it is fresh, and whether it is. The engine decides the
+//! outputs of actuators while it is silent.
 
 use super::conditioner::{Conditioner, ZeroNews, ZeroSettings};
 use super::evdev::Input;
@@ -15,35 +15,35 @@ use std::net::SocketAddr;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// What it senses of force falls to zero in this time when the device is silent or jumps, and rises in it after, s.
+/// Fade time of measured forces when the device is silent or jumps, and when it is back, s.
 const RAMP_S: f64 = 0.01;
-/// Where force and torque begin among what is sensed.
+/// Index of force and torque in a state.
 const WRENCH: usize = 6;
-/// News may come in bunches: this much more time is granted before a movement counts as a jump, s.
+/// Updates may arrive in bursts: extra time before a movement counts as a jump, s.
 const BUNCHING_S: f64 = 0.002;
 
 haptograph_engine::settings! {
-    /// A device of which another program tells by haptograph's device protocol.
+    /// A device of another program, by haptograph's device protocol.
     pub struct UdpDeviceSettings {
-        /// Address and port at which to listen: 127.0.0.1 for a program on this machine.
+        /// Address and port to listen at: 127.0.0.1 for a program on this machine.
         listen: String = "127.0.0.1:9750".to_owned();
-        /// Address and port that alone is listened to; none: the first that speaks, until it has been silent.
+        /// Only address and port to accept packets from; none: the first sender, until it is silent.
         only: Option<String> = None;
-        /// Silence after which it counts as gone, ms.
+        /// Silence after which the device counts as gone, ms.
         timeout_ms: f64 = 20.0, in 1.0..=10_000.0;
-        /// What its silence does to the actuators that depend on it; those that it is itself are at zero meanwhile.
+        /// Effect of silence on dependent actuators. The device's own actuators are at zero meanwhile.
         on_silence: OnSilence = OnSilence::Zero;
-        /// A tip that seems to move faster has jumped, mm/s.
+        /// Speed above which a movement of the tip counts as a jump, mm/s.
         fastest_mm_s: f64 = 5000.0, in 1.0..=1e6;
-        /// Zero of the force and torque: their mean over so long, s, from when the device is first heard. Until there is one they
-        /// read zero. It is taken only where they are steady (`zero_steady_n`) and the force is small (`zero_within_n`), and once
-        /// a run: an edit keeps it. 0: the device has taken its zero off.
+        /// Time over which the zero of force and torque is averaged, s, from the first packet on. Until the zero is known they
+        /// read zero. It is taken only while they are steady (`zero_steady_n`) and the force is small (`zero_within_n`), and once
+        /// per run: an edit keeps it. 0: the device subtracts its own zero.
         zero_s: f64 = 0.0, in 0.0..=60.0;
-        /// The greatest force that can be an offset, N; more is something that presses, and no zero is taken.
+        /// Largest force that can be an offset, N. With a larger force no zero is taken, because something presses.
         zero_within_n: f64 = 10.0, in 0.0..=1e6;
-        /// The most that a force may change in `zero_s`, N, and a torque by as much at 50 mm; more is a hand, and it is taken anew.
+        /// Largest change of a force within `zero_s`, N, and of a torque by a lever of 50 mm. With a larger change the averaging restarts.
         zero_steady_n: f64 = 0.2, in 0.0..=1e6;
-        /// Cut-off of a second-order low-pass on force and torque, below half the rate; none: as they come.
+        /// Cut-off of a second-order low-pass on force and torque, below half the rate; none: no filter.
         wrench_cutoff_hz: Option<f64> = None, in 1e-3..=1e6;
     }
 }
@@ -60,7 +60,7 @@ const fn channel(name: &'static str, kind: Kind, quantity: Quantity, doc: &'stat
     }
 }
 
-/// What any device beyond a network can sense.
+/// Inputs from network devices.
 pub(super) const SENSES: &[Channel] = &[
     channel(
         "position",
@@ -94,7 +94,7 @@ pub(super) const SENSES: &[Channel] = &[
     ),
 ];
 
-/// What it can be driven by.
+/// Outputs to network devices.
 pub(super) const DRIVES: &[Channel] = &[
     channel(
         "force",
@@ -120,8 +120,8 @@ impl DeviceKind for UdpDevice {
     type Settings = UdpDeviceSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "UdpDevice",
-        doc: "A device that another program owns, by the device protocol over UDP: where OpenHaptics or CHAI3D programs \
-              plug in, and sensors of force and torque, whose zero and noise it takes off (`zero_s`, `wrench_cutoff_hz`). It is reached in live runs only. While it is silent or jumps, its drives are at zero; while it is \
+        doc: "A device that another program owns, by the device protocol over UDP, for example an OpenHaptics or CHAI3D program \
+              or a force/torque sensor, whose zero and noise it removes (`zero_s`, `wrench_cutoff_hz`). It works in live runs only. While it is silent or jumps, its outputs are at zero; while it is \
               silent, so is every actuator that depends on it, unless `on_silence` is `Hold`.",
         source: "",
         simulated: false,
@@ -160,15 +160,15 @@ impl DeviceKind for UdpDevice {
     }
 }
 
-/// An address as it is written in a graph. Names are not looked up: that could take seconds.
+/// Parses an address. Host names are not resolved, because that could take seconds.
 pub(super) fn address(field: &'static str, text: &str) -> Result<SocketAddr, BuildError> {
     text.parse().map_err(|_| {
-        BuildError::at(field, format!("`{text}` is not an address with a port"))
+        BuildError::at(field, format!("`{text}` is not an IP address with a port"))
             .help("write numbers: \"127.0.0.1:9750\", or \"[::1]:9750\"")
     })
 }
 
-/// What a device is known by: the address at which it listens; at port 0, which is any free port, also its name.
+/// Key of a device: its listening address; for port 0, which is any free port, also its name.
 pub(super) fn place_of(listen: &str, device: &str) -> String {
     match listen.parse::<SocketAddr>() {
         Ok(address) if address.port() == 0 => format!("{listen} of {device}"),
@@ -176,7 +176,7 @@ pub(super) fn place_of(listen: &str, device: &str) -> String {
     }
 }
 
-/// One link a place: a graph that is loaded again while it runs finds what the old one opened.
+/// The link of a place. A graph reloaded during a run finds the links of the old graph.
 pub(super) fn link_at(place: &str) -> Arc<Link> {
     type Links = Vec<(String, Weak<Link>)>;
     static LINKS: LazyLock<Mutex<Links>> = LazyLock::new(Mutex::default);
@@ -198,30 +198,30 @@ pub(super) enum Way {
     Input(Arc<Input>),
 }
 
-/// When a device counts as silent or as jumping, and what its silence does.
+/// When a device counts as silent or as jumping, and the effect of silence.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Watch {
-    /// News older than this are no news.
+    /// Age beyond which an update is stale.
     pub timeout: Duration,
     pub fastest_m_s: f64,
-    /// Do the actuators that depend on it go on while it is silent?
+    /// Whether dependent actuators continue while it is silent.
     pub holds: bool,
 }
 
-/// A device that this program does not own.
+/// A device that another program owns.
 #[derive(Debug, Clone)]
 pub(super) struct Remote {
     pub way: Way,
     reader: Reader,
-    /// What is made of its force and torque, if anything.
+    /// Conditioner of its force and torque, if any.
     conditioner: Option<Conditioner>,
     period_s: f64,
     watch: Watch,
-    /// What was sensed last.
+    /// The last state.
     latest: [f64; SENSED],
-    /// Ticks for which it is held back after a jump.
+    /// Ticks left of the hold after a jump.
     held: u64,
-    /// How much of a force passes.
+    /// Gain of the forces.
     reach: f64,
     driven: [f64; DRIVEN],
 }
@@ -252,7 +252,7 @@ impl Remote {
         }
     }
 
-    /// Has the tip moved as no hand moves it?
+    /// Whether the tip has moved faster than a hand can.
     fn jumps_to(&self, sensed: &[f64; SENSED]) -> bool {
         let moved: f64 = (0..3).map(|i| (sensed[i] - self.latest[i]).powi(2)).sum();
         let time_s = self.reader.age_s() + BUNCHING_S;

@@ -1,4 +1,4 @@
-//! The thread that talks to a device: takes what is sound and new, and answers with what to drive.
+//! The thread that communicates with a device: accepts valid, new states, and answers with commands.
 
 use super::NetworkError;
 use super::evdev::{self, Input};
@@ -15,30 +15,30 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Where a device is to be found, and in which language it speaks.
+/// Socket settings of a device: addresses, timeout and protocol.
 #[derive(Debug, Clone)]
 pub(super) struct Plug {
     pub link: Arc<Link>,
     pub listen: SocketAddr,
     pub only: Option<SocketAddr>,
-    /// Silence after which it counts as gone.
+    /// Silence after which the device counts as gone.
     pub timeout: Duration,
     pub codec: Codec,
 }
 
 impl Plug {
-    /// Would a conversation go on in the same way with both?
+    /// Whether a conversation can continue with the other settings unchanged.
     fn says_the_same(&self, other: &Self) -> bool {
         (self.only, self.timeout, &self.codec) == (other.only, other.timeout, &other.codec)
     }
 
-    /// Do both listen at the same place? At port 0 each has a free port of its own.
+    /// Whether both listen at the same address. At port 0 each has its own free port.
     fn shares_with(&self, link: &Arc<Link>, listen: SocketAddr) -> bool {
         Arc::ptr_eq(&self.link, link) || self.listen == listen && listen.port() != 0
     }
 }
 
-/// The language of a device.
+/// Protocol of a device.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Codec {
     /// The device protocol.
@@ -56,22 +56,22 @@ impl Codec {
     }
 }
 
-/// The longest that the thread waits before it looks whether it should end, or has something to tell.
+/// Longest wait of the thread before it checks for a stop or a new command.
 pub(super) const WAIT: Duration = Duration::from_millis(5);
-/// Largest datagram.
+/// Size of the largest datagram.
 const MAX_BYTES: usize = 65_536;
 
-/// The network devices of a live run, connected. They are let go when this is dropped.
+/// The connected network devices of a live run. Dropping it disconnects them.
 #[derive(Debug, Default)]
 pub struct Connections {
     list: Vec<Connection>,
     inputs: Vec<Reading>,
     hubs: Vec<Hub>,
-    /// All devices that are heard by one of them.
+    /// Threads of the connected devices and inputs.
     heard: Vec<Listening>,
 }
 
-/// A device that is listened to.
+/// A connected device.
 #[derive(Debug)]
 struct Listening {
     device: String,
@@ -80,13 +80,13 @@ struct Listening {
     link: Arc<Link>,
 }
 
-/// An event device that is being read.
+/// An open event device.
 #[derive(Debug)]
 struct Reading {
     input: Arc<Input>,
-    /// Does the device say how many counts a millimetre has?
+    /// Whether the device reports its counts per millimetre.
     states_scale: bool,
-    /// Tells the thread of other settings.
+    /// Sends new settings to the thread.
     edits: Sender<Arc<Input>>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -94,17 +94,17 @@ struct Reading {
 
 #[derive(Debug)]
 struct Connection {
-    /// As the graph gives it.
+    /// Address as the graph states it.
     plug: Plug,
-    /// Tells the thread of other settings.
+    /// Sends new settings to the thread.
     edits: Sender<Plug>,
-    /// With the port that the system chose for port 0.
+    /// Address with the port that the system chose for port 0.
     bound: SocketAddr,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// How many of each there were.
+/// Numbers of connections of each kind.
 #[derive(Debug, Clone, Copy)]
 pub struct Connected {
     list: usize,
@@ -114,11 +114,11 @@ pub struct Connected {
 }
 
 impl Connections {
-    /// Connects the network devices of a graph that are not connected yet. What was connected before is returned, for
+    /// Connects the network devices of a graph that are not connected yet. Returns the previous numbers, for
     /// [`Self::let_go`] if the graph is not run after all.
     ///
     /// # Errors
-    /// [`NetworkError`]; those that were connected before stay so, and no other is.
+    /// [`NetworkError`]; earlier connections remain, and no new one is made.
     pub fn connect(&mut self, graph: &Graph) -> Result<Connected, NetworkError> {
         let before = Connected {
             list: self.list.len(),
@@ -133,7 +133,7 @@ impl Connections {
         Ok(before)
     }
 
-    /// Lets go of what was connected since.
+    /// Disconnects what was connected since.
     pub fn let_go(&mut self, before: Connected) {
         self.list.truncate(before.list);
         self.inputs.truncate(before.inputs);
@@ -144,8 +144,8 @@ impl Connections {
         }
     }
 
-    /// Takes over the names and settings that the graph, which runs, has for its devices. Packets of devices that it does
-    /// not have are counted on, and they are there when a graph has them again.
+    /// Takes over the names and settings of the running graph's devices. Packets of devices that it does
+    /// not have are still counted, for a later graph that has them again.
     pub fn follow(&mut self, graph: &Graph) {
         for (device, way) in remotes(graph) {
             let link = match way {
@@ -191,7 +191,7 @@ impl Connections {
                     plugs.push((device, plug));
                 }
                 Way::Input(input) => {
-                    // What is read already goes on, for whoever has its link.
+                    // An open event device continues for every holder of its link.
                     let same = |known: &&Reading| Arc::ptr_eq(&known.input.link, &input.link);
                     if let Some(known) = self.inputs.iter().find(same) {
                         known.understands(device, input)?;
@@ -237,7 +237,7 @@ impl Connections {
         Ok(())
     }
 
-    /// What was seen of the packets of each device, or of what Linux told of it.
+    /// Counts of each device's packets, or of its Linux events.
     pub fn counts(&self) -> impl Iterator<Item = (&str, Counts)> {
         self.heard
             .iter()
@@ -260,7 +260,7 @@ impl Connections {
     }
 }
 
-/// The devices of a graph that this program does not own.
+/// The devices of a graph that other programs own.
 fn remotes(graph: &Graph) -> impl Iterator<Item = (&str, &Way)> {
     let devices = graph.devices().iter();
     devices.filter_map(|device| {
@@ -269,7 +269,7 @@ fn remotes(graph: &Graph) -> impl Iterator<Item = (&str, &Way)> {
     })
 }
 
-/// The inputs of a graph that are one number each.
+/// The live inputs of a graph.
 fn number_inputs(graph: &Graph) -> impl Iterator<Item = (&str, &NumberInput)> {
     let devices = graph.devices().iter();
     devices.filter_map(|device| Some((&*device.name, device.device().as_any().downcast_ref()?)))
@@ -290,7 +290,7 @@ impl Reading {
         })
     }
 
-    /// Can the device be read with these settings?
+    /// Whether the device can be read with these settings.
     fn understands(&self, device: &str, input: &Input) -> Result<(), NetworkError> {
         match input.counts_per_mm.is_some() || self.states_scale {
             true => Ok(()),
@@ -301,7 +301,7 @@ impl Reading {
     fn follow(&mut self, input: &Arc<Input>) {
         if *self.input != **input {
             self.input = Arc::clone(input);
-            // A thread that is gone follows nothing.
+            // The thread may have ended.
             let _ = self.edits.send(Arc::clone(input));
         }
     }
@@ -321,11 +321,11 @@ impl Drop for Reading {
     }
 }
 
-/// Lets a thread come to its end.
+/// Waits for a thread to end.
 pub(super) fn end(stop: &AtomicBool, thread: &mut Option<JoinHandle<()>>) {
     stop.store(true, Ordering::Relaxed);
     if let Some(thread) = thread.take() {
-        // It cannot have panicked in a way that matters here: what it owned is gone either way.
+        // A panic does not matter here: the thread's resources are released either way.
         let _ = thread.join();
     }
 }
@@ -359,7 +359,7 @@ impl Connection {
     fn follow(&mut self, plug: &Plug) {
         if !self.plug.says_the_same(plug) {
             self.plug = plug.clone();
-            // A thread that is gone follows nothing.
+            // The thread may have ended.
             let _ = self.edits.send(plug.clone());
         }
     }
@@ -375,13 +375,13 @@ struct Conversation<'a> {
     plug: Plug,
     socket: &'a UdpSocket,
     device: Option<SocketAddr>,
-    /// When the device was last heard.
+    /// Time of the last packet.
     heard: Option<Instant>,
     /// Sequence number and timestamp of its latest state.
     latest: (u32, u64),
     sensed: [f64; SENSED],
     driven: [f64; DRIVEN],
-    /// Version of the drives, and when it was first seen.
+    /// Version of the command, and when it was first seen.
     driven_version: (u64, Option<Instant>),
     told: u32,
     teller: Option<Teller>,
@@ -412,7 +412,7 @@ impl<'a> Conversation<'a> {
             match self.socket.recv_from(&mut bytes) {
                 Ok((length, from)) => self.hear(&bytes[..length], from),
                 Err(error) if is_passing(&error) => {}
-                // Nothing is known to help here; it must not spin.
+                // An unknown error: do not spin.
                 Err(_) => std::thread::sleep(WAIT),
             }
             self.tell();
@@ -420,20 +420,20 @@ impl<'a> Conversation<'a> {
         self.release();
     }
 
-    /// Tells the device that nothing drives it any more.
+    /// Sends the device a last command with zeros.
     fn release(&mut self) {
         self.driven = [0.0; DRIVEN];
         if let Some(teller) = &self.teller {
-            // One of them will arrive.
+            // Repeated, because packets may be lost.
             (0..3).for_each(|_| teller.tell(self.socket, &self.driven));
         }
         if let (Codec::Protocol, Some(device)) = (&self.plug.codec, self.device) {
-            // Whether it arrives or not, the device has its own watchdog.
+            // If none arrives, the device's own watchdog acts.
             let _ = self.socket.send_to(&self.command(false).to_bytes(), device);
         }
     }
 
-    /// Goes on with other settings. Who is driven no more is told so, who is not listened to any more is forgotten.
+    /// Applies new settings. A peer that is no longer driven gets a last command; a peer that is no longer accepted is forgotten.
     fn follow(&mut self, plug: Plug) {
         if plug.codec != self.plug.codec || plug.only != self.plug.only {
             self.release();
@@ -469,7 +469,7 @@ impl<'a> Conversation<'a> {
     }
 
     fn take_state(&mut self, state: &State, from: SocketAddr, silent: bool) {
-        // After silence the device may have begun anew, with any number.
+        // After silence the device may have restarted, with any sequence number.
         if !silent {
             match ahead(state.sequence, self.latest.0) {
                 None => {
@@ -489,7 +489,7 @@ impl<'a> Conversation<'a> {
         self.sensed.copy_from_slice(parts.as_flattened());
         self.accept(from);
         self.look_at_drives();
-        // A lost answer is made up for by the next.
+        // The next answer makes up for a lost one.
         let _ = self.socket.send_to(&self.command(true).to_bytes(), from);
     }
 
@@ -499,7 +499,7 @@ impl<'a> Conversation<'a> {
         self.plug.link.tell(&self.sensed);
     }
 
-    /// The latest drives; zeros once the ticks that make them have stopped.
+    /// The latest command; zeros if the ticks that compute it have stopped.
     fn look_at_drives(&mut self) {
         if let Some((version, driven)) = self.plug.link.driven.look() {
             let (known, since) = self.driven_version;
@@ -528,7 +528,7 @@ impl<'a> Conversation<'a> {
         }
     }
 
-    /// By Open Sound Control drives are told at a rate of their own.
+    /// By Open Sound Control commands are sent at their own rate.
     fn tell(&mut self) {
         if self.teller.as_mut().is_some_and(Teller::is_due) {
             self.look_at_drives();
@@ -539,13 +539,13 @@ impl<'a> Conversation<'a> {
     }
 }
 
-/// How far a sequence number is ahead of another, round the largest number; none where it is not.
+/// How far a sequence number is ahead of another, modulo its range; none if it is not ahead.
 fn ahead(new: u32, old: u32) -> Option<u32> {
     let ahead = new.wrapping_sub(old);
     (1..=u32::MAX / 2).contains(&ahead).then_some(ahead)
 }
 
-/// Errors after which a socket is as good as before: nothing came, or an answer found nobody.
+/// Errors that do not affect a socket: a timeout, or an answer that reached no receiver.
 fn is_passing(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
     matches!(

@@ -1,4 +1,4 @@
-//! The speed of a tool along the surface it touches.
+//! The speed of a tool along a surface.
 
 use super::speed::{SpeedEstimator, SpeedFilter};
 use crate::filters::design_error;
@@ -26,33 +26,33 @@ impl NodeKind for ContactSpeed {
     const SPEC: NodeSpec = NodeSpec {
         name: "ContactSpeed",
         group: "sensing",
-        doc: "The velocity of a tool, low-passed, and its part along the surface it touches. The low-pass also keeps the \
+        doc: "The low-passed velocity of a tool, and its component along the touched surface. The low-pass also keeps the \
               texture's own vibration out of the speed.",
         source: "A.3.2",
         inputs: &[input(
             "contact",
             Kind::Contact,
             Quantity::NUMBER,
-            "Where the tool is and touches.",
+            "The contact, with the position of the tool.",
         )],
         outputs: &[
             output(
                 "speed",
                 Kind::Scalar,
                 Quantity::SPEED,
-                "Speed along the surface, m/s; zero while free.",
+                "Speed along the surface, m/s; zero in free space.",
             ),
             output(
                 "along",
                 Kind::Vector,
                 Quantity::SPEED,
-                "Velocity along the surface, m/s; zero while free.",
+                "Velocity along the surface, m/s; zero in free space.",
             ),
             output(
                 "velocity",
                 Kind::Vector,
                 Quantity::SPEED,
-                "The whole velocity, m/s.",
+                "Velocity in all directions, m/s.",
             ),
         ],
         example: r#""speed": ContactSpeed(contact: "touch.contact", cutoff_hz: 20.0)"#,

@@ -3,7 +3,7 @@
 use crate::vector::norm;
 use haptograph_signal::filter::{DesignError, Prototype, Sections, SectionsState};
 
-/// How the velocity is smoothed.
+/// The low-pass of the velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SpeedFilter {
     /// A Butterworth low-pass. Its cut-off must lie below half the sensor's rate.
@@ -13,7 +13,7 @@ pub enum SpeedFilter {
         /// Cut-off, Hz.
         cutoff_hz: f64,
     },
-    /// The toolkit's two real poles by backward differences; with 125 rad/s they are what it calls 20 Hz (-6 dB there, -3 dB
+    /// The toolkit's two real poles by backward differences; the toolkit calls 125 rad/s 20 Hz (-6 dB there, -3 dB
     /// at 12.8 Hz, 16 ms of delay).
     DoublePole {
         /// Both poles, rad/s.
@@ -36,7 +36,7 @@ impl SpeedFilter {
         }
     }
 
-    /// Its cut-off, Hz, or its poles, rad/s.
+    /// The cut-off, Hz, or the poles, rad/s.
     fn frequency(&self) -> f64 {
         match *self {
             Self::Butterworth { cutoff_hz, .. } => cutoff_hz,
@@ -45,12 +45,12 @@ impl SpeedFilter {
     }
 }
 
-/// Velocity of a point in `N` dimensions. Allocates when made only.
+/// Velocity of a point in `N` dimensions. Allocates only when made.
 #[derive(Debug, Clone)]
 pub struct SpeedEstimator<const N: usize> {
     rate_hz: f64,
     prototype: Prototype,
-    /// What the filters were last asked for, as [`SpeedFilter::frequency`] says it.
+    /// Requested frequency of the filters, as [`SpeedFilter::frequency`] returns it.
     frequency: f64,
     filters: [SectionsState; N],
     delay_s: f64,
@@ -73,7 +73,7 @@ impl<const N: usize> SpeedEstimator<N> {
         })
     }
 
-    /// One sample: the velocity, m/s. The first sample after the start or [`Self::lift`] moves nothing. A position that is
+    /// Advances one sample: the velocity, m/s. The first sample after the start or [`Self::lift`] gives zero. A position that is
     /// not finite keeps the last velocity.
     pub fn update(&mut self, position_m: [f64; N]) -> [f64; N] {
         if !position_m.iter().all(|x| x.is_finite()) {
@@ -88,15 +88,15 @@ impl<const N: usize> SpeedEstimator<N> {
         self.velocity_m_s
     }
 
-    /// The tool has left the sensor: the next position starts a new motion from rest.
+    /// Resets the motion when the tool leaves the sensor: the next position starts from rest.
     pub fn lift(&mut self) {
         self.previous_m = None;
         self.velocity_m_s = [0.0; N];
         self.filters.iter_mut().for_each(SectionsState::reset);
     }
 
-    /// Turns the filter to another cut-off, Hz, or to other poles, rad/s; it goes on from the velocity that it has. What is no
-    /// filter leaves it as it is. The stated delay stays that of the filter it was made with.
+    /// Tunes the filter to another cut-off, Hz, or to other poles, rad/s; the velocity continues. An invalid
+    /// filter changes nothing. The stated delay remains that of the original filter.
     pub fn turn(&mut self, frequency: f64) {
         if frequency == self.frequency {
             return;
@@ -107,7 +107,7 @@ impl<const N: usize> SpeedEstimator<N> {
         }
     }
 
-    /// Goes on from where another estimator is.
+    /// Takes over the state of another estimator.
     pub fn copy_state_from(&mut self, other: &Self) {
         (self.previous_m, self.velocity_m_s) = (other.previous_m, other.velocity_m_s);
         if self.prototype != other.prototype {
@@ -115,7 +115,7 @@ impl<const N: usize> SpeedEstimator<N> {
         }
         let states = self.filters.iter_mut().zip(&other.filters);
         if self.rate_hz != other.rate_hz {
-            // Sections of another rate would be those of other frequencies.
+            // At another rate these sections have other frequencies.
             states.for_each(|(filter, other)| filter.copy_state_from(other));
             return;
         }
@@ -134,7 +134,7 @@ impl<const N: usize> SpeedEstimator<N> {
         norm(self.velocity_m_s)
     }
 
-    /// By how much slow changes of speed are late, s: the filter's delay and half a sample.
+    /// Delay of slow changes of speed, s: the filter's delay and half a sample.
     pub fn delay_s(&self) -> f64 {
         self.delay_s
     }

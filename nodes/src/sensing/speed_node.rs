@@ -1,4 +1,4 @@
-//! The speed of a tool from its position.
+//! The node that computes the speed of a tool from its position.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -12,11 +12,11 @@ use crate::filters::design_error;
 use crate::successor;
 
 haptograph_engine::choices! {
-    /// How a [`SpeedEstimator`] smooths the velocity.
+    /// The low-pass of a [`SpeedEstimator`].
     pub enum Smoothing {
         /// Second-order Butterworth: -3 dB at the cut-off.
         Butterworth,
-        /// Two equal real poles at 2 pi cut-off, as the haptic texture toolkit has them at 125 rad/s (19.9 Hz).
+        /// Two equal real poles at 2 pi cut-off; the haptic texture toolkit uses 125 rad/s (19.9 Hz).
         DoublePole,
     }
 }
@@ -26,7 +26,7 @@ haptograph_engine::settings! {
     pub struct SpeedEstimatorSettings {
         /// Cut-off of the low-pass, below half the rate of the position.
         [live, below_nyquist] cutoff_hz: f64 = 20.0, in 1e-3..=1e6;
-        /// Which low-pass.
+        /// Type of the low-pass.
         smoothing: Smoothing = Smoothing::Butterworth;
     }
 }
@@ -39,7 +39,7 @@ impl NodeKind for SpeedEstimator {
     const SPEC: NodeSpec = NodeSpec {
         name: "SpeedEstimator",
         group: "sensing",
-        doc: "Speed from position: the difference between frames, low-passed component by component, then its length.",
+        doc: "Computes speed from position: the difference between frames, low-passed per component, then its length.",
         source: "2.4, 3.1.1, A.3.2",
         inputs: &[
             input("position", Kind::Vector, Quantity::LENGTH, "Position of the tip, m."),
@@ -47,7 +47,7 @@ impl NodeKind for SpeedEstimator {
                 "touching",
                 Kind::Scalar,
                 Quantity::NUMBER,
-                "0 while the tip is lifted: then the speed is zero, and a tip put down elsewhere has not moved.",
+                "0 while the tip is lifted: the speed is then zero, and a tip put down elsewhere has not moved.",
             )
             .optional(),
         ],
@@ -96,7 +96,7 @@ impl NodeKind for SpeedEstimator {
 #[derive(Debug, Clone)]
 struct Estimating {
     estimator: speed::SpeedEstimator<3>,
-    /// What its filter is turned to for a cut-off of 1 Hz.
+    /// Frequency of the filter for a cut-off of 1 Hz.
     per_hz: f64,
     nyquist_hz: f64,
 }

@@ -1,4 +1,4 @@
-//! What the studies of chapter 4 did with force and speed: four conditions of responsiveness, a warning of too much
+//! Nodes of the studies of chapter 4: four conditions of responsiveness, a warning of too much
 //! force, and the time spent in each quadrant.
 
 use crate::successor;
@@ -17,7 +17,7 @@ const SPEED: InputSpec = input(
 const FORCE: InputSpec = input("force", Kind::Scalar, Quantity::FORCE, "Normal force, N.");
 
 haptograph_engine::choices! {
-    /// What a texture responds to (Table 4.1).
+    /// The inputs that a texture responds to (Table 4.1).
     pub enum Condition {
         /// Both (FS).
         ForceAndSpeed,
@@ -33,18 +33,18 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`Responsiveness`].
     pub struct ResponsivenessSettings {
-        /// What the texture responds to.
+        /// The inputs that the texture responds to.
         condition: Condition = Condition::ForceAndSpeed;
-        /// Speed where it does not respond to speed, mm/s.
+        /// Constant speed if it does not respond to speed, mm/s.
         [live] constant_mm_s: f64 = 130.0, in 0.0..=10_000.0;
-        /// Force where it does not respond to force, N.
+        /// Constant force if it does not respond to force, N.
         [live] constant_n: f64 = 1.2, in 0.0..=1000.0;
-        /// Slower than this counts as rest where it does not respond to speed, mm/s.
+        /// Speed below which the hand is at rest if the texture does not respond to speed, mm/s.
         [live] rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
     }
 }
 
-/// Takes the response to force or speed away.
+/// Removes the response to force or speed.
 pub struct Responsiveness;
 
 impl NodeKind for Responsiveness {
@@ -53,7 +53,7 @@ impl NodeKind for Responsiveness {
         name: "Responsiveness",
         group: "sensing",
         doc: "The four rendering conditions of the study on responsiveness: force or speed or both are replaced by \
-              constants. There is still no texture at rest, nor while nothing is pressed.",
+              constants. There is no texture at rest or without force.",
         source: "4.5.2, Table 4.1",
         inputs: &[SPEED, FORCE],
         outputs: &[
@@ -79,7 +79,7 @@ impl NodeKind for Responsiveness {
     }
 }
 
-/// Constants in place of what the hand does.
+/// Constants that replace the hand's speed and force.
 #[derive(Debug, Clone)]
 struct Responding {
     speed_m_s: Option<f64>,
@@ -106,7 +106,7 @@ impl Processor for Responding {
     }
 
     fn set(&mut self, setting: usize, value: f64) {
-        // What it responds to stays as it is.
+        // Inputs that it responds to do not change.
         match setting {
             1 => self.speed_m_s = self.speed_m_s.map(|_| value * 1e-3),
             2 => self.force_n = self.force_n.map(|_| value),
@@ -119,14 +119,14 @@ impl Processor for Responding {
 haptograph_engine::settings! {
     /// Settings of [`ForceWarning`].
     pub struct ForceWarningSettings {
-        /// Force above which it warns, N.
+        /// Threshold of the warning, N.
         [live] above_n: f64 = 2.75, in 0.0..=1000.0;
-        /// How long it stays on afterwards, s, so that an eye can see it.
+        /// Hold time of the warning, s, so that an eye can see it.
         hold_s: f64 = 0.1, in 0.0..=60.0;
     }
 }
 
-/// Says that the hand presses too hard.
+/// Warns of too much force.
 pub struct ForceWarning;
 
 impl NodeKind for ForceWarning {
@@ -134,7 +134,7 @@ impl NodeKind for ForceWarning {
     const SPEC: NodeSpec = NodeSpec {
         name: "ForceWarning",
         group: "sensing",
-        doc: "Says that the hand presses harder than the arm can render.",
+        doc: "Warns when the hand presses harder than the arm can render.",
         source: "4.5.1",
         inputs: &[FORCE],
         outputs: &[output(
@@ -158,7 +158,7 @@ impl NodeKind for ForceWarning {
 #[derive(Debug, Clone)]
 struct Warning {
     above_n: f64,
-    /// Ticks that it stays on.
+    /// Ticks left of the hold time.
     hold: u64,
     left: u64,
 }
@@ -197,12 +197,12 @@ haptograph_engine::settings! {
         centre_mm_s: f64 = 130.0, in 0.0..=10_000.0;
         /// Force between light and hard, N.
         centre_n: f64 = 1.2, in 0.0..=1000.0;
-        /// Slower than this is rest and counts nowhere, mm/s.
+        /// Speed below which the hand is at rest and no time counts, mm/s.
         rest_mm_s: f64 = 1.0, in 0.0..=10_000.0;
     }
 }
 
-/// How long the hand has explored each quadrant.
+/// Time in each quadrant of force and speed.
 pub struct QuadrantDwell;
 
 const fn dwell(name: &'static str, doc: &'static str) -> OutputSpec {
@@ -214,7 +214,7 @@ impl NodeKind for QuadrantDwell {
     const SPEC: NodeSpec = NodeSpec {
         name: "QuadrantDwell",
         group: "sensing",
-        doc: "How long the hand has slid in each quadrant of force and speed. The study asked for 5 s in each.",
+        doc: "Time that the hand has slid in each quadrant of force and speed. The study required 5 s in each.",
         source: "4.5.2",
         inputs: &[SPEED, FORCE],
         outputs: &[

@@ -38,12 +38,12 @@ impl Default for AccelerometerSettings {
     }
 }
 
-/// The sensor. Allocates when made only. Labelled simulated wherever it is shown.
+/// The sensor. Allocates only when made. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct Accelerometer {
     settings: AccelerometerSettings,
     step_v: f64,
-    /// Noise before the filter that leaves the wanted noise behind it, m/s2.
+    /// Noise before the filter that gives the specified noise after it, m/s2.
     raw_noise_m_s2: f64,
     noise: Gaussian,
     filters: [SectionsState; 3],
@@ -75,7 +75,7 @@ impl Accelerometer {
         self.delay_s
     }
 
-    /// One sample of what the sensor feels (acceleration less gravity, m/s2): its voltages.
+    /// Converts one sample of acceleration less gravity, m/s2, to voltages.
     pub fn sample(&mut self, felt_m_s2: Vec3) -> Vec3 {
         let s = &self.settings;
         let mut volts = felt_m_s2.map(|felt| {

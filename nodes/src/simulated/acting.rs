@@ -1,4 +1,4 @@
-//! What a simulated hand does, as graph files write it.
+//! The actions of a simulated hand, as settings.
 
 use super::drawing::{CirclesSettings, Drawing, DrawingSettings};
 use super::hand::Grip;
@@ -6,7 +6,7 @@ use super::script::Action;
 use haptograph_engine::node::BuildError;
 
 haptograph_engine::choices! {
-    /// One thing that a simulated hand does.
+    /// An action of a simulated hand.
     pub enum Doing {
         /// Hold the tip lifted.
         Hover(HoverSettings),
@@ -22,7 +22,7 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Hovering.
     pub struct HoverSettings {
-        /// For how long, s.
+        /// Duration, s.
         duration_s: f64 = 1.0, in 0.001..=100_000.0;
     }
 }
@@ -30,11 +30,11 @@ haptograph_engine::settings! {
 haptograph_engine::settings! {
     /// Drawing.
     pub struct DrawSettings {
-        /// What is drawn: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
+        /// The stroke: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
         stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: 20.0, period_s: 1.2 });
-        /// For how long, s.
+        /// Duration, s.
         duration_s: f64 = 5.0, in 0.001..=100_000.0;
-        /// Mean normal force, N; a path brings its own.
+        /// Mean normal force, N; a path has its own.
         force_n: f64 = 1.0, in 0.0..=50.0;
         /// Standard deviation of the force as a fraction of its mean.
         force_variation: f64 = 0.2, in 0.0..=0.3;
@@ -48,7 +48,7 @@ haptograph_engine::settings! {
 haptograph_engine::settings! {
     /// Tapping.
     pub struct TapsSettings {
-        /// How often.
+        /// Number of taps.
         count: u32 = 5, in 1..=10_000;
         /// Slowest speed at contact, mm/s.
         slowest_mm_s: f64 = 60.0, in 0.1..=10_000.0;
@@ -72,7 +72,7 @@ haptograph_engine::settings! {
 }
 
 haptograph_engine::settings! {
-    /// How a simulated hand holds a tool. The numbers are ours, in the range of what a pen grip is modelled by.
+    /// The grip of a simulated hand. The numbers are ours, within the range of models of a pen grip.
     pub struct GripSettings {
         /// Mass that moves with the tip, g.
         mass_g: f64 = Grip::TYPICAL.mass_kg * 1e3, in 0.1..=10_000.0;
@@ -86,7 +86,7 @@ haptograph_engine::settings! {
 }
 
 impl GripSettings {
-    /// An everyday grip.
+    /// A typical grip.
     pub fn typical() -> Self {
         Self {
             mass_g: Grip::TYPICAL.mass_kg * 1e3,
@@ -107,7 +107,7 @@ impl GripSettings {
     }
 }
 
-/// Circles, taps and a press: a little of everything.
+/// Default actions: circles, taps and a press.
 pub fn a_bit_of_everything() -> Vec<Doing> {
     let draw = DrawSettings {
         stroke: Drawing::Circles(CirclesSettings {
@@ -140,7 +140,7 @@ pub fn a_bit_of_everything() -> Vec<Doing> {
 /// Actions in SI.
 ///
 /// # Errors
-/// [`BuildError`] where the file of a path is none.
+/// [`BuildError`] if the file of a path is invalid.
 pub fn actions(doings: &[Doing]) -> Result<Vec<Action>, BuildError> {
     doings.iter().map(action).collect()
 }

@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub const ARM: NodeSpec = NodeSpec {
     name: "Arm",
     group: "sources",
-    doc: "A desktop arm: where its tip is.",
+    doc: "A desktop arm: reads the position of its tip.",
     source: "4.3",
     inputs: &[],
     outputs: &[output(
@@ -33,17 +33,17 @@ pub const ARM: NodeSpec = NodeSpec {
 haptograph_engine::settings! {
     /// Settings of [`SimulatedOmni`].
     pub struct SimulatedOmniSettings {
-        /// The scene that the graph renders. The hand means to touch its first shape, from above.
+        /// The scene that the graph renders. The hand aims at its first shape, from above.
         scene: Vec<Solid> = vec![Solid::Sphere(SphereSettings { centre_mm: [0.0; 3], diameter_mm: 100.0 })];
         /// Diameter of the ball at the tool's tip, mm.
         proxy_diameter_mm: f64 = 3.2, in 0.0..=1000.0;
-        /// Stiffness that the surface is rendered with, N/mm, as the hand has learned it: it aims as deep as its force will go.
+        /// Stiffness of the rendered surface as the hand expects it, N/mm; the hand aims as deep as its force can press.
         gives_n_per_mm: Option<f64> = None, in 1e-6..=1000.0;
-        /// What the hand does, one thing after the other, over and over: Hover, Draw, Taps, Press.
+        /// Actions of the hand, in a loop: Hover, Draw, Taps, Press.
         does: Vec<Doing> = a_bit_of_everything();
         /// Height of the lifted tip, mm.
         hover_mm: f64 = 10.0, in 0.01..=1000.0;
-        /// How the hand holds the arm.
+        /// The grip of the hand.
         grip: GripSettings = GripSettings::typical();
         /// Step of the position along each axis, mm.
         step_mm: f64 = OmniSettings::default().step_m * 1e3, in 1e-6..=10.0;
@@ -75,13 +75,13 @@ impl DeviceKind for SimulatedOmni {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedOmni",
         doc: "A desktop arm at 1 kHz with steps of 0.055 mm and 3.3 N, held by a simulated hand: a mass on a spring and a \
-              damper that pull it along what it means to do. The seed is the person and the attempt.",
+              damper that pull it along an intended path. The seed is the person and the attempt.",
         source: "4.3",
         simulated: true,
         senses: &[
             sensed("position", Quantity::LENGTH, "Position of the tip in steps, m."),
-            sensed("true_position", Quantity::LENGTH, "Where the tip really is, m."),
-            sensed("true_velocity", Quantity::SPEED, "Its real velocity, m/s."),
+            sensed("true_position", Quantity::LENGTH, "True position of the tip, m."),
+            sensed("true_velocity", Quantity::SPEED, "True velocity of the tip, m/s."),
         ],
         drives: &[sensed(
             "force",
@@ -94,10 +94,10 @@ impl DeviceKind for SimulatedOmni {
     fn build(settings: SimulatedOmniSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != OMNI_RATE_HZ {
             return Err(BuildError::of_node(format!(
-                "this arm has a servo rate of {OMNI_RATE_HZ} Hz, its clock has {}",
+                "this arm has a servo rate of {OMNI_RATE_HZ} Hz, but its clock ticks at {}",
                 cx.rate
             ))
-            .help(format!("read and drive it on a clock of {OMNI_RATE_HZ} Hz")));
+            .help(format!("put its nodes on a clock of {OMNI_RATE_HZ} Hz")));
         }
         let arm = OmniSettings {
             step_m: settings.step_mm * 1e-3,
@@ -156,7 +156,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
                 normal: up,
             }
         }
-        // Meshes are felt by a point.
+        // Contact with a mesh is that of a point.
         Solid::Mesh(mesh) => {
             let loaded = load_mesh(&mesh.file, mesh.unit_mm).map_err(|error| BuildError {
                 field: Some("scene"),

@@ -1,12 +1,12 @@
-//! How well the compensator works on simulated actuators that it does not know (3.1.2): each is within a tolerance of what is
-//! stated, as real ones are, and is compensated by the stated parameters and by identified ones.
+//! Accuracy of the compensator on simulated actuators (3.1.2): each differs from the
+//! stated parameters within a tolerance, and is compensated by the stated and by identified parameters.
 
 use crate::actuators::compensator::{Compensator, CompensatorSettings};
 use crate::actuators::identify::{Known, Sweep, identify, sweep_current};
 use crate::actuators::two_mass::TwoMass;
 use haptograph_signal::noise::{Gaussian, stream_seed};
 
-/// What is felt of what is commanded over 20 to 500 Hz, by a compensator of some parameters on an actuator.
+/// Felt over commanded acceleration, 20 to 500 Hz, for a compensator on an actuator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Felt {
     /// Least of felt over commanded, dB: the target itself, a high-pass, is 3 dB down at 20 Hz.
@@ -17,7 +17,7 @@ pub struct Felt {
     pub off_db: f64,
 }
 
-/// One simulated actuator, compensated by what is stated of its kind and by what `identify` finds.
+/// One simulated actuator, compensated by its stated and by its identified parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compensated {
     /// By the stated parameters.
@@ -66,7 +66,7 @@ const SWEEP_HZ: [f64; 2] = [8.0, 1000.0];
 /// Noise of the accelerometer of the thesis's recording tool, m/s2.
 const NOISE_M_S2: f64 = 0.126;
 
-/// Ten seconds of rising tones and what a noisy accelerometer makes of them.
+/// A sweep of ten seconds and the readings of a noisy accelerometer.
 fn swept(actuator: &TwoMass, seed: u64) -> Swept {
     let current_a = sweep_current(0.3, SWEEP_HZ, 10.0, RATE_HZ);
     let (mut machine, mut noise) = (

@@ -1,4 +1,4 @@
-//! Strokes as graph files write them.
+//! Strokes, as settings.
 
 use super::stroke::{StrokeSettings, StrokeShape, Trajectory};
 use haptograph_engine::node::BuildError;
@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 haptograph_engine::choices! {
-    /// What a simulated hand draws, centred on the surface.
+    /// The stroke of a simulated hand, centred on the surface.
     pub enum Drawing {
         /// The tip rests in the centre.
         Still,
@@ -75,11 +75,11 @@ haptograph_engine::settings! {
 }
 
 haptograph_engine::settings! {
-    /// A drawing and how it is drawn.
+    /// A stroke with force and variation.
     pub struct DrawingSettings {
-        /// What is drawn: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
+        /// The stroke: Still, Circles, ZigZag, Writing, Wander, or the Path of a file.
         stroke: Drawing = Drawing::Circles(CirclesSettings { radius_mm: 30.0, period_s: 1.2 });
-        /// Mean normal force, N; a path brings its own.
+        /// Mean normal force, N; a path has its own.
         force_n: f64 = 1.0, in 0.0..=50.0;
         /// Standard deviation of the force as a fraction of its mean.
         force_variation: f64 = 0.2, in 0.0..=0.3;
@@ -94,7 +94,7 @@ impl DrawingSettings {
     /// The stroke in SI.
     ///
     /// # Errors
-    /// [`BuildError`] where the file of a path is none.
+    /// [`BuildError`] if the file of a path is invalid.
     pub fn to_stroke(&self) -> Result<StrokeSettings, BuildError> {
         Ok(StrokeSettings {
             shape: shape(&self.stroke)?,

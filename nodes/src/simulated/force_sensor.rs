@@ -42,11 +42,11 @@ pub struct WrenchReading {
     pub force_n: Vec3,
     /// Torque about the sensor's origin, N m.
     pub torque_n_m: Vec3,
-    /// Whether an axis is at its end.
+    /// Whether an axis is saturated.
     pub saturated: bool,
 }
 
-/// The sensor. Allocates when made only. Labelled simulated wherever it is shown.
+/// The sensor. Allocates only when made. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct ForceSensor {
     settings: ForceSensorSettings,
@@ -74,12 +74,12 @@ impl ForceSensor {
         })
     }
 
-    /// By how much slow changes of the wrench are late, s: the filter's delay.
+    /// Delay of slow changes of the wrench, s: the filter's delay.
     pub fn delay_s(&self) -> f64 {
         self.delay_s
     }
 
-    /// One sample of a true wrench, N and N m: noise, end of scale, steps, filter.
+    /// Converts one sample of a true wrench, N and N m: noise, saturation, quantisation, filter.
     pub fn sample(&mut self, force_n: Vec3, torque_n_m: Vec3) -> WrenchReading {
         let s = &self.settings;
         let mut saturated = false;

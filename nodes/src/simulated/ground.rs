@@ -4,7 +4,7 @@ use crate::contact::mesh::TriangleMesh;
 use crate::vector::{Vec3, add_scaled, direction, dot, scale, sub, tangents};
 use std::sync::Arc;
 
-/// The surface that a hand means to touch.
+/// The surface that a hand aims at.
 #[derive(Debug, Clone)]
 pub enum Ground {
     /// A plane.
@@ -28,7 +28,7 @@ pub enum Ground {
     Solid {
         /// The solid.
         solid: Arc<TriangleMesh>,
-        /// How far the sheet is above its centre, m.
+        /// Height of the sheet above the centre, m.
         top_m: f64,
     },
     /// A relief from above (along z): the sheet is dropped onto it from over its middle.
@@ -42,7 +42,7 @@ pub struct GroundPoint {
     pub position_m: Vec3,
     /// Outward unit normal.
     pub normal: Vec3,
-    /// By what a height over the surface moves: along the normal by its length, but without a jump at edges.
+    /// Displacement per height over the surface: along the normal, but without a jump at edges.
     pub lift: Vec3,
 }
 
@@ -94,7 +94,7 @@ fn flat(position_m: Vec3, normal: Vec3) -> GroundPoint {
     }
 }
 
-/// Where one leaves a solid from its centre, and by which face.
+/// Exit point and face of a ray from a solid's centre.
 fn cast(solid: &TriangleMesh, along: Vec3) -> Option<(Vec3, u32)> {
     let (centre_m, reach_m) = (solid.centre_m(), solid.diagonal_m());
     let hit = solid.first_hit(centre_m, add_scaled(centre_m, along, reach_m))?;

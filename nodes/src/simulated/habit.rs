@@ -1,4 +1,4 @@
-//! What people do when they are asked for a recording: everyone draws larger or smaller, faster or slower, harder or softer.
+//! Habits of the people who record: each draws larger or smaller, faster or slower, harder or softer.
 
 use super::ground::Ground;
 use super::script::{Action, ScriptSettings};
@@ -8,10 +8,10 @@ use haptograph_signal::noise::stream_seed;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// Longer than any recording, s.
+/// Duration longer than any recording, s.
 const LONG_S: f64 = 40_000.0;
 
-/// What a person does when asked for a motion. A press is done by a machine, the same for everyone: down to 5 N and up again
+/// Actions of a person for a motion. A machine makes the press, the same for every person: down to 5 N and up again
 /// within six seconds, once.
 pub fn habit(motion: &Motion, person: u64) -> ScriptSettings {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(stream_seed(person, "habit"));

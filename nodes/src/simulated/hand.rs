@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// How a hand holds a tool. The numbers are ours, in the range of what a pen grip is commonly modelled by.
+/// The grip of a hand on a tool. The numbers are ours, within the range of models of a pen grip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grip {
     /// Mass that moves with the tip, kg.
@@ -21,7 +21,7 @@ pub struct Grip {
 }
 
 impl Grip {
-    /// An everyday grip.
+    /// A typical grip.
     pub const TYPICAL: Self = Self {
         mass_kg: 0.05,
         stiffness_n_per_m: 500.0,
@@ -42,10 +42,10 @@ impl Grip {
     }
 }
 
-/// Depth behind the surface from which on an aim is taken for one beyond an edge, m.
+/// Depth behind the surface beyond which an aim counts as beyond an edge, m.
 const BEHIND_M: f64 = 2e-4;
 
-/// What the hand carries: added to its own mass, and braked by dry friction.
+/// The load on the hand: mass added to its own, and friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
     /// Apparent mass, kg.
@@ -57,7 +57,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// Nothing carried.
+    /// No load.
     pub const NONE: Self = Self {
         mass_kg: 0.0,
         dry_friction_n: 0.0,
@@ -65,7 +65,7 @@ impl Load {
     };
 }
 
-/// Why a hand cannot be simulated.
+/// Error of a simulated hand.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HandError {
     /// A property is out of range.
@@ -75,15 +75,15 @@ pub enum HandError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The allowed range.
         range: &'static str,
     },
-    /// A script that cannot be played.
+    /// The script is invalid.
     #[error(transparent)]
     Script(#[from] ScriptError),
 }
 
-/// A hand in motion; one tick is the period it was made for. Labelled simulated wherever it is shown.
+/// A hand in motion; one tick is the period it was made for. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct Hand {
     script: Script,
@@ -101,14 +101,14 @@ pub struct Hand {
     velocity_m_s: Vec3,
 }
 
-/// Where a hand is.
+/// State of a hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandReading {
     /// Position of the tip, m.
     pub position_m: Vec3,
     /// Velocity of the tip, m/s.
     pub velocity_m_s: Vec3,
-    /// What the hand means.
+    /// The intent of the hand.
     pub intent: Intent,
 }
 
@@ -141,7 +141,7 @@ impl Hand {
         })
     }
 
-    /// Where the hand is at this tick.
+    /// State of the hand at this tick.
     pub fn read(&self) -> HandReading {
         HandReading {
             position_m: self.position_m,
@@ -150,15 +150,15 @@ impl Hand {
         }
     }
 
-    /// One tick under an outer force on the tip, held, N; the hand presses against the surface as it means it to be. A force
-    /// that is not finite counts as none.
+    /// Advances one tick under an external force on the tip, held, N; the hand presses against the intended surface. A force
+    /// that is not finite counts as zero.
     pub fn advance(&mut self, force_n: Vec3) {
         let (aim_m, aim_m_s, press_n) = self.mean();
         self.step(force_n, aim_m, aim_m_s, scale(self.intent.normal, -press_n));
     }
 
-    /// One tick under an outer force on the tip, held, N, by a hand that feels the surface's normal at the tip: it presses
-    /// against it, and where it means to be behind an edge it goes along the surface towards the edge, not through it.
+    /// Advances one tick under an external force on the tip, held, N, of a hand that feels the surface's normal at the tip: it presses
+    /// against it, and if it aims behind an edge it moves along the surface towards the edge, not through it.
     pub fn advance_against(&mut self, force_n: Vec3, normal: Vec3) {
         let (aim_m, aim_m_s, press_n) = self.mean();
         let way_m = sub(aim_m, self.position_m);
@@ -180,7 +180,7 @@ impl Hand {
         self.step(force_n, aim_m, aim_m_s, scale(normal, -press_n));
     }
 
-    /// What the hand means in the coming tick: position, velocity and pressing force; the intent moves on.
+    /// Returns the intended position, velocity and pressing force of the coming tick, and advances the intent.
     fn mean(&mut self) -> (Vec3, Vec3, f64) {
         self.tick += 1;
         let (last, next) = (self.intent, self.intent_at(self.tick as f64 * self.period_s));
@@ -210,7 +210,7 @@ impl Hand {
         let free =
             |row: [f64; 3]| -> Vec3 { std::array::from_fn(|i| (0..3).map(|j| row[j] * all[j][i]).sum()) };
         let (position_m, velocity_m_s) = (free(to_position), free(to_velocity));
-        // Dry friction takes its share of the momentum, at most all of it.
+        // Dry friction removes momentum, at most all of it.
         let speed_m_s = norm(velocity_m_s);
         if speed_m_s > self.friction_m_s || self.friction_m_s == 0.0 {
             let lost = if speed_m_s > 0.0 {

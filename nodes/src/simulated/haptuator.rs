@@ -11,7 +11,7 @@ use haptograph_signal::quantity::Quantity;
 pub const ACCELEROMETER: NodeSpec = NodeSpec {
     name: "Accelerometer",
     group: "sources",
-    doc: "The acceleration of a tool along its actuator: what the hand feels.",
+    doc: "Reads the acceleration of a tool along its actuator, which the hand feels.",
     source: "3.1.2",
     inputs: &[],
     outputs: &[output(
@@ -35,7 +35,7 @@ haptograph_engine::settings! {
         suspension_n_per_mm: f64 = TwoMass::PLACEHOLDER.suspension_n_per_m * 1e-3, in 1e-9..=1e6;
         /// Damping of the magnet's suspension, N s/m.
         suspension_n_s_per_m: f64 = TwoMass::PLACEHOLDER.suspension_n_s_per_m, in 1e-9..=1e6;
-        /// Mass of the actuator's body, the tool and what of the hand moves with it, g.
+        /// Mass of the actuator's body, the tool and the part of the hand that moves with them, g.
         body_g: f64 = TwoMass::PLACEHOLDER.body_kg * 1e3, in 1e-6..=1e6;
         /// Stiffness of the grip, N/mm.
         hand_n_per_mm: f64 = TwoMass::PLACEHOLDER.hand_n_per_m * 1e-3, in 1e-9..=1e6;
@@ -78,14 +78,14 @@ impl From<TwoMass> for TwoMassSettings {
     }
 }
 
-/// By how much each parameter of a simulated actuator may be off, where nothing else is said: the compensator does not know the
-/// actuator that it drives.
+/// Default tolerance of each parameter of a simulated actuator: the compensator does not know the actual
+/// parameters.
 pub const TOLERANCE: f64 = 0.1;
 
 haptograph_engine::settings! {
-    /// How far a simulated actuator is from what is stated of it.
+    /// Deviation of a simulated actuator from its stated parameters.
     pub struct ToleranceSettings {
-        /// By how much each parameter may be off, as a fraction; the seed of the run draws the actuator. 0: as stated.
+        /// Tolerance of each parameter, as a fraction; the seed of the run draws the actuator. 0: as stated.
         tolerance: f64 = TOLERANCE, in 0.0..=0.5;
     }
 }
@@ -93,9 +93,9 @@ haptograph_engine::settings! {
 /// Settings of [`SimulatedHaptuator`]: those of the model, and the tolerance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedHaptuatorSettings {
-    /// What is stated of the actuator.
+    /// The stated parameters.
     pub model: TwoMassSettings,
-    /// How far from it the actuator may be.
+    /// The tolerance of the actual parameters.
     pub tolerance: ToleranceSettings,
 }
 
@@ -125,7 +125,7 @@ impl DeviceKind for SimulatedHaptuator {
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedHaptuator",
         doc: "A voice-coil actuator on a tool in a hand: two masses driven by current. Its parameters are placeholders \
-              unless you set them. Each is off by up to `tolerance`, drawn by the seed of the run, so that a compensator does \
+              unless you set them. Each deviates by up to `tolerance`, drawn by the seed of the run, so that a compensator does \
               not know the actuator that it drives; `haptograph identify` finds it.",
         source: "3.1.2; McMahan and Kuchenbecker 2014",
         simulated: true,

@@ -1,4 +1,4 @@
-//! A hand on a fader.
+//! A simulated fader.
 
 use crate::network::inputs::VALUE;
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
@@ -6,23 +6,23 @@ use haptograph_engine::node::{BuildContext, BuildError};
 use std::f64::consts::TAU;
 
 haptograph_engine::settings! {
-    /// A fader that is moved up and down.
+    /// A simulated fader that moves up and down.
     pub struct SimulatedInputSettings {
-        /// Where it is at the start, and half a period later, in the SI unit of the `LiveInput`'s quantity.
+        /// Values at the start and half a period later, in the SI unit of the `LiveInput`'s quantity.
         to: [f64; 2] = [0.0, 1.0];
-        /// Time of a movement there and back, s.
+        /// Period of the movement, s.
         period_s: f64 = 4.0, in 0.01..=1e6;
     }
 }
 
-/// A fader that is moved up and down.
+/// A simulated fader that moves up and down.
 pub struct SimulatedInput;
 
 impl DeviceKind for SimulatedInput {
     type Settings = SimulatedInputSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SimulatedInput",
-        doc: "A fader that a simulated hand moves up and down as a cosine does.",
+        doc: "A simulated fader that moves up and down as a cosine.",
         source: "",
         simulated: true,
         senses: VALUE,

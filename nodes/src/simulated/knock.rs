@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::TAU;
 
-/// How the table is knocked. The numbers are ours.
+/// Settings of the knocks. The numbers are ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KnockSettings {
     /// Mean time between knocks, s.
@@ -30,7 +30,7 @@ impl Default for KnockSettings {
     }
 }
 
-/// A table that is knocked. Allocates nothing, ever.
+/// A table that is knocked. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Knocks {
     settings: KnockSettings,
@@ -81,7 +81,7 @@ impl Knocks {
         self.next_s = self.pause_s();
     }
 
-    /// Until the next knock: at least until this one has died away.
+    /// Time until the next knock: at least until this one has decayed.
     fn pause_s(&mut self) -> f64 {
         let waiting = -(1.0 - self.rng.random::<f64>()).ln();
         8.0 * self.settings.decay_s + waiting * (self.settings.every_s - 8.0 * self.settings.decay_s).max(0.0)

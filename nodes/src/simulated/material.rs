@@ -6,7 +6,7 @@
 
 use super::terrain::Relief;
 
-/// A material as the simulation knows it.
+/// Properties of a simulated material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// The height field.
@@ -40,14 +40,18 @@ impl MaterialName {
     /// All of them.
     pub const ALL: [Self; 6] = [Self::T1, Self::T2, Self::T3, Self::T4, Self::T5, Self::T6];
 
-    /// The name for people and files.
-    pub fn word(self) -> &'static str {
+    /// The name in files and on the command line.
+    pub fn as_str(self) -> &'static str {
         ["T1", "T2", "T3", "T4", "T5", "T6"][self as usize]
     }
+}
 
-    /// The material of that name.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|name| name.word() == word)
+impl std::str::FromStr for MaterialName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|name| name.as_str() == text);
+        found.ok_or_else(|| format!("unknown material {text:?}; expected one of: T1, T2, T3, T4, T5, T6"))
     }
 }
 
@@ -106,11 +110,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_by_their_words() {
+    fn names_parse() {
         for name in MaterialName::ALL {
-            assert_eq!(MaterialName::from_word(name.word()), Some(name));
+            assert_eq!(name.as_str().parse::<MaterialName>(), Ok(name));
         }
-        assert_eq!(MaterialName::from_word("T7"), None);
+        assert!("T7".parse::<MaterialName>().is_err());
     }
 
     #[test]

@@ -35,18 +35,18 @@ impl Default for OmniSettings {
     }
 }
 
-/// What the arm reports, and what only a simulation can know.
+/// The reading of the arm, and the true state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OmniReading {
     /// Position of the tip in steps, m.
     pub position_m: Vec3,
     /// Where the tip really is, m.
     pub true_position_m: Vec3,
-    /// Its real velocity, m/s.
+    /// True velocity of the tip, m/s.
     pub true_velocity_m_s: Vec3,
 }
 
-/// The arm and the hand. One tick is 1 ms. Labelled simulated wherever it is shown.
+/// The arm and the hand. One tick is 1 ms. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct SimulatedOmni {
     settings: OmniSettings,
@@ -83,7 +83,7 @@ impl SimulatedOmni {
         }
     }
 
-    /// One tick under a force from the motors, held, N. The motors give at most their peak, in the direction asked; nothing for a
+    /// Advances one tick under a requested force of the motors, held, N. They give at most their peak, in the same direction, and zero for a
     /// force that is not finite.
     pub fn advance(&mut self, force_n: Vec3) {
         let size_n = norm(force_n);

@@ -29,11 +29,11 @@ pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
     example: r#""sensor": ForceTorqueSensor(clock: "servo", endpoint: "pen")"#,
 };
 
-/// Reads what only a simulation knows.
+/// Reads the true contact of a simulation.
 pub const TRUE_CONTACT: NodeSpec = NodeSpec {
     name: "TrueContact",
     group: "sources",
-    doc: "What only a simulation knows of a contact, to compare a measurement with.",
+    doc: "Reads the true contact, which only a simulation knows, to compare with a measurement.",
     source: "",
     inputs: &[],
     outputs: &[
@@ -41,25 +41,25 @@ pub const TRUE_CONTACT: NodeSpec = NodeSpec {
             "true_position",
             Kind::Vector,
             Quantity::LENGTH,
-            "Where the pen really touches, m.",
+            "True point of contact, m.",
         ),
         output(
             "true_velocity",
             Kind::Vector,
             Quantity::SPEED,
-            "Its real velocity along the surface, m/s.",
+            "True velocity of the pen along the surface, m/s.",
         ),
         output(
             "true_load",
             Kind::Scalar,
             Quantity::FORCE,
-            "The real normal force, N; zero while free.",
+            "True normal force, N; zero in free space.",
         ),
         output(
             "true_friction",
             Kind::Vector,
             Quantity::FORCE,
-            "The real friction on the pen, N.",
+            "True friction on the pen, N.",
         ),
     ],
     example: r#""truth": TrueContact(clock: "servo", endpoint: "pen")"#,
@@ -84,22 +84,22 @@ haptograph_engine::settings! {
         height_mm: f64 = 8.0, in -1000.0..=1000.0;
         /// Mass of object and mount, g.
         object_g: f64 = 35.0, in 0.0..=100_000.0;
-        /// What the hand does, one thing after the other, over and over: Hover, Draw, Taps, Press.
+        /// Actions of the hand, in a loop: Hover, Draw, Taps, Press.
         does: Vec<Doing> = exploration();
         /// Height of the lifted pen, mm.
         hover_mm: f64 = 10.0, in 0.01..=1000.0;
-        /// How the hand holds the pen.
+        /// The grip of the hand.
         grip: GripSettings = GripSettings::typical();
         /// Knocks on the table, if any.
         knocks: Option<KnocksSettings> = None;
         /// The haptuator across the pen; placeholders, not measurements.
         haptuator: TwoMassSettings = TwoMassSettings::placeholder();
-        /// By how much each parameter of the haptuator may be off, as a fraction; the seed draws it. 0: as stated.
+        /// Tolerance of each parameter of the haptuator, as a fraction; the seed draws it. 0: as stated.
         haptuator_tolerance: f64 = TOLERANCE, in 0.0..=0.5;
     }
 }
 
-/// Aimless exploration of the object's top.
+/// Default actions: exploration of the object's top.
 fn exploration() -> Vec<Doing> {
     vec![Doing::Draw(DrawSettings {
         stroke: Drawing::Wander(WanderSettings {
@@ -146,31 +146,31 @@ impl DeviceKind for SimulatedPenAndObject {
                 "true_position",
                 Kind::Vector,
                 Quantity::LENGTH,
-                "Where the pen really touches, m.",
+                "True point of contact, m.",
             ),
             channel(
                 "true_velocity",
                 Kind::Vector,
                 Quantity::SPEED,
-                "Its real velocity along the surface, m/s.",
+                "True velocity of the pen along the surface, m/s.",
             ),
             channel(
                 "true_load",
                 Kind::Scalar,
                 Quantity::FORCE,
-                "The real normal force, N.",
+                "True normal force, N.",
             ),
             channel(
                 "true_friction",
                 Kind::Vector,
                 Quantity::FORCE,
-                "The real friction on the pen, N.",
+                "True friction on the pen, N.",
             ),
             channel(
                 "acceleration",
                 Kind::Scalar,
                 Quantity::ACCELERATION,
-                "What the hand feels of the haptuator, m/s2.",
+                "Acceleration of the pen by the haptuator, m/s2.",
             ),
         ],
         drives: &[
@@ -196,10 +196,10 @@ impl DeviceKind for SimulatedPenAndObject {
     ) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != PEN_OBJECT_RATE_HZ {
             return Err(BuildError::of_node(format!(
-                "this sensor is read {PEN_OBJECT_RATE_HZ} times a second, its clock has {}",
+                "this sensor has a rate of {PEN_OBJECT_RATE_HZ} Hz, but its clock ticks at {}",
                 cx.rate
             ))
-            .help(format!("read and drive it on a clock of {PEN_OBJECT_RATE_HZ} Hz")));
+            .help(format!("put its nodes on a clock of {PEN_OBJECT_RATE_HZ} Hz")));
         }
         let height_m = settings.height_mm * 1e-3;
         let stated = settings.haptuator.to_two_mass().checked();

@@ -1,6 +1,6 @@
 //! The rolling-ball pen as a plant of its own: a ball between four bearings, a plunger on top, a wall around, moved by a coil
-//! that saturates. Its constants differ from pen to pen (seed), and nothing of it is the inverse of what the controller
-//! assumes: the controller uses a straight line measured on one pen.
+//! that saturates. Its constants differ from pen to pen (seed), and its model is not the inverse of the controller's
+//! model: the controller uses a straight line measured on one pen.
 
 use crate::actuators::brake::{Brake, BrakeSettings, Dragging, Reach};
 use rand::{RngExt, SeedableRng};
@@ -75,7 +75,7 @@ impl PenConstants {
     }
 }
 
-/// A pen in use. Allocates nothing, ever. Labelled simulated wherever it is shown.
+/// A pen in use. Never allocates. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct PenBrake {
     constants: PenConstants,
@@ -83,7 +83,7 @@ pub struct PenBrake {
     magnet_n: f64,
     /// Force that reaches the ball through the guide, N.
     plunger_n: f64,
-    /// Way that the ball has rolled, m.
+    /// Distance that the ball has rolled, m.
     rolled_m: f64,
 }
 
@@ -98,7 +98,7 @@ impl PenBrake {
         }
     }
 
-    /// A time of a constant current during which the pen rolled some way, s, A and m.
+    /// Advances by a time at a constant current and a rolled distance, s, A and m.
     pub fn advance(&mut self, current_a: f64, rolled_m: f64, time_s: f64) {
         let c = &self.constants;
         let iron = 1.0 + (current_a / c.saturation_a).powi(2);
@@ -119,7 +119,7 @@ impl PenBrake {
 }
 
 /// A braked pen dragged for six seconds at 60 mm/s under a constant normal force: its mean coefficient of friction over
-/// the last second, and what the controller says of its reach.
+/// the last second, and whether the controller can render the request.
 pub fn dragged(pen: &PenConstants, wanted: f64, normal_n: f64, settings: BrakeSettings) -> (f64, Reach) {
     const PERIOD_S: f64 = 1e-3;
     const SPEED_M_S: f64 = 0.06;

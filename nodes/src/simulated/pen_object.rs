@@ -1,8 +1,8 @@
 //! A simulated object on a force/torque sensor, touched by a rolling-ball pen in a simulated hand (chapter 5).
 //!
 //! The hand follows its script over the object's surface; the pen's tip meets a stiff surface, its ball drags by what the brake
-//! makes of it; the haptuator on the pen shakes the tip across; the table under the sensor is knocked. What the program may
-//! know is the sensor's reading. What only a simulation can know is in [`PenTruth`], to be compared with.
+//! makes of it; the haptuator on the pen shakes the tip across; the table under the sensor is knocked. The program may
+//! use the sensor's reading only. The true state is in [`PenTruth`], for comparison.
 
 use super::force_sensor::{ForceSensor, ForceSensorSettings, WrenchReading};
 use super::ground::Ground;
@@ -37,7 +37,7 @@ const TIP_SHARE: f64 = 0.2;
 /// The object, the pen and the hand.
 #[derive(Debug, Clone)]
 pub struct PenObjectSettings {
-    /// The object, convex, in any position: it is put upon the sensor.
+    /// The convex object in any position; the simulation places it on the sensor.
     pub object: Arc<TriangleMesh>,
     /// Mass of object and mount, kg.
     pub object_kg: f64,
@@ -47,9 +47,9 @@ pub struct PenObjectSettings {
     pub sensor: ForceSensorSettings,
     /// Knocks on the table, if any.
     pub knocks: Option<KnockSettings>,
-    /// How the hand holds the pen.
+    /// The grip of the hand.
     pub grip: Grip,
-    /// What the hand does.
+    /// Actions of the hand.
     pub actions: Vec<Action>,
     /// Height of the lifted pen, m.
     pub hover_m: f64,
@@ -77,7 +77,7 @@ impl PenObjectSettings {
     }
 }
 
-/// Why the pen and the object cannot be simulated.
+/// Error of the simulation of pen and object.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PenObjectError {
     /// The object cannot be placed.
@@ -91,7 +91,7 @@ pub enum PenObjectError {
     Sensor(#[from] DesignError),
 }
 
-/// What only a simulation knows of the contact.
+/// The true state of the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PenTruth {
     /// Whether the tip touches.
@@ -180,7 +180,7 @@ impl PenObject {
         })
     }
 
-    /// The object in the sensor's frame: what the program is told.
+    /// The object in the sensor's frame, as the program knows it.
     pub fn object(&self) -> &Arc<TriangleMesh> {
         &self.object
     }
@@ -190,17 +190,17 @@ impl PenObject {
         self.reading
     }
 
-    /// By how much slow changes of the reading are late, s.
+    /// Delay of slow changes of the reading, s.
     pub fn reading_delay_s(&self) -> f64 {
         self.sensor.delay_s()
     }
 
-    /// What only a simulation knows of this tick.
+    /// True state of this tick.
     pub fn truth(&self) -> PenTruth {
         self.truth
     }
 
-    /// One tick under the currents of brake and haptuator, held, A. A current that is not finite counts as none.
+    /// Advances one tick under the currents of brake and haptuator, held, A. A current that is not finite counts as zero.
     pub fn advance(&mut self, brake_a: f64, haptuator_a: f64) {
         let brake_a = if brake_a.is_finite() { brake_a } else { 0.0 };
         let before_m = self.hand.read().position_m;
@@ -259,7 +259,7 @@ impl PenObject {
         force_n
     }
 
-    /// The haptuator's shaking as the object feels it: across the face, along the motion, no harder than the tip is pressed.
+    /// The haptuator's force on the object: across the face, along the motion, no larger than the normal force.
     fn shaken(&self, moved_m: Vec3) -> Vec3 {
         if !self.truth.touching {
             return ZERO;

@@ -1,5 +1,5 @@
 //! The simulated recording tool as a device of graphs, and the source that reads it (2.2): a person, a piece of a material, and
-//! the tool with its sensors' places. What the sensors make of it is the business of the graph.
+//! the tool with the places of its sensors. The graph models the sensors.
 
 use super::habit::habit;
 use super::material::{Material, MaterialName};
@@ -13,17 +13,17 @@ use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 
-const POSITION: &str = "Where the tracker's sensor is, m.";
+const POSITION: &str = "Position of the tracker's sensor, m.";
 const ORIENTATION: &str = "Rotation from the tool's frame to the world: axis times angle, rad.";
 const ACCELERATION: &str =
-    "Acceleration less gravity in the tool's frame, m/s2: what an accelerometer feels.";
+    "Acceleration less gravity in the tool's frame, m/s2, as an accelerometer measures it.";
 const WRENCH: &str = "Load of the surface on the tool, at the force sensor and in its frame, N and N m.";
 
 /// Reads a recording tool.
 pub const RECORDING_TOOL: NodeSpec = NodeSpec {
     name: "RecordingTool",
     group: "sources",
-    doc: "A tool that records surfaces: what there is to be sensed where its sensors sit.",
+    doc: "A tool that records surfaces: the true quantities at the places of its sensors.",
     source: "2.2.1",
     inputs: &[],
     outputs: &[
@@ -39,7 +39,7 @@ pub const RECORDING_TOOL: NodeSpec = NodeSpec {
 pub const TRACKER: NodeSpec = NodeSpec {
     name: "Tracker",
     group: "sources",
-    doc: "A tracker on a tool: where its sensor is and how it is turned.",
+    doc: "A tracker on a tool: position and orientation of its sensor.",
     source: "2.2.1",
     inputs: &[],
     outputs: &[
@@ -52,11 +52,11 @@ pub const TRACKER: NodeSpec = NodeSpec {
 haptograph_engine::settings! {
     /// Settings of [`SimulatedRecordingTool`].
     pub struct SimulatedRecordingToolSettings {
-        /// The material: T1 to T5 have stiffness, friction and fineness of Table 3.1, their heights are our own mapping of its roughness; T6 is made up.
+        /// The material: T1 to T5 have stiffness, friction and fineness of Table 3.1, and heights by our own mapping of its roughness; T6 is invented.
         material: String = "T2".to_owned();
-        /// What is done: Drag, Circle, Tap, or the Press of a testing machine.
+        /// The gesture: Drag, Circle, Tap, or the Press of a testing machine.
         motion: Motion = Motion::Drag;
-        /// Who does it: another number is another hand, posture and habit.
+        /// The person: each number has its own hand, posture and habits.
         person: u64 = 1;
         /// From the tracker's sensor to the tip, in the tool's frame (z up along the tool), mm.
         tracker_to_tip_mm: [f64; 3] = [0.0, 0.0, -120.0];
@@ -70,7 +70,7 @@ haptograph_engine::settings! {
 /// A recording tool on a surface.
 pub struct SimulatedRecordingTool;
 
-/// Time before the first tick, s: the tool has come down on the surface.
+/// Time before the first tick in which the tool comes down on the surface, s.
 const LEAD_S: f64 = 1.0;
 
 impl DeviceKind for SimulatedRecordingTool {
@@ -118,16 +118,13 @@ impl DeviceKind for SimulatedRecordingTool {
     ) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != TOOL_RATE_HZ {
             let message = format!(
-                "this tool ticks {TOOL_RATE_HZ} times a second, its clock {}",
+                "this tool has a rate of {TOOL_RATE_HZ} Hz, but its clock ticks at {}",
                 cx.rate
             );
-            return Err(BuildError::of_node(message).help("read it on a clock of 10000 Hz"));
+            return Err(BuildError::of_node(message).help("put its nodes on a clock of 10000 Hz"));
         }
-        let name = MaterialName::from_word(&settings.material).ok_or_else(|| {
-            let words: Vec<&str> = MaterialName::ALL.into_iter().map(MaterialName::word).collect();
-            let message = format!("there is no simulated material `{}`", settings.material);
-            BuildError::at("material", message).help(format!("choose one of {}", words.join(", ")))
-        })?;
+        let name = settings.material.parse::<MaterialName>();
+        let name = name.map_err(|error| BuildError::at("material", error))?;
         let (motion, person) = (settings.motion, settings.person);
         let grip = if motion == Motion::Press {
             ToolGrip::LOAD_FRAME
@@ -136,7 +133,7 @@ impl DeviceKind for SimulatedRecordingTool {
         };
         let seed = stream_seed(
             cx.seed,
-            &format!("{}/{person}/{}", name.word(), motion.gesture().as_str()),
+            &format!("{}/{person}/{}", name.as_str(), motion.gesture().as_str()),
         );
         let mut tool = SimulatedTool::new(&Material::of(name), grip, &habit(&motion, person), SUBSTEPS, seed)
             .map_err(|error| BuildError::at("motion", error.to_string()))?;

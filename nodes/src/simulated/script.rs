@@ -1,4 +1,4 @@
-//! Scripts: what a simulated hand means to do, one action after the other, over and over.
+//! Scripts: the intended actions of a simulated hand, in a loop.
 
 use super::ground::Ground;
 use super::stroke::{Stroke, StrokeError, StrokeSettings, minimum_jerk};
@@ -6,24 +6,24 @@ use crate::vector::{Vec3, add_scaled};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// One thing to do with the tip. Each starts and ends with the tip lifted.
+/// An action of the tip. Each starts and ends with the tip lifted.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
     /// Hold the tip lifted.
     Hover {
-        /// For how long, s.
+        /// Duration, s.
         duration_s: f64,
     },
     /// Draw.
     Draw {
-        /// What and how hard.
+        /// Shape and force.
         stroke: StrokeSettings,
-        /// For how long, s.
+        /// Duration, s.
         duration_s: f64,
     },
     /// Tap the surface, each time at a speed drawn evenly from a range.
     Taps {
-        /// How often.
+        /// Number of taps.
         count: u32,
         /// Slowest intended speed at contact, m/s.
         slowest_m_s: f64,
@@ -31,7 +31,7 @@ pub enum Action {
         fastest_m_s: f64,
         /// Time from tap to tap, s.
         interval_s: f64,
-        /// Force meant at the bottom of a tap, N.
+        /// Intended force at the bottom of a tap, N.
         force_n: f64,
     },
     /// Press and release.
@@ -48,55 +48,55 @@ pub enum Action {
 pub struct ScriptSettings {
     /// The surface.
     pub ground: Ground,
-    /// What to do, over and over.
+    /// The actions, played in a loop.
     pub actions: Vec<Action>,
     /// Height of the lifted tip, m.
     pub hover_m: f64,
-    /// Stiffness of the surface, N/m, as the hand has learned it: it aims as deep as its force will go. Infinite for a
-    /// surface that does not give.
+    /// Stiffness of the surface as the hand expects it, N/m; the hand aims as deep as its force can press. Infinite for a
+    /// rigid surface.
     pub gives_n_per_m: f64,
 }
 
-/// Why a script cannot be played.
+/// Error of a script.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ScriptError {
-    /// Nothing to do.
+    /// The script is empty.
     #[error("the script has no actions: give at least one")]
     Empty,
-    /// A number without meaning.
+    /// A number is out of range.
     #[error("action {action} (counted from 0): {name} is {value}: give a finite number above zero")]
     NotPositive {
-        /// Which action.
+        /// Index of the action.
         action: usize,
         /// The setting.
         name: &'static str,
         /// Its value.
         value: f64,
     },
-    /// No time to come down, touch and rise again.
+    /// A tap takes longer than its interval.
     #[error(
         "action {action} (counted from 0): a tap at {slowest_m_s} m/s takes longer than its interval: slow down the taps or speed up the slowest"
     )]
     NoTimeToTap {
-        /// Which action.
+        /// Index of the action.
         action: usize,
         /// Slowest speed.
         slowest_m_s: f64,
     },
-    /// A stroke that cannot be drawn.
+    /// A stroke is invalid.
     #[error("action {action} (counted from 0): {source}")]
     Stroke {
-        /// Which action.
+        /// Index of the action.
         action: usize,
-        /// Why not.
+        /// The reason.
         source: StrokeError,
     },
 }
 
-/// What a hand means at a time.
+/// Intent of a hand at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Intent {
-    /// Where the tip should be, m: on the surface, above it, or (at the bottom of a tap) below.
+    /// Intended position of the tip, m: on the surface, above it, or (at the bottom of a tap) below.
     pub position_m: Vec3,
     /// Outward normal of the surface there.
     pub normal: Vec3,
@@ -104,7 +104,7 @@ pub struct Intent {
     pub force_n: f64,
 }
 
-/// A script in the mind of one person.
+/// A script as one person plays it.
 #[derive(Debug, Clone)]
 pub struct Script {
     ground: Ground,
@@ -260,7 +260,7 @@ impl Script {
         self.period_s += duration_s;
     }
 
-    /// What the hand means at a time in s.
+    /// Intent of the hand at a time in s.
     pub fn at(&self, time_s: f64) -> Intent {
         let t = time_s.rem_euclid(self.period_s);
         let index = self
@@ -279,7 +279,7 @@ impl Script {
         }
     }
 
-    /// Time of one round, s.
+    /// Duration of one loop, s.
     pub fn period_s(&self) -> f64 {
         self.period_s
     }

@@ -1,4 +1,4 @@
-//! Models of the recording tool's sensors as nodes: what they make of what there is to be sensed (2.2.1).
+//! Nodes that model the sensors of the recording tool (2.2.1).
 
 use super::accelerometer::{self, AccelerometerSettings};
 use super::force_sensor::{self, ForceSensorSettings};
@@ -16,7 +16,7 @@ use haptograph_signal::quantity::Quantity;
 haptograph_engine::settings! {
     /// Settings of [`AccelerometerModel`].
     pub struct AccelerometerModelSettings {
-        /// Acceleration for a volt, m/s2 per V: 57 mV per g.
+        /// Sensitivity, m/s2 per V: 57 mV per g.
         m_s2_per_v: f64 = 9.81 / 0.057, in 1e-6..=1e6;
         /// Voltage at rest, V.
         zero_v: f64 = 1.5, in -1000.0..=1000.0;
@@ -41,7 +41,7 @@ impl NodeKind for AccelerometerModel {
     const SPEC: NodeSpec = NodeSpec {
         name: "AccelerometerModel",
         group: "sensors",
-        doc: "What an analogue three-axis accelerometer, its anti-aliasing filter and a converter make of an acceleration. The \
+        doc: "Models an analogue three-axis accelerometer with anti-aliasing filter and converter. The \
               defaults are the thesis's: +-18 g, 0.126 m/s2 of noise, a five-pole Bessel low-pass at 1000 Hz, 16 bits.",
         source: "2.2.1",
         inputs: &[input(
@@ -103,7 +103,7 @@ impl Processor for Accelerometer {
     }
 }
 
-/// What is no number is nothing sensed.
+/// NaN and infinity become zero.
 fn number(x: f64) -> f64 {
     if x.is_finite() { x } else { 0.0 }
 }
@@ -115,14 +115,14 @@ haptograph_engine::settings! {
         step_mm: f64 = 0.5, in 1e-9..=1000.0;
         /// Step of yaw, pitch and roll, degrees.
         step_deg: f64 = 0.1, in 1e-9..=90.0;
-        /// What is recorded. A Press is done by a testing machine, which has its own, finer measure of position.
+        /// The gesture. A testing machine makes the Press; its measurement of position is finer.
         motion: Motion = Motion::Drag;
         /// Step of the testing machine's position, mm.
         machine_step_mm: f64 = 6e-5, in 1e-9..=1000.0;
     }
 }
 
-/// Position and orientation in steps.
+/// Quantised position and orientation.
 pub struct TrackerModel;
 
 impl NodeKind for TrackerModel {
@@ -130,7 +130,7 @@ impl NodeKind for TrackerModel {
     const SPEC: NodeSpec = NodeSpec {
         name: "TrackerModel",
         group: "sensors",
-        doc: "What a magnetic tracker makes of a pose: position and angles in steps, at the rate of its clock. The defaults are \
+        doc: "Models a magnetic tracker: quantised position and angles, at the rate of its clock. The defaults are \
               the thesis's: 0.5 mm and 0.1 degrees, and 0.06 um for the machine that presses.",
         source: "2.2.1, 3.2.2",
         inputs: &[
@@ -148,12 +148,12 @@ impl NodeKind for TrackerModel {
             ),
         ],
         outputs: &[
-            output("position", Kind::Vector, Quantity::LENGTH, "Position as read, m."),
+            output("position", Kind::Vector, Quantity::LENGTH, "Position reading, m."),
             output(
                 "orientation",
                 Kind::Vector,
                 Quantity::ANGLE,
-                "Orientation as read, axis times angle, rad.",
+                "Orientation reading, axis times angle, rad.",
             ),
         ],
         example: r#""tracker": TrackerModel(clock: "tracker", position: Hold("tool.position"), orientation: Hold("tool.orientation"))"#,
@@ -216,7 +216,7 @@ impl NodeKind for ForceSensorModel {
     const SPEC: NodeSpec = NodeSpec {
         name: "ForceSensorModel",
         group: "sensors",
-        doc: "What a six-axis force/torque sensor makes of a load: noise, end of scale, steps. The defaults are those of a Nano17 \
+        doc: "Models a six-axis force/torque sensor: noise, saturation, quantisation. The defaults are those of a Nano17 \
               SI-25-0.25.",
         source: "2.2.1",
         inputs: &[input(
@@ -229,7 +229,7 @@ impl NodeKind for ForceSensorModel {
             "wrench",
             Kind::Wrench,
             Quantity::FORCE,
-            "The load as read, N and N m.",
+            "Load reading, N and N m.",
         )],
         example: r#""force": ForceSensorModel(wrench: "tool.wrench")"#,
     };

@@ -46,10 +46,10 @@ impl Default for StaticSettings {
     }
 }
 
-/// What the experiment finds. Simulated.
+/// Results of the experiment (simulated).
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticResolution {
-    /// What was found at each point.
+    /// Results at each point.
     pub points: Vec<PointResolution>,
     /// Deviations from each trial's mean along x and along y, m, all trials after another.
     pub deviations_m: [Vec<f64>; 2],
@@ -59,10 +59,10 @@ pub struct StaticResolution {
     pub directions: KolmogorovSmirnov,
 }
 
-/// What the experiment finds at one point.
+/// Results at one point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointResolution {
-    /// Where the probe is held, m.
+    /// Position of the probe, m.
     pub position_m: [f64; 2],
     /// Standard deviation of the located point along x and along y, m.
     pub deviation_m: [f64; 2],
@@ -70,7 +70,7 @@ pub struct PointResolution {
     pub largest_m: f64,
 }
 
-/// Why the experiment cannot be run.
+/// Error of the experiment.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StaticError {
     /// The cube cannot be made.

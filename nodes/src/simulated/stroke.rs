@@ -1,4 +1,4 @@
-//! Strokes: what a hand means to draw on a surface, as functions of time. Every body that is moved by hand follows
+//! Strokes: the intended path of a hand on a surface, as a function of time. Every simulated hand follows
 //! one. Two people (seeds) drawing the same shape differ in pace, size and pressure.
 
 use super::wobble::Wobble;
@@ -50,12 +50,12 @@ pub enum StrokeShape {
     Recorded(Arc<Trajectory>),
 }
 
-/// A shape and how naturally it is drawn.
+/// A shape with force and natural variation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StrokeSettings {
-    /// What is drawn.
+    /// The shape.
     pub shape: StrokeShape,
-    /// Mean normal force, N. A recorded path brings its own.
+    /// Mean normal force, N. A recorded path has its own.
     pub force_n: f64,
     /// Standard deviation of the force as a fraction of its mean, 0 to 1; it never falls below a tenth of the mean.
     pub force_variation: f64,
@@ -66,7 +66,7 @@ pub struct StrokeSettings {
 }
 
 impl StrokeSettings {
-    /// A shape at a mean force with everyday variation: force 20 %, pace 15 %, size 5 %.
+    /// A shape at a mean force with typical variation: force 20 %, pace 15 %, size 5 %.
     pub fn natural(shape: StrokeShape, force_n: f64) -> Self {
         Self {
             shape,
@@ -77,7 +77,7 @@ impl StrokeSettings {
         }
     }
 
-    /// A shape at a force, drawn as if by a machine.
+    /// A shape at a force, without variation.
     pub fn exact(shape: StrokeShape, force_n: f64) -> Self {
         Self {
             shape,
@@ -89,7 +89,7 @@ impl StrokeSettings {
     }
 }
 
-/// Why a stroke cannot be drawn.
+/// Error of a stroke.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StrokeError {
     /// A setting is out of its range.
@@ -99,12 +99,12 @@ pub enum StrokeError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The allowed range.
         range: &'static str,
     },
 }
 
-/// Where the tip is meant to be.
+/// Intended position of the tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StrokePoint {
     /// Position on the surface, m.
@@ -143,7 +143,7 @@ impl Stroke {
         })
     }
 
-    /// Where the tip is meant to be at a time since the start, s.
+    /// Intended position of the tip at a time since the start, s.
     pub fn at(&self, time_s: f64) -> StrokePoint {
         if let StrokeShape::Recorded(path) = &self.settings.shape {
             return path.at(time_s);

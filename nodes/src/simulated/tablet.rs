@@ -9,7 +9,7 @@ pub const TABLET_STEP_M: [f64; 2] = [4.934e-6, 4.861e-6];
 /// Step of the force, N.
 pub const TABLET_STEP_N: f64 = 0.0013;
 
-/// What the tablet reports.
+/// Reading of the tablet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TabletReading {
     /// Position of the tip, m.
@@ -18,7 +18,7 @@ pub struct TabletReading {
     pub force_n: f64,
 }
 
-/// The tablet and the hand that draws on it. One tick is 1/125 s. Labelled simulated wherever it is shown.
+/// The tablet and the hand that draws on it. One tick is 1/125 s. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct SimulatedTablet {
     stroke: Stroke,
@@ -44,7 +44,7 @@ impl SimulatedTablet {
         }
     }
 
-    /// To the next tick.
+    /// Advances to the next tick.
     pub fn advance(&mut self) {
         self.tick += 1;
     }

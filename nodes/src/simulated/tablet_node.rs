@@ -11,7 +11,7 @@ use haptograph_signal::quantity::Quantity;
 pub const TABLET: NodeSpec = NodeSpec {
     name: "Tablet",
     group: "sources",
-    doc: "A pen tablet: where its stylus is and how hard it is pressed.",
+    doc: "A pen tablet: reads the position and the force of its stylus.",
     source: "3.1.1",
     inputs: &[],
     outputs: &[
@@ -75,11 +75,11 @@ impl DeviceKind for SimulatedTablet {
     fn build(settings: DrawingSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if cx.rate.hz() != TABLET_RATE_HZ {
             return Err(BuildError::of_node(format!(
-                "this tablet reports {TABLET_RATE_HZ} times a second, its clock has {}",
+                "this tablet has a rate of {TABLET_RATE_HZ} Hz, but its clock ticks at {}",
                 cx.rate
             ))
             .help(format!(
-                "read it on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
+                "put its nodes on a clock of {TABLET_RATE_HZ} Hz and bridge from there"
             )));
         }
         let stroke = settings.to_stroke()?;

@@ -1,8 +1,8 @@
 //! Procedural surfaces: a height field made of noise of a given spatial spectrum, smooth enough to roll a tool over.
 //!
 //! A square tile of random coefficients, shaped in the Fourier domain and repeated without seams, is the control net of a
-//! cubic B-spline: height and slope are continuous, and so is curvature. What the field means is what the tool's tip traces,
-//! its own radius already taken into account.
+//! cubic B-spline: height, slope and curvature are continuous. The field is the trace of the tool's tip,
+//! with the tip's radius already included.
 
 use haptograph_signal::noise::Gaussian;
 use haptograph_signal::{Complex64, fft};
@@ -14,7 +14,7 @@ const SIDE: usize = 1024;
 /// Distance of neighbouring coefficients, m.
 const CELL_M: f64 = 1e-4;
 
-/// How rough a surface is, and how fine.
+/// Roughness and fineness of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relief {
     /// Root mean square of the height, m.
@@ -72,7 +72,7 @@ impl Terrain {
         }
     }
 
-    /// No point is higher than this, m.
+    /// Upper bound of the height, m.
     pub fn highest_m(&self) -> f64 {
         self.highest_m
     }

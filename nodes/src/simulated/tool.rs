@@ -2,7 +2,7 @@
 //!
 //! The tool hangs by the finger pads on the hand, the hand follows its script. The tip meets the terrain by a Hertzian law with
 //! Hunt and Crossley's damping along the terrain's own normal, and by Coulomb friction with a short spring of its own. No
-//! filter, no stored vibration: what the accelerometer feels comes out of the mechanics.
+//! filter, no stored vibration: the measured acceleration results from the mechanics.
 
 use super::hand::Grip;
 use super::material::Material;
@@ -20,11 +20,11 @@ use std::f64::consts::PI;
 pub const TOOL_RATE_HZ: f64 = 10_000.0;
 /// Acceleration of gravity, m/s2.
 const GRAVITY_M_S2: f64 = 9.81;
-/// Mass of the tool as the tip feels it, kg: a tool of about 40 g that turns about the fingers.
+/// Effective mass of the tool at its tip, kg: a tool of about 40 g that turns about the fingers.
 const TOOL_KG: f64 = 0.015;
 /// Stiffness across a tool over that along it: pads that hold it over 15 mm have a lever of 43 mm against them.
 const ACROSS: f64 = (15.0 / 43.0) * (15.0 / 43.0);
-/// Way on which friction builds up, m.
+/// Distance over which friction builds up, m.
 const PRESLIDING_M: f64 = 3e-5;
 
 /// A person holding the tool: hand, finger pads and posture. The numbers are ours.
@@ -38,7 +38,7 @@ pub struct ToolGrip {
     pub pads_n_s_per_m: f64,
     /// Stiffness that holds the tip across the tool, as a part of that along it: the tool turns about the fingers.
     pub stiffness_across: f64,
-    /// The same of damping.
+    /// Damping across the tool, as a fraction of that along it.
     pub damping_across: f64,
     /// Mean tilt of the tool from the surface's normal, rad.
     pub tilt_rad: f64,
@@ -94,7 +94,7 @@ impl ToolGrip {
     }
 }
 
-/// What there is to be sensed at a tick.
+/// True quantities at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolReading {
     /// Position of the tip, m.
@@ -103,13 +103,13 @@ pub struct ToolReading {
     pub velocity_m_s: Vec3,
     /// Rotation from the tool's frame (z up along the tool) to the world: unit quaternion w, x, y, z.
     pub orientation: [f64; 4],
-    /// Acceleration less gravity, in the tool's frame, m/s2: what an accelerometer feels, the mean over the tick.
+    /// Acceleration less gravity, in the tool's frame, m/s2, as an accelerometer measures it: the mean over the tick.
     pub specific_m_s2: Vec3,
     /// Force of the surface on the tip, in the world, N, the mean over the tick.
     pub force_n: Vec3,
 }
 
-/// The tool on a surface. One tick is 1/10 000 s. Labelled simulated wherever it is shown.
+/// The tool on a surface. One tick is 1/10 000 s. It is labelled simulated wherever it is shown.
 #[derive(Debug, Clone)]
 pub struct SimulatedTool {
     terrain: Terrain,
@@ -140,7 +140,7 @@ struct Body {
     velocity_m_s: Vec3,
 }
 
-/// Steps of the mechanics in a tick that leave no trace in the spectrum.
+/// Steps of the mechanics per tick; with these the step has no effect on the spectrum.
 pub const SUBSTEPS: u32 = 8;
 
 impl SimulatedTool {
@@ -189,12 +189,12 @@ impl SimulatedTool {
         Ok(tool)
     }
 
-    /// What there is to be sensed at this tick.
+    /// True quantities at this tick.
     pub fn read(&self) -> ToolReading {
         self.reading
     }
 
-    /// To the next tick.
+    /// Advances to the next tick.
     pub fn advance(&mut self) {
         self.tick += 1;
         let last = self.intent;

@@ -1,4 +1,4 @@
-//! A simulated magnetic tracker (2.2.1): position and orientation in steps.
+//! A simulated magnetic tracker (2.2.1): quantised position and orientation.
 
 use super::orientation::{angles, from_angles};
 use super::tablet::quantise;

@@ -1,4 +1,4 @@
-//! Natural variation: smooth random functions of time that can be asked for at any time, in any order.
+//! Natural variation: smooth random functions that can be evaluated at any time, in any order.
 
 use rand::RngExt;
 use rand_xoshiro::Xoshiro256PlusPlus;

@@ -1,4 +1,4 @@
-//! Writing signals to a table.
+//! A sink that writes signals to a CSV file.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -30,8 +30,8 @@ impl FileKind for CsvSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "CsvSink",
         group: "sinks",
-        doc: "Writes signals of one rate to a CSV file: a column `time_s`, then one for each lane of each signal, \
-              named after its port with its SI unit: `stylus.force_n`. Every number is written with all its digits. Beside it, `<file>.ron` says what \
+        doc: "Writes signals of one rate to a CSV file: a column `time_s`, then one for each component of each signal, \
+              named after its port with its SI unit: `stylus.force_n`. Numbers have full precision. Beside it, `<file>.ron` states what \
               the columns are and whether they were simulated.",
         source: "",
         inputs: &[InputSpec {
@@ -40,7 +40,7 @@ impl FileKind for CsvSink {
             quantity: QuantityRule::Any,
             flow: Flow::Sampled,
             presence: Presence::Many,
-            doc: "The signals, of any kinds and quantities.",
+            doc: "Signals of any kinds and quantities, all of one rate.",
         }],
         outputs: &[],
         example: r#""table": CsvSink(inputs: ["stylus.position", "stylus.force"], file: "stylus.csv")"#,
@@ -50,10 +50,10 @@ impl FileKind for CsvSink {
         let streams = &cx.streams;
         if let Some(other) = streams.iter().find(|stream| stream.rate != streams[0].rate) {
             let message = format!(
-                "{} has {} but {} has {}; the rows of a table have one rate",
+                "{} has {} but {} has {}; all columns of a CSV file need one rate",
                 streams[0].name, streams[0].rate, other.name, other.rate
             );
-            return Err(BuildError::at("inputs", message).help("write each rate to a file of its own"));
+            return Err(BuildError::at("inputs", message).help("use one `CsvSink` for each rate"));
         }
         Ok(Box::new(Table {
             file: inside_the_run(&settings.file, &["csv"])?,
@@ -79,11 +79,7 @@ impl FileSink for Table {
         let text = text
             .into_inner()
             .map_err(|error| io::Error::other(error.to_string()))?;
-        note::write(
-            path,
-            "What the columns of the CSV file of this name hold.",
-            &facts(streams),
-        )?;
+        note::write(path, "The columns of the CSV file of this name.", &facts(streams))?;
         let mut rows = Rows {
             file: File::create(path)?,
             text,
@@ -102,7 +98,7 @@ impl FileSink for Table {
     }
 }
 
-/// For the note: rate and origin, then every column.
+/// Facts of the note: rate and origin, then every column.
 fn facts(streams: &[Stream]) -> Vec<String> {
     let described = streams.iter().flat_map(|stream| {
         let meaning = note::meaning(stream).join(", ");
@@ -114,7 +110,7 @@ fn facts(streams: &[Stream]) -> Vec<String> {
     note::origin(streams).into_iter().chain([columns]).collect()
 }
 
-/// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: lanes of a linear kind carry its unit.
+/// `stylus.force_n`, `stylus.position_x_m`, `contact.ihip_x`: components of a linear kind carry its unit.
 fn columns_of(stream: &Stream) -> Vec<String> {
     let unit = if stream.kind.is_linear() && stream.kind != Kind::Wrench {
         units::suffix(stream.quantity)
@@ -134,22 +130,22 @@ fn columns_of(stream: &Stream) -> Vec<String> {
 
 struct Rows {
     file: File,
-    /// Whole rows that are not written yet.
+    /// Complete rows that are not written yet.
     text: Vec<u8>,
-    /// Bytes of the file; it always ends with a whole row.
+    /// Bytes of the file, which always ends with a complete row.
     whole_bytes: u64,
-    /// Width of each stream, and its lanes that wait for those of the others.
+    /// Width of each stream, and its samples that wait for those of the others.
     waiting: Vec<(usize, VecDeque<f64>)>,
     period_s: f64,
     row: u64,
-    /// When rows were written last.
+    /// Time of the last write.
     flushed_row: u64,
     flushed_at: Instant,
 }
 
-/// How often at least rows are written, of the writer's time and of the signal's.
+/// Longest time between writes, both of the writer's clock and of the signal.
 const PACE: Duration = Duration::from_secs(1);
-/// Bytes of rows that wait.
+/// Buffered bytes that cause a write.
 const BUFFER_BYTES: usize = 1 << 16;
 
 impl Rows {
@@ -159,7 +155,7 @@ impl Rows {
         let result = self.file.write_all(&self.text);
         match result {
             Ok(()) => self.whole_bytes += self.text.len() as u64,
-            // Such as a full disk. The part of a row would be read as other numbers; the first error is the one to report.
+            // After an error (a full disk) a partial row would be misread: cut it off. Report the first error.
             Err(_) => _ = self.file.set_len(self.whole_bytes),
         }
         self.text.clear();

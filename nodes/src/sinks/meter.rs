@@ -1,4 +1,4 @@
-//! How loud a signal is.
+//! A meter of RMS and peak.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -11,7 +11,7 @@ use crate::successor;
 haptograph_engine::settings! {
     /// Settings of [`Meter`].
     pub struct MeterSettings {
-        /// Time constant: how long a moment is remembered.
+        /// Time constant of both outputs.
         window_s: f64 = 0.3, in 1e-6..=1e6;
     }
 }
@@ -24,13 +24,13 @@ impl NodeKind for Meter {
     const SPEC: NodeSpec = NodeSpec {
         name: "Meter",
         group: "sinks",
-        doc: "The loudness of a signal: the root of its exponentially weighted mean square, and a peak that falls with \
-              the same time constant. Of a vector, its length counts.",
+        doc: "The level of a signal: the root of its exponentially weighted mean square, and a peak that decays with \
+              the same time constant. For a vector they measure its length.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[
             level("rms", "Root mean square over the time constant."),
-            level("peak", "Largest magnitude, falling exponentially."),
+            level("peak", "Largest magnitude, with exponential decay."),
         ],
         example: r#""level": Meter(input: "texture.acceleration", window_s: 0.3)"#,
     };
@@ -55,7 +55,7 @@ const fn level(name: &'static str, doc: &'static str) -> OutputSpec {
 
 #[derive(Debug, Clone)]
 struct Level {
-    /// Part of the past that is left a frame later.
+    /// Decay factor per frame.
     keep: f64,
     mean_square: f64,
     peak: f64,
@@ -67,7 +67,7 @@ impl Processor for Level {
         let [rms, peak] = io.outs();
         for ((rms, peak), x) in rms.iter_mut().zip(peak).zip(x.chunks_exact(width)) {
             let square = x.iter().map(|x| x * x).sum::<f64>();
-            // What is not a number, or too large to square, is not remembered.
+            // NaN, infinity and values too large to square are ignored.
             let square = if square.is_finite() { square } else { 0.0 };
             self.mean_square = flushed(self.keep * self.mean_square + (1.0 - self.keep) * square);
             self.peak = flushed((self.keep * self.peak).max(square.sqrt()));

@@ -1,4 +1,4 @@
-//! The note beside a file of signals, `<file>.ron`: what its numbers are, and whether they were simulated.
+//! The note beside a signal file, `<file>.ron`: quantities and units, and whether the signals were simulated.
 
 use haptograph_engine::node::Stream;
 use std::io;

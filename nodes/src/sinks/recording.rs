@@ -1,4 +1,4 @@
-//! Writing what a recording tool felt to one file, from which surfaces are learned.
+//! A sink that writes the recording of a surface to one file, for learning.
 
 use super::visits::{Visited, Visits};
 use super::{inside_the_run, sync};
@@ -18,9 +18,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 haptograph_engine::choices! {
-    /// What is done with a tool while it records.
+    /// The gesture of a recording.
     pub enum Motion {
-        /// Dragging freely at all speeds and forces: for textures.
+        /// Free dragging at many speeds and forces: for textures.
         Drag,
         /// Smooth circles: for friction.
         Circle,
@@ -32,7 +32,7 @@ haptograph_engine::choices! {
 }
 
 impl Motion {
-    /// The same as recordings call it.
+    /// The gesture in the recording's format.
     pub fn gesture(&self) -> Gesture {
         match self {
             Self::Drag => Gesture::Drag,
@@ -48,15 +48,15 @@ haptograph_engine::settings! {
     pub struct RecordingSinkSettings {
         /// Name of the file in the run's folder: our own archive, or a table where it ends in `.csv`.
         file: String;
-        /// What was done: Drag, Circle, Tap or Press.
+        /// The gesture: Drag, Circle, Tap or Press.
         motion: Motion = Motion::Drag;
-        /// What was touched.
+        /// Name of the material.
         material: String;
-        /// Who did it, as a number.
+        /// Number of the person who recorded.
         person: u64 = 1;
-        /// Acceleration for a volt, m/s2 per V.
+        /// Sensitivity of the accelerometer, m/s2 per V.
         m_s2_per_v: f64, in 1e-6..=1e6;
-        /// Voltage at rest, V.
+        /// Accelerometer voltage at rest, V.
         zero_v: f64 = 0.0, in -1000.0..=1000.0;
         /// From the tracker's sensor to the tip, in the tool's frame, mm.
         tracker_to_tip_mm: [f64; 3] = [0.0; 3];
@@ -73,10 +73,10 @@ impl FileKind for RecordingSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "RecordingSink",
         group: "sinks",
-        doc: "Writes what a recording tool felt to one file, each sensor at its own rate, with the calibration that makes physical \
-              quantities of the readings, and where it came from. While the run goes on the readings are written to a folder `<file>.part`, \
-              at least once a second; the file is made of it at the end. A table is written as it goes, calibrated. Surfaces are \
-              learned from both. While a Drag is recorded, the terminal shows how much of the plane of speed and force was \
+        doc: "Writes the signals of a recording tool to one file, each sensor at its own rate, with the calibration that makes physical \
+              quantities of the readings, and the provenance. During the run the readings go to a folder `<file>.part`, \
+              at least once a second; the file is made from it at the end. A CSV file is written directly, calibrated. Surfaces are \
+              learned from both. During a Drag the terminal shows which areas of speed and force have been \
               visited, and what to record next.",
         source: "2.2",
         inputs: &[
@@ -116,10 +116,10 @@ impl FileKind for RecordingSink {
             && position.rate != orientation.rate
         {
             let message = format!(
-                "{} has {} but {} has {}; a pose has one rate",
+                "{} has {} but {} has {}; position and orientation need one rate",
                 position.name, position.rate, orientation.name, orientation.rate
             );
-            return Err(BuildError::at("orientation", message).help("take both from one tracker"));
+            return Err(BuildError::at("orientation", message).help("connect both to one tracker"));
         }
         let calibration = Calibration {
             acceleration_m_s2_per_v: [settings.m_s2_per_v; 3],
@@ -205,27 +205,27 @@ fn is_csv(path: &Path) -> bool {
         .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
 }
 
-/// Where a recording is written while it is made: parts of which an archive is made at the end, or a table as it stands.
+/// Output of a recording in progress: parts of an archive, which is made at the end, or a CSV file.
 enum Tape {
     Spool(Spool),
     Table(Box<RawTable<File>>),
 }
 
-/// A recording that is written as it comes.
+/// A recording in progress.
 struct Writer {
     path: PathBuf,
     tape: Tape,
     visits: Option<Visits>,
-    /// Halves of poses, for a table.
+    /// Incomplete poses, for a CSV file.
     position: VecDeque<[f64; 3]>,
     turned: VecDeque<[f64; 4]>,
-    /// Readings of the accelerometer in a second, and those since what waited was written.
+    /// Accelerometer readings per second, and those since the last write.
     second: u64,
     since: u64,
     flushed_at: Instant,
 }
 
-/// How often at least what waits is written.
+/// Longest time between writes.
 const PACE: Duration = Duration::from_secs(1);
 
 fn spool(spool: &mut Spool, stream: usize, frames: &[f64]) -> io::Result<()> {
@@ -244,7 +244,7 @@ fn spool(spool: &mut Spool, stream: usize, frames: &[f64]) -> io::Result<()> {
 }
 
 impl Writer {
-    /// Appends frames to a table, which has no place for what is not finite.
+    /// Appends frames to a CSV file, which cannot hold NaN or infinity.
     fn tabulate(&mut self, stream: usize, frames: &[f64]) -> io::Result<()> {
         let Tape::Table(table) = &mut self.tape else {
             return Ok(());
@@ -283,7 +283,7 @@ impl Writer {
         table.write_due()
     }
 
-    /// Hands what waits to the disk.
+    /// Writes the buffers and syncs them to the disk.
     fn flush(&mut self) -> io::Result<()> {
         match &mut self.tape {
             Tape::Spool(spool) => spool.flush()?.for_each(sync::request),

@@ -1,13 +1,13 @@
-//! Handing what was written to the disk itself, away from the thread that writes: that may take long.
+//! Syncs written files to the disk on a thread of its own, because a sync can take long.
 
 use std::fs::File;
 use std::sync::OnceLock;
 use std::sync::mpsc::{SyncSender, sync_channel};
 
-/// Files that wait at most; those that find no room have their turn a second later.
+/// Largest queue of files; a file that finds it full is synced a second later.
 const WAITING: usize = 64;
 
-/// Asks that what was written to `file` soon survives the loss of power.
+/// Queues a sync of `file`, so that its data survive a loss of power.
 pub(super) fn request(file: &File) {
     static THREAD: OnceLock<Option<SyncSender<File>>> = OnceLock::new();
     let thread = THREAD.get_or_init(|| {
@@ -15,7 +15,7 @@ pub(super) fn request(file: &File) {
         let thread = std::thread::Builder::new().name("haptograph-sync".into());
         let started = thread.spawn(move || {
             for file in files {
-                // The writer gets the same error, where it is said.
+                // The writer gets the same error and reports it.
                 let _ = file.sync_data();
             }
         });

@@ -1,4 +1,4 @@
-//! How much of the plane of speed and force a recording has visited, while it is made.
+//! Coverage of a recording in progress: the areas of speed and force that it has visited.
 
 use crate::simulated::orientation::{from_rotation_vector, rotate};
 use crate::vector::{Vec3, ZERO, add, norm, scale, sub};
@@ -7,10 +7,10 @@ use haptograph_surfaces::learning::coverage::{Coverage, FORCE_BANDS_N, SPEED_BAN
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Speed and force are taken over windows of this length, s.
+/// Length of the windows over which speed and force are averaged, s.
 const WINDOW_S: f64 = 0.1;
 
-/// What has been visited, as others see it.
+/// The coverage so far, shared with the terminal.
 #[derive(Debug, Default)]
 pub(super) struct Visited(Mutex<Coverage>);
 
@@ -49,26 +49,26 @@ impl FileProgress for Visited {
     }
 }
 
-/// Takes the readings of a recording as they come.
+/// Computes the coverage from the readings.
 #[derive(Debug)]
 pub(super) struct Visits {
     visited: Arc<Visited>,
     tracker_to_tip_m: Vec3,
-    /// Poses of a window, and those of the present one.
+    /// Poses per window, and those of the present window.
     window: usize,
     poses: usize,
     period_s: f64,
-    /// Halves of poses.
+    /// Incomplete poses.
     positions: VecDeque<Vec3>,
     turns: VecDeque<Vec3>,
-    /// Where the tip was when the window began.
+    /// Position of the tip at the start of the window.
     start: Option<Vec3>,
     force: Vec3,
     loads: usize,
 }
 
 impl Visits {
-    /// Of a tracker at a rate, and a tip that is somewhere from its sensor.
+    /// Takes the tracker's rate and the tip's offset from its sensor.
     pub fn new(visited: Arc<Visited>, tracker_to_tip_m: Vec3, rate_hz: f64) -> Self {
         Self {
             visited,
@@ -84,7 +84,7 @@ impl Visits {
         }
     }
 
-    /// Takes frames of position (0), orientation (1) and wrench (2); others are no matter.
+    /// Takes frames of position (0), orientation (1) and wrench (2); ignores other streams.
     pub fn take(&mut self, stream: usize, frames: &[f64]) {
         match stream {
             0 => self.positions.extend(frames.as_chunks::<3>().0),

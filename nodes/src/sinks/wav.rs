@@ -1,4 +1,4 @@
-//! Writing a signal to a WAV file of 32-bit floats.
+//! A sink that writes a signal to a WAV file of 32-bit floats.
 
 use haptograph_engine::node::{
     BuildError, FileContext, FileKind, FileSink, FrameWriter, NodeSpec, Stream, any_input,
@@ -16,7 +16,7 @@ haptograph_engine::settings! {
     pub struct WavSinkSettings {
         /// Name of the file in the run's folder.
         file: String;
-        /// What a sample of 1.0 stands for, in the SI unit of the signal. Larger signals are kept, as floats can.
+        /// Value of a full-scale sample (1.0), in the SI unit of the signal. Larger values are not clipped.
         full_scale: f64 = 1.0, in 1e-12..=1e12;
     }
 }
@@ -29,9 +29,9 @@ impl FileKind for WavSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "WavSink",
         group: "sinks",
-        doc: "Writes a signal at its own rate to a WAV file of 32-bit floats, a lane a channel. At least once \
-              a second the file is brought up to date, so that it is valid whatever ends the run; beyond 4 GiB it becomes RF64. Beside it, \
-              `<file>.ron` says what a sample of 1.0 stands for and whether the signal was simulated.",
+        doc: "Writes a signal at its own rate to a WAV file of 32-bit floats, one channel per component. At least once \
+              a second its header is updated, so that the file is valid however the run ends; beyond 4 GiB it becomes RF64. Beside it, \
+              `<file>.ron` states the value of full scale and whether the signal was simulated.",
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[],
@@ -49,15 +49,15 @@ impl FileKind for WavSink {
     }
 }
 
-/// The rate of a stream, which a WAV file keeps as a whole number of hertz.
+/// The rate of a stream in hertz; a WAV header holds whole numbers only.
 fn whole_rate(stream: &Stream) -> Result<u32, BuildError> {
     let (hz, per) = stream.rate.parts();
     u32::try_from(hz).ok().filter(|_| per == 1).ok_or_else(|| {
         let message = format!(
-            "{} has {}; a WAV file keeps whole hertz only",
+            "{} has {}; the rate of a WAV file is a whole number of hertz",
             stream.name, stream.rate
         );
-        BuildError::at("input", message).help("write it with a CsvSink")
+        BuildError::at("input", message).help("use a `CsvSink`")
     })
 }
 
@@ -80,11 +80,11 @@ impl FileSink for Recording {
     }
 }
 
-/// Writes a signal of any size to a WAV file, in a full scale that holds it: 1 in its SI unit, or the power of two that
-/// is next to its peak, which leaves the digits of the samples as they are. The note beside it says which.
+/// Writes a signal of any amplitude to a WAV file. Full scale is 1 in its SI unit, or the power of two
+/// next to its peak, which keeps the mantissas of the samples. The note beside it states which.
 ///
 /// # Errors
-/// What the file system says, or that the signal does not go into a WAV file.
+/// Errors of the file system, and signals that do not fit into a WAV file.
 pub fn open_to_fit(path: &Path, stream: &Stream) -> io::Result<Box<dyn FrameWriter>> {
     Ok(Box::new(Fitting {
         writing: Writing::open(path, stream, 1.0)?,
@@ -123,14 +123,14 @@ impl FrameWriter for Fitting {
             .and_then(|()| std::fs::rename(&scaled, &self.path))
             .and_then(|()| write_note(&self.path, &self.stream, full_scale));
         if done.is_err() {
-            // The file as it was recorded stays; the first error is the one to report.
+            // The file keeps its original scale. Report the first error.
             let _ = std::fs::remove_file(&scaled);
         }
         done
     }
 }
 
-/// Writes a file of [`WavWriter`] again, divided by `full_scale`.
+/// Rewrites a file of [`WavWriter`], divided by `full_scale`.
 fn scale_file(from: &Path, to: &Path, format: Format, full_scale: f64) -> io::Result<()> {
     let file = files::open(from, u64::MAX)?;
     let mut file = BufReader::new(file.as_file());
@@ -160,17 +160,17 @@ fn write_note(path: &Path, stream: &Stream, full_scale: f64) -> io::Result<()> {
     let full_scale = format!("full_scale: {full_scale:?}");
     note::write(
         path,
-        "What the samples of the WAV file of this name stand for.",
+        "The scale of the WAV file of this name.",
         &[signal, quantity, unit, full_scale, rate, simulated],
     )
 }
 
 struct Writing {
     writer: WavWriter<File>,
-    /// The same file.
+    /// Reader and writer of the same file.
     file: File,
     scale: f64,
-    /// Those of the present block.
+    /// Samples of the present block.
     samples: Vec<f32>,
 }
 

@@ -1,4 +1,4 @@
-//! A soundcard as a device of graphs: what an endpoint plays on it, and what it hears.
+//! A soundcard as a device of graphs: the output and the input of an endpoint.
 
 use super::Request;
 use haptograph_engine::device::{Device, DeviceLatency};
@@ -10,26 +10,26 @@ use haptograph_signal::time::Rate;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-/// cpal asks for two buffers: one plays while the other is filled.
+/// cpal uses two buffers: one plays while the other is filled.
 const BUFFERS: f64 = 2.0;
 
 haptograph_engine::choices! {
-    /// The form of samples.
+    /// The sample format.
     pub enum CardFormat {
-        /// The best that the card has: float, 32, 24, then 16 bits.
+        /// The best format of the card: float, then 32, 24 and 16 bits.
         Best,
         /// 32-bit floats.
         Float,
-        /// 32-bit whole numbers.
+        /// 32-bit integers.
         Bits32,
-        /// 24-bit whole numbers.
+        /// 24-bit integers.
         Bits24,
-        /// 16-bit whole numbers.
+        /// 16-bit integers.
         Bits16,
     }
 }
 
-/// What an endpoint has of a card.
+/// An endpoint on a card.
 #[derive(Debug, Clone)]
 pub(crate) struct Card {
     pub output: Option<Output>,
@@ -79,20 +79,20 @@ impl Device for Card {
         self.input.as_ref().map(|input| LiveInput {
             cell: Arc::clone(&input.cell),
             holds: input.holds,
-            // What its ring holds is played out first.
+            // The samples in its ring are played first.
             timeout_s: input.ring.latency_s,
         })
     }
 }
 
-/// What an endpoint plays, until the card's driver takes it.
+/// The output of an endpoint, buffered until the card's driver takes it.
 #[derive(Debug, Clone)]
 pub(crate) struct Output {
     pub stream: Request,
     /// Counted from 1.
     pub channels: Vec<u32>,
     pub full_scale: f64,
-    /// Samples in full scale; the first `waiting` are new.
+    /// Samples relative to full scale; the first `waiting` are new.
     samples: Box<[f64]>,
     waiting: usize,
 }
@@ -107,8 +107,8 @@ impl Output {
         cx: &BuildContext,
     ) -> Result<Self, BuildError> {
         let rate_hz = whole_hz(cx.rate).ok_or_else(|| {
-            let message = format!("a soundcard plays whole hertz, not {}", cx.rate);
-            let help = "give its clock a rate that soundcards have, like 48000".to_owned();
+            let message = format!("a soundcard's rate is in whole hertz, not {}", cx.rate);
+            let help = "give its clock a rate that soundcards support, such as 48000".to_owned();
             BuildError::of_node(message).help(help)
         })?;
         let mut sorted = channels.clone();
@@ -117,9 +117,9 @@ impl Output {
         let most = match sorted.last() {
             Some(most @ 1..=256) if sorted.len() == channels.len() && sorted[0] > 0 => *most,
             _ => {
-                let message = "`channels` are different numbers from 1 to 256, at least one";
+                let message = "`channels` needs at least one number from 1 to 256, each once";
                 return Err(BuildError::at("channels", message)
-                    .help("for the left and right one: `channels: [1, 2]`"));
+                    .help("for the left and right channel: `channels: [1, 2]`"));
             }
         };
         Ok(Self {
@@ -132,7 +132,7 @@ impl Output {
             },
             channels,
             full_scale,
-            // A block that ended in a panic, and the ramp that the engine put out in its place.
+            // After a block that panicked: the engine's ramp replaces it.
             samples: vec![0.0; 2 * MAX_BLOCK].into_boxed_slice(),
             waiting: 0,
         })
@@ -140,20 +140,20 @@ impl Output {
 
     fn play(&mut self, given: f64) {
         if self.waiting == self.samples.len() {
-            // Nobody takes them: an offline run.
+            // In an offline run nothing takes the samples.
             self.waiting = 0;
         }
         self.samples[self.waiting] = given * (1.0 / self.full_scale);
         self.waiting += 1;
     }
 
-    /// The oldest samples that were written and not taken, at most so many, in full scale, and their channels.
+    /// The oldest untaken samples, at most `count`, relative to full scale, and their channels.
     #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
     pub fn waiting(&self, most: usize) -> (&[f64], &[u32]) {
         (&self.samples[..self.waiting.min(most)], &self.channels)
     }
 
-    /// Forgets as many of the oldest.
+    /// Drops the oldest samples.
     #[cfg(any(test, feature = "soundcard", target_os = "macos", windows))]
     pub fn taken(&mut self, count: usize) {
         self.samples.copy_within(count..self.waiting, 0);
@@ -161,7 +161,7 @@ impl Output {
     }
 }
 
-/// What an endpoint hears, from where the card's stream puts it.
+/// The input of an endpoint, fed by the card's stream.
 #[derive(Debug, Clone)]
 #[cfg_attr(
     not(any(test, feature = "soundcard", target_os = "macos", windows)),
@@ -176,16 +176,16 @@ pub(crate) struct Input {
     /// From the card's clock to that of the graph.
     pub ring: RingSpec,
     pub(super) reader: Reader,
-    /// The last sample that was taken, in the unit of the sensor.
+    /// The last sample, in the unit of the sensor.
     latest: f64,
     pub(super) ages: Arc<AgeMeter>,
-    /// Whether the card is heard.
+    /// Whether samples arrive.
     cell: Arc<InputCell>,
-    /// Do the actuators that depend on it go on while it is silent?
+    /// Whether dependent actuators continue while the input is silent.
     holds: bool,
 }
 
-/// The end of a ring that a running device holds. Its copies hold none: only one may.
+/// The reader of a ring, held by the running device only; copies hold none.
 #[derive(Default)]
 pub(super) struct Reader(pub Option<Box<Mutex<AsyncResamplerReader>>>);
 
@@ -202,7 +202,7 @@ impl std::fmt::Debug for Reader {
 }
 
 impl Reader {
-    /// Nothing is locked: who holds it holds it alone.
+    /// Exclusive access needs no lock.
     fn get(&mut self) -> Option<&mut AsyncResamplerReader> {
         self.0.as_mut()?.get_mut().ok()
     }
@@ -219,8 +219,8 @@ impl Input {
         cx: &BuildContext,
     ) -> Result<Self, BuildError> {
         let rate_hz = rate_hz.or(whole_hz(cx.rate)).ok_or_else(|| {
-            let message = format!("a soundcard listens at whole hertz, not at {}", cx.rate);
-            BuildError::at("rate_hz", message).help("say at which: `rate_hz: 48000`")
+            let message = format!("a soundcard's rate is in whole hertz, not {}", cx.rate);
+            BuildError::at("rate_hz", message).help("state its rate, for example `rate_hz: 48000`")
         })?;
         let stream = Request {
             device,
@@ -232,7 +232,7 @@ impl Input {
         let unlike = |error: &dyn std::fmt::Display| BuildError::at("rate_hz", error.to_string());
         let from = Rate::from_hz(u64::from(rate_hz)).map_err(|error| unlike(&error))?;
         let least_s = least_ring_latency_s(from, cx.rate).map_err(|error| unlike(&error))?;
-        // Samples come by the buffer and are taken by the callback.
+        // The card delivers samples per buffer, and the driver takes them per callback.
         let least_s = least_s + BUFFERS * stream.buffer_s();
         let latency_s = latency_s.unwrap_or(least_s + stream.buffer_s());
         if latency_s < least_s {
@@ -242,7 +242,7 @@ impl Input {
                 1e3 * least_s
             );
             let help = format!(
-                "ask for shorter buffers, or write `latency_ms: {}`",
+                "use shorter buffers, or write `latency_ms: {}`",
                 (1e3 * least_s).ceil()
             );
             return Err(BuildError::at("latency_ms", message).help(help));

@@ -1,35 +1,35 @@
-//! What happens in a soundcard's callback: real-time code, and nothing of the soundcard's system in it.
+//! The playback callback of a soundcard: real-time code, independent of the sound system.
 
 use super::card::{Card, Output};
-use super::shared::{Away, Due, Home, Shared};
+use super::shared::{Active, Detached, Due, Shared};
 use haptograph_engine::run::{Live, Wake};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-/// Fills buffers from a live run.
-pub(super) struct Filler {
-    live: Away<Live>,
+/// Fills the card's buffers from a live run.
+pub(super) struct PlaybackCallback {
+    live: Active<Live>,
     shared: Arc<Shared>,
     due: Due,
 }
 
-impl Filler {
-    /// Takes the run from its home.
-    pub fn new(home: &Home<Live>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+impl PlaybackCallback {
+    /// Takes the run out of the slot.
+    pub fn new(slot: &Detached<Live>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self {
-            live: home.leave(),
+            live: slot.attach(),
             shared: Arc::clone(shared),
             due: Due::new(rate_hz, start),
         }
     }
 
-    /// Fills a buffer of any length, frames of `channels` samples.
+    /// Fills a buffer of any length with frames of `channels` samples.
     pub fn fill<T: Copy>(&mut self, data: &mut [T], channels: usize, silence: T, convert: impl Fn(f64) -> T) {
         let began = Instant::now();
         data.fill(silence);
         let Some(live) = self.live.get() else { return };
-        // What a card has too many of when a panic cut a block short it plays in the next buffer.
+        // Surplus samples after a panic within a block are played in the next buffer.
         let at_rest = live.is_idle();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
@@ -44,7 +44,7 @@ impl Filler {
         self.shared.clipped.fetch_add(clipped, Relaxed);
         self.shared.at_rest.store(at_rest, Relaxed);
         let frames = data.len() / channels;
-        let (late, lasts) = self.due.note(began, frames, &self.shared);
+        let (late, lasts) = self.due.record(began, frames, &self.shared);
         let work = began.elapsed();
         live.report(Wake {
             late_ns: late.as_nanos() as u64,
@@ -56,8 +56,8 @@ impl Filler {
     }
 }
 
-/// Puts what a card was given into its channels, at the end of the part: where a card came with a swap, it was given
-/// nothing before. Returns the samples beyond full scale.
+/// Copies the samples of a card into its channels, aligned to the end of the part: a card that came with a swap has no
+/// samples before it. Returns the number of samples beyond full scale.
 fn place<T: Copy>(output: &mut Output, part: &mut [T], channels: usize, convert: &impl Fn(f64) -> T) -> u64 {
     let frames = part.len() / channels;
     let (samples, mapped) = output.waiting(frames);
@@ -119,16 +119,17 @@ mod tests {
         Session::open(FileSinks::new(graph), &options).unwrap()
     }
 
-    fn filler(graph: &Graph, seconds: f64) -> (Filler, Arc<Shared>, Session) {
+    fn callback(graph: &Graph, seconds: f64) -> (PlaybackCallback, Arc<Shared>, Session) {
         let (live, session) = open(graph, seconds);
-        let (filler, shared) = filler_of(live);
-        (filler, shared, session)
+        let (callback, shared) = callback_of(live);
+        (callback, shared, session)
     }
 
-    fn filler_of(live: Live) -> (Filler, Arc<Shared>) {
-        let home = Home::of(live);
+    fn callback_of(live: Live) -> (PlaybackCallback, Arc<Shared>) {
+        let slot = Detached::of(live);
         let shared = Arc::default();
-        (Filler::new(&home, &shared, 48_000, Instant::now()), shared)
+        let callback = PlaybackCallback::new(&slot, &shared, 48_000, Instant::now());
+        (callback, shared)
     }
 
     #[test]
@@ -140,10 +141,10 @@ mod tests {
             let output = card.output.as_mut().unwrap();
             output.full_scale = output.full_scale.min(2.0);
         }
-        let (mut filler, shared) = filler_of(live);
+        let (mut callback, shared) = callback_of(live);
         for frames in [1, 64, 170, 5000, 7] {
             let mut data = vec![9.0; frames * 4];
-            filler.fill(&mut data, 4, 0.0, |x| x);
+            callback.fill(&mut data, 4, 0.0, |x| x);
             assert!(
                 data.chunks(4).all(|frame| frame == [1.0, 0.25, 1.0, 0.0]),
                 "{frames}"
@@ -156,16 +157,16 @@ mod tests {
 
     #[test]
     fn at_the_end_everything_falls_to_zero_and_stays_there() {
-        let (mut filler, shared, _session) = filler(&graph(), 0.01);
+        let (mut callback, shared, _session) = callback(&graph(), 0.01);
         let mut data = vec![9.0; 1500 * 4];
-        filler.fill(&mut data, 4, 0.0, |x| x);
+        callback.fill(&mut data, 4, 0.0, |x| x);
         let channel: Vec<f64> = data.chunks(4).map(|frame| frame[1]).collect();
         assert!(channel[..480].iter().all(|x| *x == 0.25));
         let ramp = &channel[480..960];
         assert!(ramp.windows(2).all(|pair| pair[1] < pair[0]), "{ramp:?}");
         assert!(channel[960..].iter().all(|x| *x == 0.0));
         // Known a buffer later: a card may have samples left to play.
-        filler.fill(&mut data, 4, 0.0, |x| x);
+        callback.fill(&mut data, 4, 0.0, |x| x);
         assert!(data.iter().all(|x| *x == 0.0) && shared.at_rest.load(Relaxed));
     }
 
@@ -216,11 +217,11 @@ mod tests {
 
     /// What two channels play in twelve buffers, until nothing is driven any more.
     fn play(graph: &Graph) -> [Vec<f64>; 2] {
-        let (mut filler, shared, _session) = filler(graph, 1.0);
+        let (mut callback, shared, _session) = callback(graph, 1.0);
         let mut played = [Vec::new(), Vec::new()];
         for _ in 0..12 {
             let mut data = vec![9.0; 64 * 2];
-            filler.fill(&mut data, 2, 0.0, |x| x);
+            callback.fill(&mut data, 2, 0.0, |x| x);
             for (channel, played) in played.iter_mut().enumerate() {
                 played.extend(data.chunks(2).map(|frame| frame[channel]));
             }
@@ -313,13 +314,13 @@ mod tests {
     fn a_run_outlives_its_stream() {
         let graph = graph();
         let (live, _session) = Session::open(FileSinks::new(&graph), &LiveOptions::default()).unwrap();
-        let home = Home::of(live);
+        let slot = Detached::of(live);
         let shared = Arc::default();
         for expected in [10, 20] {
-            let mut filler = Filler::new(&home, &shared, 48_000, Instant::now());
-            filler.fill(&mut [0.0; 10], 1, 0.0, |x| x);
-            drop(filler);
-            let live = home.open();
+            let mut callback = PlaybackCallback::new(&slot, &shared, 48_000, Instant::now());
+            callback.fill(&mut [0.0; 10], 1, 0.0, |x| x);
+            drop(callback);
+            let live = slot.lock();
             assert_eq!(live.as_ref().map(|live| live.frames()), Some(expected));
         }
     }

@@ -1,5 +1,5 @@
-//! The kinds of soundcard endpoints, by what hangs on the card: their settings, their channels, and the nodes that
-//! are made for them.
+//! The kinds of soundcard endpoints, by the hardware on the card: their settings, their channels, and the nodes
+//! for them.
 
 use super::card::{Card, CardFormat, Input, Output};
 use crate::actuators::limit::VoltageLimitSettings;
@@ -9,7 +9,7 @@ use haptograph_engine::node::{ActuatorKind, BuildContext, BuildError, Limit, Nod
 use haptograph_engine::silence::OnSilence;
 use haptograph_signal::quantity::Quantity;
 
-/// Settings of a card that plays: by what a full-scale sample is at the actuator, and maybe what else hangs on it.
+/// Settings of an output: the actuator's value at full scale, and possibly an input.
 macro_rules! output_settings {
     ($(#[doc = $summary:expr])* $name:ident: $full_scale:ident $doc:literal $(, $also:ident: $type:ident $also_doc:literal)?) => {
         haptograph_engine::settings! {
@@ -18,13 +18,13 @@ macro_rules! output_settings {
                 #[doc = $doc]
                 $full_scale: f64, in 1e-9..=1e6;
                 $(#[doc = $also_doc] $also: $type;)?
-                /// The card, by its name in `haptograph devices`; none: the system's default.
+                /// Name of the card as `haptograph devices` lists it; none: the system's default.
                 device: Option<String> = None;
                 /// Output channels that carry the signal, counted from 1.
                 channels: Vec<u32> = vec![1];
-                /// Frames of a buffer that are asked for; the run says what was got.
+                /// Requested frames per buffer; the run reports the actual ones.
                 buffer_frames: u32 = 64, in 8..=16_384;
-                /// Form of the samples that are asked for.
+                /// Requested sample format.
                 format: CardFormat = CardFormat::Best;
             }
         }
@@ -37,7 +37,7 @@ macro_rules! output_settings {
     };
 }
 
-/// Settings of a card that listens: by what a full-scale sample is at the sensor.
+/// Settings of an input: the sensor's value at full scale.
 macro_rules! input_settings {
     ($(#[doc = $summary:expr])* $name:ident: $full_scale:ident $doc:literal) => {
         haptograph_engine::settings! {
@@ -45,20 +45,20 @@ macro_rules! input_settings {
             pub struct $name {
                 #[doc = $doc]
                 $full_scale: f64, in 1e-9..=1e6;
-                /// The card, by its name in `haptograph devices`; none: the system's default.
+                /// Name of the card as `haptograph devices` lists it; none: the system's default.
                 device: Option<String> = None;
                 /// Input channel that carries the signal, counted from 1.
                 channel: u32 = 1, in 1..=256;
-                /// Rate that is asked for, Hz; none: that of the clock that reads it.
+                /// Requested rate, Hz; none: the rate of the clock that reads it.
                 rate_hz: Option<u32> = None, in 1000..=768_000;
-                /// Frames of a buffer that are asked for; the run says what was got.
+                /// Requested frames per buffer; the run reports the actual ones.
                 buffer_frames: u32 = 64, in 8..=16_384;
-                /// Form of the samples that are asked for.
+                /// Requested sample format.
                 format: CardFormat = CardFormat::Best;
-                /// What the delay from the card's clock to the graph's is kept at, ms; none: three buffers and what the
+                /// Target delay from the card's clock to the graph's, ms; none: three buffers plus what the
                 /// resampler between them needs.
                 latency_ms: Option<f64> = None, in 0.1..=10_000.0;
-                /// What its silence does to the actuators that depend on it.
+                /// Effect of its silence on the actuators that depend on it.
                 on_silence: OnSilence = OnSilence::Zero;
             }
         }
@@ -76,28 +76,28 @@ macro_rules! input_settings {
 }
 
 output_settings! {
-    /// A soundcard and the amplifier behind it, by the current that it drives.
+    /// A soundcard with a current amplifier.
     SoundcardSettings: amperes_full_scale "Current through the actuator at full scale, A: measure it."
 }
 
 output_settings! {
-    /// A soundcard and the amplifier behind it, by the voltage that it drives.
+    /// A soundcard with a voltage amplifier.
     SoundcardVoltageSettings: volts_full_scale "Voltage at the actuator at full scale, V: measure it."
 }
 
 output_settings! {
-    /// A soundcard that drives an actuator and listens to the accelerometer on its tool.
+    /// A soundcard with an actuator and the accelerometer on its tool.
     SoundcardHaptuatorSettings: amperes_full_scale "Current through the actuator at full scale, A: measure it.",
-    accelerometer: SoundcardAccelerometerSettings "The input that the accelerometer is on."
+    accelerometer: SoundcardAccelerometerSettings "Input of the accelerometer."
 }
 
 input_settings! {
-    /// A soundcard that listens to an accelerometer.
+    /// A soundcard input with an accelerometer.
     SoundcardAccelerometerSettings: m_s2_full_scale "Acceleration at full scale, m/s2: measure it, or multiply the input's volts at full scale by the sensor's m/s2 per V."
 }
 
 input_settings! {
-    /// A soundcard that listens to a voltage.
+    /// A soundcard input that measures a voltage.
     SoundcardInputSettings: volts_full_scale "Voltage at the input at full scale, V: measure it."
 }
 
@@ -116,7 +116,7 @@ const DRIVEN_VOLTAGE: Channel = channel("voltage", Quantity::VOLTAGE, "Voltage a
 const ACCELERATION: Channel = channel("acceleration", Quantity::ACCELERATION, "Acceleration, m/s2.");
 const SENSED_VOLTAGE: Channel = channel("voltage", Quantity::VOLTAGE, "Voltage at the input, V.");
 
-/// A kind of endpoint on a soundcard: its name, its settings, what it drives and senses, and what it is made of.
+/// Declares a kind of soundcard endpoint: name, settings, outputs, inputs, and the card's parts.
 macro_rules! card_kind {
     (
         $(#[doc = $summary:expr])* $name:ident($settings:ident): drives $drives:expr, senses $senses:expr,
@@ -146,29 +146,29 @@ macro_rules! card_kind {
 }
 
 card_kind! {
-    /// A soundcard before an amplifier that is calibrated in current.
+    /// A soundcard with an amplifier calibrated in current.
     Soundcard(SoundcardSettings): drives &[CURRENT], senses &[],
-    "A soundcard and the amplifier behind it, calibrated in current: it drives a graph that runs live. It has to tick on \
-     a driver clock, at a rate that the card has. Offline, what it would play is written to `<endpoint>.soundcard.wav`.",
+    "A soundcard and its amplifier, calibrated in current. It drives the live run of a graph and has to tick on \
+     a driver clock, at a rate that the card supports. Offline, its signal is written to `<endpoint>.soundcard.wav`.",
     "3.1.3",
     r#""haptuator": Soundcard(amperes_full_scale: 1.0)"#,
     |settings, cx| (Some(settings.output(cx)?), None)
 }
 
 card_kind! {
-    /// A soundcard before an amplifier that is calibrated in voltage.
+    /// A soundcard with an amplifier calibrated in voltage.
     SoundcardVoltage(SoundcardVoltageSettings): drives &[DRIVEN_VOLTAGE], senses &[],
-    "A soundcard and the amplifier behind it, calibrated in voltage; else like `Soundcard`.",
+    "A soundcard and its amplifier, calibrated in voltage; otherwise like `Soundcard`.",
     "",
     r#""shaker": SoundcardVoltage(volts_full_scale: 2.0)"#,
     |settings, cx| (Some(settings.output(cx)?), None)
 }
 
 card_kind! {
-    /// A soundcard behind an accelerometer.
+    /// A soundcard input with an accelerometer.
     SoundcardAccelerometer(SoundcardAccelerometerSettings): drives &[], senses &[ACCELERATION],
-    "An accelerometer on the input of a soundcard, calibrated in acceleration. It may tick on any clock: card and graph \
-     each keep their own time. It listens in live runs only; offline, and while the card is silent, it reads zero, and \
+    "An accelerometer on the input of a soundcard, calibrated in acceleration. It may tick on any clock, because a \
+     resampler connects the card's clock to the graph's. It works in live runs only. Offline, and while the card is silent, it reads zero, and \
      every actuator that depends on it is at zero, unless `on_silence` is `Hold`.",
     "2.2.1",
     r#""tool": SoundcardAccelerometer(m_s2_full_scale: 50.0)"#,
@@ -176,19 +176,19 @@ card_kind! {
 }
 
 card_kind! {
-    /// A soundcard behind a sensor that gives a voltage.
+    /// A soundcard input with a voltage sensor.
     SoundcardInput(SoundcardInputSettings): drives &[], senses &[SENSED_VOLTAGE],
-    "A sensor on the input of a soundcard, calibrated in voltage; else like `SoundcardAccelerometer`.",
+    "A sensor on the input of a soundcard, calibrated in voltage; otherwise like `SoundcardAccelerometer`.",
     "",
     r#""line": SoundcardInput(volts_full_scale: 1.4)"#,
     |settings, cx| (None, Some(settings.input(cx)?))
 }
 
 card_kind! {
-    /// A soundcard before an actuator and behind the accelerometer on its tool.
+    /// A soundcard with an actuator and the accelerometer on its tool.
     SoundcardHaptuator(SoundcardHaptuatorSettings): drives &[CURRENT], senses &[ACCELERATION],
-    "A `Soundcard` before an actuator and a `SoundcardAccelerometer` behind the tool that it shakes, as one body: what \
-     `SimulatedHaptuator` simulates. While the accelerometer is silent the actuator is at zero.",
+    "A `Soundcard` with an actuator and a `SoundcardAccelerometer` on the same tool, as one device; \
+     `SimulatedHaptuator` simulates it. While the accelerometer is silent the actuator is at zero.",
     "3.1.3",
     r#""haptuator": SoundcardHaptuator(amperes_full_scale: 1.0, accelerometer: (m_s2_full_scale: 50.0))"#,
     |settings, cx| {
@@ -201,9 +201,9 @@ card_kind! {
 haptograph_engine::settings! {
     /// Settings of [`SoundcardSink`].
     pub struct SoundcardSinkSettings {
-        /// A plain factor on the voltage, before the limit.
+        /// Gain on the voltage, without unit, before the limit.
         [live] gain: f64 = 1.0;
-        /// What the actuator may be given.
+        /// Limit of the actuator.
         limit: VoltageLimitSettings;
     }
 }
@@ -216,20 +216,20 @@ impl ActuatorKind for SoundcardSink {
     const SPEC: NodeSpec = NodeSpec {
         name: "SoundcardSink",
         group: "sinks",
-        doc: "Drives an actuator by voltage through a soundcard, within limits that it has to state. What is not a \
-              number becomes no voltage. An actuator that is driven by current is an `ActuatorSink` on a `Soundcard`.",
+        doc: "Drives an actuator by voltage through a soundcard, within limits that the graph has to state. NaN and \
+              infinity become zero. An actuator that is driven by current uses an `ActuatorSink` on a `Soundcard`.",
         source: "",
         inputs: &[input(
             "voltage",
             Kind::Scalar,
             Quantity::VOLTAGE,
-            "Voltage that is asked for, V.",
+            "Requested voltage, V.",
         )],
         outputs: &[output(
             "delivered",
             Kind::Scalar,
             Quantity::VOLTAGE,
-            "Voltage that the actuator was given, V.",
+            "Voltage after the limit, V.",
         )],
         example: r#""out": SoundcardSink(voltage: "shaped", endpoint: "shaker", limit: (peak_v: 2.0, continuous_v: 1.0))"#,
     };
@@ -243,8 +243,8 @@ impl ActuatorKind for SoundcardSink {
 pub const SOUNDCARD_SOURCE: NodeSpec = NodeSpec {
     name: "SoundcardSource",
     group: "sources",
-    doc: "Reads a voltage from a soundcard. `Calibrate` makes of it what the sensor measures; an accelerometer on a \
-          soundcard is read by `Accelerometer`.",
+    doc: "Reads a voltage from a soundcard. `Calibrate` converts it to the sensor's quantity; an accelerometer on a \
+          soundcard uses `Accelerometer`.",
     source: "",
     inputs: &[],
     outputs: &[output(

@@ -1,24 +1,24 @@
-//! What happens in the callback of a card that listens: real-time code, and nothing of the soundcard's system in it.
+//! The capture callback of a soundcard: real-time code, independent of the sound system.
 
 use super::card::{Card, Input, Reader};
-use super::shared::{Away, Due, Home, Shared};
+use super::shared::{Active, Detached, Due, Shared};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{AgeMeter, AsyncResamplerWriter, Live, async_resampler};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Samples that are sent at a time.
+/// Samples per write to a ring.
 const AT_ONCE: usize = 64;
-/// The largest sample of the coarsest form: what is no smaller was cut off, or as good as.
+/// The largest sample of the coarsest format: a sample no smaller counts as clipped.
 const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 
 impl Input {
-    /// Begins to listen; returns where the card's stream puts what it hears.
-    pub fn listen(&mut self) -> Ear {
+    /// Starts the input; returns the end that the card's stream writes.
+    pub fn listen(&mut self) -> InputTap {
         let (writer, reader) = async_resampler(&self.ring);
         self.reader = Reader(Some(Box::new(Mutex::new(reader))));
-        Ear {
+        InputTap {
             channel: self.channel as usize - 1,
             full_scale: self.full_scale,
             writer,
@@ -27,7 +27,7 @@ impl Input {
     }
 }
 
-/// What a live run hears: each input in the driver that its device hangs from. The others have copies that nobody reads.
+/// The inputs of a live run, each in the driver of its device. Copies in other drivers are unused.
 pub(super) fn heard<'l>(graph: &'l Graph, lives: &'l mut [Live]) -> impl Iterator<Item = &'l mut Input> {
     let own = move |(driver, live): (usize, &'l mut Live)| {
         let devices = graph.devices().iter().zip(live.devices_mut());
@@ -43,8 +43,8 @@ pub(super) fn heard<'l>(graph: &'l Graph, lives: &'l mut [Live]) -> impl Iterato
         .filter_map(|device| device.as_any_mut().downcast_mut::<Card>()?.input.as_mut())
 }
 
-/// The far end of an input's ring: in the callback of the card's stream.
-pub(super) struct Ear {
+/// The writing end of an input's ring, in the callback of the card's stream.
+pub(super) struct InputTap {
     /// Counted from 0.
     pub channel: usize,
     pub full_scale: f64,
@@ -52,18 +52,18 @@ pub(super) struct Ear {
     pub ages: Arc<AgeMeter>,
 }
 
-/// Sends what a card hears to all endpoints that listen to it.
-pub(super) struct Listener {
-    ears: Away<Vec<Ear>>,
+/// Sends a card's samples to the endpoints that use them.
+pub(super) struct CaptureCallback {
+    taps: Active<Vec<InputTap>>,
     shared: Arc<Shared>,
     due: Due,
 }
 
-impl Listener {
-    /// Takes the ears from their home.
-    pub fn new(home: &Home<Vec<Ear>>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
+impl CaptureCallback {
+    /// Takes the taps out of the slot.
+    pub fn new(slot: &Detached<Vec<InputTap>>, shared: &Arc<Shared>, rate_hz: u32, start: Instant) -> Self {
         Self {
-            ears: home.leave(),
+            taps: slot.attach(),
             shared: Arc::clone(shared),
             due: Due::new(rate_hz, start),
         }
@@ -73,25 +73,25 @@ impl Listener {
     pub fn hear<T: Copy>(&mut self, data: &[T], channels: usize, age: Duration, convert: impl Fn(T) -> f64) {
         let began = Instant::now();
         let mut clipped = 0;
-        for ear in self.ears.get().into_iter().flatten() {
-            ear.writer.poll();
+        for tap in self.taps.get().into_iter().flatten() {
+            tap.writer.poll();
             for frames in data.chunks(AT_ONCE * channels) {
                 let mut heard = [0.0; AT_ONCE];
                 let samples = frames.chunks_exact(channels).zip(&mut heard);
                 let count = samples.len();
                 for (frame, heard) in samples {
-                    let sample = frame.get(ear.channel).map_or(0.0, |sample| convert(*sample));
+                    let sample = frame.get(tap.channel).map_or(0.0, |sample| convert(*sample));
                     clipped += u64::from(sample.is_nan() || sample.abs() >= FULL);
-                    // A resampler would not forget what is no number.
+                    // NaN would stay in a resampler.
                     let sample = if sample.is_finite() { sample } else { 0.0 };
-                    *heard = sample * ear.full_scale;
+                    *heard = sample * tap.full_scale;
                 }
-                ear.writer.write(&heard[..count]);
+                tap.writer.write(&heard[..count]);
             }
-            ear.ages.news(began.checked_sub(age).unwrap_or(began));
+            tap.ages.news(began.checked_sub(age).unwrap_or(began));
         }
         self.shared.clipped.fetch_add(clipped, Relaxed);
-        self.due.note(began, data.len() / channels, &self.shared);
+        self.due.record(began, data.len() / channels, &self.shared);
     }
 }
 
@@ -140,7 +140,7 @@ mod tests {
     /// A card with three channels, of which the second one is listened to, and the device behind it.
     struct World {
         device: Box<dyn Device>,
-        listener: Listener,
+        callback: CaptureCallback,
         shared: Arc<Shared>,
         heard: usize,
         /// Ticks of the device for a frame of the card.
@@ -152,10 +152,10 @@ mod tests {
         fn new(built: Result<Box<dyn Device>, BuildError>, rate_hz: f64) -> Self {
             let mut device = built.unwrap();
             let card: &mut Card = device.as_any_mut().downcast_mut().unwrap();
-            let home = Home::of(vec![card.input.as_mut().unwrap().listen()]);
+            let slot = Detached::of(vec![card.input.as_mut().unwrap().listen()]);
             let shared = Arc::default();
             Self {
-                listener: Listener::new(&home, &shared, 48_000, Instant::now()),
+                callback: CaptureCallback::new(&slot, &shared, 48_000, Instant::now()),
                 device,
                 shared,
                 heard: 0,
@@ -176,7 +176,7 @@ mod tests {
             if let Some(sample) = sample {
                 let second = |frame| sample((self.heard + frame) as f64 / RATE_HZ) as f32;
                 let data: Vec<f32> = (0..FRAMES).flat_map(|frame| [1.0, second(frame), -1.0]).collect();
-                self.listener.hear(&data, 3, Duration::ZERO, f64::from);
+                self.callback.capture(&data, 3, Duration::ZERO, f64::from);
             }
             self.heard += FRAMES;
             self.device.poll(Instant::now());
@@ -277,14 +277,14 @@ mod tests {
                     "tool": SoundcardAccelerometer(m_s2_full_scale: 50, on_silence: POLICY),
                     "coil": SimulatedHaptuator(),
                 } })"#;
-            let mut listener = None;
+            let mut callback = None;
             let mut rig = Rig::new(&text.replace("POLICY", policy), |graph, lives| {
-                let ears: Vec<Ear> = heard(graph, lives).map(Input::listen).collect();
-                let (home, shared) = (Home::of(ears), Arc::default());
-                listener = Some(Listener::new(&home, &shared, 48_000, Instant::now()));
+                let taps: Vec<InputTap> = heard(graph, lives).map(Input::listen).collect();
+                let (slot, shared) = (Detached::of(taps), Arc::default());
+                callback = Some(CaptureCallback::new(&slot, &shared, 48_000, Instant::now()));
             });
-            let mut listener = listener.unwrap();
-            let mut speaks = || listener.hear(&[0.2_f32; 48], 1, Duration::ZERO, f64::from);
+            let mut callback = callback.unwrap();
+            let mut speaks = || callback.capture(&[0.2_f32; 48], 1, Duration::ZERO, f64::from);
             assert_eq!(rig.pass(50, || {}), 0.0);
             rig.assert_true_status("tool", true);
             assert!((rig.pass(200, &mut speaks) - 0.5).abs() < 0.01);
@@ -330,7 +330,7 @@ mod tests {
             let mut frame = [0.0];
             let allocated = crate::realtime::allocations(|| {
                 let heard = &data[..3 * frames];
-                world.listener.hear(heard, 3, Duration::ZERO, f64::from);
+                world.callback.capture(heard, 3, Duration::ZERO, f64::from);
                 world.device.poll(Instant::now());
                 for _ in 0..ticks {
                     world.device.advance();
@@ -385,8 +385,8 @@ mod tests {
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let options = LiveOptions::default();
         let (mut lives, _session) = Session::open_all(FileSinks::new(&graph), &options, None).unwrap();
-        let ears: Vec<Ear> = heard(&graph, &mut lives).map(Input::listen).collect();
-        let mut channels: Vec<usize> = ears.iter().map(|ear| ear.channel).collect();
+        let taps: Vec<InputTap> = heard(&graph, &mut lives).map(Input::listen).collect();
+        let mut channels: Vec<usize> = taps.iter().map(|tap| tap.channel).collect();
         channels.sort_unstable();
         assert_eq!(channels, [0, 1]);
         for (driver, live) in graph.drivers().into_iter().zip(&mut lives) {

@@ -1,6 +1,6 @@
-//! A sound played once on the default soundcard, beside any graph.
+//! Plays a sound once on the default soundcard, independent of any graph.
 
-use super::system::{OPENING, Way, card_name, choose, find, system};
+use super::system::{Direction, OPENING, card_name, choose, find, system};
 use super::{CardFormat, Request, SoundcardError};
 use cpal::traits::{DeviceTrait, StreamTrait};
 use cpal::{BufferSize, Error, ErrorKind, FromSample, I24, SampleFormat, SizedSample, Stream, StreamConfig};
@@ -8,16 +8,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How often the thread that waits looks at the sound.
+/// Time between polls of the waiting thread.
 const POLL: Duration = Duration::from_millis(10);
-/// A card that takes nothing for this long is broken.
+/// A card that takes no samples for this long is broken.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How long a sound takes to fall silent when it is stopped, s.
+/// Fade-out of a stopped sound, s.
 const FADE_S: f64 = 0.01;
-/// What the card may still hold when it has taken the last sample.
+/// Time that the card may still play after it has taken the last sample.
 const DRAIN: Duration = Duration::from_millis(150);
 
-/// What the callback and the thread that waits share.
+/// State shared by the callback and the waiting thread.
 #[derive(Debug, Default)]
 struct Shared {
     /// Samples taken.
@@ -26,19 +26,19 @@ struct Shared {
     lost: AtomicBool,
 }
 
-/// Is there a soundcard that a sound can be played on?
+/// Checks that a soundcard can play a sound.
 ///
 /// # Errors
-/// [`SoundcardError::Unknown`] where there is none.
+/// [`SoundcardError::Unknown`] if there is none.
 pub fn ready_to_play() -> Result<(), SoundcardError> {
-    find(Way::Play, None).map(drop)
+    find(Direction::Play, None).map(drop)
 }
 
-/// Plays one channel, in parts of full scale, on every channel of the default soundcard. Returns at its end, or soon
+/// Plays one channel, relative to full scale, on every channel of the default soundcard. Returns at its end, or soon
 /// after `stop` is set.
 ///
 /// # Errors
-/// [`SoundcardError`] where there is no soundcard, it lacks the rate, or it goes away.
+/// [`SoundcardError`] if there is no soundcard, it does not support the rate, or it vanishes.
 pub fn play_once(samples: Vec<f32>, rate_hz: u32, stop: &AtomicBool) -> Result<(), SoundcardError> {
     let request = Request {
         device: None,
@@ -47,8 +47,8 @@ pub fn play_once(samples: Vec<f32>, rate_hz: u32, stop: &AtomicBool) -> Result<(
         format: CardFormat::Best,
         channels: 1,
     };
-    let device = find(Way::Play, None)?;
-    let (channels, format) = choose(Way::Play, &request, &device, &card_name(&device))?;
+    let device = find(Direction::Play, None)?;
+    let (channels, format) = choose(Direction::Play, &request, &device, &card_name(&device))?;
     let config = StreamConfig {
         channels,
         sample_rate: rate_hz,
@@ -73,7 +73,7 @@ pub fn play_once(samples: Vec<f32>, rate_hz: u32, stop: &AtomicBool) -> Result<(
     wait(&shared, count, stop)
 }
 
-/// Until all samples are taken and played.
+/// Waits until all samples are taken and played.
 fn wait(shared: &Shared, count: usize, stop: &AtomicBool) -> Result<(), SoundcardError> {
     let (mut before, mut since) = (0, Instant::now());
     while shared.taken.load(Relaxed) < count && !stop.load(Relaxed) {
@@ -83,7 +83,7 @@ fn wait(shared: &Shared, count: usize, stop: &AtomicBool) -> Result<(), Soundcar
         }
         if shared.lost.load(Relaxed) || since.elapsed() > PATIENCE {
             return Err(SoundcardError::System(
-                "it took no more samples while a sound was played".to_owned(),
+                "it stopped taking samples while a sound was played".to_owned(),
             ));
         }
         std::thread::sleep(POLL);
@@ -93,13 +93,13 @@ fn wait(shared: &Shared, count: usize, stop: &AtomicBool) -> Result<(), Soundcar
     Ok(())
 }
 
-/// What the callback plays.
+/// State of the callback.
 struct Voice {
     samples: Vec<f32>,
     next: usize,
-    /// Falls to 0 once it is to stop.
+    /// Gain; falls to 0 after a stop.
     level: f32,
-    /// By how much, a frame.
+    /// Decrease of the gain per frame.
     fall: f32,
     shared: Arc<Shared>,
 }

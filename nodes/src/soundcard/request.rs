@@ -1,31 +1,31 @@
-//! What a graph asks of soundcards: what it plays there and what it hears.
+//! The soundcard streams that a graph requests.
 
 use super::SoundcardError;
 use super::card::{Card, CardFormat, Output};
 use haptograph_engine::graph::{Graph, GraphDevice, NodeId};
 
-/// A stream to a card or from it, as endpoints ask for it.
+/// A requested stream to or from a card.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// The card's name; none: the default.
+    /// Name of the card; none: the default card.
     pub device: Option<String>,
     /// Rate, Hz.
     pub rate_hz: u32,
     /// Frames of a buffer.
     pub buffer_frames: u32,
-    /// Form of the samples.
+    /// Sample format.
     pub format: CardFormat,
-    /// Channels at least.
+    /// Minimum number of channels.
     pub channels: u16,
 }
 
 impl Request {
-    /// How long a buffer lasts, s.
+    /// Duration of a buffer, s.
     pub(super) fn buffer_s(&self) -> f64 {
         f64::from(self.buffer_frames) / f64::from(self.rate_hz)
     }
 
-    /// What, but for their channels, keeps the two from being one stream.
+    /// The first difference, other than channels, that keeps two requests from sharing a stream.
     pub(super) fn differs_from(&self, other: &Self) -> Option<&'static str> {
         match () {
             () if self.device != other.device => Some("`device`"),
@@ -37,39 +37,39 @@ impl Request {
     }
 }
 
-/// All that a graph asks of soundcards. A run that has it can take over any graph that asks for the same.
+/// All streams that a graph requests. A run can take over any graph with the same requests.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wanted {
-    /// The stream that drives the graph; none where no endpoint plays.
+    /// The stream that drives the graph; none if no endpoint plays.
     pub output: Option<Request>,
-    /// What it hears.
+    /// The inputs.
     pub inputs: Vec<Heard>,
 }
 
-/// What an endpoint hears.
+/// The input of an endpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heard {
     endpoint: String,
-    /// Of its settings as they are written: a run carries a device over to another graph by it, and with the device the
-    /// end of the ring from the card.
+    /// Fingerprint of its settings. It decides whether a swap keeps the device, and with the device the reader
+    /// of its ring.
     fingerprint: u64,
 }
 
-/// What an endpoint plays: the output that drives it, and what a sample of 1 stands for.
+/// The output of an endpoint: the sink that drives it, and its full scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Played {
     /// Name of the endpoint.
     pub endpoint: String,
-    /// The sink that drives it.
+    /// The sink that drives the endpoint.
     pub sink: NodeId,
-    /// In the unit of the sink.
+    /// Value of a full-scale sample, in the unit of the sink.
     pub full_scale: f64,
 }
 
-/// What the endpoints of a graph ask of soundcards.
+/// The streams that the endpoints of a graph request.
 ///
 /// # Errors
-/// [`SoundcardError`] where those that play do not go together.
+/// [`SoundcardError`] if its outputs contradict each other.
 pub fn wanted(graph: &Graph) -> Result<Wanted, SoundcardError> {
     let inputs = cards(graph).filter(|(_, card)| card.input.is_some());
     let heard = |(device, _): (&GraphDevice, &Card)| Heard {
@@ -111,7 +111,7 @@ fn cards(graph: &Graph) -> impl Iterator<Item = (&GraphDevice, &Card)> {
     devices.filter_map(|device| Some((device, device.device().as_any().downcast_ref::<Card>()?)))
 }
 
-/// What the soundcard endpoints of a graph play.
+/// The outputs of a graph's soundcard endpoints.
 pub fn played(graph: &Graph) -> Vec<Played> {
     let nodes = graph.nodes();
     let driven = nodes.ids().filter(|node| nodes[*node].entry.is_actuator());

@@ -1,4 +1,4 @@
-//! What a stream's callbacks share with the rest of the program, without waiting for it.
+//! State that a stream's callbacks share with the rest of the program, without waiting.
 
 use super::CardCounts;
 use haptograph_engine::run::SharedHistogram;
@@ -16,14 +16,14 @@ pub(super) struct Shared {
     xrun_last_ns: AtomicU64,
     /// The next callback is the first after an xrun.
     pub after_xrun: AtomicBool,
-    /// Times between callback and converter that the system stated.
+    /// Times between callback and converter, as the system states them.
     pub latency: SharedHistogram,
-    /// The run is over and nothing is driven any more.
+    /// The run has ended and all outputs have faded out.
     pub at_rest: AtomicBool,
 }
 
 impl Shared {
-    /// What was counted, of a card that vanished so many times.
+    /// The counts of a stream whose card has vanished `vanished` times.
     pub fn counts(&self, vanished: u64) -> CardCounts {
         CardCounts {
             xruns: self.xruns.load(Relaxed),
@@ -36,10 +36,10 @@ impl Shared {
     }
 }
 
-/// The part of a callback's earliness that the ones after it are expected earlier.
+/// Divisor of a callback's earliness by which later callbacks are expected earlier.
 const FOLLOWS: u32 = 64;
 
-/// When the callbacks of a stream are due.
+/// Expected times of a stream's callbacks.
 pub(super) struct Due {
     rate_hz: f64,
     start: Instant,
@@ -55,13 +55,13 @@ impl Due {
         }
     }
 
-    /// Notes a callback; returns how late it began and how long its frames last.
-    pub fn note(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
+    /// Records a callback; returns its delay and the duration of its frames.
+    pub fn record(&mut self, began: Instant, frames: usize, shared: &Shared) -> (Duration, Duration) {
         let lasts = Duration::from_secs_f64(frames as f64 / self.rate_hz);
         let due = self.next.unwrap_or(began);
         let late = began.saturating_duration_since(due);
-        // A callback that is early is due again a buffer after it would have been on time, or a little earlier: a card that is
-        // faster than this computer's clock would seem ever earlier, and hide how late one is.
+        // After an early callback the next is due one buffer after the expected time, or slightly earlier: otherwise a card
+        // faster than the computer's clock would seem ever earlier and hide delays.
         let early = due.saturating_duration_since(began);
         self.next = Some(due.max(began) - early / FOLLOWS + lasts);
         if shared.after_xrun.swap(false, Relaxed) {
@@ -75,50 +75,50 @@ impl Due {
     }
 }
 
-/// Where something waits while no stream has it.
+/// Holds the state of a callback while no stream is open.
 #[derive(Debug)]
-pub(super) struct Home<T>(Arc<Mutex<Option<Box<T>>>>);
+pub(super) struct Detached<T>(Arc<Mutex<Option<Box<T>>>>);
 
-impl<T> Clone for Home<T> {
+impl<T> Clone for Detached<T> {
     fn clone(&self) -> Self {
         Self(Arc::clone(&self.0))
     }
 }
 
-impl<T> Home<T> {
+impl<T> Detached<T> {
     pub fn of(it: T) -> Self {
         Self(Arc::new(Mutex::new(Some(Box::new(it)))))
     }
 
-    pub fn open(&self) -> MutexGuard<'_, Option<Box<T>>> {
+    pub fn lock(&self) -> MutexGuard<'_, Option<Box<T>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes it along, if it is there.
-    pub fn leave(&self) -> Away<T> {
-        Away {
-            it: self.open().take(),
-            home: self.clone(),
+    /// Moves the state to a stream, if no other stream has it.
+    pub fn attach(&self) -> Active<T> {
+        Active {
+            it: self.lock().take(),
+            slot: self.clone(),
         }
     }
 }
 
-/// What a stream has while it runs. When the stream goes, it goes home.
-pub(super) struct Away<T> {
+/// The state of a running stream's callback. It returns to [`Detached`] when the stream ends.
+pub(super) struct Active<T> {
     it: Option<Box<T>>,
-    home: Home<T>,
+    slot: Detached<T>,
 }
 
-impl<T> Away<T> {
+impl<T> Active<T> {
     pub fn get(&mut self) -> Option<&mut T> {
         self.it.as_deref_mut()
     }
 }
 
-impl<T> Drop for Away<T> {
+impl<T> Drop for Active<T> {
     fn drop(&mut self) {
         if let Some(it) = self.it.take() {
-            *self.home.open() = Some(it);
+            *self.slot.lock() = Some(it);
         }
     }
 }
@@ -135,10 +135,10 @@ mod tests {
         let callback =
             |number: u32| start + Duration::from_secs_f64(f64::from(number) * 64.0 / 48_000.0 * (1.0 - 1e-4));
         for number in 0..150_000 {
-            let (late, _) = due.note(callback(number), 64, &shared);
+            let (late, _) = due.record(callback(number), 64, &shared);
             assert!(late < Duration::from_micros(1), "{late:?}");
         }
-        let (late, _) = due.note(callback(150_000) + Duration::from_millis(5), 64, &shared);
+        let (late, _) = due.record(callback(150_000) + Duration::from_millis(5), 64, &shared);
         assert!((late.as_secs_f64() - 5e-3).abs() < 2e-5, "{late:?}");
     }
 }

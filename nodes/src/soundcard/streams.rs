@@ -1,10 +1,10 @@
-//! Streams of cards: one that drives a live run, and those that it listens to.
+//! The soundcard streams of a live run: the one that drives it, and its inputs.
 
-use super::fill::Filler;
-use super::kept::Kept;
-use super::listen::{Ear, Listener, heard};
-use super::system::{OPENING, Plug, Plugged, Way};
-use super::{CardCounts, CardNote, Got, Request, SoundcardError};
+use super::fill::PlaybackCallback;
+use super::listen::{CaptureCallback, InputTap, heard};
+use super::reconnecting::ReconnectingStream;
+use super::system::{CallbackState, Direction, OPENING, Setup};
+use super::{CardCounts, CardNote, OpenedStream, Request, SoundcardError};
 use cpal::traits::DeviceTrait;
 use cpal::{Error, FromSample, InputCallbackInfo, OutputCallbackInfo, SizedSample, Stream, StreamConfig};
 use haptograph_engine::graph::Graph;
@@ -15,155 +15,156 @@ use std::time::{Duration, Instant};
 
 /// A stream that drives a live run.
 pub struct CardDriver {
-    kept: Kept<Live>,
+    stream: ReconnectingStream<Live>,
     rested: Option<Instant>,
 }
 
 impl CardDriver {
-    /// Opens the card and lets it drive a live run.
+    /// Opens the card, which then drives the live run.
     ///
     /// # Errors
-    /// [`SoundcardError`] where there is no such card, or it cannot do what is asked for.
+    /// [`SoundcardError`] if there is no such card, or it does not support the request.
     pub fn start(request: Request, live: Live) -> Result<Self, SoundcardError> {
         Ok(Self {
-            kept: Kept::open(request, live)?,
+            stream: ReconnectingStream::open(request, live)?,
             rested: None,
         })
     }
 
-    /// What was got.
-    pub fn got(&self) -> &Got {
-        &self.kept.got
+    /// The stream as the card opened it.
+    pub fn got(&self) -> &OpenedStream {
+        &self.stream.got
     }
 
-    /// Looks after the stream: reopens it where the card has gone and come back. Returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
-        if self.kept.shared().at_rest.load(Relaxed) && self.rested.is_none() {
+    /// Polls the stream, and reopens it when a vanished card is back. Returns messages.
+    pub fn poll(&mut self) -> Vec<CardNote> {
+        if self.stream.shared().at_rest.load(Relaxed) && self.rested.is_none() {
             self.rested = Some(Instant::now());
         }
-        // What was driven by the card is at rest with it.
-        self.kept.tend("the run waits", Live::resume)
+        // The run stands still without its card.
+        self.stream.poll("the run waits", Live::resume)
     }
 
-    /// Is the run over, and have the last buffers been played?
+    /// Whether the run has ended and its last buffers have been played.
     pub fn is_finished(&self) -> bool {
         let got = self.got();
-        let frames = got.buffer_frames.unwrap_or(self.kept.request.buffer_frames);
+        let frames = got.buffer_frames.unwrap_or(self.stream.request.buffer_frames);
         let plays = Duration::from_secs_f64(3.0 * f64::from(frames) / f64::from(got.rate_hz));
         self.rested.is_some_and(|since| since.elapsed() > plays)
     }
 
-    /// Is the card away?
+    /// Whether the card is gone.
     pub fn is_waiting(&self) -> bool {
-        self.kept.is_away()
+        self.stream.is_away()
     }
 
-    /// What was counted.
+    /// Counts of the stream.
     pub fn counts(&self) -> CardCounts {
-        self.kept.counts()
+        self.stream.counts()
     }
 
-    /// Closes the stream and gives the run back.
+    /// Closes the stream and returns the run.
     pub fn join(self) -> Option<Live> {
-        self.kept.close()
+        self.stream.close()
     }
 }
 
-impl Plugged for Live {
-    const WAY: Way = Way::Play;
+impl CallbackState for Live {
+    const DIRECTION: Direction = Direction::Play;
 
-    fn build<T>(plug: &Plug<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
+    fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
     where
         T: SizedSample + FromSample<f64> + Send + 'static,
         f64: FromSample<T>,
     {
-        let mut filler = Filler::new(&plug.home, &plug.shared, config.sample_rate, plug.start);
+        let mut callback = PlaybackCallback::new(&setup.slot, &setup.shared, config.sample_rate, setup.start);
         let channels = usize::from(config.channels);
-        let (shared, mut prepare) = (Arc::clone(&plug.shared), plug.preparation());
+        let (shared, mut prepare) = (Arc::clone(&setup.shared), setup.preparation());
         let fill = move |data: &mut [T], info: &OutputCallbackInfo| {
             prepare();
             let stamp = info.timestamp();
             let ahead = stamp.playback.saturating_duration_since(stamp.callback);
             shared.latency.record(ahead.as_nanos() as u64);
-            filler.fill(data, channels, T::EQUILIBRIUM, T::from_sample);
+            callback.fill(data, channels, T::EQUILIBRIUM, T::from_sample);
         };
-        device.build_output_stream(config, fill, plug.failed(), Some(OPENING))
+        device.build_output_stream(config, fill, setup.failed(), Some(OPENING))
     }
 }
 
-/// The streams that a live run listens to.
+/// The input streams of a live run.
 #[derive(Default)]
 pub struct Inputs {
-    /// Each with the endpoints that listen to it.
-    streams: Vec<(Vec<String>, Kept<Vec<Ear>>)>,
+    /// Streams with their endpoints.
+    streams: Vec<(Vec<String>, ReconnectingStream<Vec<InputTap>>)>,
     rings: Vec<Arc<RingMeter>>,
 }
 
 impl Inputs {
-    /// Opens what the endpoints of a live run listen to: `lives` has the graph's drivers, in its order. Endpoints that
-    /// ask for one stream share it.
+    /// Opens the inputs of a live run: `lives` has the graph's drivers, in its order. Endpoints with the same
+    /// request share a stream.
     ///
     /// # Errors
-    /// [`SoundcardError`] where there is no such card, or it cannot do what is asked for.
+    /// [`SoundcardError`] if there is no such card, or it does not support the request.
     pub fn open(graph: &Graph, lives: &mut [Live]) -> Result<Self, SoundcardError> {
         let mut inputs = Self::default();
-        let mut asked: Vec<(Request, Vec<String>, Vec<Ear>)> = Vec::new();
+        let mut asked: Vec<(Request, Vec<String>, Vec<InputTap>)> = Vec::new();
         for input in heard(graph, lives) {
-            let ear = input.listen();
-            inputs.rings.push(Arc::clone(ear.writer.meter()));
+            let tap = input.listen();
+            inputs.rings.push(Arc::clone(tap.writer.meter()));
             let (endpoint, stream) = (input.endpoint.clone(), &input.stream);
             match asked
                 .iter_mut()
                 .find(|(known, ..)| known.differs_from(stream).is_none())
             {
-                Some((known, endpoints, ears)) => {
+                Some((known, endpoints, taps)) => {
                     known.channels = known.channels.max(stream.channels);
                     endpoints.push(endpoint);
-                    ears.push(ear);
+                    taps.push(tap);
                 }
-                None => asked.push((stream.clone(), vec![endpoint], vec![ear])),
+                None => asked.push((stream.clone(), vec![endpoint], vec![tap])),
             }
         }
-        for (request, endpoints, ears) in asked {
-            inputs.streams.push((endpoints, Kept::open(request, ears)?));
+        for (request, endpoints, taps) in asked {
+            let stream = ReconnectingStream::open(request, taps)?;
+            inputs.streams.push((endpoints, stream));
         }
         Ok(inputs)
     }
 
-    /// The endpoints that listen to each stream, what was asked for and got, and what was counted.
-    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &Got, CardCounts)> {
+    /// For each stream: its endpoints, the request, the stream as opened, and its counts.
+    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &OpenedStream, CardCounts)> {
         let streams = self.streams.iter();
-        streams.map(|(endpoints, kept)| (&endpoints[..], &kept.request, &kept.got, kept.counts()))
+        streams.map(|(endpoints, stream)| (&endpoints[..], &stream.request, &stream.got, stream.counts()))
     }
 
-    /// What is known of the rings that lead from the cards to the graph.
+    /// Meters of the rings from the cards to the graph.
     pub fn rings(&self) -> impl Iterator<Item = &RingMeter> {
         self.rings.iter().map(|meter| &**meter)
     }
 
-    /// Looks after the streams; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
-        // What hung on the card fell to nothing when its ring ran dry, and rises when that is filled again.
+    /// Polls the streams; returns messages.
+    pub fn poll(&mut self) -> Vec<CardNote> {
+        // Dependent outputs fade out when the card's ring is empty, and rise when it fills again.
         let streams = self.streams.iter_mut();
         streams
-            .flat_map(|(_, kept)| kept.tend("nothing is heard of it", |_| {}))
+            .flat_map(|(_, stream)| stream.poll("its inputs are silent", |_| {}))
             .collect()
     }
 }
 
-impl Plugged for Vec<Ear> {
-    const WAY: Way = Way::Listen;
+impl CallbackState for Vec<InputTap> {
+    const DIRECTION: Direction = Direction::Listen;
 
-    fn build<T>(plug: &Plug<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
+    fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
     where
         T: SizedSample + FromSample<f64> + Send + 'static,
         f64: FromSample<T>,
     {
-        let mut listener = Listener::new(&plug.home, &plug.shared, config.sample_rate, plug.start);
+        let mut callback = CaptureCallback::new(&setup.slot, &setup.shared, config.sample_rate, setup.start);
         let channels = usize::from(config.channels);
         let rate_hz = f64::from(config.sample_rate);
-        let (shared, mut prepare) = (Arc::clone(&plug.shared), plug.preparation());
-        let hear = move |data: &[T], info: &InputCallbackInfo| {
+        let (shared, mut prepare) = (Arc::clone(&setup.shared), setup.preparation());
+        let capture = move |data: &[T], info: &InputCallbackInfo| {
             prepare();
             let stamp = info.timestamp();
             // The stamp is that of the first frame.
@@ -171,8 +172,8 @@ impl Plugged for Vec<Ear> {
             let first_age = stamp.callback.saturating_duration_since(stamp.capture);
             let age = first_age.saturating_sub(lasts);
             shared.latency.record(age.as_nanos() as u64);
-            listener.hear(data, channels, age, f64::from_sample_);
+            callback.capture(data, channels, age, f64::from_sample_);
         };
-        device.build_input_stream(config, hear, plug.failed(), Some(OPENING))
+        device.build_input_stream(config, capture, setup.failed(), Some(OPENING))
     }
 }

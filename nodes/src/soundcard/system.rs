@@ -1,7 +1,7 @@
-//! The sound system, through cpal: what cards there are, and how one is opened to play or to listen.
+//! The sound system, through cpal: lists cards, and opens streams to play or to listen.
 
-use super::shared::{Home, Shared};
-use super::{Ability, CardFormat, Got, Listed, Request, SoundcardError};
+use super::shared::{Detached, Shared};
+use super::{Ability, CardFormat, Listed, OpenedStream, Request, SoundcardError};
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use cpal::{
     BufferSize, Error, ErrorKind, FromSample, I24, SampleFormat, SizedSample, Stream, StreamConfig,
@@ -13,17 +13,17 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-/// How long a system may take to open a stream.
+/// Time limit for opening a stream.
 pub(super) const OPENING: Duration = Duration::from_secs(5);
 
-/// Which way samples go.
+/// Direction of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
+pub(super) enum Direction {
     Play,
     Listen,
 }
 
-impl Way {
+impl Direction {
     fn default_of(self, host: &cpal::Host) -> Option<cpal::Device> {
         match self {
             Self::Play => host.default_output_device(),
@@ -50,14 +50,14 @@ impl Way {
 /// The soundcards of this machine.
 ///
 /// # Errors
-/// [`SoundcardError::System`] where it has no sound system.
+/// [`SoundcardError::System`] if there is no sound system.
 pub fn list() -> Result<Vec<Listed>, SoundcardError> {
     let mut found: Vec<Listed> = Vec::new();
     for host in hosts() {
-        for way in [Way::Play, Way::Listen] {
-            // The default one is not always among those that are listed.
-            let mut all = way.devices_of(&host)?;
-            let default = way.default_of(&host);
+        for direction in [Direction::Play, Direction::Listen] {
+            // The default card is not always listed.
+            let mut all = direction.devices_of(&host)?;
+            let default = direction.default_of(&host);
             let default_name = default.as_ref().and_then(name);
             if !all.iter().any(|device| name(device) == default_name) {
                 all.extend(default);
@@ -76,15 +76,15 @@ pub fn list() -> Result<Vec<Listed>, SoundcardError> {
                 });
                 let ability = Ability {
                     default: default_name.as_ref() == Some(&name),
-                    // A card that another program holds does not say what it can.
-                    formats: way
+                    // A card in use by another program does not state what it supports.
+                    formats: direction
                         .configs_of(&device)
                         .map(|all| all.iter().map(shown).collect())
                         .unwrap_or_default(),
                 };
-                match way {
-                    Way::Play => found[place].plays = Some(ability),
-                    Way::Listen => found[place].listens = Some(ability),
+                match direction {
+                    Direction::Play => found[place].plays = Some(ability),
+                    Direction::Listen => found[place].listens = Some(ability),
                 }
             }
         }
@@ -92,7 +92,7 @@ pub fn list() -> Result<Vec<Listed>, SoundcardError> {
     Ok(found)
 }
 
-/// The hosts that are there. Asked for one by one: asking for the default one can panic where a library is missing.
+/// The available hosts, created one by one: cpal's default host can panic if a library is missing.
 fn hosts() -> impl Iterator<Item = cpal::Host> {
     cpal::available_hosts()
         .into_iter()
@@ -131,42 +131,45 @@ pub(super) fn system(error: Error) -> SoundcardError {
     SoundcardError::System(error.to_string())
 }
 
-/// What the callback of a stream works with.
-pub(super) trait Plugged: Sized {
-    const WAY: Way;
+/// State that the callback of a stream works with.
+pub(super) trait CallbackState: Sized {
+    const DIRECTION: Direction;
 
-    /// Opens a stream whose samples have the form `T`.
-    fn build<T>(plug: &Plug<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
+    /// Opens a stream with samples of type `T`.
+    fn build<T>(setup: &Setup<Self>, device: &cpal::Device, config: StreamConfig) -> Result<Stream, Error>
     where
         T: SizedSample + FromSample<f64> + Send + 'static,
         f64: FromSample<T>;
 }
 
-/// What every stream of a card is opened with, again and again.
-pub(super) struct Plug<P> {
-    pub home: Home<P>,
+/// Everything that a stream needs each time it is opened.
+pub(super) struct Setup<P> {
+    pub slot: Detached<P>,
     pub shared: Arc<Shared>,
     pub health: Arc<Health>,
-    /// What a callback has to say; only its first call and errors speak.
-    pub told: SyncSender<String>,
+    /// Messages of the callback's first call, and errors of the stream.
+    pub errors: SyncSender<String>,
     pub start: Instant,
 }
 
-/// What the errors of a stream say of it.
+/// Health of a stream, by its errors.
 #[derive(Debug, Default)]
 pub(super) struct Health {
     /// The card has gone.
     pub lost: AtomicBool,
-    /// Something is wrong; it may recover.
+    /// An error occurred; the stream may recover.
     pub troubled: AtomicBool,
 }
 
-/// Finds the card that is asked for and starts a stream.
-pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Stream, Got), SoundcardError> {
-    let way = P::WAY;
-    let device = find(way, request.device.as_deref())?;
+/// Finds the requested card and starts a stream.
+pub(super) fn open<P: CallbackState>(
+    request: &Request,
+    setup: &Setup<P>,
+) -> Result<(Stream, OpenedStream), SoundcardError> {
+    let direction = P::DIRECTION;
+    let device = find(direction, request.device.as_deref())?;
     let card = card_name(&device);
-    let (channels, format) = choose(way, request, &device, &card)?;
+    let (channels, format) = choose(direction, request, &device, &card)?;
     let built = |buffer_size: BufferSize| {
         let config = StreamConfig {
             channels,
@@ -174,20 +177,20 @@ pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Str
             buffer_size,
         };
         match format {
-            SampleFormat::F32 => P::build::<f32>(plug, &device, config),
-            SampleFormat::I32 => P::build::<i32>(plug, &device, config),
-            SampleFormat::I24 => P::build::<I24>(plug, &device, config),
-            _ => P::build::<i16>(plug, &device, config),
+            SampleFormat::F32 => P::build::<f32>(setup, &device, config),
+            SampleFormat::I32 => P::build::<i32>(setup, &device, config),
+            SampleFormat::I24 => P::build::<I24>(setup, &device, config),
+            _ => P::build::<i16>(setup, &device, config),
         }
     };
     let stream = match built(BufferSize::Fixed(request.buffer_frames)) {
-        // A buffer of another size is better than none; what was got is said.
+        // Fall back to another buffer size; the run reports it.
         Err(error) if error.kind() == ErrorKind::UnsupportedConfig => built(BufferSize::Default),
         other => other,
     };
     let stream = stream.map_err(system)?;
     stream.play().map_err(system)?;
-    let got = Got {
+    let got = OpenedStream {
         card,
         rate_hz: request.rate_hz,
         channels,
@@ -197,16 +200,16 @@ pub(super) fn open<P: Plugged>(request: &Request, plug: &Plug<P>) -> Result<(Str
     Ok((stream, got))
 }
 
-pub(super) fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
+pub(super) fn find(direction: Direction, wanted: Option<&str>) -> Result<cpal::Device, SoundcardError> {
     let mut names = Vec::new();
     for host in hosts() {
         let Some(wanted) = wanted else {
-            match way.default_of(&host) {
+            match direction.default_of(&host) {
                 Some(device) => return Ok(device),
                 None => continue,
             }
         };
-        let all = way.devices_of(&host)?;
+        let all = direction.devices_of(&host)?;
         let part = wanted.to_lowercase();
         let exact = all
             .iter()
@@ -224,9 +227,9 @@ pub(super) fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, Sound
     }
     Err(SoundcardError::Unknown {
         wanted: wanted.unwrap_or("default").to_owned(),
-        does: match way {
-            Way::Play => "plays",
-            Way::Listen => "listens",
+        does: match direction {
+            Direction::Play => "plays",
+            Direction::Listen => "listens",
         },
         found: match names.as_slice() {
             [] => "none".to_owned(),
@@ -235,9 +238,9 @@ pub(super) fn find(way: Way, wanted: Option<&str>) -> Result<cpal::Device, Sound
     })
 }
 
-/// The fewest channels that suffice, and the best form of samples at the rate.
+/// The smallest sufficient number of channels, and the best sample format at the rate.
 pub(super) fn choose(
-    way: Way,
+    direction: Direction,
     request: &Request,
     device: &cpal::Device,
     card: &str,
@@ -255,7 +258,7 @@ pub(super) fn choose(
         CardFormat::Bits16 => &[SampleFormat::I16],
     };
     let rate = request.rate_hz;
-    let all = way.configs_of(device).map_err(system)?;
+    let all = direction.configs_of(device).map_err(system)?;
     let fits = |config: &&SupportedStreamConfigRange| {
         config.channels() >= request.channels
             && (config.min_sample_rate()..=config.max_sample_rate()).contains(&rate)
@@ -280,26 +283,26 @@ pub(super) fn choose(
         })
 }
 
-impl<P> Plug<P> {
-    /// What prepares the thread of a stream at its first callback: before its first sample, the only moment at which
-    /// it may wait.
+impl<P> Setup<P> {
+    /// Returns a function that prepares the stream's thread at the first callback, before its first sample: only then
+    /// it may block.
     pub fn preparation(&self) -> impl FnMut() + Send + use<P> {
-        let mut told = Some(self.told.clone());
+        let mut errors = Some(self.errors.clone());
         move || {
-            if let Some(told) = told.take() {
+            if let Some(errors) = errors.take() {
                 for refused in Timer::default().prepare_thread().refused {
-                    let _ = told.try_send(refused);
+                    let _ = errors.try_send(refused);
                 }
             }
         }
     }
 
-    /// What hears of the errors of a stream.
+    /// Returns the error callback of a stream.
     pub fn failed(&self) -> impl FnMut(Error) + Send + use<P> {
         let (shared, health) = (Arc::clone(&self.shared), Arc::clone(&self.health));
-        let told = self.told.clone();
+        let errors = self.errors.clone();
         move |error| match error.kind() {
-            // One of these can bring thousands: they are counted only.
+            // There can be thousands of xruns: only count them.
             ErrorKind::Xrun => {
                 shared.xruns.fetch_add(1, Relaxed);
                 shared.after_xrun.store(true, Relaxed);
@@ -307,8 +310,8 @@ impl<P> Plug<P> {
             ErrorKind::DeviceNotAvailable | ErrorKind::StreamInvalidated => health.lost.store(true, Relaxed),
             _ => {
                 health.troubled.store(true, Relaxed);
-                // Where nobody reads, one more is not needed.
-                let _ = told.try_send(error.to_string());
+                // The queue is full: drop the message.
+                let _ = errors.try_send(error.to_string());
             }
         }
     }

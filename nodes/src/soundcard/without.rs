@@ -1,11 +1,11 @@
-//! A build without soundcards: every request says how to get one with them.
+//! A build without soundcards: every request fails with build instructions.
 
-use super::{CardCounts, CardNote, Got, Listed, Request, SoundcardError, wanted};
+use super::{CardCounts, CardNote, Listed, OpenedStream, Request, SoundcardError, wanted};
 use haptograph_engine::graph::Graph;
 use haptograph_engine::run::{Live, RingMeter};
 use std::sync::atomic::AtomicBool;
 
-/// There is none in this build.
+/// Cannot exist in this build.
 #[derive(Debug)]
 pub enum CardDriver {}
 
@@ -17,7 +17,7 @@ pub fn list() -> Result<Vec<Listed>, SoundcardError> {
     Err(SoundcardError::NotBuilt)
 }
 
-/// Is there a soundcard that a sound can be played on?
+/// Checks that a soundcard can play a sound.
 ///
 /// # Errors
 /// [`SoundcardError::NotBuilt`], always.
@@ -34,7 +34,7 @@ pub fn play_once(_: Vec<f32>, _: u32, _: &AtomicBool) -> Result<(), SoundcardErr
 }
 
 impl CardDriver {
-    /// Opens the card and lets it drive a live run.
+    /// Opens the card, which then drives the live run.
     ///
     /// # Errors
     /// [`SoundcardError::NotBuilt`], always.
@@ -42,46 +42,46 @@ impl CardDriver {
         Err(SoundcardError::NotBuilt)
     }
 
-    /// What was got.
-    pub fn got(&self) -> &Got {
+    /// The stream as the card opened it.
+    pub fn got(&self) -> &OpenedStream {
         match *self {}
     }
 
-    /// Looks after the stream; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    /// Polls the stream; returns messages.
+    pub fn poll(&mut self) -> Vec<CardNote> {
         match *self {}
     }
 
-    /// Is the run over?
+    /// Whether the run has ended.
     pub fn is_finished(&self) -> bool {
         match *self {}
     }
 
-    /// Is the card away?
+    /// Whether the card is gone.
     pub fn is_waiting(&self) -> bool {
         match *self {}
     }
 
-    /// What was counted.
+    /// Counts of the stream.
     pub fn counts(&self) -> CardCounts {
         match *self {}
     }
 
-    /// Closes the stream and gives the run back.
+    /// Closes the stream and returns the run.
     pub fn join(self) -> Option<Live> {
         match self {}
     }
 }
 
-/// What a live run listens to: nothing.
+/// The input streams of a live run: none.
 #[derive(Debug, Default)]
 pub struct Inputs {}
 
 impl Inputs {
-    /// Opens what the endpoints of a live run listen to.
+    /// Opens the inputs of a live run.
     ///
     /// # Errors
-    /// [`SoundcardError::NotBuilt`] where one does.
+    /// [`SoundcardError::NotBuilt`] if the graph has one.
     pub fn open(graph: &Graph, _: &mut [Live]) -> Result<Self, SoundcardError> {
         match wanted(graph)?.inputs.is_empty() {
             true => Ok(Self {}),
@@ -89,18 +89,18 @@ impl Inputs {
         }
     }
 
-    /// The endpoints that listen to each stream, what was asked for and got, and what was counted.
-    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &Got, CardCounts)> {
+    /// For each stream: its endpoints, the request, the stream as opened, and its counts.
+    pub fn streams(&self) -> impl Iterator<Item = (&[String], &Request, &OpenedStream, CardCounts)> {
         std::iter::empty()
     }
 
-    /// What is known of the rings that lead from the cards to the graph.
+    /// Meters of the rings from the cards to the graph.
     pub fn rings(&self) -> impl Iterator<Item = &RingMeter> {
         std::iter::empty()
     }
 
-    /// Looks after the streams; returns what there is to say.
-    pub fn tend(&mut self) -> Vec<CardNote> {
+    /// Polls the streams; returns messages.
+    pub fn poll(&mut self) -> Vec<CardNote> {
         Vec::new()
     }
 }

@@ -1,4 +1,4 @@
-//! A signal from a column of a table.
+//! A source that plays one column of a CSV file.
 
 use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
@@ -11,11 +11,11 @@ use super::{AtEnd, made};
 use crate::units;
 
 haptograph_engine::choices! {
-    /// What lies between two rows.
+    /// How the source interpolates between two rows.
     pub enum Between {
-        /// The row before holds.
+        /// The value of the earlier row holds.
         Hold,
-        /// A straight line.
+        /// Linear interpolation.
         Linear,
     }
 }
@@ -27,13 +27,13 @@ haptograph_engine::settings! {
         file: PathBuf;
         /// The header of the column; its ending is the unit: `stylus.force_n`, `speed_mm_s`.
         column: String;
-        /// What it is, by name; has to fit the unit in the header.
+        /// Quantity of the column, by name; it has to match the unit in the header.
         quantity: String = "number".into();
-        /// What lies between two rows, where the file has a column `time_s`. Without one, each row is a tick.
+        /// How it interpolates between two rows if the file has a column `time_s`. Without that column each row is a tick.
         between: Between = Between::Linear;
-        /// What follows the last row.
+        /// Output after the last row.
         at_end: AtEnd = AtEnd::Stop;
-        /// Older way to write `at_end: Loop`.
+        /// Older form of `at_end: Loop`.
         repeat: bool = false;
     }
 }
@@ -46,10 +46,10 @@ impl NodeKind for CsvSource {
     const SPEC: NodeSpec = NodeSpec {
         name: "CsvSource",
         group: "sources",
-        doc: "Plays a column of a CSV file with a header. A column `time_s` says when; without one each row is a tick. \
-              Lines that begin with `#` are passed over. Where a cell is empty, as a slower sensor leaves it, the column holds its \
-              last value, and before its first value that one. \
-              The unit at the end of the column's name is converted to SI. Where the rows end the run ends, unless `at_end` says \
+        doc: "Plays a column of a CSV file with a header. Its column `time_s` holds the times; without it each row is a tick. \
+              Lines that begin with `#` are skipped. An empty cell (a slower sensor) holds the column's \
+              last value; cells before the first value take the first value. \
+              The unit at the end of the column's name is converted to SI. The run ends with the last row, unless `at_end` states \
               otherwise.",
         source: "",
         inputs: &[],
@@ -76,13 +76,13 @@ impl NodeKind for CsvSource {
     }
 }
 
-/// SI per unit of the column, where its unit is one of the quantity asked for.
+/// Factor from the unit of the column to SI. The unit has to belong to the quantity of the settings.
 fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
     let (unit, scale) = units::of_header(&settings.column);
     let Some(wanted) = Quantity::by_name(&settings.quantity) else {
         return Err(BuildError::at(
             "quantity",
-            format!("there is no quantity called {}", settings.quantity),
+            format!("unknown quantity {}", settings.quantity),
         ));
     };
     if unit == wanted {
@@ -92,7 +92,7 @@ fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
         return Ok(scale);
     }
     let message = format!(
-        "the column {} is {unit} by its name, not {wanted}",
+        "the name of column {} has unit {unit}; {wanted} was expected",
         settings.column
     );
     let help = format!(
@@ -104,17 +104,17 @@ fn scale(settings: &CsvSourceSettings) -> Result<f64, BuildError> {
 
 #[derive(Debug, Clone)]
 struct Table {
-    /// Ascending; empty where the file has no such column.
+    /// Ascending; empty if the file has no column `time_s`.
     time_s: Arc<[f64]>,
     values: Arc<[f64]>,
 }
 
 impl Table {
-    /// Ticks from the first row's time to the last one's, with both.
+    /// Ticks from the first row to the last row, both included.
     fn ticks(&self, rate_hz: f64) -> u64 {
         let ends = self.time_s.first().zip(self.time_s.last());
         let length_s = ends.map_or(0.0, |(first, last)| last - first);
-        // A row that falls on a tick belongs to it whatever the rounding of its time.
+        // A row on a tick belongs to that tick, whatever the rounding of its time.
         (length_s * rate_hz + 1e-6) as u64 + 1
     }
 
@@ -136,7 +136,7 @@ impl Table {
         }
         let place = |name: &str| headers.iter().position(|header| header == name);
         let Some(column) = place(&settings.column) else {
-            let message = format!("{file} has no column {}", settings.column);
+            let message = format!("{file} has no column `{}`", settings.column);
             let known: Vec<&str> = headers.iter().collect();
             return Err(
                 BuildError::at("column", message).help(format!("its columns are {}", known.join(", ")))
@@ -191,13 +191,13 @@ impl Table {
     }
 }
 
-/// A curve over time, from the first row's time on.
+/// A signal over time; time 0 is the first row.
 #[derive(Debug, Clone)]
 struct Curve {
     table: Table,
     between: Between,
     at_end: AtEnd,
-    /// Ticks up to the last row, with it.
+    /// Ticks up to and including the last row.
     frames: u64,
 }
 

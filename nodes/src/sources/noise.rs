@@ -11,7 +11,7 @@ haptograph_engine::settings! {
     pub struct NoiseSettings {
         /// Variance, in the SI unit of `quantity` squared.
         [live] variance: f64 = 1.0, in 0.0..=1e30;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }

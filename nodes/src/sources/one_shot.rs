@@ -1,4 +1,4 @@
-//! A recording that an event starts.
+//! A source that plays a WAV file on each event.
 
 use super::made;
 use super::wav::read;
@@ -15,13 +15,13 @@ haptograph_engine::settings! {
     pub struct OneShotSettings {
         /// The WAV file, relative to the graph file.
         file: PathBuf;
-        /// Which channel, from 0.
+        /// Channel of the file, counted from 0.
         channel: u32 = 0;
-        /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
+        /// Value of a full-scale sample (1.0), in the SI unit of `quantity`.
         [live] full_scale: f64 = 1.0;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
-        /// A factor by the event's value, which is divided by this, in the SI unit of the event; none: always the same.
+        /// Scales the amplitude by the event's value divided by this, in the SI unit of the event; none: fixed amplitude.
         per_value: Option<f64> = None, in 1e-12..=1e12;
     }
 }
@@ -35,13 +35,13 @@ impl NodeKind for OneShot {
         name: "OneShot",
         group: "sources",
         doc: "Plays one channel of a WAV file, such as a click, each time an event fires, the first sample at the event's own \
-              tick. An event while it plays begins it anew. Its rate has to be that of the node's clock.",
+              tick. An event during playback restarts it. The file's rate has to be that of the node's clock.",
         source: "",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Event),
             ..any_input("start", "Begins it.")
         }],
-        outputs: &[made("The recording; zero before it and after.")],
+        outputs: &[made("The recording; zero while it does not play.")],
         example: r#""click": OneShot(start: "pressed.event", file: "recordings/felt.wav", full_scale: 0.2, quantity: "current")"#,
     };
 
@@ -61,7 +61,7 @@ struct Playing {
     samples: Arc<[f64]>,
     full_scale: f64,
     per_value: Option<f64>,
-    /// The next sample.
+    /// Index of the next sample.
     at: usize,
     factor: f64,
 }

@@ -1,4 +1,4 @@
-//! A recording that is laid out on a surface, and heard where the tool is.
+//! A source that plays a WAV file by position on a surface instead of by time.
 
 use super::made;
 use super::wav::read_at_any_rate;
@@ -16,9 +16,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 haptograph_engine::choices! {
-    /// What lies beyond the ends of a recording that is laid out.
+    /// Output beyond the ends of the recording.
     pub enum Beyond {
-        /// The recording again, its end joined to its beginning by a straight line.
+        /// The recording repeats; a straight line joins its end to its start.
         Repeat,
         /// Zero.
         Silence,
@@ -28,30 +28,30 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`WavOverPosition`].
     pub struct WavOverPositionSettings {
-        /// The WAV file, relative to the graph file: of any rate, at most 16 777 216 frames.
+        /// The WAV file, relative to the graph file. It may have any rate and at most 16 777 216 frames.
         file: PathBuf;
-        /// Which channel, from 0.
+        /// Channel of the file, counted from 0.
         channel: u32 = 0;
-        /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
+        /// Value of a full-scale sample (1.0), in the SI unit of `quantity`.
         [live] full_scale: f64 = 1.0;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
-        /// Length of the recording on the surface; this or `recorded_mm_s`.
+        /// Length of the recording on the surface. Give this or `recorded_mm_s`.
         length_mm: Option<f64> = None, in 1e-3..=1e6;
-        /// Speed at which it was recorded: moved over at this speed, it sounds as it was; this or `length_mm`.
+        /// Speed of the tool at which playback has the original rate. Give this or `length_mm`.
         recorded_mm_s: Option<f64> = None, in 1e-3..=1e6;
-        /// Where it begins on the surface.
+        /// Position of the first sample on the surface.
         start_mm: f64 = 0.0, in -1e6..=1e6;
-        /// Direction in which it is laid out, of any length; counts where the position is a vector.
+        /// Direction of the recording on the surface, a vector of any length. It applies if the position is a vector.
         axis: [f64; 3] = [1.0, 0.0, 0.0];
-        /// What lies before and after it.
+        /// Output before the start and after the end of the recording.
         beyond: Beyond = Beyond::Repeat;
-        /// With `speed` connected: the amplitude rises from nothing at rest to all of it at this speed.
+        /// Speed of full amplitude if `speed` is connected; the amplitude is zero at rest and rises up to this speed.
         [live] full_at_mm_s: f64 = 10.0, in 1e-3..=1e6;
     }
 }
 
-/// The most frames of a recording.
+/// Largest number of frames of a recording.
 const MOST_FRAMES: u64 = 1 << 24;
 
 /// Plays a recording by position.
@@ -62,10 +62,10 @@ impl NodeKind for WavOverPosition {
     const SPEC: NodeSpec = NodeSpec {
         name: "WavOverPosition",
         group: "sources",
-        doc: "One channel of a WAV file, laid out on a surface and played by position instead of time: twice as fast sounds an \
-              octave higher, backwards plays backwards. A frame is the mean of the recording, joined by straight lines, over the \
-              way since the frame before. That keeps what is too fine for the speed from folding back: it falls by 3.9 dB at half \
-              the rate and by 13 dB and more at what would fold back to rest. At rest it holds the value at that place; connect \
+        doc: "Plays one channel of a WAV file by position on a surface instead of by time: at twice the speed it sounds an \
+              octave higher, and moving backwards plays backwards. A frame is the mean of the linearly interpolated recording over the \
+              distance since the last frame. This attenuates aliases: by 3.9 dB at half \
+              the rate, and by 13 dB or more for components that would alias to 0 Hz. At rest the output holds its value; connect \
               `speed` for silence. A position of a slower clock needs a `Linear` bridge: between held positions nothing moves.",
         source: "vibration by position: Strohmeier and Hornbaek, CHI 2017",
         inputs: &[
@@ -75,17 +75,17 @@ impl NodeKind for WavOverPosition {
                 quantity: QuantityRule::Is(Quantity::LENGTH),
                 flow: Flow::Sampled,
                 presence: Presence::Required,
-                doc: "Where the tool is, m: a way, or a 3-vector of which the part along `axis` counts. NaN or infinite: silence.",
+                doc: "Position of the tool, m: a distance, or a 3-vector whose component along `axis` is used. NaN or infinite: the output is zero.",
             },
             input(
                 "speed",
                 Kind::Scalar,
                 Quantity::SPEED,
-                "Speed of the tool, m/s: the amplitude rises with it up to `full_at_mm_s`.",
+                "Speed of the tool, m/s. The amplitude rises with it up to `full_at_mm_s`.",
             )
             .optional(),
         ],
-        outputs: &[made("The recording at that place.")],
+        outputs: &[made("The recording at that position.")],
         example: r#""grain": WavOverPosition(position: "stylus.position", file: "recordings/felt.wav", length_mm: 60, full_scale: 20, quantity: "acceleration")"#,
     };
 
@@ -93,12 +93,12 @@ impl NodeKind for WavOverPosition {
         let width = cx.input_widths.first().copied().unwrap_or(1);
         if width == Kind::Wrench.width() {
             return Err(
-                BuildError::at("position", "a position has one component or three")
-                    .help("take the part of the signal that is a length"),
+                BuildError::at("position", "a position has one or three components")
+                    .help("connect the component of the signal that is a length"),
             );
         }
         let axis = direction(settings.axis).ok_or_else(|| {
-            BuildError::at("axis", "the axis has no direction").help("give one that is not zero")
+            BuildError::at("axis", "the length of the axis is zero").help("give a vector other than zero")
         })?;
         let (samples, rate_hz) =
             read_at_any_rate(&settings.file, settings.channel, MAX_RECORDING_BYTES, refuse_long)?;
@@ -107,11 +107,11 @@ impl NodeKind for WavOverPosition {
             (None, Some(recorded_mm_s)) => rate_hz / (recorded_mm_s * 1e-3),
             (Some(_), Some(_)) => {
                 return Err(
-                    BuildError::at("recorded_mm_s", "the length says it already").help("remove one of them")
+                    BuildError::at("recorded_mm_s", "`length_mm` is given too").help("remove one of them")
                 );
             }
             (None, None) => {
-                let message = "nothing says how long the recording is on the surface";
+                let message = "the length of the recording on the surface is missing";
                 return Err(BuildError::of_node(message).help("add `length_mm: ...` or `recorded_mm_s: ...`"));
             }
         };
@@ -132,21 +132,21 @@ fn refuse_long(layout: &Layout) -> Result<(), BuildError> {
     if (2..=MOST_FRAMES).contains(&frames) {
         return Ok(());
     }
-    let message = format!("the file has {frames} frames; 2 to {MOST_FRAMES} can be laid out");
-    Err(BuildError::at("file", message).help("cut out a part of it"))
+    let message = format!("the file has {frames} frames; 2 to {MOST_FRAMES} are supported");
+    Err(BuildError::at("file", message).help("shorten the recording"))
 }
 
-/// Samples joined by straight lines; places are counted in samples.
+/// Linearly interpolated samples; positions are in samples.
 #[derive(Debug)]
 struct Recording {
     samples: Box<[f64]>,
-    /// Integral from the first sample to each, and to the first again where it repeats.
+    /// Integral from the first sample to each sample; if the recording repeats, also to the next first sample.
     sums: Box<[f64]>,
     repeats: bool,
 }
 
 impl Recording {
-    /// Of at least two samples.
+    /// Takes at least two samples.
     fn new(samples: Vec<f64>, repeats: bool) -> Self {
         let again = samples.first().copied().filter(|_| repeats);
         let next = samples.iter().skip(1).copied().chain(again);
@@ -162,12 +162,12 @@ impl Recording {
         }
     }
 
-    /// Straight lines from end to end.
+    /// Number of intervals between samples.
     fn cells(&self) -> f64 {
         (self.sums.len() - 1) as f64
     }
 
-    /// The value at a place.
+    /// The value at a position.
     fn at(&self, place: f64) -> f64 {
         let cells = self.cells();
         if !self.repeats && !(0.0..=cells).contains(&place) {
@@ -180,7 +180,7 @@ impl Recording {
         };
         let cell = place as usize;
         let part = place - cell as f64;
-        // The remainder can round up to the whole; what follows the last sample is the first.
+        // The remainder can round up to the length; the first sample follows the last.
         let sample = |cell: usize| {
             self.samples
                 .get(cell)
@@ -191,7 +191,7 @@ impl Recording {
         sample(cell) + part * (sample(cell + 1) - sample(cell))
     }
 
-    /// The integral from the first sample to another one, which may be beyond the ends.
+    /// The integral from the first sample to a sample index, which may lie beyond the ends.
     fn integral_to(&self, sample: f64) -> f64 {
         let cells = self.cells();
         let whole = self.sums.last().copied().unwrap_or(0.0);
@@ -203,12 +203,12 @@ impl Recording {
         times * whole + self.sums.get(at as usize).copied().unwrap_or(whole)
     }
 
-    /// The mean between two places.
+    /// The mean between two positions.
     fn mean(&self, one: f64, other: f64) -> f64 {
         let (from, to) = (one.min(other), one.max(other));
         let (first, last) = (from.floor() + 1.0, to.floor());
         if last < first {
-            // On one straight line.
+            // Both lie in one interval.
             return self.at(0.5 * (from + to));
         }
         let left = (first - from) * self.at(0.5 * (from + first));
@@ -222,14 +222,14 @@ impl Recording {
 #[derive(Debug, Clone)]
 struct Scanning {
     recording: Arc<Recording>,
-    /// Samples a metre.
+    /// Samples per metre.
     per_m: f64,
     start_m: f64,
-    /// None where the position is a way.
+    /// None if the position is a scalar.
     axis: Option<[f64; 3]>,
     full_scale: f64,
     full_at_m_s: f64,
-    /// The place of the frame before; none at the start and after what is no number.
+    /// Position of the last frame; none at the start and after NaN or infinity.
     before: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Signals that follow others in time: the phase of a frequency, the envelope of a gate.
+//! Phase of a frequency signal, and envelope of a gate signal.
 
 use crate::successor;
 use haptograph_engine::frame::Kind;
@@ -16,7 +16,7 @@ haptograph_engine::settings! {
     }
 }
 
-/// The phase of an oscillation whose frequency is a signal.
+/// The phase of an oscillator whose frequency is a signal.
 pub struct Phase;
 
 impl NodeKind for Phase {
@@ -31,13 +31,13 @@ impl NodeKind for Phase {
             "frequency",
             Kind::Scalar,
             Quantity::FREQUENCY,
-            "Turns a second; backwards below zero.",
+            "Frequency, Hz; a negative frequency turns backwards.",
         )],
         outputs: &[output(
             "phase",
             Kind::Scalar,
             Quantity::NUMBER,
-            "The part of a turn that is done, 0 up to 1.",
+            "The phase in turns, from 0 up to 1.",
         )],
         example: r#""turn": Phase(frequency: "pitch.output")"#,
     };
@@ -62,7 +62,7 @@ impl Processor for Turning {
         for (phase, hz) in io.out(0).iter_mut().zip(frequency_hz) {
             *phase = self.turns;
             let next = self.turns + hz * self.tick_s;
-            // What is no number does not turn it; the remainder can round up to 1.
+            // NaN and infinity leave the phase as it is; the remainder can round up to 1.
             self.turns = if next.is_finite() {
                 next - next.floor()
             } else {
@@ -82,18 +82,18 @@ impl Processor for Turning {
 haptograph_engine::settings! {
     /// Settings of [`Adsr`].
     pub struct AdsrSettings {
-        /// From 0 to 1, ms.
+        /// Time from 0 to 1, ms.
         [live] attack_ms: f64 = 5.0, in 0.0..=1e6;
-        /// The time of a whole fall from 1 to 0: to a `sustain` of 0.5 it takes half of it, ms.
+        /// Time from 1 to 0, ms. The decay to a `sustain` of 0.5 takes half of it.
         [live] decay_ms: f64 = 50.0, in 0.0..=1e6;
-        /// Where it stays while the gate is open, a part of 1.
+        /// Level while the gate is open, 0 to 1.
         [live] sustain: f64 = 0.5, in 0.0..=1.0;
-        /// The time of a whole fall from 1 to 0 after the gate has closed, ms.
+        /// Time from 1 to 0 after the gate has closed, ms.
         [live] release_ms: f64 = 100.0, in 0.0..=1e6;
     }
 }
 
-/// An envelope of straight lines.
+/// An envelope of linear segments.
 pub struct Adsr;
 
 impl NodeKind for Adsr {
@@ -101,12 +101,12 @@ impl NodeKind for Adsr {
     const SPEC: NodeSpec = NodeSpec {
         name: "Adsr",
         group: "sources",
-        doc: "An envelope of straight lines: attack, decay, sustain, release. It begins where it is when the gate opens, so that \
+        doc: "An envelope of linear segments: attack, decay, sustain, release. The attack starts from the present level, so that \
               nothing jumps.",
         source: "",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Scalar),
-            ..any_input("gate", "Open while it is above zero.")
+            ..any_input("gate", "The gate is open while this is above zero.")
         }],
         outputs: &[output("output", Kind::Scalar, Quantity::NUMBER, "0 to 1.")],
         example: r#""swell": Adsr(gate: "stylus.force", attack_ms: 20, release_ms: 200)"#,
@@ -136,7 +136,7 @@ enum Stage {
 
 #[derive(Debug, Clone)]
 struct Envelope {
-    /// In the order of their declaration.
+    /// In the order of the settings.
     settings: [f64; 4],
     tick_ms: f64,
     level: f64,
@@ -152,7 +152,7 @@ impl Envelope {
             (true, Stage::Rising) if self.level >= 1.0 => Stage::Settling,
             (true, stage) => stage,
         };
-        // Of no time, a step is infinite and goes as far as it may.
+        // The step of a segment of zero duration is infinite; the level is clamped.
         self.level = match self.stage {
             Stage::Closed => (self.level - self.tick_ms / release_ms).max(0.0),
             Stage::Rising => (self.level + self.tick_ms / attack_ms).min(1.0),

@@ -1,4 +1,4 @@
-//! Signals made of constants and straight lines: constant, step, ramp, pulse.
+//! Piecewise linear sources: constant, step, ramp, pulse.
 
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{
@@ -12,12 +12,12 @@ haptograph_engine::settings! {
     pub struct ConstantSettings {
         /// The value, in the SI unit of `quantity`.
         [live] value: f64;
-        /// What it is, by name: `"force"`, `"speed"`.
+        /// Quantity of the output, by name: `"force"`, `"speed"`.
         quantity: String = "number".into();
     }
 }
 
-/// The same number for ever.
+/// A constant number.
 pub struct Constant;
 
 impl NodeKind for Constant {
@@ -25,7 +25,7 @@ impl NodeKind for Constant {
     const SPEC: NodeSpec = NodeSpec {
         name: "Constant",
         group: "sources",
-        doc: "The same number at every tick.",
+        doc: "A constant number.",
         source: "",
         inputs: &[],
         outputs: &[made("The value.")],
@@ -61,12 +61,12 @@ haptograph_engine::settings! {
     pub struct ConstantVectorSettings {
         /// x, y and z, in the SI unit of `quantity`.
         value: [f64; 3];
-        /// What it is, by name: `"force"`, `"length"`.
+        /// Quantity of the output, by name: `"force"`, `"length"`.
         quantity: String = "number".into();
     }
 }
 
-/// The same vector for ever.
+/// A constant vector.
 pub struct ConstantVector;
 
 impl NodeKind for ConstantVector {
@@ -111,14 +111,14 @@ haptograph_engine::settings! {
         [live] before: f64 = 0.0;
         /// Value from the step on, in the SI unit of `quantity`.
         [live] after: f64 = 1.0;
-        /// When it steps.
+        /// Time of the step.
         at_s: f64 = 0.0, in 0.0..=1e9;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
 
-/// One value, then another.
+/// A step from one value to another.
 pub struct Step;
 
 impl NodeKind for Step {
@@ -126,7 +126,7 @@ impl NodeKind for Step {
     const SPEC: NodeSpec = NodeSpec {
         name: "Step",
         group: "sources",
-        doc: "One value before a time, another from then on.",
+        doc: "A step: one value before a time, another from that time on.",
         source: "",
         inputs: &[],
         outputs: &[made("The step.")],
@@ -146,15 +146,15 @@ impl NodeKind for Step {
 haptograph_engine::settings! {
     /// Settings of [`Ramp`].
     pub struct RampSettings {
-        /// Value up to the start, in the SI unit of `quantity`.
+        /// Value before the ramp, in the SI unit of `quantity`.
         [live] from: f64 = 0.0;
-        /// Value from the end on, in the SI unit of `quantity`.
+        /// Value after the ramp, in the SI unit of `quantity`.
         [live] to: f64 = 1.0;
-        /// When it starts.
+        /// Time at which the ramp starts.
         start_s: f64 = 0.0, in 0.0..=1e9;
-        /// How long it takes.
+        /// Duration of the ramp.
         duration_s: f64 = 1.0, in 0.0..=1e9;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -167,7 +167,7 @@ impl NodeKind for Ramp {
     const SPEC: NodeSpec = NodeSpec {
         name: "Ramp",
         group: "sources",
-        doc: "A straight line from one value to another; constant before and after.",
+        doc: "A linear ramp from one value to another; constant before and after.",
         source: "",
         inputs: &[],
         outputs: &[made("The ramp.")],
@@ -189,7 +189,7 @@ struct Line {
     from: f64,
     to: f64,
     first: u64,
-    /// From start to end; zero is a step.
+    /// Duration of the ramp; zero is a step.
     ticks: f64,
 }
 
@@ -223,13 +223,13 @@ haptograph_engine::settings! {
         [live] low: f64 = 0.0;
         /// Value during a pulse, in the SI unit of `quantity`.
         [live] high: f64 = 1.0;
-        /// When the first pulse starts.
+        /// Start of the first pulse.
         start_s: f64 = 0.0, in 0.0..=1e9;
-        /// How long each takes.
+        /// Duration of each pulse.
         width_s: f64 = 0.5, in 0.0..=1e9;
-        /// From one start to the next; none: there is one pulse only.
+        /// Time from one start to the next; none: one pulse only.
         period_s: Option<f64> = None, in 1e-9..=1e9;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -268,7 +268,7 @@ impl NodeKind for Pulse {
     }
 }
 
-/// Times in ticks, not always whole.
+/// Times in ticks, with fractions.
 #[derive(Debug, Clone)]
 struct Pulsing {
     low: f64,
@@ -281,7 +281,7 @@ struct Pulsing {
 impl Processor for Pulsing {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
-            // An edge on a tick must not be lost to rounding.
+            // Rounding must not move an edge off its tick.
             let since = now as f64 - self.start + 1e-6;
             let within = match self.period {
                 Some(period) => since.rem_euclid(period),

@@ -1,4 +1,4 @@
-//! A recording from a WAV file.
+//! A source that plays a WAV file.
 
 use haptograph_engine::node::{BuildContext, BuildError, DataEnd, Io, NodeKind, NodeSpec, Processor, Tick};
 use haptograph_signal::files::{self, MAX_RECORDING_BYTES};
@@ -14,15 +14,15 @@ haptograph_engine::settings! {
     pub struct WavSourceSettings {
         /// The WAV file, relative to the graph file.
         file: PathBuf;
-        /// Which channel, from 0.
+        /// Channel of the file, counted from 0.
         channel: u32 = 0;
-        /// What a sample of 1.0 (full scale) stands for, in the SI unit of `quantity`.
+        /// Value of a full-scale sample (1.0), in the SI unit of `quantity`.
         [live] full_scale: f64 = 1.0;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
-        /// What follows the last sample.
+        /// Output after the last sample.
         at_end: AtEnd = AtEnd::Stop;
-        /// Older way to write `at_end: Loop`.
+        /// Older form of `at_end: Loop`.
         repeat: bool = false;
     }
 }
@@ -35,8 +35,8 @@ impl NodeKind for WavSource {
     const SPEC: NodeSpec = NodeSpec {
         name: "WavSource",
         group: "sources",
-        doc: "Plays one channel of a WAV file from the start. Its rate has to be that of the node's clock. Where the file ends \
-              the run ends, unless `at_end` says otherwise.",
+        doc: "Plays one channel of a WAV file from the start. The file's rate has to be that of the node's clock. The run ends with the file, \
+              unless `at_end` states otherwise.",
         source: "",
         inputs: &[],
         outputs: &[made("The recording.")],
@@ -55,7 +55,7 @@ impl NodeKind for WavSource {
     }
 }
 
-/// All samples of one channel of a WAV file, counted from 0, as parts of full scale. The file has to have the rate.
+/// All samples of one channel (counted from 0) of a WAV file, in full scale. The file's rate has to be `rate_hz`.
 pub(super) fn read(file: &Path, channel: u32, rate_hz: f64) -> Result<Vec<f64>, BuildError> {
     let check = |layout: &Layout| check_rate(layout, rate_hz);
     read_at_any_rate(file, channel, MAX_RECORDING_BYTES, check).map(|(samples, _)| samples)
@@ -64,7 +64,7 @@ pub(super) fn read(file: &Path, channel: u32, rate_hz: f64) -> Result<Vec<f64>, 
 fn check_rate(layout: &Layout, rate_hz: f64) -> Result<(), BuildError> {
     if f64::from(layout.rate_hz) != rate_hz {
         let message = format!(
-            "the file has {} Hz, the node's clock {rate_hz} Hz",
+            "the file's rate is {} Hz, but the node's clock ticks at {rate_hz} Hz",
             layout.rate_hz
         );
         let help = format!(
@@ -76,7 +76,7 @@ fn check_rate(layout: &Layout, rate_hz: f64) -> Result<(), BuildError> {
     Ok(())
 }
 
-/// The same of a file of any rate that passes a check and is not longer than so many bytes, and its rate in Hz.
+/// All samples of one channel, and the file's rate in Hz. `check` and a bound on the file's bytes apply first.
 pub(super) fn read_at_any_rate(
     path: &Path,
     channel: u32,
@@ -85,13 +85,13 @@ pub(super) fn read_at_any_rate(
 ) -> Result<(Vec<f64>, f64), BuildError> {
     let failed = |error: WavError| unreadable(path, &error);
     let file = files::open(path, max_bytes).map_err(|error| failed(error.into()))?;
-    // Regular, and not longer than that: the layout is read by its length.
+    // The file has to be regular: the layout is checked against its length.
     let mut file = BufReader::new(file.as_file());
     let layout = read_layout(&mut file).map_err(failed)?;
     check(&layout)?;
     let (channel, channels) = (channel as usize, usize::from(layout.channels));
     if channel >= channels {
-        let message = format!("the file has {channels} channels, counted from 0");
+        let message = format!("the file has {channels} channels; channels are counted from 0");
         return Err(BuildError::at("channel", message));
     }
     let samples = read_channel(&mut file, &layout, channel).map_err(failed)?;
@@ -101,14 +101,14 @@ pub(super) fn read_at_any_rate(
 fn unreadable(file: &Path, error: &WavError) -> BuildError {
     let message = format!("cannot read {}: {error}", file.display());
     let help = match error {
-        WavError::NotFinite { .. } => "replace what is not a number in the file, by 0 for instance",
-        WavError::Cut { .. } => "`haptograph recover` makes a file that was cut off readable up to there",
-        _ => "give a WAV file, by its path from the graph file",
+        WavError::NotFinite { .. } => "replace NaN and infinity in the file, for example by 0",
+        WavError::Cut { .. } => "run `haptograph recover`: it makes a truncated file readable up to its end",
+        _ => "give the path of a WAV file, relative to the graph file",
     };
     BuildError::at("file", message).help(help)
 }
 
-/// Samples that are all there, one a tick.
+/// Samples in memory, one per tick.
 #[derive(Debug, Clone)]
 pub(super) struct Playback {
     pub samples: Arc<[f64]>,
@@ -116,12 +116,12 @@ pub(super) struct Playback {
 }
 
 impl Playback {
-    /// The sample of a tick; none in the silence after them.
+    /// The sample of a tick; none in the silence after the last sample.
     fn at(&self, tick: u64) -> Option<f64> {
         let length = self.samples.len() as u64;
         let sample = match self.at_end {
             AtEnd::Loop if length > 0 => tick % length,
-            // What is computed beyond a stop is delivered nowhere but to an actuator that fades out.
+            // Frames after the end reach only actuators that fade out.
             AtEnd::Stop | AtEnd::Hold => tick.min(length.saturating_sub(1)),
             _ => tick,
         };
@@ -142,7 +142,7 @@ impl Processor for Playback {
     }
 }
 
-/// The same times what full scale stands for.
+/// Samples times the value of full scale.
 #[derive(Debug, Clone)]
 struct WavPlayback {
     playback: Playback,

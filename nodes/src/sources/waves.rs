@@ -1,4 +1,4 @@
-//! Sines of fixed and of sweeping frequency.
+//! Sine oscillator and sine sweep.
 
 use haptograph_engine::node::{BuildContext, BuildError, Io, NodeKind, NodeSpec, Processor, Tick};
 use std::f64::consts::TAU;
@@ -10,13 +10,13 @@ use crate::successor;
 haptograph_engine::settings! {
     /// Settings of [`Sine`].
     pub struct SineSettings {
-        /// Its frequency, below half the rate; needed where `frequency` is not connected.
+        /// Frequency, below half the rate; required unless `frequency` is connected.
         [live, below_nyquist] frequency_hz: Option<f64> = None, in 0.0..=1e9;
-        /// Its amplitude, in the SI unit of `quantity`.
+        /// Amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
-        /// Phase at the start, as an angle of the sine.
+        /// Phase of the sine at the start.
         phase_deg: f64 = 0.0;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -39,15 +39,15 @@ impl NodeKind for Sine {
         source: "",
         inputs: &[frequency_input(
             "frequency",
-            "The frequency in place of `frequency_hz`, tick by tick, kept within 0.499 of the rate; backwards below zero; NaN or \
-             infinite: as before.",
+            "Replaces `frequency_hz` at every tick. It is clamped to 0.499 of the rate; a negative one turns backwards; NaN and \
+             infinity are ignored.",
         )],
         outputs: &[made("The sine.")],
         example: r#""tone": Sine(clock: "audio", frequency_hz: 250.0, amplitude: 0.1, quantity: "current")"#,
     };
 
     fn build(settings: SineSettings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
-        // Of one that comes as a signal nothing is known before its first tick.
+        // A frequency signal has no value before the first tick.
         let frequency_hz = FREQUENCY.setting(settings.frequency_hz, cx)?.unwrap_or(0.0);
         below_half_the_rate("frequency_hz", frequency_hz, cx)?;
         Ok(Box::new(Oscillator {
@@ -80,13 +80,13 @@ fn below_half_the_rate(field: &'static str, frequency_hz: f64, cx: &BuildContext
 struct Oscillator {
     turns_per_tick: f64,
     amplitude: f64,
-    /// Tick from which the phase is counted.
+    /// Tick of the anchor.
     anchor: u64,
     anchor_turns: f64,
-    /// The tick that comes next.
+    /// The next tick.
     next: u64,
     rate_hz: f64,
-    /// Is its frequency a signal?
+    /// Whether the frequency is a signal.
     follows: bool,
 }
 
@@ -95,7 +95,7 @@ impl Oscillator {
         self.anchor_turns + (tick - self.anchor) as f64 * self.turns_per_tick
     }
 
-    /// The same where each tick has a frequency of its own: the phase is their sum.
+    /// Samples for a frequency signal: the phase is the sum of the frequencies.
     fn follow(&mut self, frequency_hz: &[f64], y: &mut [f64]) {
         let mut turns = self.anchor_turns;
         for (y, hz) in y.iter_mut().zip(frequency_hz) {
@@ -144,7 +144,7 @@ impl Processor for Oscillator {
             (new.anchor, new.next) = (self.next, self.next);
             new.anchor_turns = turns - turns.floor();
             if !self.follows && !new.follows && new.turns_per_tick == self.turns_per_tick {
-                // Nothing changed: the same bits as before.
+                // The output stays bit-identical if nothing changed.
                 (new.anchor, new.anchor_turns) = (self.anchor, self.anchor_turns);
             }
         }
@@ -152,11 +152,11 @@ impl Processor for Oscillator {
 }
 
 haptograph_engine::choices! {
-    /// How a [`Chirp`] gets from one frequency to the other.
+    /// How the frequency of a [`Chirp`] changes.
     pub enum Sweep {
-        /// The same number of hertz every second.
+        /// A constant number of hertz per second.
         Linear,
-        /// The same number of octaves every second.
+        /// A constant number of octaves per second.
         Logarithmic,
     }
 }
@@ -168,13 +168,13 @@ haptograph_engine::settings! {
         [live, below_nyquist] from_hz: f64 = 10.0, in 1e-6..=1e9;
         /// Frequency at the end, below half the rate.
         [live, below_nyquist] to_hz: f64 = 500.0, in 1e-6..=1e9;
-        /// How long the sweep takes; silence follows.
+        /// Duration of the sweep; the output is zero after it.
         duration_s: f64 = 10.0, in 1e-6..=1e9;
         /// Amplitude, in the SI unit of `quantity`.
         [live] amplitude: f64 = 1.0;
-        /// How the frequency rises.
+        /// How the frequency changes.
         sweep: Sweep = Sweep::Logarithmic;
-        /// What it is, by name.
+        /// Quantity of the output, by name.
         quantity: String = "number".into();
     }
 }
@@ -187,8 +187,8 @@ impl NodeKind for Chirp {
     const SPEC: NodeSpec = NodeSpec {
         name: "Chirp",
         group: "sources",
-        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator by. Another frequency of its \
-              ends goes on from the phase that was reached.",
+        doc: "A sine whose frequency sweeps once from one value to another, to identify an actuator. A new frequency of its \
+              ends continues from the present phase.",
         source: "",
         inputs: &[],
         outputs: &[made("The sweep.")],
@@ -210,9 +210,9 @@ impl NodeKind for Chirp {
 #[derive(Debug, Clone)]
 struct Sweeping {
     settings: ChirpSettings,
-    /// By how much the phase is ahead of that of a sweep that always had these frequencies.
+    /// Phase minus that of a sweep that always had these frequencies.
     ahead_turns: f64,
-    /// When the next tick is.
+    /// Time of the next tick.
     next_s: f64,
     rate_hz: f64,
 }
@@ -235,7 +235,7 @@ impl Sweeping {
         turns + self.ahead_turns
     }
 
-    /// Goes on from a phase that was reached.
+    /// Continues from the phase reached so far.
     fn go_on_from(&mut self, turns: f64) {
         let ahead = self.ahead_turns + turns - self.turns_at(self.next_s);
         self.ahead_turns = ahead - ahead.floor();
@@ -261,7 +261,7 @@ impl Processor for Sweeping {
         if !value.is_finite() {
             return;
         }
-        // As when it is built: above zero and below half the rate.
+        // As at build time: above zero and below half the rate.
         let hz = value.clamp(1e-6, (0.5 * self.rate_hz).next_down());
         let reached = self.turns_at(self.next_s);
         match setting {

@@ -18,13 +18,13 @@ use std::sync::Arc;
 haptograph_engine::settings! {
     /// Settings of [`Tapping`].
     pub struct TappingSettings {
-        /// The surface whose taps are played, relative to the graph file.
+        /// Surface file with the taps, relative to the graph file.
         surface: PathBuf;
-        /// Effective mass of handle and hand, g: acceleration becomes force.
+        /// Effective mass of handle and hand, g; it converts acceleration to force.
         [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
         /// Time in free space after which the next contact can be a tap, ms.
         rearm_ms: f64 = OnsetSettings::default().rearm_s * 1e3, in 0.0..=10_000.0;
-        /// Slowest tap, mm/s.
+        /// Lowest speed of a tap, mm/s.
         least_mm_s: f64 = OnsetSettings::default().least_m_s * 1e3, in 0.0..=10_000.0;
         /// Time before contact over which its speed is measured, ms.
         window_ms: f64 = OnsetSettings::default().window_s * 1e3, in 0.0..=60.0;
@@ -39,24 +39,19 @@ impl NodeKind for Tapping {
     const SPEC: NodeSpec = NodeSpec {
         name: "Tapping",
         group: "tapping",
-        doc: "What a tap feels like: at contact, the surface's recorded transient for the tool's speed, as a force along \
+        doc: "Renders taps: at contact, the surface's recorded transient for the tool's speed, as a force along \
               the normal. A contact is a tap when the tool was free for `rearm_ms` and comes at `least_mm_s` or faster; a \
-              new tap replaces one that still rings. Taps of another rate are resampled to the node's clock. Of a surface \
+              new tap replaces one that still rings. Taps of another rate are resampled to the node's clock. With a surface \
               without taps nothing is played.",
         source: "4.3.2",
-        inputs: &[input(
-            "contact",
-            Kind::Contact,
-            Quantity::NUMBER,
-            "Where the tool touches.",
-        )],
+        inputs: &[input("contact", Kind::Contact, Quantity::NUMBER, "The contact.")],
         outputs: &[
             output("force", Kind::Vector, Quantity::FORCE, "Force on the tool, N."),
             output(
                 "tap",
                 Kind::Event,
                 Quantity::SPEED,
-                "Fires at a tap, with its speed, m/s.",
+                "Event at a tap, with its speed, m/s.",
             ),
         ],
         example: r#""taps": Tapping(contact: "touch.contact", surface: "surfaces/t3-tile.ron")"#,
@@ -86,9 +81,12 @@ impl NodeKind for Tapping {
             .ok()
             .filter(|surface| surface.taps.is_none());
         let advise = |surface: Surface| {
-            let message = format!("the surface {} has no taps: `Tapping` plays none", surface.name);
-            // Said of the node: other nodes have something to say of the same surface, and one place is warned of once.
-            let help = "learn the surface with a recording of taps, or choose one with some";
+            let message = format!(
+                "the surface {} has no taps, so `Tapping` outputs zero",
+                surface.name
+            );
+            // The warning is the node's: other nodes may warn at the same surface, and each place is reported once.
+            let help = "learn the surface with a recording of taps, or choose one that has taps";
             BuildError::of_node(message).help(help)
         };
         silent.map(advise).into_iter().collect()
@@ -98,9 +96,9 @@ impl NodeKind for Tapping {
 #[derive(Debug, Clone)]
 struct Striking {
     onset: Onset,
-    /// None for a surface without taps.
+    /// None if the surface has no taps.
     transient: Option<Transient>,
-    /// Along which the tap rings, also when the tool has bounced off.
+    /// Direction of the tap's force, also after the tool has bounced off.
     normal: Vec3,
 }
 

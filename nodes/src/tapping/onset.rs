@@ -1,4 +1,4 @@
-//! When a tool taps a surface, and how fast.
+//! Detection of taps, with their speed.
 //!
 //! The rule: the first tick in contact is a tap if the tool has been free for at least `rearm_s` without interruption and
 //! came down at `least_m_s` or more. A tool that bounces or grazes within that time taps once.
@@ -6,19 +6,19 @@
 use crate::contact::Contact;
 use crate::vector::{Vec3, ZERO, add_scaled, dot, sub};
 
-/// When contact counts as a tap.
+/// Conditions of a tap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnsetSettings {
     /// Time in free space after which the next contact can be a tap, s.
     pub rearm_s: f64,
-    /// Slowest tap, m/s.
+    /// Lowest speed of a tap, m/s.
     pub least_m_s: f64,
     /// Time before contact over which the speed is measured, s (a straight line through the positions).
     pub window_s: f64,
 }
 
 impl Default for OnsetSettings {
-    /// Armed after 20 ms, from 10 mm/s, measured over 12 ms: a device of 0.055 mm steps then knows the speed to 5 mm/s.
+    /// Armed after 20 ms, from 10 mm/s, measured over 12 ms: with position steps of 0.055 mm the speed is accurate to 5 mm/s.
     fn default() -> Self {
         Self {
             rearm_s: 0.02,
@@ -28,16 +28,16 @@ impl Default for OnsetSettings {
     }
 }
 
-/// Positions that are remembered at most.
+/// Largest number of stored positions.
 const MOST_SAMPLES: usize = 64;
 
-/// Watches one tool. Allocates nothing, ever.
+/// Detects the taps of one tool. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Onset {
     least_m_s: f64,
     period_s: f64,
     window: usize,
-    /// Of so many ticks one is remembered, so that the window is as long at any rate.
+    /// Ticks per stored position, so that the window has the same duration at any rate.
     stride: u64,
     rearm_ticks: u32,
     free_ticks: u32,
@@ -48,7 +48,7 @@ pub struct Onset {
 }
 
 impl Onset {
-    /// A watch for ticks at `rate_hz`; it starts armed. The speed is measured between at least 2 ticks.
+    /// A detector for ticks at `rate_hz`; it starts armed. The speed is measured between at least 2 ticks.
     pub fn new(settings: &OnsetSettings, rate_hz: f64) -> Self {
         let rearm_ticks = (settings.rearm_s * rate_hz).ceil().max(1.0) as u32;
         let window_ticks = settings.window_s * rate_hz;
@@ -66,13 +66,13 @@ impl Onset {
         }
     }
 
-    /// Goes on from what another watch has seen.
+    /// Takes over the state of another detector.
     pub fn copy_state_from(&mut self, other: &Self) {
         (self.free_ticks, self.ticks) = (other.free_ticks, other.ticks);
         (self.positions_m, self.next) = (other.positions_m, other.next);
     }
 
-    /// One tick: the speed into the surface, m/s, if this contact is a tap.
+    /// Advances one tick: the speed into the surface, m/s, if this contact is a tap.
     pub fn update(&mut self, contact: &Contact) -> Option<f64> {
         if !contact.hip_m.iter().all(|x| x.is_finite()) {
             return None;

@@ -5,12 +5,12 @@ use haptograph_surfaces::Taps;
 pub use haptograph_surfaces::taps::EFFECTIVE_MASS_KG;
 use std::sync::Arc;
 
-/// Plays taps of a surface, one at a time; a new tap replaces the one that still rings. Allocates nothing after it is made.
+/// Plays the taps of a surface, one at a time; a new tap replaces one that still rings. Allocates only when made.
 #[derive(Debug, Clone)]
 pub struct Transient {
     taps: Arc<Taps>,
     pub(super) mass_kg: f64,
-    /// Speed of the tap that rings, m/s, and the sample it has come to.
+    /// Speed of the present tap, m/s, and its next sample.
     ringing: Option<(f64, usize)>,
 }
 
@@ -24,12 +24,12 @@ impl Transient {
         }
     }
 
-    /// Goes on with the tap that rings in another player.
+    /// Takes over the present tap of another player.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.ringing = other.ringing.filter(|(_, next)| *next < self.taps.length());
     }
 
-    /// One tick: starts anew if there was a tap (its speed, m/s), and gives the force along the outward normal, N.
+    /// Advances one tick: restarts if there was a tap (its speed, m/s); returns the force along the outward normal, N.
     pub fn update(&mut self, tap_m_s: Option<f64>) -> f64 {
         let now = tap_m_s.map(|speed_m_s| (speed_m_s, 0)).or(self.ringing);
         self.ringing = now

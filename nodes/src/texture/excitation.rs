@@ -1,4 +1,4 @@
-//! What excites the synthesis filter.
+//! The excitation of the synthesis filter.
 
 use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::node::{
@@ -15,7 +15,7 @@ use crate::successor;
 haptograph_engine::settings! {
     /// Settings of [`Excitation`].
     pub struct ExcitationSettings {
-        /// The surface that is rendered: the noise crackles as its texture does. None: it does not.
+        /// The rendered surface, whose crackle the noise has. None: Gaussian noise without crackle.
         surface: Option<PathBuf> = None;
     }
 }
@@ -28,15 +28,15 @@ impl NodeKind for Excitation {
     const SPEC: NodeSpec = NodeSpec {
         name: "Excitation",
         group: "texture",
-        doc: "White Gaussian noise to excite a synthesis filter with, of the variance that comes with the coefficients \
-              (exactly zero where that is zero). Without coefficients, of variance 1. Where the surface crackles, the \
-              level fluctuates about that variance by the depth and time constant that its file says.",
+        doc: "White Gaussian noise that excites a synthesis filter, with the variance of the coefficients \
+              (exactly zero if that is zero). Without coefficients the variance is 1. If the surface crackles, the \
+              level fluctuates about that variance with the depth and time constant of its file.",
         source: "2.4.2; crackle: docs/texture-models.md",
         inputs: &[input(
             "coefficients",
             Kind::Coefficients,
             Quantity::NUMBER,
-            "Their variance, held, is that of the noise.",
+            "Coefficients, held, whose variance the noise has.",
         )
         .held()
         .optional()],
@@ -70,7 +70,7 @@ impl Processor for Exciting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let (scaled, runs) = (io.connected(0), io.held(0));
         let out = io.out(0);
-        // The streams go on through silence, so that they depend on time alone.
+        // The streams also advance in silence, so that they depend on time only.
         self.stream.fill(out);
         if let Some(crackle) = &mut self.crackle {
             crackle.modulate(out);

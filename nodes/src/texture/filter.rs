@@ -18,11 +18,11 @@ use super::upsampler::Upsampler;
 use crate::successor;
 
 haptograph_engine::choices! {
-    /// How an [`ArmaFilter`] is computed.
+    /// The structure of an [`ArmaFilter`].
     pub enum Form {
-        /// Past outputs times coefficients, as in the thesis. It can grow without bound while coefficients alternate.
+        /// Direct form, as in the thesis. It can grow without bound while coefficients alternate.
         Direct,
-        /// The normalised lattice: the same filter while coefficients stay, and bounded however they change.
+        /// Normalised lattice: the same filter for constant coefficients, and bounded for any change of them.
         Lattice,
     }
 }
@@ -30,16 +30,16 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// Settings of [`ArmaFilter`].
     pub struct ArmaFilterSettings {
-        /// How plain models are computed; warped ones are always a lattice.
+        /// Structure for models that are not warped; warped models always use a lattice.
         form: Form = Form::Lattice;
-        /// The surface that is rendered. With models of a lower rate than this node's clock the filter runs at theirs, and what it
-        /// makes is interpolated to the clock; models of a higher rate are an error. The high-pass that its models leave out is
+        /// The rendered surface. If its models have a lower rate than this node's clock, the filter runs at their rate, and its
+        /// output is interpolated to the clock; models of a higher rate are an error. The high-pass that its models do not contain is
         /// applied here. None: the models have the clock's rate, and there is no high-pass.
         surface: Option<PathBuf> = None;
     }
 }
 
-/// Turns excitation into vibration.
+/// Filters excitation into vibration.
 pub struct ArmaFilter;
 
 impl NodeKind for ArmaFilter {
@@ -47,10 +47,10 @@ impl NodeKind for ArmaFilter {
     const SPEC: NodeSpec = NodeSpec {
         name: "ArmaFilter",
         group: "texture",
-        doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. What it holds when \
-              the excitation ends dies away to exactly zero. Coefficients of an unstable filter are not taken. Models on a \
-              warped frequency axis run in a lattice of all-pass sections, and the high-pass that such a surface was learned \
-              without is applied at the output. Models of a lower rate than the clock's run at theirs, and are interpolated \
+        doc: "The synthesis filter: gain B(z) / A(z) with coefficients that change while it runs. Its state after \
+              the excitation ends decays to exactly zero. Coefficients of an unstable filter are ignored. Models on a \
+              warped frequency axis run in a lattice of all-pass sections, and the high-pass that learning removed from such a surface \
+              is applied at the output. Models of a lower rate than the clock's run at their own rate, and are interpolated \
               without spectrum above half of it. The surface's lines fixed in space are added.",
         source: "2.4.2; A(z) = 1 + sum a_k z^-k; lattice after Gray and Markel (1975); warped after Härmä and others (2000)",
         inputs: &[
@@ -114,7 +114,7 @@ impl NodeKind for ArmaFilter {
             return Vec::new();
         }
         let message = format!(
-            "the surface's models are for {models_hz} Hz and this node's clock has {clock}: the vibration is made at {models_hz} \
+            "the surface's models are for {models_hz} Hz, but this node's clock ticks at {clock}: the vibration is synthesised at {models_hz} \
              Hz and interpolated, and has nothing above {} Hz",
             models_hz / 2.0
         );
@@ -125,7 +125,7 @@ impl NodeKind for ArmaFilter {
     }
 }
 
-/// What makes the lines of a surface that has some.
+/// The generator of the lines of a surface, if it has lines.
 fn line_source(texture: &TextureModel, cx: &BuildContext) -> Option<Box<LineSource>> {
     let lines = texture.lines();
     (!lines.is_empty()).then(|| {
@@ -134,13 +134,13 @@ fn line_source(texture: &TextureModel, cx: &BuildContext) -> Option<Box<LineSour
     })
 }
 
-/// What brings the vibration from the rate of a surface's models to the clock's, if they differ.
+/// The upsampler from the rate of a surface's models to the clock's, if they differ.
 fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsampler>>, BuildError> {
     let models_hz = texture.rate_hz();
     if models_hz == clock.hz() {
         return Ok(None);
     }
-    let message = format!("the surface's models are for {models_hz} Hz, this node's clock has {clock}");
+    let message = format!("the surface's models are for {models_hz} Hz, the node's clock ticks at {clock}");
     let refuse = |help: String| BuildError::at("surface", message.clone()).help(help);
     if models_hz > clock.hz() {
         return Err(refuse(format!(
@@ -164,7 +164,7 @@ fn upsampler_of(texture: &TextureModel, clock: Rate) -> Result<Option<Box<Upsamp
 struct Synthesis {
     maker: Maker,
     form: arma::Form,
-    /// The coefficients at work, at first none: converting them again would cost more than comparing.
+    /// The present coefficients, initially none: comparing them costs less than converting them again.
     lanes: [f64; Coefficients::WIDTH],
     upsampler: Option<Box<Upsampler>>,
     lines: Option<Box<LineSource>>,
@@ -175,7 +175,7 @@ struct Synthesis {
 struct Maker {
     filter: arma::ArmaFilter,
     warped: WarpedLattice,
-    /// Which of the two is at work.
+    /// Which of the two is active.
     is_warped: bool,
     highpass: Option<SectionsState>,
 }
@@ -201,7 +201,7 @@ impl Maker {
             ..
         } = coefficients;
         let is_warped = warping != 0.0;
-        // Refused coefficients leave the old ones at work: the vibration stays bounded.
+        // Invalid coefficients leave the old ones active: the vibration stays bounded.
         let taken = if is_warped {
             self.warped.set_coefficients(ar, warping, gain)
         } else {
@@ -212,7 +212,7 @@ impl Maker {
         }
     }
 
-    /// Goes on as another would. Does not allocate.
+    /// Takes over the state of another filter. Does not allocate.
     fn copy_state_from(&mut self, other: &Self) {
         self.filter.clone_from(&other.filter);
         self.warped.copy_state_from(&other.warped);

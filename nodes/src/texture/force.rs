@@ -1,4 +1,4 @@
-//! Texture through the motors of an arm.
+//! Texture rendered by the motors of an arm.
 
 use crate::successor;
 use crate::tapping::transient::EFFECTIVE_MASS_KG;
@@ -12,7 +12,7 @@ use haptograph_signal::quantity::Quantity;
 haptograph_engine::settings! {
     /// Settings of [`TextureForce`].
     pub struct TextureForceSettings {
-        /// Effective mass of handle and hand, g: acceleration becomes force.
+        /// Effective mass of handle and hand, g; it converts acceleration to force.
         [live] mass_g: f64 = EFFECTIVE_MASS_KG * 1e3, in 0.0..=10_000.0;
     }
 }
@@ -35,12 +35,7 @@ impl NodeKind for TextureForce {
                 Quantity::ACCELERATION,
                 "The vibration, m/s2.",
             ),
-            input(
-                "contact",
-                Kind::Contact,
-                Quantity::NUMBER,
-                "Where the tool touches.",
-            ),
+            input("contact", Kind::Contact, Quantity::NUMBER, "The contact."),
             input(
                 "friction",
                 Kind::Vector,

@@ -1,4 +1,4 @@
-//! The synthesis filter at a point of the map of a texture.
+//! Interpolation of the synthesis filter on the map of a texture.
 
 use haptograph_engine::frame::{self, Kind, Weights};
 use haptograph_engine::node::{
@@ -11,7 +11,7 @@ use haptograph_surfaces::{Coefficients, Interpolator, SpatialLine};
 use super::load_texture;
 use super::locator::SurfaceSettings;
 
-/// Mixes the models of a triangle.
+/// Interpolates between the models of a triangle.
 pub struct LsfInterpolator;
 
 impl NodeKind for LsfInterpolator {
@@ -27,7 +27,7 @@ impl NodeKind for LsfInterpolator {
             "weights",
             Kind::Weights,
             Quantity::NUMBER,
-            "From a TriangleLocator of the same surface.",
+            "Weights from a `TriangleLocator` of the same surface.",
         )],
         outputs: &[output(
             "coefficients",

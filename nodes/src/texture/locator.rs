@@ -1,4 +1,4 @@
-//! Where the hand is on the map of a texture.
+//! Position of speed and force on the map of a texture.
 
 use haptograph_engine::frame::{Kind, Weights};
 use haptograph_engine::node::{
@@ -18,7 +18,7 @@ haptograph_engine::settings! {
     }
 }
 
-/// Keeps speed and force within what a surface models.
+/// Clamps speed and force to the modelled range.
 pub struct Saturation;
 
 impl NodeKind for Saturation {
@@ -26,7 +26,7 @@ impl NodeKind for Saturation {
     const SPEC: NodeSpec = NodeSpec {
         name: "Saturation",
         group: "texture",
-        doc: "Keeps speed and force within what the surface models: from zero to the largest modelled of each. \
+        doc: "Clamps speed and force to the range of the surface's models: from zero to the largest of each. \
               `TriangleLocator` does this by itself; use it to know what is rendered.",
         source: "2.4.1",
         inputs: &[
@@ -72,7 +72,7 @@ impl Processor for Saturating {
     }
 }
 
-/// Finds the triangle of models around a speed and force.
+/// Finds the triangle of models that contains a speed and force.
 pub struct TriangleLocator;
 
 impl NodeKind for TriangleLocator {
@@ -80,7 +80,7 @@ impl NodeKind for TriangleLocator {
     const SPEC: NodeSpec = NodeSpec {
         name: "TriangleLocator",
         group: "texture",
-        doc: "Finds the triangle of models around the hand's speed and force, and the barycentric weights of its three \
+        doc: "Finds the triangle of models that contains the hand's speed and force, and the barycentric weights of its three \
               corners. Walks from the last triangle; beyond the largest modelled speed or force it stays on the edge.",
         source: "2.4.1, Eq. 2.4.1",
         inputs: &[

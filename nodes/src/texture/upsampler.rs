@@ -1,8 +1,8 @@
-//! From the rate of a surface's models to a faster synthesis clock.
+//! Upsampling from the rate of a surface's models to a faster synthesis clock.
 //!
-//! Models say nothing above half of their rate, so nothing is added there: their samples are interpolated by a low-pass.
-//! It is of minimum phase, because the phase of noise is not felt and delay is: 2.5 samples of the models' rate in the
-//! middle of the band, where a symmetric filter as steep takes 30.
+//! Models have no content above half of their rate, so a low-pass interpolates their samples.
+//! It has minimum phase, because delay is felt and the phase of noise is not: its delay is 2.5 samples of the models' rate in the
+//! middle of the band; a symmetric filter of the same steepness has 30.
 
 use haptograph_signal::time::{Rate, gcd};
 use haptograph_signal::{Complex64, fft};
@@ -11,18 +11,18 @@ use std::ops::Range;
 
 /// Band in which the response falls, as a part of the models' Nyquist frequency: flat within 0.05 dB below.
 const FALLS: Range<f64> = 0.98..1.06;
-/// How far it falls, dB.
+/// Stopband level, dB.
 const DEPTH_DB: f64 = 80.0;
 /// Length of the interpolating filter in samples of the models; a multiple of [`LANES`].
 const WIDTH: usize = 160;
-/// Length over which it is designed, in samples of the models: so long that what folds over is nothing.
+/// Length of the design, in samples of the models: long enough to make time aliasing negligible.
 const SPAN: usize = 1024;
-/// Positions between two samples of the models that there is a table for at most: 1.3 MB.
+/// Largest number of tabulated positions between two samples of the models: 1.3 MB.
 const MOST_POSITIONS: u64 = 1000;
 /// Partial sums of the dot product; part of the order of its sum.
 const LANES: usize = 8;
 
-/// Interpolates a signal to a higher rate, one output at a time. Allocates when made only.
+/// Interpolates a signal to a higher rate, one output at a time. Allocates only when made.
 #[derive(Debug, Clone)]
 pub(super) struct Upsampler {
     /// For each position between two inputs, [`WIDTH`] taps, that of the newest input first.
@@ -91,7 +91,7 @@ impl Upsampler {
         sums.iter().sum()
     }
 
-    /// Goes on for another interpolator, if it is between the same rates.
+    /// Takes over the state of another interpolator if both rates are equal.
     pub fn copy_state_from(&mut self, other: &Self) {
         if (self.up, self.down) == (other.up, other.down) {
             self.inputs.copy_from_slice(&other.inputs);

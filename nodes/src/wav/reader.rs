@@ -9,9 +9,9 @@ const EXTENSIBLE: u16 = 0xfffe;
 /// Bytes that are read at a time; a multiple of every sample's width.
 const CHUNK_BYTES: usize = 24 << 12;
 
-/// Why a file gives no signal.
+/// Error of a WAV file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // documented by the messages
 pub enum WavError {
     #[error("{0}")]
     Io(#[from] io::Error),
@@ -29,7 +29,7 @@ pub enum WavError {
     NotFinite { frame: u64, channel: usize, value: f64 },
 }
 
-/// How a sample is written.
+/// Sample format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
     /// Unsigned, 8 bits.
@@ -82,14 +82,14 @@ impl Encoding {
     }
 }
 
-/// Where the samples of a file are, and what they are.
+/// Position and format of the samples of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
-    /// Numbers of a frame.
+    /// Channels.
     pub channels: u16,
-    /// Frames a second.
+    /// Frames per second.
     pub rate_hz: u32,
-    /// Of a sample.
+    /// Sample format.
     pub encoding: Encoding,
     /// First byte of the samples.
     pub data_at: u64,
@@ -111,10 +111,10 @@ impl Layout {
     }
 }
 
-/// The layout of a file whose header goes with its length.
+/// The layout of a file, checked against its length.
 ///
 /// # Errors
-/// [`WavError`] where it is no WAV file, or ends before its samples do.
+/// [`WavError`] if it is not a WAV file, or ends before its samples do.
 pub fn read_layout(file: &mut (impl Read + Seek)) -> Result<Layout, WavError> {
     let layout = read_header(file)?;
     let there = file.seek(SeekFrom::End(0))?.saturating_sub(layout.data_at);
@@ -128,7 +128,7 @@ pub fn read_layout(file: &mut (impl Read + Seek)) -> Result<Layout, WavError> {
     Ok(layout)
 }
 
-/// What the header says, whether the samples are there or not.
+/// The layout as the header states it, unchecked.
 pub(super) fn read_header(file: &mut (impl Read + Seek)) -> Result<Layout, WavError> {
     let file_bytes = file.seek(SeekFrom::End(0))?;
     file.seek(SeekFrom::Start(0))?;

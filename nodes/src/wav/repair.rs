@@ -1,34 +1,34 @@
-//! Mending the header of a WAV file whose writer came to a sudden end.
+//! Repairs the header of a WAV file whose writer was interrupted.
 
 use super::reader::{WavError, read_header};
 use super::{IN_DS64, size_chunk};
 use std::io::{Read, Seek, SeekFrom, Write};
 
-/// What was done.
+/// Result of a repair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Repair {
-    /// The header is true.
+    /// The header is correct.
     Whole,
-    /// The header stated fewer frames than the file holds, or more; now it states those that are there.
+    /// The header stated another number of frames than the file holds; it is corrected.
     Mended {
         /// Frames as stated before.
         before: u64,
-        /// Frames that are there.
+        /// Frames in the file.
         now: u64,
     },
-    /// The header is not true, and there is no room in it to say what is: more than 4 GiB without RF64.
+    /// The header is wrong and cannot state the size: more than 4 GiB without room for RF64.
     TooLarge,
 }
 
-/// Lets the header state what the length of the file says. Only sizes in the header are written; no byte of the samples.
+/// Corrects the sizes in the header by the length of the file. The samples are not written.
 ///
 /// # Errors
-/// [`WavError`] where it is no WAV file or cannot be read or written.
+/// [`WavError`] if it is not a WAV file or cannot be read or written.
 pub fn repair(file: &mut (impl Read + Write + Seek)) -> Result<Repair, WavError> {
     let layout = read_header(file)?;
     let file_bytes = file.seek(SeekFrom::End(0))?;
     let there = file_bytes.saturating_sub(layout.data_at);
-    // What lies within the form behind the samples is other chunks; what lies beyond the form is samples.
+    // Bytes within the form after the samples are other chunks; bytes beyond the form are samples.
     let data_end = layout.data_at.saturating_add(layout.data_bytes);
     let is_short = file_bytes > layout.form_bytes && data_end.saturating_add(1) >= layout.form_bytes;
     let frame_bytes = layout.frame_bytes();

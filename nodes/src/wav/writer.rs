@@ -1,16 +1,16 @@
-//! Writing a WAV file whose header is true at least once a second.
+//! A writer of WAV files that updates the header at least once a second.
 
 use super::{Format, HEADER_BYTES, header};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 
-/// Bytes that wait before they are written.
+/// Buffered bytes that cause a write.
 const BUFFER_BYTES: usize = 1 << 16;
-/// How often at least the header is brought up to date.
+/// Longest time between updates of the header.
 const PACE: Duration = Duration::from_secs(1);
 
-/// Writes 32-bit floats. At least once a second, of its own time and of the signal's, everything that came is in the
-/// file and the header says so: whatever ends the process leaves a valid file.
+/// Writes 32-bit floats. At least once a second, of wall time and of the signal's time, all samples are in the
+/// file and the header states them, so that the file is valid however the process ends.
 pub struct WavWriter<W: Write + Seek> {
     out: W,
     format: Format,
@@ -28,7 +28,7 @@ impl<W: Write + Seek> WavWriter<W> {
     /// Writes the header of an empty file.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn new(out: W, format: Format) -> io::Result<Self> {
         Self::with_most_bytes(out, format, u64::MAX)
     }
@@ -48,10 +48,10 @@ impl<W: Write + Seek> WavWriter<W> {
         })
     }
 
-    /// Appends samples, channel by channel within each frame. Says whether the header was brought up to date.
+    /// Appends interleaved samples. Returns whether the header was updated.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn write(&mut self, samples: &[f32]) -> io::Result<bool> {
         for sample in samples {
             self.waiting.extend(sample.to_le_bytes());
@@ -68,16 +68,16 @@ impl<W: Write + Seek> WavWriter<W> {
         Ok(is_due)
     }
 
-    /// Writes what waits, and the header.
+    /// Writes the buffer, and the header.
     ///
     /// # Errors
-    /// What the file system says.
+    /// The file system's error.
     pub fn finish(mut self) -> io::Result<()> {
         self.update()?;
         self.out.flush()
     }
 
-    /// Writes what waits; counts what reached the file, also where the rest does not.
+    /// Writes the buffer; counts what reached the file, also where the rest does not.
     fn flush(&mut self) -> io::Result<()> {
         let (mut done, mut result) = (0, Ok(()));
         while done < self.waiting.len() && result.is_ok() {
@@ -100,7 +100,7 @@ impl<W: Write + Seek> WavWriter<W> {
         self.state()
     }
 
-    /// Lets the header state what is in the file.
+    /// Updates the header to the content of the file.
     fn state(&mut self) -> io::Result<()> {
         let frame_bytes = self.format.frame_bytes().max(1);
         let whole = self.reached / frame_bytes * frame_bytes;
@@ -113,10 +113,10 @@ impl<W: Write + Seek> WavWriter<W> {
 }
 
 impl<W: Write + Seek> Drop for WavWriter<W> {
-    /// After a failure, such as a full disk, the header states what is there: that needs no new room.
+    /// Updates the header after a failure such as a full disk, which needs no new room.
     fn drop(&mut self) {
         if self.stated < self.reached {
-            // The failure itself was returned where it occurred.
+            // The failure itself was already returned.
             let _ = self.state();
         }
     }

@@ -3,7 +3,7 @@
 use super::super::Failure;
 use super::message;
 use crate::engine::run::{Histogram, Live, Timer, TimerThread};
-use crate::nodes::soundcard::{CardCounts, CardDriver, CardNote, Got, Request};
+use crate::nodes::soundcard::{CardCounts, CardDriver, CardNote, OpenedStream, Request};
 use serde_json::{Value, json};
 
 /// What to start, and then what runs.
@@ -44,7 +44,7 @@ impl Driver {
     pub fn tend(&mut self) -> Vec<CardNote> {
         match self {
             Self::Timer(_) => Vec::new(),
-            Self::Card(card, _) => card.tend(),
+            Self::Card(card, _) => card.poll(),
         }
     }
 
@@ -114,7 +114,7 @@ impl Driver {
 }
 
 /// A stream of a card, in words.
-pub fn stream(got: &Got, asked: &Request) -> String {
+pub fn stream(got: &OpenedStream, asked: &Request) -> String {
     let frames = got
         .buffer_frames
         .map_or_else(|| "?".to_owned(), |frames| frames.to_string());

@@ -124,7 +124,7 @@ impl Drivers {
     pub fn tend(&mut self) -> Vec<CardNote> {
         let drivers = self.list.iter_mut();
         let mut said: Vec<CardNote> = drivers.flat_map(|(_, driver)| driver.tend()).collect();
-        said.extend(self.inputs.tend());
+        said.extend(self.inputs.poll());
         said
     }
 

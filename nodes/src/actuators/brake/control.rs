@@ -1,4 +1,4 @@
-//! Control of the brake (5.5.4): current by the experimental line, corrected slowly by the friction that is measured.
+//! Control of the brake (5.5.4): current by the experimental line, with a slow correction by the measured friction.
 
 use super::solenoid::{self, Solenoid};
 use super::thermal::{CoilSettings, CoilThermal};
@@ -8,7 +8,7 @@ use super::thermal::{CoilSettings, CoilThermal};
 pub struct BrakeSettings {
     /// Largest current, A.
     pub most_current_a: f64,
-    /// Speed of the correction, 1/s: an error shrinks by this part each second. Zero: open loop, as in the thesis.
+    /// Gain of the correction, 1/s: an error shrinks by this fraction per second. Zero: open loop, as in the thesis.
     pub trim_per_s: f64,
     /// Largest correction of the coefficient of friction.
     pub most_trim: f64,
@@ -16,7 +16,7 @@ pub struct BrakeSettings {
     pub least_normal_n: f64,
     /// Speed below which friction is not measured, m/s.
     pub least_speed_m_s: f64,
-    /// The solenoid and the line that it is driven by.
+    /// The solenoid and its experimental line.
     pub solenoid: Solenoid,
     /// The coil.
     pub coil: CoilSettings,
@@ -36,7 +36,7 @@ impl Default for BrakeSettings {
     }
 }
 
-/// What is measured at a tick.
+/// Measurements of a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dragging {
     /// Normal force, N.
@@ -47,10 +47,10 @@ pub struct Dragging {
     pub speed_m_s: f64,
 }
 
-/// Whether the wanted friction can be had.
+/// Whether the requested friction can be rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach {
-    /// It can.
+    /// It can be rendered.
     Within,
     /// The pen's own friction is higher.
     BelowFreePen,
@@ -58,26 +58,26 @@ pub enum Reach {
     CurrentLimit,
     /// The plunger would push the ball off its bearings.
     PlungerLimit,
-    /// The correction has reached its end: the pen is not what the experimental line says.
+    /// The correction is at its limit: the pen differs from the experimental line.
     TrimLimit,
-    /// The coil is too hot and rests.
+    /// The coil is too hot; the current is zero until it has cooled.
     TooHot,
 }
 
-/// What the brake does at a tick.
+/// Output of the control at a tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrakeCommand {
     /// Current, A.
     pub current_a: f64,
-    /// Whether the wanted friction can be had.
+    /// Whether the requested friction can be rendered.
     pub reach: Reach,
-    /// Effective friction as measured (over about 0.1 s), where it was.
+    /// Measured effective friction (over about 0.1 s), if there is a measurement.
     pub measured: Option<f64>,
     /// Correction of the coefficient of friction.
     pub trim: f64,
 }
 
-/// The control of one brake. Allocates nothing, ever.
+/// The control of one brake. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Brake {
     settings: BrakeSettings,
@@ -86,7 +86,7 @@ pub struct Brake {
     trim: f64,
     /// Friction and normal force, low-passed while dragging, N.
     dragged_n: [f64; 2],
-    /// The correction helps no further in this direction.
+    /// Direction in which a larger correction has no effect.
     stuck: f64,
 }
 
@@ -94,7 +94,7 @@ pub struct Brake {
 const MEASURED_S: f64 = 0.1;
 
 impl Brake {
-    /// A brake at rest with a cold coil, for ticks at `rate_hz`.
+    /// A brake with zero current and a cold coil, for ticks at `rate_hz`.
     pub fn new(settings: BrakeSettings, rate_hz: f64) -> Self {
         let coil = CoilThermal::new(settings.coil);
         Self {
@@ -107,13 +107,13 @@ impl Brake {
         }
     }
 
-    /// Goes on from the state of another control.
+    /// Takes over the state of another control.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.coil.copy_state_from(&other.coil);
         (self.trim, self.dragged_n, self.stuck) = (other.trim, other.dragged_n, other.stuck);
     }
 
-    /// One tick: the current for a wanted coefficient of friction. Measurements that are not finite leave the brake off.
+    /// Computes one tick: the current for a requested coefficient of friction. If a measurement is not finite the current is zero.
     pub fn update(&mut self, wanted: f64, dragging: &Dragging) -> BrakeCommand {
         let usable = [wanted, dragging.normal_n, dragging.friction_n, dragging.speed_m_s]
             .iter()
@@ -149,12 +149,12 @@ impl Brake {
         for (kept, now) in self.dragged_n.iter_mut().zip(now_n) {
             *kept += weight * (now - *kept);
         }
-        // Nothing pressed yet, and least values of zero: there is no friction to speak of.
+        // Without load the coefficient of friction is undefined.
         (self.dragged_n[1] > 0.0).then(|| self.dragged_n[0] / self.dragged_n[1])
     }
 
     fn correct(&mut self, error: f64) {
-        // Where more of the same is no use (a limit was met), the correction waits.
+        // At a limit the correction stops (anti-windup).
         if error * self.stuck <= 0.0 {
             let most = self.settings.most_trim;
             self.trim = (self.trim + self.settings.trim_per_s * self.period_s * error).clamp(-most, most);

@@ -39,7 +39,7 @@ pub fn loads(mu_b: f64, mu_s: f64, phi: f64) -> Loads {
     }
 }
 
-/// Friction of the free pen: the least that can be displayed.
+/// Friction of the free pen: the smallest that can be rendered.
 pub fn free_friction(mu_b: f64) -> f64 {
     SQRT_2 * mu_b / (1.0 + (1.0 + SQRT_2) * mu_b * mu_b)
 }
@@ -60,7 +60,7 @@ pub fn phi(mu: f64, mu_b: f64, mu_s: f64) -> f64 {
         / (mu_s - square * mu_s * (SQRT_2 - 1.0) - SQRT_2 * mu_b)
 }
 
-/// Friction with the plunger pressed as hard as the pen itself (phi = 1): the most that can be displayed.
+/// Friction with the plunger pressed as hard as the pen itself (phi = 1): the largest that can be rendered.
 pub fn most_friction(mu_b: f64, mu_s: f64) -> f64 {
     let square = mu_b * mu_b;
     mu_s * (1.0 - (SQRT_2 - 1.0) * square) / (1.0 + (1.0 + SQRT_2) * square)

@@ -1,10 +1,10 @@
-//! The solenoid and its plunger (5.5.3, 5.5.4): force by current, the experimental line, the range that can be worked in.
+//! The solenoid and its plunger (5.5.3, 5.5.4): force by current, the experimental line, the working range.
 
-/// Largest lasting current, A.
+/// Largest continuous current, A.
 pub const MOST_CURRENT_A: f64 = 0.3;
-/// Friction of the free pen with the plunger's weight on the ball: the least that was measured.
+/// Friction of the free pen with the plunger's weight on the ball: the smallest measured.
 pub const LEAST_FRICTION: f64 = 0.20;
-/// Most friction that was measured.
+/// Largest measured friction.
 pub const MOST_FRICTION: f64 = 0.52;
 /// Magnetic permeability of free space, V s/(A m).
 const PERMEABILITY: f64 = 4e-7 * std::f64::consts::PI;
@@ -36,7 +36,7 @@ impl Solenoid {
         self.line_slope * mu + self.line_offset
     }
 
-    /// Current for a plunger force, A; none below the plunger's weight; not limited. Eq. 5.5.10
+    /// Current for a plunger force, A, without a limit; zero below the plunger's weight. Eq. 5.5.10
     pub fn current_a(&self, plunger_n: f64) -> f64 {
         ((plunger_n - self.plunger_n).max(0.0) / self.force_n_per_a2).sqrt()
     }
@@ -46,7 +46,7 @@ impl Solenoid {
         self.force_n_per_a2 * current_a * current_a + self.plunger_n
     }
 
-    /// Largest normal force at which a friction can be displayed, N: the current's limit (Fig. 5.22). Infinite where no
+    /// Largest normal force at which a friction can be rendered, N: the current's limit (Fig. 5.22). Infinite if no
     /// current is needed.
     pub fn most_normal_force_n(&self, mu: f64, most_current_a: f64) -> f64 {
         let phi = self.experimental_phi(mu);
@@ -57,7 +57,7 @@ impl Solenoid {
         }
     }
 
-    /// Most friction that can be displayed at a normal force (Fig. 5.23), between what the pen has and what was measured.
+    /// Largest friction that can be rendered at a normal force (Fig. 5.23), between the free pen's and the largest measured.
     pub fn most_friction_at(&self, normal_n: f64, most_current_a: f64) -> f64 {
         let phi = self.plunger_n(most_current_a) / normal_n;
         ((phi - self.line_offset) / self.line_slope).clamp(LEAST_FRICTION, MOST_FRICTION)

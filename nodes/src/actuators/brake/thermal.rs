@@ -21,7 +21,7 @@ haptograph_engine::settings! {
         sink_to_air_k_per_w: f64 = CoilSettings::default().sink_to_air_k_per_w, in 1e-3..=1e6;
         /// Coil temperature at which the brake trips, degrees Celsius.
         trip_c: f64 = CoilSettings::default().trip_c, in -50.0..=1000.0;
-        /// Coil temperature below which it comes back, degrees Celsius.
+        /// Coil temperature below which it is enabled again, degrees Celsius.
         rearm_c: f64 = CoilSettings::default().rearm_c, in -50.0..=1000.0;
     }
 }
@@ -44,7 +44,7 @@ impl Default for CoilSettings {
     }
 }
 
-/// The coil over time.
+/// Thermal state of the coil.
 #[derive(Debug, Clone)]
 pub struct CoilThermal {
     settings: CoilSettings,
@@ -66,12 +66,12 @@ impl CoilThermal {
         }
     }
 
-    /// As warm as another coil.
+    /// Takes over the temperatures of another coil.
     pub fn copy_state_from(&mut self, other: &Self) {
         (self.coil_k, self.sink_k, self.tripped) = (other.coil_k, other.sink_k, other.tripped);
     }
 
-    /// A time of a constant current, s and A (implicit Euler: stable for any time).
+    /// Advances by a time at a constant current, s and A (implicit Euler: stable for any time).
     pub fn advance(&mut self, current_a: f64, time_s: f64) {
         let s = &self.settings;
         let power_w = current_a * current_a * self.resistance_ohm();
@@ -99,12 +99,12 @@ impl CoilThermal {
         self.settings.ambient_c + self.coil_k
     }
 
-    /// Temperature of the heat sink, degrees Celsius: what a hand could touch.
+    /// Temperature of the heat sink, which a hand can touch, degrees Celsius.
     pub fn sink_c(&self) -> f64 {
         self.settings.ambient_c + self.sink_k
     }
 
-    /// Whether the coil must be left without current.
+    /// Whether the coil has tripped and must have no current.
     pub fn is_tripped(&self) -> bool {
         self.tripped
     }

@@ -1,7 +1,7 @@
-//! Which triangles a way through space touches: a bounding volume hierarchy and exact predicates.
+//! Intersection of segments with triangles: a bounding volume hierarchy and exact predicates.
 //!
 //! The hierarchy is built by the crate `bvh` (surface area heuristic) and flattened with its own hook into nodes that
-//! are walked front to back by index alone: no stack, no allocation, no depth limit, as a servo tick needs. Whether a way
+//! are walked front to back by index alone: no stack, no allocation, no depth limit, as a servo tick needs. Whether a segment
 //! touches a triangle is decided by Shewchuk's exact orientation predicate (crate `robust`), so that neighbours agree
 //! about the edge and the corner they share and nothing slips between them.
 
@@ -18,7 +18,7 @@ pub(super) struct Index {
     nodes: Vec<Node>,
 }
 
-/// A box with all that follows up to `exit` inside it, or a triangle.
+/// A box that contains all following nodes up to `exit`, or a triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     centre: Vec3,
@@ -77,7 +77,7 @@ impl Index {
         Self { nodes }
     }
 
-    /// Calls `visit` for each triangle that the closed way from `a` to `b` touches.
+    /// Calls `visit` for each triangle that the closed segment from `a` to `b` touches.
     pub(super) fn hits(
         &self,
         vertices: &[Vec3],
@@ -86,10 +86,10 @@ impl Index {
         b: Vec3,
         mut visit: impl FnMut(Hit),
     ) {
-        let way = Way::new(a, b);
+        let segment = Segment::new(a, b);
         self.walk(
             &mut (),
-            |(), node| Some(way.touches(node)),
+            |(), node| Some(segment.touches(node)),
             |(), triangle| {
                 let corners = triangles[triangle as usize].map(|i| vertices[i as usize]);
                 if let Some(fraction) = crossing(corners, a, b) {
@@ -117,8 +117,8 @@ impl Index {
         best.1
     }
 
-    /// Goes through the hierarchy, each box and triangle once at most: `into` says of a box whether to look into it, or
-    /// nothing where to end at once. Was it gone through to its end?
+    /// Walks the hierarchy, each box and triangle at most once: `into` returns whether to descend into a box, or
+    /// none to stop. Returns whether the walk reached the end.
     pub(super) fn walk<S>(
         &self,
         state: &mut S,
@@ -154,8 +154,8 @@ fn gap_square(node: &Node, point: Vec3) -> f64 {
         .sum()
 }
 
-/// At most the distance from a box to the line through `foot` along a unit vector: how far apart a plane along the line
-/// keeps them.
+/// Lower bound of the distance from a box to the line through `foot` along a unit vector: the distance by which a plane
+/// along the line separates them.
 #[inline]
 pub(super) fn gap_to_line(node: &Node, foot: Vec3, along: Vec3) -> f64 {
     let away = reject(sub(node.centre, foot), along);
@@ -165,14 +165,14 @@ pub(super) fn gap_to_line(node: &Node, foot: Vec3, along: Vec3) -> f64 {
     dot(away, across) - dot(node.half, across.map(f64::abs))
 }
 
-/// A way from one point to another.
+/// A segment between two points.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way {
+pub(super) struct Segment {
     middle: Vec3,
     half: Vec3,
 }
 
-impl Way {
+impl Segment {
     pub(super) fn new(a: Vec3, b: Vec3) -> Self {
         Self {
             middle: std::array::from_fn(|i| 0.5 * (a[i] + b[i])),
@@ -192,17 +192,17 @@ impl Way {
     }
 }
 
-/// The fraction of the way from a to b at which it touches the triangle, if it does. Touching an edge or a corner counts.
+/// The fraction of the segment from a to b at which it touches the triangle, if it does. An edge or a corner counts.
 pub(super) fn crossing([p, q, r]: [Vec3; 3], a: Vec3, b: Vec3) -> Option<f64> {
     let (above, below) = (side(p, q, r, a), side(p, q, r, b));
     if (above > 0.0 && below > 0.0) || (above < 0.0 && below < 0.0) {
         return None;
     }
     if above == 0.0 && below == 0.0 {
-        // Within the plane: a way into the triangle crosses its rim, and the neighbours there see it.
+        // Within the plane: a segment into the triangle crosses its rim, where it touches the neighbours.
         return None;
     }
-    // One after the other: most triangles are passed on one of the first two sides.
+    // Sides in turn: most triangles are ruled out by one of the first two.
     let mut turns = [0.0_f64; 2];
     for (from, to) in [(p, q), (q, r), (r, p)] {
         let turn = side(a, b, from, to);

@@ -1,34 +1,34 @@
-//! Where a line meets a convex mesh, at a cost that is bounded whatever the line.
+//! Intersection of a line with a convex mesh, at bounded cost for any line.
 //!
-//! The hierarchy is asked first, for at most [`HIERARCHY_VISITS`] nodes each for the hit and for the nearest point of a line
-//! that misses. Where that does not suffice (a line within a fan of thousands of triangles), the mesh is gone through once
-//! instead: a convex solid is what its triangles' planes leave, so the line is clipped by every plane, and its nearest edge
+//! The hierarchy is searched first, at most [`HIERARCHY_VISITS`] nodes each for the hit and for the nearest point of a line
+//! that misses. If that does not suffice (a line within a fan of thousands of triangles), the whole mesh is searched once
+//! instead: a convex solid is the intersection of its half spaces, so every plane clips the line, and its nearest edge
 //! is one of all edges. Both give the same point, to rounding.
 
-use super::index::{Way, crossing, gap_to_line};
+use super::index::{Segment, crossing, gap_to_line};
 use super::{NONE, TriangleMesh};
 use crate::vector::{Vec3, add_scaled, distance, dot, norm, reject, sub};
 
 /// Sine of the angle below which a line runs along a plane: across the whole mesh it does not leave it by the slack.
 const ALONG: f64 = 1e-9;
 
-/// Nodes of the hierarchy that are looked at for a hit, and as many for a miss.
+/// Nodes of the hierarchy visited for a hit, and as many for a miss.
 pub const HIERARCHY_VISITS: usize = 2048;
 
-/// Where a line meets a convex mesh, or comes nearest to it.
+/// The point where a line enters a convex mesh, or its nearest point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineMeeting {
-    /// The point of the surface, m: where the line enters, or the nearest to it; of several as near, the first on its way.
+    /// The point of the surface, m: where the line enters, or the nearest to it; of several, the first along the line.
     pub position_m: Vec3,
     /// Its triangle; at an edge the one that the line runs against most.
     pub triangle: u32,
-    /// By how much the line misses, m; 0 where it hits.
+    /// Distance by which the line misses, m; 0 if it hits.
     pub miss_m: f64,
-    /// Nodes and triangles that were looked at.
+    /// Visited nodes and triangles.
     pub visits: usize,
 }
 
-/// A line by a point and a unit vector, what is as good as equal for it, and how often it was compared with something.
+/// A line by a point and a unit vector, its tolerance, and the number of visits.
 struct Line {
     foot_m: Vec3,
     along: Vec3,
@@ -36,7 +36,7 @@ struct Line {
     visits: usize,
 }
 
-/// A place where the line enters, or is near.
+/// A candidate: a point where the line enters, or is near.
 #[derive(Clone, Copy)]
 struct Place {
     position_m: Vec3,
@@ -50,10 +50,10 @@ struct Place {
 }
 
 impl TriangleMesh {
-    /// Looks for the point where a line along a unit vector enters a convex mesh, or the nearest of its points. Allocates
-    /// nothing, and looks at no more than [`TriangleMesh::most_visits`].
+    /// Finds the point where a line along a unit vector enters a convex mesh, or the nearest of its points. Allocates
+    /// nothing, and visits at most [`TriangleMesh::most_visits`].
     pub fn meet_line(&self, foot_m: Vec3, along: Vec3) -> LineMeeting {
-        // From the point of the line that is nearest to the mesh's middle, numbers are as small as they can be.
+        // Relative to the line's point nearest to the mesh's middle, numbers are smallest.
         let foot_m = add_scaled(foot_m, along, dot(sub(self.centre_m, foot_m), along));
         let mut line = Line {
             foot_m,
@@ -72,23 +72,23 @@ impl TriangleMesh {
         line.meeting(&beside)
     }
 
-    /// The most nodes and triangles that [`TriangleMesh::meet_line`] looks at: 4096 and twice the triangles.
+    /// Largest number of nodes and triangles that [`TriangleMesh::meet_line`] visits: 4096 and twice the triangles.
     pub fn most_visits(&self) -> usize {
         2 * HIERARCHY_VISITS + 2 * self.triangles.len()
     }
 
-    /// Where the line enters, or that it does not; nothing where the hierarchy does not tell in time.
+    /// Where the line enters, if it does; none if the hierarchy takes too many visits.
     fn hit_by_hierarchy(&self, line: &mut Line) -> Option<Option<Place>> {
         let reach_m = self.diagonal_m;
         let (from_m, to_m) = (line.point(-reach_m), line.point(reach_m));
-        let (way, end) = (Way::new(from_m, to_m), line.visits + HIERARCHY_VISITS);
+        let (segment, end) = (Segment::new(from_m, to_m), line.visits + HIERARCHY_VISITS);
         let mut first: Option<Place> = None;
         let complete = self.index.walk(
             &mut (line, &mut first),
-            |(line, _), node| line.looks_at(end, way.touches(node)),
+            |(line, _), node| line.looks_at(end, segment.touches(node)),
             |(line, first), triangle| {
                 line.visits += 1;
-                // A convex solid is entered through what faces the line.
+                // The line enters through faces that face it.
                 if self.facing(line, triangle) < 0.0
                     && let Some(fraction) = crossing(self.corners(triangle), from_m, to_m)
                 {
@@ -101,7 +101,7 @@ impl TriangleMesh {
         complete.then_some(first)
     }
 
-    /// The same by the planes of all triangles.
+    /// Where the line enters, by the planes of all triangles.
     fn clip(&self, line: &mut Line) -> Option<Place> {
         let (mut enters_m, mut leaves_m) = (f64::NEG_INFINITY, f64::INFINITY);
         for triangle in 0..self.triangles.len() as u32 {
@@ -115,7 +115,7 @@ impl TriangleMesh {
                 return None;
             }
         }
-        // A line that lies beyond all numbers does not enter; one that enters does through some triangle below.
+        // A line that overflows does not enter; others enter through a triangle below.
         if !enters_m.is_finite() || enters_m > leaves_m {
             return None;
         }
@@ -147,7 +147,7 @@ impl TriangleMesh {
         (self.facing(line, triangle), height_m)
     }
 
-    /// The nearest place to a line that misses; nothing where the hierarchy does not tell in time.
+    /// The nearest point to a line that misses; none if the hierarchy takes too many visits.
     fn beside_by_hierarchy(&self, line: &mut Line) -> Option<Place> {
         let end = line.visits + HIERARCHY_VISITS;
         let mut best: Option<Place> = None;
@@ -165,7 +165,7 @@ impl TriangleMesh {
         best.filter(|_| complete)
     }
 
-    /// The same by all triangles.
+    /// The nearest point, by all triangles.
     fn beside(&self, line: &mut Line) -> Place {
         let mut best = None;
         for triangle in 0..self.triangles.len() as u32 {
@@ -208,14 +208,14 @@ impl TriangleMesh {
 }
 
 impl Place {
-    /// Takes the place of a worse one.
+    /// Replaces a worse candidate.
     fn replace_worse(self, best: &mut Option<Self>, slack_m: f64) {
         if best.is_none_or(|best| self.is_before(&best, slack_m)) {
             *best = Some(self);
         }
     }
 
-    /// Nearer, or as near and earlier, or there too and met more.
+    /// Whether it is nearer, or as near and earlier, or equal and more opposed to the line.
     fn is_before(&self, other: &Self, slack_m: f64) -> bool {
         let (nearer_m, earlier_m) = (other.gap_m - self.gap_m, other.at_m - self.at_m);
         if nearer_m.abs() > slack_m {
@@ -252,7 +252,7 @@ impl Line {
         add_scaled(from_m, sub(to_m, from_m), fraction)
     }
 
-    /// Counts a box, and says whether to look into it; nothing when there is no time for it and its triangle.
+    /// Counts a visit, and returns whether to descend into the box; none if the visits are used up.
     fn looks_at(&mut self, end: usize, into: bool) -> Option<bool> {
         let has_time = self.visits + 2 <= end;
         self.visits += usize::from(has_time);

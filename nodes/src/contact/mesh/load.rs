@@ -15,7 +15,7 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
-    /// By a file name's ending, in any case.
+    /// The format of a file name's extension, in any case.
     pub fn of(path: &std::path::Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "stl" => Some(Self::Stl),
@@ -78,7 +78,7 @@ fn obj(mut bytes: &[u8]) -> Result<Soup, MeshError> {
         ignore_lines: true,
         ..Default::default()
     };
-    // Materials are of no concern: whatever they name is taken as empty.
+    // Materials are ignored: every material file is taken as empty.
     let (models, _) = tobj::load_obj_buf(&mut bytes, &options, |_| Ok((Vec::new(), Default::default())))
         .map_err(|error| MeshError::Unreadable {
             format: MeshFormat::Obj,

@@ -1,9 +1,9 @@
-//! The way of a contact point along a surface, and its speed.
+//! The path of a contact point along a surface, and its speed.
 //!
 //! Points are joined along the surface: two points on faces that meet at an angle are as far apart as they are when the faces
-//! are laid flat. The way is kept in a tangent frame that is carried along, so that the filter behind it knows nothing of
-//! edges. A leash takes out the jitter of the measured point: the followed point moves when the measured one pulls it
-//! further than the leash is long, and else drifts after it, so a still pen is still and a moving one keeps its speed.
+//! are laid flat. The path is expressed in a tangent frame that is carried along, so that the filter does not depend on
+//! edges. A leash removes the jitter of the measured point: the followed point moves when the measured one pulls it
+//! beyond the leash's length, and otherwise drifts after it, so a still pen has no speed and a moving one keeps its speed.
 
 use super::super::wrench::WrenchContact;
 use crate::sensing::speed::{SpeedEstimator, SpeedFilter};
@@ -12,7 +12,7 @@ use crate::vector::{
 };
 use haptograph_signal::filter::DesignError;
 
-/// A leash that holds a still pen still: behind a 20 Hz filter five to six standard deviations of a Nano17's
+/// Leash that gives a still pen zero speed: behind a 20 Hz filter five to six standard deviations of a Nano17's
 /// noise.
 pub const LEASH: f64 = 1.2;
 
@@ -22,13 +22,13 @@ const DRIFT_S: f64 = 0.8;
 /// A point this far from the last one, a tick ago, is another contact, m.
 const LEAP_M: f64 = 0.1;
 
-/// Follows one contact. Allocates when made only.
+/// Follows one contact. Allocates only when made.
 #[derive(Debug, Clone)]
 pub struct SurfacePath {
     estimator: SpeedEstimator<2>,
     /// Length of the leash as a multiple of the point's uncertainty.
     leash: f64,
-    /// Part of the way ahead that is caught up with in a tick.
+    /// Fraction of the remaining distance that the followed point drifts per tick.
     drift: f64,
     at: Option<At>,
     way_m: f64,
@@ -57,18 +57,18 @@ impl SurfacePath {
         })
     }
 
-    /// Turns the speed's filter to another cut-off, as [`SpeedEstimator::turn`].
+    /// Tunes the speed's filter to another cut-off, as [`SpeedEstimator::turn`].
     pub fn turn(&mut self, frequency: f64) {
         self.estimator.turn(frequency);
     }
 
-    /// Goes on from where another path is.
+    /// Takes over the state of another path.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.estimator.copy_state_from(&other.estimator);
         (self.at, self.way_m) = (other.at, other.way_m);
     }
 
-    /// One tick: the velocity along the surface in its tangent plane, m/s; null while nothing touches.
+    /// Advances one tick: the velocity along the surface in its tangent plane, m/s; zero in free space.
     pub fn update(&mut self, contact: &WrenchContact) -> Vec3 {
         if !contact.touching {
             self.at = None;
@@ -113,12 +113,12 @@ impl SurfacePath {
         self.estimator.speed_m_s()
     }
 
-    /// By how much slow changes of speed are late, s.
+    /// Delay of slow changes of speed, s.
     pub fn delay_s(&self) -> f64 {
         self.estimator.delay_s()
     }
 
-    /// Length of the way so far, m.
+    /// Length of the path so far, m.
     pub fn way_m(&self) -> f64 {
         self.way_m
     }

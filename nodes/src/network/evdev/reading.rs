@@ -1,4 +1,4 @@
-//! Linux's events become positions and forces, on a thread of its own.
+//! Converts Linux's events to positions and forces, on a separate thread.
 
 use super::{Input, unknown_scale};
 use crate::network::link::SENSED;
@@ -10,7 +10,7 @@ use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Where an axis begins and how far it goes, in its own counts, and how many of them are a millimetre.
+/// Range of an axis in counts, and its counts per millimetre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Axis {
     least: f64,
@@ -18,7 +18,7 @@ struct Axis {
     counts_per_mm: Option<f64>,
 }
 
-/// What a device says it has.
+/// Capabilities that a device reports.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Abilities {
     /// Absolute x and y; none for a mouse.
@@ -26,21 +26,21 @@ struct Abilities {
     pressure: Option<Axis>,
 }
 
-/// One thing that happened.
+/// An event.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Event {
-    /// Absolute place of axis 0 or 1, counts.
+    /// Absolute position of axis 0 or 1, counts.
     Place(usize, f64),
-    /// Movement along it, counts.
+    /// Relative movement of an axis, counts.
     Move(usize, f64),
     Pressure(f64),
     Down(bool),
 }
 
-/// Events become positions and forces.
+/// Converts events to positions and forces.
 #[derive(Debug, Clone, PartialEq)]
 struct Tip {
-    /// Counts of a metre along x and y, and the counts at the origin.
+    /// Counts per metre along x and y, and the counts at the origin.
     counts_per_m: [f64; 2],
     origin: [f64; 2],
     pressure: Option<Axis>,
@@ -49,7 +49,7 @@ struct Tip {
 }
 
 impl Tip {
-    /// None where nobody says how many counts a millimetre has.
+    /// None if the scale is unknown.
     fn new(input: &Input, has: &Abilities) -> Option<Self> {
         let counts_per_mm = |axis: usize| {
             let said = has.place.and_then(|place| place[axis].counts_per_mm);
@@ -69,7 +69,7 @@ impl Tip {
     }
 
     fn take(&mut self, event: Event) {
-        // Both count y towards the user.
+        // The y axes of tablets and mice point towards the user.
         let metres = |axis: usize, counts: f64| [1.0, -1.0][axis] * counts / self.counts_per_m[axis];
         match event {
             Event::Place(axis, counts) => self.sensed[axis] = metres(axis, counts - self.origin[axis]),
@@ -82,18 +82,18 @@ impl Tip {
             Event::Down(down) if self.pressure.is_none() => {
                 self.sensed[8] = if down { self.pressed_n } else { 0.0 }
             }
-            // A pen that is lifted presses on nothing, whatever its last pressure was.
+            // The force of a lifted pen is zero, whatever its last pressure was.
             Event::Down(false) => self.sensed[8] = 0.0,
             Event::Down(true) => {}
         }
     }
 }
 
-/// How often a device is looked at.
+/// Time between polls of a device.
 const PAUSE: Duration = Duration::from_millis(1);
-/// How often one that is gone is looked for.
+/// Time between attempts to reopen a device.
 const RETRY: Duration = Duration::from_millis(500);
-/// Pauses between two words that it is still there.
+/// Polls between two reports that the device is present.
 const ALIVE: u32 = 5;
 
 struct Open {
@@ -109,7 +109,7 @@ impl Open {
         Ok(Self { device, tip })
     }
 
-    /// The same with other settings; the tip is where it was.
+    /// Changes the settings; the tip keeps its position.
     fn with(self, input: &Input) -> Result<Self> {
         let tip = tip(&self.device, input)?;
         let tip = Tip {
@@ -119,7 +119,7 @@ impl Open {
         Ok(Self { tip, ..self })
     }
 
-    /// Takes what happened since. Did anything?
+    /// Processes new events. Returns whether there were any.
     fn take(&mut self) -> Result<bool> {
         let mut news = false;
         match self.device.fetch_events() {
@@ -181,7 +181,7 @@ fn meaning(event: EventSummary) -> Option<Event> {
     })
 }
 
-/// Reads a device until `stop`, on a thread of its own; one that is pulled out is looked for. Also says whether it states
+/// Reads a device until `stop`, on a separate thread, and reopens one that was unplugged. Also returns whether it reports
 /// its scale.
 pub(in crate::network) fn begin(
     device: &str,

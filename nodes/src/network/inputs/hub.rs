@@ -1,4 +1,4 @@
-//! The thread that listens at one place for all inputs there.
+//! The hub: the thread that listens at one place for all inputs there.
 
 use super::midi::{self, MidiSelector};
 use super::osc::{self, OscSelector};
@@ -12,19 +12,19 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Where inputs are heard.
+/// The place of an input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::network) enum Place {
     /// Open Sound Control at an address.
     Osc(SocketAddr),
     /// A serial port at a rate.
     Serial { path: PathBuf, baud: u32 },
-    /// A MIDI port by a part of its name.
+    /// A MIDI port, by part of its name.
     Midi(String),
 }
 
 impl Place {
-    /// Is it one place, whatever its settings?
+    /// Whether both are one place, whatever their settings.
     fn is_at(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Serial { path, .. }, Self::Serial { path: other, .. }) => path == other,
@@ -43,7 +43,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Which of the numbers there.
+/// Selects a number at a place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::network) enum Selector {
     Osc(OscSelector),
@@ -62,25 +62,25 @@ impl fmt::Display for Selector {
     }
 }
 
-/// A number that is listened for, and to whom it goes.
+/// A selected number and its link.
 #[derive(Debug, Clone)]
 pub(in crate::network) struct Route {
     pub selector: Selector,
     pub link: Arc<Link>,
 }
 
-/// The routes of a place. No real-time thread looks at them.
+/// The routes of a place. No real-time thread uses them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Routes(Arc<Mutex<Vec<Route>>>);
 
 impl Routes {
-    /// All of them, as they are now.
+    /// The present routes.
     pub fn list(&self) -> MutexGuard<'_, Vec<Route>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A place that is listened at, until it is dropped.
+/// Listens at a place until it is dropped.
 #[derive(Debug)]
 pub(in crate::network) struct Hub {
     place: Place,
@@ -90,10 +90,10 @@ pub(in crate::network) struct Hub {
 }
 
 impl Hub {
-    /// Begins to listen, to nothing yet.
+    /// Starts to listen, without routes.
     ///
     /// # Errors
-    /// What the system says where the place cannot be listened at.
+    /// The system's error if the place cannot be opened.
     pub fn open(place: &Place) -> std::io::Result<Self> {
         let (routes, stop) = (Routes::default(), Arc::<AtomicBool>::default());
         let (theirs, flag) = (routes.clone(), Arc::clone(&stop));
@@ -110,17 +110,17 @@ impl Hub {
         })
     }
 
-    /// Does it listen at this place?
+    /// Whether it listens at this place.
     pub fn is_at(&self, place: &Place) -> bool {
         self.place.is_at(place)
     }
 
-    /// Does it listen there in the way that is asked for?
+    /// Whether it listens there with these settings.
     pub fn is_as(&self, place: &Place) -> bool {
         self.place == *place
     }
 
-    /// From now on this number is listened for too. Was it not before?
+    /// Adds a route. Returns whether it is new.
     pub fn add(&self, route: &Route) -> bool {
         let mut routes = self.routes.list();
         let is_new = !routes.iter().any(|known| Arc::ptr_eq(&known.link, &route.link));
@@ -130,7 +130,7 @@ impl Hub {
         is_new
     }
 
-    /// Goes on with those routes only whose links are wanted.
+    /// Keeps only the routes whose links are in use.
     pub fn retain(&self, is_wanted: impl Fn(&Arc<Link>) -> bool) {
         self.routes.list().retain(|route| is_wanted(&route.link));
     }

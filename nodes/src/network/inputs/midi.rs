@@ -15,7 +15,7 @@ use std::time::Duration;
 #[cfg(feature = "midi")]
 pub(super) use port::listen;
 
-/// Says what is missing.
+/// Fails with build instructions.
 #[cfg(not(feature = "midi"))]
 pub(super) fn listen(
     _: &str,
@@ -28,7 +28,7 @@ pub(super) fn listen(
     ))
 }
 
-/// Names of the MIDI ports of this machine; none where this program was built without MIDI.
+/// Names of the MIDI ports of this machine; empty in a build without MIDI.
 pub fn midi_ports() -> Vec<String> {
     #[cfg(feature = "midi")]
     let names = port::names().unwrap_or_default();
@@ -54,13 +54,13 @@ haptograph_engine::settings! {
 }
 
 haptograph_engine::choices! {
-    /// What of a MIDI device is listened to.
+    /// The message of a MIDI device that an input reads.
     pub enum MidiMessage {
-        /// A fader, knob or pedal. Where it stands is not known before it is moved.
+        /// A fader, knob or pedal. Its position is unknown until it moves.
         Control(MidiControlSettings),
-        /// A key: how fast it was struck while it is down, else 0.
+        /// A key: its velocity while it is down, else 0.
         Note(MidiNoteSettings),
-        /// The pitch wheel, all the way down to all the way up.
+        /// The pitch wheel, from its lowest to its highest position.
         PitchBend,
     }
 }
@@ -68,20 +68,20 @@ haptograph_engine::choices! {
 haptograph_engine::settings! {
     /// A number from a MIDI device.
     pub struct MidiInputSettings {
-        /// A part of the port's name; inputs at the same one share it. `haptograph devices` lists the ports.
+        /// Part of the port's name; several inputs can share a port. `haptograph devices` lists the ports.
         port: String;
-        /// What is listened to: `Control(number: 1)`, `Note(number: 60)`, `PitchBend`.
+        /// The message: `Control(number: 1)`, `Note(number: 60)`, `PitchBend`.
         message: MidiMessage;
         /// Channel, counted from 1; none: all of them.
         channel: Option<u32> = None, in 1..=16;
-        /// What its least and its greatest value stand for, in the SI unit of the `LiveInput`'s quantity.
+        /// Output at the smallest and at the largest value, in the SI unit of the `LiveInput`'s quantity.
         to: [f64; 2] = [0.0, 1.0];
-        /// What it does to the actuators that depend on it when the device is gone, as after it is unplugged.
+        /// Effect on dependent actuators while the device is gone, for example unplugged.
         on_silence: OnSilence = OnSilence::Zero;
     }
 }
 
-/// The port is told of as present five times as often; one that was pulled out is gone.
+/// Silence after which the port counts as gone. Its thread reports it as present five times as often.
 const TIMEOUT: Duration = Duration::from_millis(50);
 
 /// A number by MIDI.
@@ -91,10 +91,10 @@ impl DeviceKind for MidiInput {
     type Settings = MidiInputSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "MidiInput",
-        doc: "One number from a MIDI device: a controller, a key or the pitch wheel, mapped to a range. It is heard in live \
-              runs only, and by programs built with the feature `midi`. A controller is silent until it is first moved, as \
-              nobody knows where it stands. \
-              A flood of more messages than can be taken counts as all keys let go. While the device is gone, every actuator that depends on it is at zero, unless \
+        doc: "One number from a MIDI device: a controller, a key or the pitch wheel, mapped to a range. It works in live \
+              runs only, and in programs built with the feature `midi`. A controller is silent until it is first moved, because \
+              its position is unknown. \
+              If messages are lost in a flood, all keys count as released. While the device is gone, every actuator that depends on it is at zero, unless \
               `on_silence` is `Hold`.",
         source: "",
         simulated: false,
@@ -125,7 +125,7 @@ impl DeviceKind for MidiInput {
     }
 }
 
-/// What is said, without its value.
+/// A message without its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Message {
     Control(u32),
@@ -143,7 +143,7 @@ impl From<&MidiMessage> for Message {
     }
 }
 
-/// One of the things that a device says.
+/// Selects a message of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::network) struct MidiSelector {
     message: Message,
@@ -152,7 +152,7 @@ pub(in crate::network) struct MidiSelector {
 
 #[cfg(feature = "midi")]
 impl MidiSelector {
-    /// Is it a key, which is held and let go?
+    /// Whether it is a key, which is held and released.
     fn is_key(&self) -> bool {
         matches!(self.message, Message::Note(_))
     }

@@ -15,7 +15,7 @@ use std::time::Duration;
 #[cfg(all(feature = "serial", unix))]
 pub(super) use port::listen;
 
-/// Says what is missing.
+/// Fails with build instructions.
 #[cfg(not(all(feature = "serial", unix)))]
 pub(super) fn listen(
     _: &std::path::Path,
@@ -28,26 +28,26 @@ pub(super) fn listen(
     ))
 }
 
-/// Rates of serial lines that every system has, bit/s.
+/// Standard rates of serial lines, bit/s.
 const RATES: [u32; 8] = [2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400];
 
 haptograph_engine::settings! {
     /// A column of the numbers that come in lines on a serial port.
     pub struct SerialInputSettings {
-        /// The port: one of the links in /dev/serial/by-id, say. Inputs at the same one share it.
+        /// The port, for example a link in /dev/serial/by-id. Several inputs can share a port.
         port: String;
-        /// Which number of a line, counted from 1.
+        /// Column of the number in a line, counted from 1.
         column: u32 = 1, in 1..=64;
         /// Rate of the line, bit/s; ports over USB mostly ignore it.
         baud: u32 = 115_200;
-        /// Two numbers that are heard ...
+        /// Range of received numbers.
         from: [f64; 2] = [0.0, 1.0];
-        /// ... and what they stand for, in the SI unit of the `LiveInput`'s quantity. Between them is a straight line; beyond
-        /// them it ends.
+        /// Output range for `from`, in the SI unit of the `LiveInput`'s quantity. The map is linear within the range and
+        /// clamped beyond it.
         to: [f64; 2] = [0.0, 1.0];
-        /// Silence after which it counts as gone, ms.
+        /// Silence after which the input counts as gone, ms.
         timeout_ms: f64 = 500.0, in 1.0..=10_000.0;
-        /// What its silence does to the actuators that depend on it, as after it is unplugged.
+        /// Effect of silence, for example after unplugging, on dependent actuators.
         on_silence: OnSilence = OnSilence::Zero;
     }
 }
@@ -59,10 +59,10 @@ impl DeviceKind for SerialInput {
     type Settings = SerialInputSettings;
     const SPEC: DeviceSpec = DeviceSpec {
         name: "SerialInput",
-        doc: "One number from a serial port, as of a sensor on an Arduino: a column of lines of numbers separated by commas, \
-              or by spaces and tabs, mapped to a range. It is heard in live runs only, and by programs built with the feature \
+        doc: "One number from a serial port, for example from a sensor on an Arduino: a column of lines of numbers separated by commas, \
+              spaces or tabs, mapped to a range. It works in live runs only, and in programs built with the feature \
               `serial`. A line of more than 512 bytes is dropped whole. While the port is silent or gone, every actuator \
-              that depends on it is at zero, unless `on_silence` is `Hold`; a port that is gone is looked for twice a second.",
+              that depends on it is at zero, unless `on_silence` is `Hold`; it tries to reopen a port that is gone twice a second.",
         source: "",
         simulated: false,
         senses: VALUE,
@@ -73,11 +73,11 @@ impl DeviceKind for SerialInput {
     fn build(settings: SerialInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
         if settings.port.is_empty() {
             return Err(
-                BuildError::at("port", "the path is empty").help("`ls /dev/serial/by-id` names the ports")
+                BuildError::at("port", "the path is empty").help("`ls /dev/serial/by-id` lists the ports")
             );
         }
         if !RATES.contains(&settings.baud) {
-            let message = format!("{} bit/s is no rate of serial lines", settings.baud);
+            let message = format!("{} bit/s is not a rate of serial lines", settings.baud);
             let rates = RATES.map(|rate| rate.to_string()).join(", ");
             return Err(BuildError::at("baud", message).help(format!("choose one of {rates}")));
         }

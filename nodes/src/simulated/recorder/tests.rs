@@ -96,7 +96,7 @@ fn unknown_materials_and_other_rates_are_refused() {
     };
     let unknown = refused("T7", "10000");
     assert_eq!(unknown.field, Some("material"));
-    assert!(unknown.help.unwrap().contains("T1, T2"));
+    assert!(unknown.message.contains("T1, T2"));
     assert!(refused("T1", "1000").message.contains("10000"));
 }
 

@@ -10,7 +10,7 @@ pub struct Trajectory {
     values: Vec<[f64; 3]>,
 }
 
-/// Why a path is none.
+/// Error of a recorded path.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {
     /// Fewer than two points.
@@ -27,7 +27,7 @@ pub enum TrajectoryError {
         /// What is wrong with it.
         problem: &'static str,
     },
-    /// A file that is not the table expected.
+    /// The file is not the expected CSV file.
     #[error("line {line}: {problem} (the file needs the columns time_s, x_mm, y_mm and force_n)")]
     BadTable {
         /// Line of the file, counted from 1.

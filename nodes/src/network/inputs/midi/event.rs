@@ -19,7 +19,7 @@ enum Said {
 }
 
 impl Event {
-    /// What a message of bytes says; nothing where it is of another kind, cut short, or wrong.
+    /// Parses a message; none if it is of another kind, truncated or invalid.
     pub fn understand(bytes: &[u8]) -> Option<Self> {
         let (&status, data) = bytes.split_first()?;
         let &[first, second] = data else { return None };
@@ -43,7 +43,7 @@ impl Event {
         Some(Self { channel, said, share })
     }
 
-    /// The number that it has for a selector, if it is meant.
+    /// The number for a selector, if the message matches.
     pub fn number(&self, selector: &MidiSelector) -> Option<f64> {
         let is_channel = selector.channel.is_none_or(|channel| channel == self.channel);
         let is_meant = match self.said {
@@ -54,7 +54,7 @@ impl Event {
     }
 }
 
-/// The share of a pitch wheel's way, whose middle is half of it.
+/// Position of a pitch wheel from 0 to 1; its middle is 0.5.
 fn bend(position: u16) -> f64 {
     const MIDDLE: f64 = 8192.0;
     let off = f64::from(position) - MIDDLE;

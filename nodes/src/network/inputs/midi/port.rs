@@ -11,22 +11,22 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How this program is called among the clients of the system.
+/// Name of this program among the system's MIDI clients.
 const CLIENT: &str = "haptograph";
-/// How often a port is said to be there: five times in the silence that counts as gone.
+/// Time between reports that a port is present: a fifth of the silence that counts as gone.
 const ALIVE: Duration = Duration::from_millis(10);
-/// How often it is looked for.
+/// Time between attempts to find the port.
 const LOOK: Duration = Duration::from_millis(100);
-/// Silence after which it is opened anew: one that was pulled out and put back between two looks has its old name, and the
-/// old connection hears nothing more.
+/// Silence after which the port is reopened: a port that was unplugged and replugged between two polls has its old name, but the
+/// old connection receives nothing.
 const IDLE: Duration = Duration::from_secs(1);
-/// Messages that wait. Where more come, some are lost: keys count as let go then, as one that was may have been among them.
+/// Size of the message queue. If it overflows, all keys count as released, because a release may be lost.
 const MOST_WAITING: usize = 1024;
 
-/// Names of the ports that can be listened to.
+/// Names of the input ports.
 ///
 /// # Errors
-/// What the system says where it has no MIDI.
+/// The system's error if it has no MIDI.
 pub fn names() -> Result<Vec<String>> {
     let input = MidiInput::new(CLIENT).map_err(Error::other)?;
     let ports = input.ports();
@@ -36,22 +36,22 @@ pub fn names() -> Result<Vec<String>> {
         .collect())
 }
 
-/// A port that is listened to, by its whole name, and the links that were told something since.
+/// An open port, by its full name, and the links updated since.
 struct Open {
     name: String,
     told: Vec<Arc<Link>>,
     _connection: MidiInputConnection<()>,
 }
 
-/// Where the callbacks of the system put what they hear.
+/// Queue that the system's callback fills.
 #[derive(Clone)]
 struct Inbox {
     events: SyncSender<Event>,
-    /// Something was lost.
+    /// A message was lost.
     overflowed: Arc<AtomicBool>,
 }
 
-/// Opens the port of this name, or else the first whose name has it in it.
+/// Opens the port of this name, or else the first port whose name contains it.
 fn open(part: &str, inbox: Inbox) -> Result<Open> {
     let mut input = MidiInput::new(CLIENT).map_err(Error::other)?;
     input.ignore(Ignore::All);
@@ -70,7 +70,7 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
     };
     let hear = move |_: u64, bytes: &[u8], (): &mut ()| {
         if let Some(event) = Event::understand(bytes) {
-            // A flood is not waited for.
+            // Do not wait if the queue is full.
             if inbox.events.try_send(event).is_err() {
                 inbox.overflowed.store(true, Relaxed);
             }
@@ -85,7 +85,7 @@ fn open(part: &str, inbox: Inbox) -> Result<Open> {
     })
 }
 
-/// Listens to a port until `stop`, on a thread of its own; one that is pulled out is looked for.
+/// Listens to a port until `stop`, on a separate thread, and reopens one that was unplugged.
 pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>) -> Result<JoinHandle<()>> {
     let (events, arrived) = sync_channel(MOST_WAITING);
     let inbox = Inbox {
@@ -114,7 +114,7 @@ pub(in super::super) fn listen(part: &str, routes: Routes, stop: Arc<AtomicBool>
     Ok(thread)
 }
 
-/// Takes what arrives, says that the port is there, and looks for one that is gone.
+/// Processes messages, reports that the port is present, and looks for one that is gone.
 fn attend(
     part: &str,
     (connection, inbox): (Open, Inbox),
@@ -142,7 +142,7 @@ fn attend(
             connection = connection.filter(|open| names.contains(&open.name));
             if let Some(known) = connection.take_if(|_| heard.elapsed() >= IDLE) {
                 heard = Instant::now();
-                // What it told holds: nobody can say whether it was away.
+                // Values hold: whether the port was gone is unknown.
                 connection = open(&known.name, inbox.clone()).ok().map(|anew| Open {
                     told: known.told,
                     ..anew
@@ -153,7 +153,7 @@ fn attend(
     }
 }
 
-/// All keys that are listened to count as let go.
+/// Releases all keys.
 fn let_go(routes: &Routes) {
     for route in &*routes.list() {
         if matches!(&route.selector, Selector::Midi(selector) if selector.is_key()) {
@@ -178,8 +178,8 @@ fn take(event: Event, routes: &Routes, mut open: Option<&mut Open>) {
     }
 }
 
-/// What was heard once holds while the port is there; what another port said does not, as nobody knows whether a key that
-/// was held is held still.
+/// A value holds while its port is present. Values of another port do not hold, because a key that
+/// was held may be released.
 fn stay(link: &Link) {
     if let Some((1.., sensed)) = link.sensed.look() {
         link.tell_number(sensed[0]);

@@ -3,10 +3,10 @@
 use super::super::hub::{Routes, Selector};
 use crate::network::link::Count;
 
-/// The longest line that is read, bytes.
+/// Largest length of a line, bytes.
 const MAX_LINE_BYTES: usize = 512;
 
-/// Bytes become lines. What comes before the first end of a line may be half a line, and is dropped.
+/// Splits bytes into lines. The bytes before the first end of a line are dropped, because they may be part of a line.
 #[derive(Debug)]
 pub(super) struct Lines {
     buffer: [u8; MAX_LINE_BYTES],
@@ -24,7 +24,7 @@ impl Lines {
         }
     }
 
-    /// Hands over each line that ends in these bytes; an error stands for one that was too long.
+    /// Passes on each line that ends in these bytes; an error stands for a line that is too long.
     pub fn take(&mut self, bytes: &[u8], mut each: impl FnMut(Result<&[u8], Count>)) {
         for byte in bytes {
             if matches!(byte, b'\n' | b'\r') {
@@ -63,7 +63,7 @@ fn number(line: &[u8], column: usize) -> Result<f64, Count> {
     }
 }
 
-/// Hands the numbers of a line to those who listen for them.
+/// Passes the numbers of a line to their routes.
 pub(super) fn tell(line: Result<&[u8], Count>, routes: &Routes) {
     for route in &*routes.list() {
         let Selector::Column(column) = route.selector else {

@@ -13,9 +13,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often a port is looked at.
+/// Time between polls of a port.
 const PAUSE: Duration = Duration::from_millis(1);
-/// How often one that is gone is looked for.
+/// Time between attempts to reopen a port.
 const RETRY: Duration = Duration::from_millis(500);
 
 /// The system's names of [`RATES`].
@@ -30,7 +30,7 @@ const NAMES: [BaudRate; RATES.len()] = [
     BaudRate::B230400,
 ];
 
-/// Opens a port that hands over bytes as they come, at a rate.
+/// Opens a port in raw mode at a rate.
 fn open(path: &Path, baud: u32) -> Result<File> {
     let port = files::open_terminal(path)?;
     let rate = RATES
@@ -48,7 +48,7 @@ fn open(path: &Path, baud: u32) -> Result<File> {
     Ok(port)
 }
 
-/// Reads a port until `stop`, on a thread of its own; one that is pulled out is looked for.
+/// Reads a port until `stop`, on a separate thread, and reopens one that was unplugged.
 pub(in super::super) fn listen(
     path: &Path,
     baud: u32,
@@ -75,7 +75,7 @@ pub(in super::super) fn listen(
         })
 }
 
-/// Takes what has come. Has anything?
+/// Processes received bytes. Returns whether there were any.
 fn read(port: &mut File, lines: &mut Lines, routes: &Routes) -> Result<bool> {
     let mut bytes = [0; 4096];
     match port.read(&mut bytes) {

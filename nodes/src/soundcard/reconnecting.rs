@@ -1,80 +1,80 @@
-//! A stream that is opened again when its card has gone and come back.
+//! A stream that reopens when its card has vanished and come back.
 
-use super::shared::{Home, Shared};
-use super::system::{Plug, Plugged, open};
-use super::{CardCounts, CardNote, Got, Request, SoundcardError};
+use super::shared::{Detached, Shared};
+use super::system::{CallbackState, Setup, open};
+use super::{CardCounts, CardNote, OpenedStream, Request, SoundcardError};
 use cpal::Stream;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 
-/// A card whose callback has not been called for so long has gone.
+/// Time without callbacks after which a card counts as gone.
 const SILENT: Duration = Duration::from_secs(2);
-/// One that something was said to be wrong with since has gone sooner. Some recover by themselves in less.
+/// The same after an error of the stream. Some cards recover in less.
 const TROUBLED: Duration = Duration::from_secs(1);
-/// How often one that has gone is looked for.
+/// Time between attempts to reopen.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// A stream, its card, and what its callback works with.
-pub(super) struct Kept<P> {
+/// A stream, its card, and the state of its callback.
+pub(super) struct ReconnectingStream<P> {
     pub request: Request,
-    pub got: Got,
+    pub got: OpenedStream,
     stream: Option<Stream>,
-    plug: Plug<P>,
-    told: Receiver<String>,
+    setup: Setup<P>,
+    errors: Receiver<String>,
     vanished: u64,
-    /// When the last new callback was seen, and which.
+    /// Time and number of the last new callback.
     heard: (Instant, u64),
     tried: Instant,
 }
 
-impl<P: Plugged> Kept<P> {
-    /// Opens a stream and lets it have `it`.
+impl<P: CallbackState> ReconnectingStream<P> {
+    /// Opens a stream whose callback works with `it`.
     pub fn open(request: Request, it: P) -> Result<Self, SoundcardError> {
-        let (sender, told) = sync_channel(64);
+        let (sender, errors) = sync_channel(64);
         let start = Instant::now();
-        let plug = Plug {
-            home: Home::of(it),
+        let setup = Setup {
+            slot: Detached::of(it),
             shared: Arc::default(),
             health: Arc::default(),
-            told: sender,
+            errors: sender,
             start,
         };
-        let (stream, got) = open(&request, &plug)?;
-        // That may have taken seconds.
+        let (stream, got) = open(&request, &setup)?;
+        // Opening may have taken seconds.
         let opened = Instant::now();
         Ok(Self {
             request,
             got,
             stream: Some(stream),
-            plug,
-            told,
+            setup,
+            errors,
             vanished: 0,
             heard: (opened, 0),
             tried: opened,
         })
     }
 
-    /// Looks after the stream: where its card has gone, it is looked for now and then until it is back, each time
-    /// with what it works with as `anew` makes it. Returns what there is to say; `without` says what happens meanwhile.
-    pub fn tend(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<CardNote> {
-        let mut said: Vec<CardNote> = self.told.try_iter().map(CardNote::Complaint).collect();
+    /// Polls the stream, and tries to reopen it while its card is gone, each time
+    /// after `anew` has reset the callback's state. Returns messages; `without` states what happens meanwhile.
+    pub fn poll(&mut self, without: &str, anew: impl FnOnce(&mut P)) -> Vec<CardNote> {
+        let mut said: Vec<CardNote> = self.errors.try_iter().map(CardNote::Complaint).collect();
         let now = Instant::now();
         let callbacks = self.shared().callbacks.load(Relaxed);
         if callbacks != self.heard.1 {
             self.heard = (now, callbacks);
-            self.plug.health.troubled.store(false, Relaxed);
+            self.setup.health.troubled.store(false, Relaxed);
         }
-        let troubled = self.plug.health.troubled.load(Relaxed);
+        let troubled = self.setup.health.troubled.load(Relaxed);
         let patience = if troubled { TROUBLED } else { SILENT };
         let silent = now.saturating_duration_since(self.heard.0) > patience;
-        if self.stream.is_some() && (silent || self.plug.health.lost.load(Relaxed)) {
+        if self.stream.is_some() && (silent || self.setup.health.lost.load(Relaxed)) {
             self.stream = None;
             self.vanished += 1;
             self.tried = now;
             said.push(CardNote::Turn(format!(
-                "soundcard {} has gone; {without} until it is back",
+                "soundcard {} is gone; {without} until it is back",
                 self.got.card
             )));
         } else if self.stream.is_none() && now.saturating_duration_since(self.tried) > RETRY {
@@ -85,35 +85,35 @@ impl<P: Plugged> Kept<P> {
     }
 
     fn reopen(&mut self, anew: impl FnOnce(&mut P)) -> Option<String> {
-        self.plug.health.lost.store(false, Relaxed);
-        self.plug.health.troubled.store(false, Relaxed);
-        if let Some(it) = self.plug.home.open().as_mut() {
+        self.setup.health.lost.store(false, Relaxed);
+        self.setup.health.troubled.store(false, Relaxed);
+        if let Some(it) = self.setup.slot.lock().as_mut() {
             anew(it);
         }
-        let (stream, got) = open(&self.request, &self.plug).ok()?;
+        let (stream, got) = open(&self.request, &self.setup).ok()?;
         (self.stream, self.got) = (Some(stream), got);
         self.heard.0 = Instant::now();
         Some(format!("soundcard {} is back", self.got.card))
     }
 
-    /// What the callback shares.
+    /// Counts and flags that the callback shares.
     pub fn shared(&self) -> &Shared {
-        &self.plug.shared
+        &self.setup.shared
     }
 
-    /// Is the card away?
+    /// Whether the card is gone.
     pub fn is_away(&self) -> bool {
         self.stream.is_none()
     }
 
-    /// What was counted.
+    /// Counts of the stream.
     pub fn counts(&self) -> CardCounts {
         self.shared().counts(self.vanished)
     }
 
-    /// Closes the stream and gives back what it worked with.
+    /// Closes the stream and returns the state of its callback.
     pub fn close(mut self) -> Option<P> {
         self.stream = None;
-        self.plug.home.open().take().map(|it| *it)
+        self.setup.slot.lock().take().map(|it| *it)
     }
 }
