@@ -487,7 +487,7 @@ fn other_spreadsheets_are_refused_with_what_to_do() {
     let open = folder.with("open.ods", archive.finish().expect("memory").into_inner());
     for path in [old, open] {
         let error = read(&[path], &ImportSettings::default()).expect_err("it is not read");
-        assert!(error.to_string().contains("save it as"), "{error}");
+        assert!(error.to_string().contains("save the file as"), "{error}");
     }
 }
 

@@ -88,7 +88,7 @@ fn csv_keeps_every_bit_of_a_processed_recording() {
         read_column(&bytes[..], "nonsense")
             .unwrap_err()
             .to_string()
-            .contains("there are time_s, accel_m_s2")
+            .contains("time_s, accel_m_s2")
     );
 }
 
