@@ -54,9 +54,15 @@ def prose(doc: str) -> str:
     """A docstring in NumPy style as Markdown."""
     doc = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", doc).replace("``", "`")
     lines, out, section = doc.splitlines(), [], None
+    is_code = False
     for number, line in enumerate(lines):
         following = lines[number + 1] if number + 1 < len(lines) else ""
-        if following and set(following) == {"-"} and len(following) == len(line):
+        was_code, is_code = is_code, line.startswith((">>>", "..."))
+        if was_code != is_code:
+            out.append("```python" if is_code else "```")
+        if is_code:
+            out.append(re.sub(r"^(>>>|\.\.\.) ?|\s*# doctest: \+SKIP$", "", line))
+        elif following and set(following) == {"-"} and len(following) == len(line):
             section = line
             out += [f"*{line}*", ""]
         elif line and set(line) == {"-"} and section is not None:
@@ -68,6 +74,7 @@ def prose(doc: str) -> str:
         else:
             name, _, kind = line.partition(" : ")
             out.append(f"- `{name}`" + (f": {kind}" if kind else ""))
+    out += ["```"] * is_code
     return "\n".join(out).rstrip() + "\n"
 
 

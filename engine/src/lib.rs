@@ -22,6 +22,7 @@ pub mod node;
 pub mod plan;
 pub mod registry;
 pub mod run;
+mod scripted;
 pub mod settings;
 pub mod silence;
 pub mod testing;

@@ -5,6 +5,7 @@
 //! input and output in a tick.
 
 use crate::frame::Kind;
+use crate::scripted;
 use crate::settings::{Fields, Reading, SettingSpec, Settings};
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
@@ -14,6 +15,7 @@ use std::sync::Arc;
 
 pub use crate::io::{Held, Io};
 pub use crate::limiter::Limit;
+pub use crate::scripted::{OfflineOnly, ScriptBuild, ScriptedKind, raised};
 
 /// Specification of a node kind; the source of its documentation, messages and checks.
 #[derive(Debug, Clone, Copy)]
@@ -507,6 +509,23 @@ pub(crate) enum Build {
     File(Read<FileContext, Box<dyn FileSink>>),
     /// Reads a device; its outputs are the device's channels of the same names. The function reads its settings.
     Source(fn(&mut Fields, &mut Reading<'_>) -> bool),
+    /// Processes, and is described while the program runs.
+    Scripted(&'static dyn ScriptedKind),
+}
+
+impl Build {
+    /// The first half of building what processes; nothing of other nodes.
+    pub(crate) fn read_processor(
+        self,
+        fields: &mut Fields,
+        reading: &mut Reading<'_>,
+    ) -> Option<Finish<BuildContext, Measured>> {
+        match self {
+            Self::Processor(read) => read(fields, reading),
+            Self::Scripted(kind) => scripted::read(kind, fields, reading),
+            _ => None,
+        }
+    }
 }
 
 /// The first half of building: fields to settings.
@@ -538,6 +557,15 @@ impl NodeEntry {
                     Ok((bytes, finish))
                 }))
             }),
+        }
+    }
+
+    /// A node that processes and is described while the program runs. It is slow, and no live run takes it.
+    pub fn scripted(kind: &'static dyn ScriptedKind) -> Self {
+        Self {
+            spec: kind.spec(),
+            settings: Vec::new,
+            build: Build::Scripted(kind),
         }
     }
 
@@ -585,7 +613,15 @@ impl NodeEntry {
 
     /// Its settings.
     pub fn settings(&self) -> Vec<SettingSpec> {
-        (self.settings)()
+        match self.build {
+            Build::Scripted(kind) => kind.settings(),
+            _ => (self.settings)(),
+        }
+    }
+
+    /// Is it described while the program runs? Then it runs offline only.
+    pub fn is_scripted(&self) -> bool {
+        matches!(self.build, Build::Scripted(_))
     }
 
     /// Whether an `endpoint` field binds it to a device.

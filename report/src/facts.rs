@@ -59,6 +59,13 @@ impl Facts {
             let rings: Map<String, Value> = outcome.rings.iter().map(ring).collect();
             facts.push(("rings", "Rings", Value::Object(rings)));
         }
+        let scripts = graph.scripted_nodes();
+        let scripts: Vec<_> = scripts
+            .map(|node| format!("{} ({})", node.path, node.entry.spec.name))
+            .collect();
+        if !scripts.is_empty() {
+            facts.push(("scripts", "Slow nodes (scripts)", json!(scripts)));
+        }
         let warnings = warnings(outcome).into_iter().chain(ended_data(graph, outcome));
         Self {
             facts,

@@ -70,7 +70,7 @@ impl From<HostError> for Failure {
             HostError::Unknown { .. } | HostError::Several { .. } => Status::Name,
             HostError::Kind { .. } => Status::Shape,
             HostError::Taken { .. } | HostError::Playing { .. } => Status::Taken,
-            HostError::Drivers { .. } => Status::Graph,
+            HostError::Drivers { .. } | HostError::OfflineOnly(_) => Status::Graph,
             _ => Status::System,
         };
         Self::new(status, error)

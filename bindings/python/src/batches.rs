@@ -2,7 +2,7 @@
 
 use crate::errors::Failure;
 use crate::work::apart;
-use haptograph::surfaces::batch::{self, Batch, RenderSettings, Shard};
+use haptograph::surfaces::batch::{self as library, Batch, RenderSettings, Shard};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -33,7 +33,7 @@ pub fn batch<'py>(
     let done = apart(py, (progress, true), move |progress| {
         let batch = Batch::load(&plan).map_err(Failure::of)?;
         let stop = &progress.stop;
-        batch::render(&batch, &folder, &settings, &|part| progress.at(part), stop).map_err(Failure::of)
+        library::render(&batch, &folder, &settings, &|part| progress.at(part), stop).map_err(Failure::of)
     })?;
     let found = PyDict::new(py);
     found.set_item("chunks", done.chunks)?;
@@ -54,7 +54,7 @@ pub fn merge(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(u64, u64)> {
     let merged = apart(py, (progress, true), move |progress| {
-        batch::merge(&parts, &folder, &|part| progress.at_or_end(part)).map_err(Failure::of)
+        library::merge(&parts, &folder, &|part| progress.at_or_end(part)).map_err(Failure::of)
     })?;
     Ok((merged.chunks, merged.jobs))
 }

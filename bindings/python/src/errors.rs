@@ -1,6 +1,7 @@
 //! Errors as exceptions of the package.
 
 use haptograph::engine::diagnostic::{Diagnostics, Severity};
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::fmt::Display;
@@ -10,6 +11,8 @@ use std::fmt::Display;
 pub enum Failure {
     /// What is wrong with a graph, each at its place.
     Graph(Box<Diagnostics>),
+    /// What a node in Python raised: the finding, and the exception.
+    Raised(Box<Diagnostics>, PyErr),
     /// One sentence.
     Message(String),
 }
@@ -35,15 +38,27 @@ impl Failure {
 
     fn exception(&self, py: Python<'_>) -> PyResult<PyErr> {
         let errors = py.import("haptograph._errors")?;
-        let raised = match self {
-            Self::Message(message) => errors.getattr("Error")?.call1((message,))?,
-            Self::Graph(found) => {
-                let list = diagnostics(py, found)?;
-                errors.getattr("GraphError")?.call1((found.to_string(), list))?
+        match self {
+            Self::Message(message) => {
+                let raised = errors.getattr("Error")?.call1((message,))?;
+                Ok(PyErr::from_value(raised))
             }
-        };
-        Ok(PyErr::from_value(raised))
+            Self::Graph(found) => graph_error(&errors, found),
+            // Ctrl-C and the end of a program are no faults of the node that they came through.
+            Self::Raised(_, cause) if !cause.is_instance_of::<PyException>(py) => Ok(cause.clone_ref(py)),
+            Self::Raised(found, cause) => {
+                let raised = graph_error(&errors, found)?;
+                raised.set_cause(py, Some(cause.clone_ref(py)));
+                Ok(raised)
+            }
+        }
     }
+}
+
+fn graph_error(errors: &Bound<'_, PyModule>, found: &Diagnostics) -> PyResult<PyErr> {
+    let list = diagnostics(errors.py(), found)?;
+    let raised = errors.getattr("GraphError")?.call1((found.to_string(), list))?;
+    Ok(PyErr::from_value(raised))
 }
 
 /// All findings as dictionaries.

@@ -2,16 +2,18 @@
 
 use crate::errors::{Failure, diagnostics};
 use crate::players::Player;
+use crate::prototypes::{NodeClass, Scripts, checked};
 use crate::runs::{self, Signal, Told};
-use crate::work::apart;
+use crate::work::{apart, apart_with};
 use haptograph::engine::diagnostic::Diagnostics;
 use haptograph::engine::document::{Document, LoadOptions};
-use haptograph::engine::graph::{self as engine, CheckOptions, Hosted, check};
+use haptograph::engine::graph::{self as engine, CheckOptions, Hosted};
+use haptograph::engine::node::NodeEntry;
 use haptograph::report::drawing::standalone_svg;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A checked graph.
@@ -21,6 +23,8 @@ pub struct Graph {
     options: CheckOptions,
     graph: Arc<engine::Graph>,
     name: String,
+    /// Kinds of nodes in Python.
+    nodes: Vec<NodeEntry>,
 }
 
 /// How a graph is checked.
@@ -69,23 +73,57 @@ impl Checking {
 }
 
 impl Graph {
-    fn new(document: Document, checking: &Checking, name: String) -> Result<Self, Failure> {
-        let options = checking.over(&CheckOptions::default())?;
-        let graph = check(&document, &haptograph::nodes::registry(), &options)?;
+    fn new(
+        py: Python<'_>,
+        (document, path): (Document, &Path),
+        checking: &Checking,
+        nodes: &[Py<NodeClass>],
+    ) -> PyResult<Self> {
+        let nodes: Vec<NodeEntry> = nodes.iter().map(|node| node.get().entry).collect();
+        let options = checking.over(&CheckOptions::default());
+        let options = options.map_err(|failure| failure.raise(py))?;
+        let document = Arc::new(document);
+        // Nodes in Python are built on the caller's thread, where they hear ctrl-C.
+        let graph = match nodes.is_empty() {
+            true => {
+                let (document, options) = (Arc::clone(&document), options.clone());
+                apart(py, (None, false), move |_| {
+                    Ok(checked(&document, &[], &options)?.0)
+                })?
+            }
+            false => {
+                let checked = py.detach(|| checked(&document, &nodes, &options));
+                checked.map_err(|failure| failure.raise(py))?.0
+            }
+        };
         Ok(Self {
-            document: Arc::new(document),
+            document,
             options,
             graph: Arc::new(graph),
-            name,
+            name: path
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            nodes,
         })
     }
 
-    fn again(&self, checking: &Checking, hosted: Hosted) -> Result<engine::Graph, Failure> {
-        let mut options = checking.over(&self.options)?;
-        options.hosted = hosted;
-        let graph = check(&self.document, &haptograph::nodes::registry(), &options)?;
-        has_endpoints(&graph, &options.hosted)?;
-        Ok(graph)
+    /// The graph of a run, and its nodes that are in Python.
+    fn again(
+        &self,
+        py: Python<'_>,
+        checking: &Checking,
+        hosted: Hosted,
+    ) -> PyResult<(engine::Graph, Scripts)> {
+        let made = || -> Result<_, Failure> {
+            let mut options = checking.over(&self.options)?;
+            options.hosted = hosted;
+            let (graph, scripts) = checked(&self.document, &self.nodes, &options)?;
+            has_endpoints(&graph, &options.hosted)?;
+            Ok((graph, scripts))
+        };
+        py.detach(made).map_err(|failure| failure.raise(py))
     }
 }
 
@@ -118,27 +156,25 @@ fn endpoints<'a>(channels: impl Iterator<Item = &'a str>) -> Hosted {
 #[pymethods]
 impl Graph {
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, checking: Checking) -> PyResult<Self> {
-        apart(py, (None, false), move |_| {
-            let name = path
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            Self::new(Document::load(&path, &LoadOptions::default())?, &checking, name)
-        })
+    fn load(py: Python<'_>, path: PathBuf, checking: Checking, nodes: Vec<Py<NodeClass>>) -> PyResult<Self> {
+        let from = path.clone();
+        let document = apart(py, (None, false), move |_| {
+            Ok(Document::load(&from, &LoadOptions::default())?)
+        })?;
+        Self::new(py, (document, &path), &checking, &nodes)
     }
 
     #[staticmethod]
-    fn parse(py: Python<'_>, text: String, path: PathBuf, checking: Checking) -> PyResult<Self> {
-        apart(py, (None, false), move |_| {
-            let name = path
-                .file_stem()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned();
-            Self::new(Document::parse(&path, &text)?, &checking, name)
-        })
+    fn parse(
+        py: Python<'_>,
+        text: String,
+        path: PathBuf,
+        checking: Checking,
+        nodes: Vec<Py<NodeClass>>,
+    ) -> PyResult<Self> {
+        let from = path.clone();
+        let document = apart(py, (None, false), move |_| Ok(Document::parse(&from, &text)?))?;
+        Self::new(py, (document, &path), &checking, &nodes)
     }
 
     #[getter]
@@ -204,8 +240,7 @@ impl Graph {
             seed: None,
             endpoints: None,
         };
-        let graph = self.again(&nothing, Hosted::All);
-        let graph = graph.map_err(|failure| failure.raise(py))?;
+        let (graph, _) = self.again(py, &nothing, Hosted::All)?;
         Ok((
             graph.host_inputs().map(runs::channel).collect(),
             graph.host_outputs().map(runs::channel).collect(),
@@ -245,23 +280,24 @@ impl Graph {
         } else {
             hosted
         };
-        let graph = self
-            .again(&checking, hosted)
-            .map_err(|failure| failure.raise(py))?;
+        let (graph, scripts) = self.again(py, &checking, hosted)?;
         let wanted = runs::Wanted {
             seconds: request.seconds,
             probes: request.probes,
             folder: request.folder,
             threads: request.threads,
         };
-        let done = apart(py, (progress, true), move |progress| {
-            runs::run(&graph, &feeds, &wanted, progress)
+        let running = scripts.clone();
+        let done = apart_with(py, (progress, true), &scripts, move |progress| {
+            runs::run((&graph, &running), &feeds, &wanted, progress)
         })?;
         let signals = PyList::empty(py);
         for signal in done.signals {
             signals.append(Signal::into_python(signal, py)?)?;
         }
-        Ok((signals, done.outcome.into_python(py)?))
+        let told = done.outcome.into_python(py)?;
+        told.set_item("python_nodes", scripts.named(py)?)?;
+        Ok((signals, told))
     }
 
     /// A block-wise run of it.
@@ -275,9 +311,8 @@ impl Graph {
         rested: bool,
     ) -> PyResult<Player> {
         let hosted = hosted.map_or(Hosted::All, Hosted::Also);
-        let made = self
-            .again(&checking, hosted)
-            .and_then(|graph| Player::open(&graph, &probes, folder, rested));
+        let (graph, _) = self.again(py, &checking, hosted)?;
+        let made = Player::open(&graph, &probes, folder, rested);
         made.map_err(|failure| failure.raise(py))
     }
 }

@@ -5,6 +5,7 @@ mod batches;
 mod errors;
 mod graphs;
 mod players;
+mod prototypes;
 mod recordings;
 mod runs;
 mod surfaces;
@@ -19,6 +20,8 @@ mod _native {
     use crate::graphs::Graph;
     #[pymodule_export]
     use crate::players::Player;
+    #[pymodule_export]
+    use crate::prototypes::NodeClass;
     #[pymodule_export]
     use crate::recordings::{Recording, figures, read, recording};
     #[pymodule_export]

@@ -1,6 +1,7 @@
 //! Work on a thread of its own, while Python's other threads go on and ctrl-C is heard.
 
 use crate::errors::Failure;
+use crate::prototypes::Scripts;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic::resume_unwind;
@@ -45,6 +46,16 @@ pub fn apart<R: Send + 'static>(
     (show, waits): (Option<&Bound<'_, PyAny>>, bool),
     work: impl FnOnce(&Progress) -> Result<R, Failure> + Send + 'static,
 ) -> PyResult<R> {
+    apart_with(py, (show, waits), &Scripts::default(), work)
+}
+
+/// The same of work in which nodes in Python run: those are ended where it is.
+pub fn apart_with<R: Send + 'static>(
+    py: Python<'_>,
+    (show, waits): (Option<&Bound<'_, PyAny>>, bool),
+    scripts: &Scripts,
+    work: impl FnOnce(&Progress) -> Result<R, Failure> + Send + 'static,
+) -> PyResult<R> {
     let progress = Progress::default();
     let (sender, mut receiver) = sync_channel(1);
     let theirs = progress.clone();
@@ -78,8 +89,9 @@ pub fn apart<R: Send + 'static>(
         }
         if let Err(interrupt) = asked {
             progress.stop.store(true, Ordering::Relaxed);
-            if waits {
-                py.detach(|| drop(worker.join()));
+            while waits && !worker.is_finished() {
+                scripts.interrupt(py);
+                py.detach(|| std::thread::sleep(LOOK));
             }
             return Err(interrupt);
         }

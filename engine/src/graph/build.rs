@@ -154,8 +154,9 @@ fn work(
     let before = cx.diagnostics.len();
     let sound = !target.broken && !target.has_broken_input() && !misread(target);
     let work = match target.entry.build {
-        Build::Processor(read) => {
-            let finish = cx.reading(|reading| read(&mut fields, reading));
+        Build::Processor(_) | Build::Scripted(_) => {
+            let build = target.entry.build;
+            let finish = cx.reading(|reading| build.read_processor(&mut fields, reading));
             let context = context(draft, clocks, seed, node).filter(|_| sound);
             match (finish, context) {
                 (Some(finish), Some(context)) => {

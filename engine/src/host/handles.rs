@@ -6,6 +6,7 @@ use super::queue::Queue;
 use crate::device::Channel;
 use crate::frame::Kind;
 use crate::graph::{Graph, GraphDevice};
+use crate::node::OfflineOnly;
 use crate::settings::closest;
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::time::Rate;
@@ -113,6 +114,9 @@ pub enum HostError {
         /// Their names.
         drivers: Vec<String>,
     },
+    /// A node is a script.
+    #[error(transparent)]
+    OfflineOnly(#[from] OfflineOnly),
     /// A file or the writer thread could not be opened.
     #[error("cannot make a player: {reason}")]
     System {

@@ -55,13 +55,17 @@ impl Player {
     /// parameters, replaces the graph and reports, from any other thread.
     ///
     /// # Errors
-    /// [`HostError`] if the graph has several drivers, another player runs it, or it has no such probe.
+    /// [`HostError`] if the graph has several drivers or a script among its nodes, another player runs it, or it has no such
+    /// probe.
     pub fn open(graph: &Graph, options: &PlayOptions) -> Result<(Self, Session), HostError> {
         let drivers = graph.drivers();
         if drivers.len() != 1 {
             let drivers = drivers.iter().map(|driver| graph.clocks()[*driver].name.clone());
             let (count, drivers) = (drivers.len(), drivers.collect());
             return Err(HostError::Drivers { count, drivers });
+        }
+        if !options.live.offline {
+            graph.refuse_scripts()?;
         }
         let mut sinks = FileSinks::new(graph);
         let mut names = Vec::new();

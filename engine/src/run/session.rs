@@ -30,6 +30,8 @@ pub struct LiveOptions {
     pub seconds: Option<f64>,
     /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
+    /// Whether the caller runs it as fast as it can, and not in real time. Only then may it have scripted nodes.
+    pub offline: bool,
     /// When set, the outputs fade out and the run stops. The real-time sides poll it.
     pub stop: Arc<AtomicBool>,
 }
@@ -100,12 +102,15 @@ impl Session {
     /// With a `folder`, the run writes its replay log there.
     ///
     /// # Errors
-    /// System errors if a thread cannot be started or a file cannot be written.
+    /// System errors if a thread cannot be started or a file cannot be written; [`OfflineOnly`](crate::node::OfflineOnly).
     pub fn open_all(
         sinks: FileSinks<'_>,
         options: &LiveOptions,
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Live>, Self)> {
+        if !options.offline {
+            sinks.graph.refuse_scripts().map_err(std::io::Error::other)?;
+        }
         let plan_options = PlanOptions {
             block: options.block,
             taps: sinks.taps.clone(),

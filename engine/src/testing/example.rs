@@ -73,8 +73,8 @@ pub fn node_from_example(
             .collect()
     };
     match entry.build {
-        Build::Processor(build) => {
-            let (finish, times) = example.read(build)?;
+        build @ (Build::Processor(_) | Build::Scripted(_)) => {
+            let (finish, times) = example.read(|fields, reading| build.read_processor(fields, reading))?;
             let connected: Vec<Option<Kind>> = kinds(&times).into_iter().map(Some).collect();
             let cx = context(spec, rate_hz, &connected);
             let (processor, _) = finish(&cx)

@@ -61,6 +61,7 @@ fn run_with(
         seconds: arguments.duration_s,
         rested: arguments.rested,
         stop: Arc::clone(&stop),
+        ..LiveOptions::default()
     };
     let folder = Some(made.kept.folder.path());
     let (lives, session) = Session::open_all(made.outlets, &options, folder).map_err(message)?;

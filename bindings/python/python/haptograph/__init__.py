@@ -13,6 +13,7 @@ from ._batch import Rendered, batch, merge
 from ._errors import Diagnostic, Error, GraphError
 from ._graph import Graph
 from ._native import __version__
+from ._node import Node, Port, Setting
 from ._player import Player
 from ._recording import Recording, read
 from ._run import Outcome, Run, Signal
@@ -25,11 +26,14 @@ __all__ = [
     "Graph",
     "GraphError",
     "Model",
+    "Node",
     "Outcome",
     "Player",
+    "Port",
     "Recording",
     "Rendered",
     "Run",
+    "Setting",
     "Signal",
     "Surface",
     "__version__",

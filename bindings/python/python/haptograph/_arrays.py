@@ -9,19 +9,28 @@ import numpy as np
 
 from ._errors import Error
 
+# 8 GB of float64.
+_MOST_NUMBERS = 10**9
+
 
 def array(name: str, values: Any) -> np.ndarray:
-    """Real numbers as a contiguous array of float64."""
-    given = np.asarray(values)
-    if given.dtype == object:
-        # A list of unlike things, or numbers that NumPy has no type for.
-        try:
+    """Real numbers as a contiguous array of float64: a copy, which no other thread changes after it was checked."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise Error(f"`{name}` has masked values: fill them, or leave them out")
+    try:
+        given = np.asarray(values)
+        if given.dtype == object:
+            # A list of unlike things, or numbers that NumPy has no type for.
             given = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise Error(f"`{name}` is no array of numbers: {error}") from None
+    except (TypeError, ValueError, OverflowError) as error:
+        raise Error(f"`{name}` is no array of numbers: {error}") from None
     if given.dtype.kind not in "biuf":
         raise Error(f"`{name}` is of type {given.dtype}: give real numbers")
-    return np.asarray(given, dtype=np.float64, order="C")
+    if given.size > _MOST_NUMBERS:
+        raise Error(f"`{name}` has {given.size} numbers: give at most {_MOST_NUMBERS}")
+    # What is too large for float64 becomes infinite, which is refused where it matters.
+    with np.errstate(over="ignore"):
+        return np.array(given, dtype=np.float64, order="C")
 
 
 def finite(name: str, values: np.ndarray) -> np.ndarray:

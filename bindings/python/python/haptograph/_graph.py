@@ -11,6 +11,7 @@ import numpy as np
 from . import _native
 from ._arrays import frames, number, whole
 from ._errors import Diagnostic, Error
+from ._node import Node, natives
 from ._player import Player
 from ._run import Outcome, Run, Signal
 
@@ -75,6 +76,7 @@ class Graph:
         set: Mapping[str, Any] | None = None,
         seed: int | None = None,
         endpoints: str | None = None,
+        nodes: Sequence[type[Node]] = (),
     ) -> Graph:
         """Read and check a graph file.
 
@@ -88,13 +90,15 @@ class Graph:
             Of all random streams, in place of the file's.
         endpoints : str, optional
             The set of endpoints that devices are taken from; ``"simulated"`` where it is not given.
+        nodes : list of classes, optional
+            Kinds of nodes of your own, each derived from :class:`Node`, which the graph uses by the names of the classes.
 
         Raises
         ------
         GraphError
             With everything that is wrong, as the terminal shows it.
         """
-        return cls._of(_native.Graph.load(os.fspath(path), _checking(set, seed, endpoints)))
+        return cls._of(_native.Graph.load(os.fspath(path), _checking(set, seed, endpoints), natives(nodes)))
 
     @classmethod
     def parse(
@@ -104,9 +108,11 @@ class Graph:
         set: Mapping[str, Any] | None = None,
         seed: int | None = None,
         endpoints: str | None = None,
+        nodes: Sequence[type[Node]] = (),
     ) -> Graph:
         """The same from a text; `path` is of the file that it stands for, beside which it looks for others."""
-        return cls._of(_native.Graph.parse(str(text), os.fspath(path), _checking(set, seed, endpoints)))
+        checking = _checking(set, seed, endpoints)
+        return cls._of(_native.Graph.parse(str(text), os.fspath(path), checking, natives(nodes)))
 
     @property
     def about(self) -> str:
@@ -184,6 +190,12 @@ class Graph:
         -------
         Run
             The same graph with the same seed gives the same bits as the command.
+
+        Raises
+        ------
+        GraphError
+            Where a :class:`Node` of yours raises an exception, with code ``"E0801"`` and the exception as its cause. Files
+            are complete up to there.
         """
         if inputs is not None and not isinstance(inputs, Mapping):
             raise Error(f"`inputs` is a {type(inputs).__name__}: give a dictionary")
@@ -207,7 +219,7 @@ class Graph:
         folder: str | os.PathLike[str] | None = None,
         rested: bool = True,
     ) -> Player:
-        """Run it in blocks, from your own loop.
+        """Run it in blocks, from your own loop. A graph with a :class:`Node` in Python is refused.
 
         Parameters
         ----------

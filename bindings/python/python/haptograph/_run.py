@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,6 +101,8 @@ class Outcome:
         Of each actuator how many ticks there were, and how many were held back by each limit: peak, continuous, slew.
     panicked : bool
         Whether a node panicked, which is a fault of haptograph.
+    python_nodes : dict
+        The nodes that are written in Python, and so are slow and offline only: class by path.
     """
 
     frames: int
@@ -109,6 +111,7 @@ class Outcome:
     not_finite_node: str | None
     limited: dict[str, dict[str, int]]
     panicked: bool = False
+    python_nodes: dict[str, str] = field(default_factory=dict)
 
 
 class Run(Mapping[str, Signal]):
@@ -130,7 +133,9 @@ class Run(Mapping[str, Signal]):
         return len(self._signals)
 
     def __repr__(self) -> str:
-        return f"<Run of {self.outcome.seconds:g} s: {', '.join(self._signals)}>"
+        scripts = ", ".join(self.outcome.python_nodes)
+        slow = f"; in Python: {scripts}" if scripts else ""
+        return f"<Run of {self.outcome.seconds:g} s: {', '.join(self._signals)}{slow}>"
 
     def _repr_html_(self) -> str:
         return "".join(signal._repr_html_() for signal in self.values())

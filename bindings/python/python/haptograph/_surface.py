@@ -411,22 +411,29 @@ def render(
     if len({one.rate for one in surfaces}) > 1:
         raise Error("the surfaces have different rates: render those of one rate at once")
     given = [np.atleast_2d(finite(name, array(name, x))) for name, x in (("force", force), ("speed", speed))]
-    seeds = None if seeds is None else [whole("seeds", seed) for seed in seeds]
-    rows = max(len(surfaces), len(seeds or ()), *(len(one) for one in given))
     try:
-        force, speed = (np.ascontiguousarray(one) for one in np.broadcast_arrays(*given, np.empty((rows, 1)))[:2])
+        seeded = 0 if seeds is None else len(seeds)
+    except (TypeError, OverflowError):
+        raise Error(f"`seeds` is {seeds!r}: give one whole number for each row, in a list") from None
+    rows = max(len(surfaces), seeded, *(len(one) for one in given))
+    if rows > _MOST_SAMPLES:
+        raise Error(f"{rows} rows: render at most {_MOST_SAMPLES:.0e} samples at once")
+    try:
+        force, speed = np.broadcast_arrays(*given, np.broadcast_to(0.0, (rows, 1)))[:2]
     except ValueError:
         raise Error(
             f"force has shape {given[0].shape}, speed {given[1].shape}, for {rows} rows: give (rows, samples) of both"
         ) from None
     if force.ndim != 2:
         raise Error(f"force and speed have shape {force.shape}: give (rows, samples)")
-    if len(surfaces) not in (1, rows) or (seeds is not None and len(seeds) != rows):
-        raise Error(f"{len(surfaces)} surfaces and {len(seeds or ())} seeds for {rows} rows: give one for each")
+    if len(surfaces) not in (1, rows) or (seeds is not None and seeded != rows):
+        raise Error(f"{len(surfaces)} surfaces and {seeded} seeds for {rows} rows: give one for each")
     if force.size > _MOST_SAMPLES:
         raise Error(f"{force.size:.3g} samples: render at most {_MOST_SAMPLES:.0e} at once")
+    force, speed = np.ascontiguousarray(force), np.ascontiguousarray(speed)
     inner = [one._inner for one in surfaces] * (rows if len(surfaces) == 1 else 1)
-    seeds = list(range(1, rows + 1)) if seeds is None else seeds
+    seeds = range(1, rows + 1) if seeds is None else seeds
+    seeds = [whole("seeds", seed) for seed in seeds]
     threads = whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1, 1024)
     update = number("update", update, 0, above=True)
     return _native.render(inner, force, speed, seeds, update, threads, progress)

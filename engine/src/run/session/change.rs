@@ -7,7 +7,7 @@ use super::super::runner::reconnect;
 use super::super::swap::{Change, PlanSwap};
 use super::{Entry, Session, tap_rings};
 use crate::graph::{Graph, NodeId};
-use crate::node::Stream;
+use crate::node::{OfflineOnly, Stream};
 use crate::plan::{Plan, PlanOptions};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
@@ -38,6 +38,9 @@ pub enum ChangeError {
     /// A file of the new graph cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// A node of the new graph is a script.
+    #[error(transparent)]
+    OfflineOnly(#[from] OfflineOnly),
     /// The new graph has other drivers.
     #[error("the new graph needs {wanted}, but the run has {running}; start a new run")]
     OtherDrivers {
@@ -112,6 +115,7 @@ impl Session {
         folder: Option<&Path>,
         probes: Option<&[Port]>,
     ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
+        graph.refuse_scripts()?;
         let mut sinks = FileSinks::new(graph);
         let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {

@@ -1,0 +1,246 @@
+//! Kinds of nodes that are classes of Python. They are registered as all kinds are, as scripts, and so run offline only.
+
+mod running;
+mod settings;
+
+use crate::errors::Failure;
+use haptograph::engine::diagnostic::Diagnostics;
+use haptograph::engine::document::Document;
+use haptograph::engine::frame::Kind;
+use haptograph::engine::graph::{CheckOptions, Graph, check};
+use haptograph::engine::node::{
+    BuildError, Flow, InputSpec, KindRule, NodeEntry, NodeSpec, OutputSpec, Presence, QuantityRule,
+    ScriptBuild, ScriptedKind, raised,
+};
+use haptograph::engine::settings::{Fields, Reading, SettingSpec};
+use haptograph::signal::quantity::Quantity;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use running::{Fault, Making};
+use settings::{Declared, GivenSetting};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// A class as a kind of node.
+#[pyclass(frozen, module = "haptograph._native")]
+pub struct NodeClass {
+    pub entry: NodeEntry,
+}
+
+/// Name, quantity, kind, whether it is optional, documentation.
+type GivenPort = (String, String, String, bool, String);
+
+/// What is known of a class. It lives as long as the program, as kinds of nodes do.
+struct PythonKind {
+    class: Py<PyAny>,
+    spec: NodeSpec,
+    settings: Vec<Declared>,
+}
+
+#[pymethods]
+impl NodeClass {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        class: Py<PyAny>,
+        name: String,
+        doc: String,
+        inputs: Vec<GivenPort>,
+        outputs: Vec<GivenPort>,
+        settings: Vec<GivenSetting>,
+    ) -> PyResult<Self> {
+        let inputs: Result<Vec<InputSpec>, Failure> = inputs.into_iter().map(input).collect();
+        let outputs: Result<Vec<OutputSpec>, Failure> = outputs.into_iter().map(output).collect();
+        let ports = inputs.and_then(|inputs| Ok((inputs, outputs?)));
+        let (inputs, outputs) = ports.map_err(|failure| failure.raise(py))?;
+        let spec = NodeSpec {
+            name: name.leak(),
+            group: "python",
+            doc: doc.leak(),
+            source: "",
+            inputs: inputs.leak(),
+            outputs: outputs.leak(),
+            example: "",
+        };
+        let settings = settings.into_iter().map(Declared::of).collect();
+        let kind: &'static PythonKind = Box::leak(Box::new(PythonKind {
+            class,
+            spec,
+            settings,
+        }));
+        Ok(Self {
+            entry: NodeEntry::scripted(kind),
+        })
+    }
+}
+
+fn input((name, quantity, kind, is_optional, doc): GivenPort) -> Result<InputSpec, Failure> {
+    Ok(InputSpec {
+        kind: KindRule::Is(kind_of(&name, &kind)?),
+        quantity: QuantityRule::Is(quantity_of(&name, &quantity)?),
+        flow: Flow::Sampled,
+        presence: if is_optional {
+            Presence::Optional
+        } else {
+            Presence::Required
+        },
+        doc: doc.leak(),
+        name: name.leak(),
+    })
+}
+
+fn output((name, quantity, kind, _, doc): GivenPort) -> Result<OutputSpec, Failure> {
+    Ok(OutputSpec {
+        kind: KindRule::Is(kind_of(&name, &kind)?),
+        quantity: QuantityRule::Is(quantity_of(&name, &quantity)?),
+        doc: doc.leak(),
+        name: name.leak(),
+    })
+}
+
+fn kind_of(port: &str, name: &str) -> Result<Kind, Failure> {
+    let found = Kind::ALL.into_iter().find(|kind| kind.to_string() == name);
+    found.ok_or_else(|| unknown(port, "kind", name, &Kind::ALL.map(|kind| kind.to_string())))
+}
+
+fn quantity_of(port: &str, name: &str) -> Result<Quantity, Failure> {
+    let known = || Quantity::NAMED.iter().map(|(_, name, _)| *name);
+    let found = Quantity::by_name(name);
+    found.ok_or_else(|| {
+        unknown(
+            port,
+            "quantity",
+            name,
+            &known().map(str::to_owned).collect::<Vec<_>>(),
+        )
+    })
+}
+
+fn unknown(port: &str, what: &str, name: &str, known: &[String]) -> Failure {
+    let known = known.join(", ");
+    Failure::Message(format!(
+        "the {what} of `{port}` is {name:?}: expected one of {known}"
+    ))
+}
+
+impl ScriptedKind for PythonKind {
+    fn spec(&'static self) -> &'static NodeSpec {
+        &self.spec
+    }
+
+    fn settings(&self) -> Vec<SettingSpec> {
+        self.settings.iter().map(Declared::spec).collect()
+    }
+
+    fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild> {
+        // All are read before the first that is wrong ends it, so that all errors are reported.
+        let read: Vec<_> = self
+            .settings
+            .iter()
+            .map(|one| one.take(fields, reading))
+            .collect();
+        let settings = read.into_iter().collect::<Option<Vec<_>>>()?;
+        Some(Box::new(move |cx| {
+            let making = Making::new(self, cx, settings);
+            let fault = making.fault();
+            let made =
+                Python::try_attach(|py| making.processor(py).map_err(|error| refused(py, self, error)));
+            BUILT.with_borrow_mut(|built| built.scripts.0.push((cx.path.clone(), self.spec.name, fault)));
+            made.unwrap_or_else(|| Err(BuildError::of_node("Python is shutting down")))
+        }))
+    }
+}
+
+/// What building leaves beside the graph.
+#[derive(Default)]
+struct Built {
+    scripts: Scripts,
+    raised: Option<PyErr>,
+}
+
+thread_local! {
+    /// A graph is checked on one thread, which builds its nodes; the engine has no place for what only Python has of them.
+    static BUILT: RefCell<Built> = RefCell::default();
+}
+
+/// What `start` raised, as the finding of a node about itself.
+fn refused(py: Python<'_>, kind: &PythonKind, error: PyErr) -> BuildError {
+    let (line, traceback) = told(py, &error);
+    BUILT.with_borrow_mut(|built| {
+        built.raised.get_or_insert(error);
+    });
+    BuildError::of_node(format!("`{}` raised {line}", kind.spec.name)).help(traceback)
+}
+
+/// What was raised, in a line, and the traceback.
+fn told(py: Python<'_>, error: &PyErr) -> (String, String) {
+    let module = py.import("haptograph._node");
+    // Before Python 3.12 a value has its traceback only from here on.
+    let value = error.clone_ref(py).into_value(py);
+    let told = module.and_then(|module| module.call_method1("told", (value,))?.extract());
+    told.unwrap_or_else(|_| (error.to_string(), String::new()))
+}
+
+/// Checks a graph that may have nodes in Python. They are built on this thread.
+pub fn checked(
+    document: &Document,
+    nodes: &[NodeEntry],
+    options: &CheckOptions,
+) -> Result<(Graph, Scripts), Failure> {
+    let mut registry = haptograph::nodes::registry();
+    for entry in nodes {
+        registry.add(*entry);
+    }
+    // A node may check a graph when it is built.
+    let outer = BUILT.take();
+    let checked = check(document, &registry, options);
+    let Built { scripts, raised } = BUILT.replace(outer);
+    match (checked, raised) {
+        (Ok(graph), _) => Ok((graph, scripts)),
+        (Err(found), None) => Err(found.into()),
+        (Err(found), Some(cause)) => Err(Failure::Raised(Box::new(found), cause)),
+    }
+}
+
+/// The nodes of one graph that are in Python: path, class, and what went wrong in each.
+#[derive(Clone, Default)]
+pub struct Scripts(Vec<(String, &'static str, Arc<Fault>)>);
+
+impl Scripts {
+    /// Did one raise an exception?
+    pub fn have_failed(&self) -> bool {
+        self.0.iter().any(|(.., fault)| fault.has_failed())
+    }
+
+    /// What the first in the graph raised that raised anything.
+    pub fn failure(&self, graph: &Graph) -> Option<Failure> {
+        let (path, _, error) = self
+            .0
+            .iter()
+            .find_map(|(path, class, fault)| Some((path, class, fault.take()?)))?;
+        let node = graph.scripted_nodes().find(|node| node.path == *path)?;
+        let told = Python::try_attach(|py| told(py, &error));
+        let (line, traceback) = told.unwrap_or_else(|| (error.to_string(), String::new()));
+        let found = Diagnostics {
+            sources: graph.sources().clone(),
+            list: vec![raised(node, &line, &traceback)],
+        };
+        Some(Failure::Raised(Box::new(found), error))
+    }
+
+    /// Ends what they are doing.
+    pub fn interrupt(&self, py: Python<'_>) {
+        for (.., fault) in &self.0 {
+            fault.interrupt(py);
+        }
+    }
+
+    /// Their classes by their paths.
+    pub fn named<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let named = PyDict::new(py);
+        for (path, class, _) in &self.0 {
+            named.set_item(path, class)?;
+        }
+        Ok(named)
+    }
+}

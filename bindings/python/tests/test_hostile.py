@@ -1,0 +1,208 @@
+"""What no caller means: every call gives an error or the right numbers, whatever the arrays and threads."""
+
+import decimal
+import itertools
+import threading
+
+import numpy as np
+import pytest
+
+import haptograph as hg
+from conftest import stroke
+
+SAMPLES = 400
+
+
+def views(values):
+    """Arrays of the same numbers that lie otherwise in memory."""
+    spread = np.zeros((len(values), 3))
+    spread[:, 1] = values
+    backwards = values[::-1].copy()
+    locked = values.copy()
+    locked.flags.writeable = False
+    return {
+        "a column": spread[:, 1],
+        "backwards": backwards[::-1],
+        "big-endian": values.astype(">f8"),
+        "not aligned": np.frombuffer(b"\0" + values.tobytes(), np.uint8)[1:].view("f8"),
+        "read-only": locked,
+        "a list": values.tolist(),
+        "a tuple": tuple(values.tolist()),
+        "objects": values.astype(object),
+        "decimals": [decimal.Decimal(value) for value in values.tolist()],
+        "longdouble": values.astype(np.longdouble),
+        "masked, nothing of it": np.ma.array(values, mask=np.zeros(len(values), bool)),
+    }
+
+
+def test_arrays_are_taken_by_their_numbers_whatever_their_type_and_layout(canvas):
+    force, speed = stroke(SAMPLES, canvas.rate)
+    wanted = canvas.render(force, speed)
+    for name, one in views(force).items():
+        assert np.array_equal(canvas.render(one, speed), wanted), name
+    for kind in (np.int8, np.uint64, np.float16, np.float32, bool):
+        whole = np.ones(SAMPLES, kind)
+        assert np.array_equal(canvas.render(whole, speed), canvas.render(np.ones(SAMPLES), speed)), kind
+
+
+NOT_NUMBERS = {
+    "NaN": [np.nan] * SAMPLES,
+    "one infinity": np.where(np.arange(SAMPLES) == 7, np.inf, 1.0),
+    "above float64": np.full(SAMPLES, np.finfo(np.longdouble).max),
+    "huge integers": [10**400] * SAMPLES,
+    "complex": np.ones(SAMPLES, complex),
+    "strings": ["1"] * SAMPLES,
+    "bytes": b"1" * SAMPLES,
+    "dates": np.zeros(SAMPLES, "datetime64[s]"),
+    "spans": np.zeros(SAMPLES, "timedelta64[s]"),
+    "structures": np.zeros(SAMPLES, [("a", "f8")]),
+    "nothing": [None] * SAMPLES,
+    "ragged": [[1.0], [1.0, 2.0]],
+    "dictionaries": [{}] * SAMPLES,
+    "masked": np.ma.array(np.ones(SAMPLES), mask=np.arange(SAMPLES) == 3),
+    "huge": np.broadcast_to(1.0, 2**40),
+    "huge, of two dimensions": np.broadcast_to(1.0, (2**20, 2**20)),
+}
+
+
+@pytest.mark.parametrize("name", NOT_NUMBERS)
+def test_what_are_no_numbers_is_an_error_everywhere(name, canvas, drag, pad):
+    wrong, right = NOT_NUMBERS[name], np.full(SAMPLES, 0.1)
+    touch = {"stylus.position": np.zeros((SAMPLES, 3)), "stylus.touching": 1}
+    with pad.player() as player:
+        for call in (
+            lambda: canvas.render(wrong, right),
+            lambda: canvas.render(right, wrong),
+            lambda: hg.render(canvas, wrong, right),
+            lambda: hg.compare(wrong, drag, rate=drag.rate),
+            lambda: canvas.at(1, 0.1).spectrum(wrong),
+            lambda: hg.Recording(right, wrong, right, 1000),
+            lambda: pad.run(inputs={"stylus.force": wrong, **touch}),
+            lambda: player.push("stylus.force", wrong),
+            lambda: player.set("stylus.force", wrong),
+        ):
+            with pytest.raises(hg.Error):
+                call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda surface: hg.render(surface, [1.0], [0.1], seeds=range(2**62)),
+        lambda surface: hg.render(surface, [1.0], [0.1], seeds=range(2**70)),
+        lambda surface: hg.render(surface, [1.0], [0.1], seeds=itertools.count()),
+        lambda surface: hg.render(surface, [1.0], [0.1], seeds=5),
+        lambda surface: hg.render(surface, [1.0], [0.1], seeds=[]),
+        lambda surface: hg.render(surface, [1.0], [0.1], threads=2**70),
+        lambda surface: hg.render([surface] * 3, np.ones((2, 9)), 0.1),
+        lambda surface: surface.render(1.0, 0.1, seconds=10**400),
+        lambda surface: surface.render(1.0, 0.1, seconds=1e12),
+        lambda surface: surface.render(np.ones((9, 9)), 0.1),
+        lambda surface: surface.render([1.0], [0.1], update=np.inf),
+        lambda surface: surface.resampled(10**400),
+        lambda surface: hg.Graph.parse("\0"),
+        lambda surface: hg.Graph.parse("(" * 100_000),
+        lambda surface: hg.Graph.load("/dev/zero"),
+        lambda surface: hg.Surface.load("/dev/zero"),
+        lambda surface: hg.read("/dev/zero"),
+        lambda surface: hg.read("a\0b.csv"),
+        lambda surface: hg.Surface.load("a\0b.ron"),
+    ],
+)
+def test_huge_and_odd_arguments_are_errors(call, canvas):
+    with pytest.raises(hg.Error) as raised:
+        call(canvas)
+    assert len(str(raised.value)) > 10
+
+
+def test_an_array_that_another_thread_changes_is_taken_as_it_was_or_refused(canvas):
+    force, speed = stroke(200_000, canvas.rate)
+    given, over = force.copy(), threading.Event()
+
+    def spoil():
+        while not over.is_set():
+            given[:] = np.nan
+            given[:] = force
+
+    thread = threading.Thread(target=spoil)
+    thread.start()
+    try:
+        for _ in range(20):
+            try:
+                assert np.isfinite(canvas.render(given, speed)).all()
+            except hg.Error as error:
+                assert "finite" in str(error)
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_threads_that_run_one_graph_have_its_bits(pad):
+    def signals():
+        return pad.run(0.3, probes=["texture/filter.acceleration"])["texture/filter.acceleration"].values
+
+    wanted, found = signals(), [None] * 6
+
+    def run(number):
+        found[number] = signals()
+
+    threads = [threading.Thread(target=run, args=(number,)) for number in range(6)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert all(np.array_equal(one, wanted) for one in found)
+
+
+def test_threads_that_race_for_a_folder_leave_a_whole_one(graphs, pad, tmp_path):
+    plan, kept, refused = tmp_path / "plan.ron", [], []
+    plan.write_text(
+        f"""Batch(surfaces: ["{graphs}/surfaces/t2-canvas.ron"], motions: {{ "m": Constant(seconds: 0.2, speed_mm_s: 80, force_n: 1) }},
+    jobs: Product(seeds: (1, 40)), jobs_per_chunk: 4)"""
+    )
+
+    def render():
+        try:
+            kept.append(hg.batch(plan, tmp_path / "data", threads=1))
+        except hg.Error as error:
+            refused.append(error)
+
+    threads = [threading.Thread(target=render) for _ in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert kept and len(kept) + len(refused) == 4
+    whole = hg.batch(plan, tmp_path / "data")
+    assert whole.complete and not whole.replaced and whole.rendered == 0
+
+
+def test_a_player_that_is_fed_by_one_thread_and_run_by_another_loses_nothing(pad):
+    player, pushed = pad.player(probes=["stylus.force"]), []
+    frames = np.arange(500) / 500
+
+    def push():
+        at = 0
+        while at < len(frames):
+            at += player.push("stylus.force", frames[at:])
+        pushed.append(at)
+
+    thread = threading.Thread(target=push)
+    thread.start()
+    heard = [0.0]
+    for _ in range(100_000):
+        heard.extend(player.process(3840)["stylus.force"])
+        if heard[-1] == frames[-1]:
+            break
+    thread.join()
+    assert pushed == [500] and set(heard) == set(frames) and np.all(np.diff(heard) >= 0)
+    player.finish()
+
+
+def test_a_callback_may_call_the_package_again(canvas, pad):
+    inner = []
+
+    def again(part):
+        if not inner:
+            inner.append(canvas.render(1.0, 0.1, seconds=0.1))
+            inner.append(pad.run(0.1, probes=["out"])["out"].values)
+
+    wanted = canvas.render(1.0, 0.1, seconds=60)
+    assert np.array_equal(canvas.render(1.0, 0.1, seconds=60, progress=again), wanted)
+    assert np.array_equal(inner[0], canvas.render(1.0, 0.1, seconds=0.1)) and inner[1].any()

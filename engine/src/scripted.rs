@@ -1,0 +1,76 @@
+//! Nodes that are described while the program runs, like classes of a scripting language.
+//!
+//! They are registered as all node kinds are. Their processors may allocate, lock and take their time, so no live run
+//! takes them: they are for trying an idea offline.
+
+use crate::diagnostic::Diagnostic;
+use crate::graph::{Graph, Node};
+use crate::node::{Advised, BuildContext, BuildError, Finish, Measured, NodeSpec, Processor};
+use crate::settings::{Fields, Reading, SettingSpec};
+
+/// A kind of node whose ports and settings are known only when the program runs.
+///
+/// It is registered by [`NodeEntry::scripted`](crate::node::NodeEntry::scripted), and lives as long as the program.
+pub trait ScriptedKind: Send + Sync + 'static {
+    /// Ports and documentation.
+    fn spec(&'static self) -> &'static NodeSpec;
+    /// Its settings, in the order of declaration; none of them is live.
+    fn settings(&self) -> Vec<SettingSpec>;
+    /// Takes its settings out of `fields` and returns what builds the processor. On `None` at least one diagnostic was
+    /// reported.
+    fn read(&'static self, fields: &mut Fields, reading: &mut Reading<'_>) -> Option<ScriptBuild>;
+}
+
+/// Builds the processor of a scripted node when its clock and connections are known.
+pub type ScriptBuild = Box<dyn FnOnce(&BuildContext) -> Result<Box<dyn Processor>, BuildError>>;
+
+/// A graph with a scripted node was to run live.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{node}` is a `{kind}`, which is a script: scripts are not real-time safe and run offline only")]
+pub struct OfflineOnly {
+    /// Path of the node.
+    pub node: String,
+    /// Its kind.
+    pub kind: &'static str,
+}
+
+/// The first half of building, as of any node that processes.
+pub(crate) fn read(
+    kind: &'static dyn ScriptedKind,
+    fields: &mut Fields,
+    reading: &mut Reading<'_>,
+) -> Option<Finish<BuildContext, Measured>> {
+    let build = kind.read(fields, reading)?;
+    let name = kind.spec().name;
+    Some(Box::new(move |_| {
+        let finish: Finish<BuildContext, Advised> = Box::new(move |cx| {
+            let slow = BuildError::of_node(format!("`{name}` is a script: it is slow and runs offline only"));
+            Ok((build(cx)?, vec![slow]))
+        });
+        Ok((0, finish))
+    }))
+}
+
+/// The finding that a scripted node raised an exception while it ran; `traceback` says where in the script.
+pub fn raised(node: &Node, exception: &str, traceback: &str) -> Diagnostic {
+    let message = format!("`{}` raised {exception}", node.path);
+    Diagnostic::error("E0801", node.span, message).help(traceback)
+}
+
+impl Graph {
+    /// Its scripted nodes; a graph that has one runs offline only.
+    pub fn scripted_nodes(&self) -> impl Iterator<Item = &Node> {
+        self.nodes().iter().filter(|node| node.entry.is_scripted())
+    }
+
+    /// That it can run live.
+    pub(crate) fn refuse_scripts(&self) -> Result<(), OfflineOnly> {
+        match self.scripted_nodes().next() {
+            None => Ok(()),
+            Some(node) => Err(OfflineOnly {
+                node: node.path.clone(),
+                kind: node.entry.spec.name,
+            }),
+        }
+    }
+}
