@@ -19,6 +19,9 @@ pub struct PlayOptions {
     pub probes: Vec<String>,
     /// The folder that the graph's file sinks write in; none: they write nothing.
     pub folder: Option<PathBuf>,
+    /// Times about one block in sixteen, step by step, for [`Session::node_costs`]. A page has no clock that is fine enough:
+    /// there it does nothing.
+    pub sample_costs: bool,
     /// As of any live run. An actuator of which nobody knows whether it is cold begins as warm as its limit allows, unless
     /// `rested` says that it is.
     pub live: LiveOptions,
@@ -79,6 +82,9 @@ impl Player {
             Session::open(outlets, &options.live).map_err(|error| system(&error))?;
         let quantum = live.block() as u64;
         live.follow_inputs_every(quantum);
+        if options.sample_costs && !cfg!(target_family = "wasm") {
+            live.sample_costs();
+        }
         let probes = Probes::new(names, session.handed());
         let player = Self {
             live,

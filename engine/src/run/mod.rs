@@ -4,6 +4,7 @@ mod actuator;
 mod arrivals;
 mod bridge;
 mod control;
+mod cost;
 mod crossfade;
 mod device;
 mod drive;

@@ -249,7 +249,7 @@ impl Samples {
 }
 
 /// What lies between two looks at the clock, ns.
-fn look_ns() -> f64 {
+pub(super) fn look_ns() -> f64 {
     let gaps: Vec<f64> = (0..1000)
         .map(|_| {
             let before = Instant::now();
