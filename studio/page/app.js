@@ -87,7 +87,7 @@ class Studio extends Emitter {
     }
 
     #take(graph) {
-        for (const port of graph.ports) port.unit = printed(port.unit);
+        for (const port of [...graph.ports, ...graph.levels]) port.unit = printed(port.unit);
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
         setText(find("name"), graph.name);

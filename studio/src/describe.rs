@@ -1,5 +1,6 @@
 //! What the page is told of the kinds there are and of the graph that runs.
 
+use super::levels;
 use super::pads::{FULL_N, SIZE_MM};
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
@@ -94,6 +95,7 @@ pub fn graph(stage: &Stage) -> Value {
     );
     let actuators = stage.actuators.iter().map(|actuator| {
         json!({
+    let ports = scope::ports(graph);
             "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
             "continuous": actuator.continuous, "rate_hz": actuator.rate_hz,
         })
@@ -111,7 +113,8 @@ pub fn graph(stage: &Stage) -> Value {
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
         "pads": pads.collect::<Vec<_>>(),
-        "ports": scope::ports(graph).iter().map(port).collect::<Vec<_>>(),
+        "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
+        "levels": levels::described(&ports),
         "settings": settings(stage),
         "parameters": parameters(stage),
         "maps": maps(graph),

@@ -14,6 +14,7 @@ mod describe;
 mod drive;
 mod envelope;
 mod load;
+mod levels;
 #[cfg(not(target_family = "wasm"))]
 mod native;
 mod pads;

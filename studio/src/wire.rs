@@ -62,6 +62,10 @@ pub enum Said {
     Sound {
         on: bool,
     },
+    /// Whether to send levels and costs, for the drawing.
+    Levels {
+        on: bool,
+    },
     /// A recording becomes a surface.
     Learn {
         request: u64,
@@ -148,7 +152,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 13] = [
+    const KINDS: [&str; 14] = [
         "learn",
         "record",
         "replay",
@@ -177,6 +181,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
 /// A list of pointers, and the pad that they are on.
 pub fn pointers(bytes: &[u8]) -> Result<(usize, Vec<Pointer>), WireError> {
     let wrong = || WireError::Binary(bytes.len());
+        "levels",
     let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(wrong)?;
     let count = usize::from(u16::from_le_bytes([head[2], head[3]]));
     if bytes.len() > MOST_BYTES || head[0] != 1 || body.len() != count * POINTER {

@@ -4,6 +4,7 @@ import test from "node:test";
 import { scaleFor } from "../page/control.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
+import { Levels } from "../page/levels.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
 import { placeOf } from "../page/ron.js";
 import { Trace } from "../page/trace.js";
@@ -129,4 +130,46 @@ test("the editor knows where in the text it is", () => {
     assert.equal(at("no(", 1).comment, true);
     const end = placeOf(text, text.length);
     assert.deepEqual([around(end), end.key], [["Graph(", "{"], "c"]);
+});
+
+const quiet = { ports: {}, not_finite: {}, limits: {}, costs: null, origin: null };
+const counts = { ticks: 100, peak: 0, continuous: 0, slew: 0, fault: 0 };
+
+test("a wire is as wide as its port is strong against its strongest, and says what it carries", () => {
+    const levels = new Levels();
+    levels.restart({ levels: [{ name: "a.b", what: "level", unit: "N" }] });
+    levels.take({ ...quiet, ports: { "a.b": [2, 3] } }, 0);
+    const { width: most, isFaulty, text } = levels.wire("a.b");
+    assert.deepEqual([isFaulty, text], [false, "a.b: level 2.00 N rms, 3.00 N peak"]);
+    levels.take({ ...quiet, ports: { "a.b": [0.5, 1] } }, 100);
+    const { width: less } = levels.wire("a.b");
+    levels.take({ ...quiet, not_finite: { "a.b": 4 } }, 200);
+    const { width: least, ...faulty } = levels.wire("a.b");
+    assert(least < less && less < most, `${least} ${less} ${most}`);
+    assert.equal(levels.wire("unknown.port").width, least);
+    assert(faulty.isFaulty && faulty.text.includes("in 4 frames"), faulty.text);
+});
+
+test("a node shows its part of the cost and what happened there, and for how long ago", () => {
+    const levels = new Levels();
+    levels.restart({ levels: [] });
+    const at = (now_ms, more) => {
+        levels.take({ ...quiet, ...more }, now_ms);
+        return levels.node("out", now_ms);
+    };
+    assert.deepEqual(at(0, {}), { cost: null, mark: null });
+    assert.equal(levels.hasCosts, false);
+    assert.equal(at(100, { costs: { out: 0.3, other: 0.7 } }).cost, 0.3);
+    assert.equal(at(200, { costs: { out: 0.001 } }).cost, null);
+    const held = (continuous) => ({ limits: { out: { ...counts, continuous } } });
+    assert.equal(at(300, held(0)).mark, null);
+    const now = at(400, held(5)).mark;
+    assert.deepEqual([now.kind, now.isRecent, now.text], ["limit", true, "limited: heat 5.00 % of its ticks"]);
+    assert.equal(at(1500, held(5)).mark.isRecent, true);
+    assert.equal(at(4000, held(5)).mark.isRecent, false);
+    assert.equal(at(4100, held(6)).mark.isRecent, true);
+    const fault = at(4200, { ...held(6), not_finite: { "out.delivered": 2, "out/inner.x": 9 }, origin: "out" }).mark;
+    assert.equal(fault.kind, "fault");
+    assert(fault.text.includes("2 frames of out.delivered") && fault.text.endsWith("it was the first"), fault.text);
+    assert.equal(levels.node("out/other", 4200).mark, null);
 });
