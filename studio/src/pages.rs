@@ -1,6 +1,6 @@
 //! The pages that are connected to a stage.
 
-use super::pads::PageClock;
+use super::page_clock::PageClock;
 use super::stage::Stage;
 use super::wire::{MOST_SCOPES, Message, Wanted};
 

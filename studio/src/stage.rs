@@ -176,6 +176,10 @@ impl Stage {
             options.folder = self.folder.clone();
         }
         self.costs = Costs::default();
+        // What is driven of a pad's endpoint is driven nowhere.
+        let mut devices = graph.devices().iter();
+        options.live.rested =
+            devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
@@ -393,6 +397,10 @@ impl Stage {
             }
         }
         (self.loaded, self.source) = (next, source);
+        // Their channels are the same.
+        for (pad, spec) in self.pads.iter_mut().zip(&self.loaded.pads) {
+            pad.lay_on(spec);
+        }
         self.describe_actuators();
         Ok(changed.change.to_string())
     }

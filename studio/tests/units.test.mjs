@@ -4,8 +4,10 @@ import test from "node:test";
 import { scaleFor } from "../page/control.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
+import { tiltOf } from "../page/hands.js";
 import { Levels } from "../page/levels.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
+import { simulatedAlone } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
 import { Trace } from "../page/trace.js";
 
@@ -132,6 +134,17 @@ test("the editor knows where in the text it is", () => {
     assert.deepEqual([around(end), end.key], [["Graph(", "{"], "c"]);
 });
 
+test("tilt is what the browser says, by either way of saying it", () => {
+    assert.deepEqual(tiltOf({ tiltX: 30, tiltY: -10 }), { tilt_x_deg: 30, tilt_y_deg: -10 });
+    assert.deepEqual(tiltOf({}), { tilt_x_deg: 0, tilt_y_deg: 0 });
+    const tilted = (degrees, azimuth) => {
+        const { tilt_x_deg, tilt_y_deg } = tiltOf({ altitudeAngle: ((90 - degrees) * Math.PI) / 180, azimuthAngle: azimuth });
+        return [tilt_x_deg, tilt_y_deg].map((tilt) => Math.round(tilt * 1e6) / 1e6);
+    };
+    assert.deepEqual([tilted(0, 1), tilted(30, 0), tilted(30, Math.PI / 2)], [[0, 0], [30, 0], [0, 30]]);
+    assert(Object.values(tiltOf({ altitudeAngle: 0, azimuthAngle: 0.5 })).every((tilt) => tilt > 0 && tilt < 90));
+});
+
 const quiet = { ports: {}, not_finite: {}, limits: {}, costs: null, origin: null };
 const counts = { ticks: 100, peak: 0, continuous: 0, slew: 0, fault: 0 };
 
@@ -172,4 +185,16 @@ test("a node shows its part of the cost and what happened there, and for how lon
     assert.equal(fault.kind, "fault");
     assert(fault.text.includes("2 frames of out.delivered") && fault.text.endsWith("it was the first"), fault.text);
     assert.equal(levels.node("out/other", 4200).mark, null);
+});
+
+test("endpoints that no pointer can be are named, with what a pad does not give them", () => {
+    const others = [
+        { endpoint: "tool", lacks: ["acceleration"] },
+        { endpoint: "probe", lacks: [] },
+    ];
+    assert.deepEqual(simulatedAlone({ others }), [
+        "tool stays simulated: a pad gives no acceleration.",
+        "probe stays simulated: what it touches is not known.",
+    ]);
+    assert.deepEqual(simulatedAlone(null), []);
 });

@@ -101,6 +101,50 @@ fn rms(levels: &serde_json::Value, port: &str) -> f64 {
 }
 
 #[test]
+fn an_arm_presses_into_the_surface_that_the_pad_is_laid_on() {
+    let mut engine = engine_of("omni.ron");
+    let pads = said(&mut engine, "graph")["pads"].clone();
+    assert_eq!(
+        (&pads[0]["endpoint"], &pads[0]["is_laid"]),
+        (&"arm".into(), &true.into())
+    );
+    assert_eq!(
+        (&pads[0]["gives_n_per_mm"], &pads[0]["height_mm"]),
+        (&0.25.into(), &100.0.into())
+    );
+    let levels = stroke(&mut engine, 20.0, 1.5);
+    // Damping of the wall comes on top.
+    let load_n = rms(&levels, "normal.load");
+    assert!((load_n - 1.0).abs() < 0.05, "{load_n} N");
+    let depth_m = rms(&levels, "touch.contact");
+    assert!((depth_m - 0.004).abs() < 2e-4, "{depth_m} m");
+    // The sheet over the ball is wider than the ball's own surface.
+    let speed_m_s = rms(&levels, "slide.speed");
+    assert!((0.08..0.102).contains(&speed_m_s), "{speed_m_s} m/s");
+    assert!(
+        rms(&levels, "coil.delivered") > 1e-4 && rms(&levels, "push.delivered") > 0.5,
+        "{levels}"
+    );
+}
+
+#[test]
+fn a_pen_on_an_object_is_located_by_the_wrench_of_the_pad() {
+    let mut engine = engine_of("ar-pen.ron");
+    let pads = said(&mut engine, "graph")["pads"].clone();
+    assert_eq!((&pads[0]["endpoint"], &pads[1]), (&"pen".into(), &().into()));
+    let height_mm = pads[0]["height_mm"].as_f64().expect("a number");
+    assert!((height_mm - 25.4).abs() < 1e-9, "{height_mm} mm");
+    let levels = stroke(&mut engine, 8.0, 1.5);
+    assert!((rms(&levels, "touch.load") - 1.0).abs() < 0.01, "{levels}");
+    let speed_m_s = rms(&levels, "slide.speed");
+    assert!((speed_m_s - 0.1).abs() < 0.01, "{speed_m_s} m/s");
+    // The point leads by the delay of a filter that the pad has not: 11 ms at 100 mm/s.
+    let error_m = rms(&levels, "error.output");
+    assert!(error_m < 1.5e-3, "{error_m} m");
+    assert!(rms(&levels, "coil.delivered") > 1e-4, "{levels}");
+}
+
+#[test]
 fn levels_are_sent_while_the_drawing_is_seen_with_each_nodes_part_of_the_cost() {
     let mut engine = engine_of("texturepad.ron");
     run(&mut engine, 0.3);
