@@ -189,7 +189,10 @@ mod tests {
         let mut level = Level::default();
         level.take(Kind::Scalar, &[3.0, -4.0, f64::NAN, f64::INFINITY]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 4.0]));
-        assert_eq!((level.snapshot(), level.not_finite), (Some([12.5_f64.sqrt(), 4.0]), 2));
+        assert_eq!(
+            (level.snapshot(), level.not_finite),
+            (Some([12.5_f64.sqrt(), 4.0]), 2)
+        );
         level.take(Kind::Vector, &[3.0, 0.0, 4.0, 0.0, 0.0, 0.0]);
         assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 5.0]));
         level.take(Kind::Wrench, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
