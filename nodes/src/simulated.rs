@@ -28,5 +28,6 @@ pub mod tablet;
 pub mod tablet_node;
 pub mod terrain;
 pub mod tool;
+pub mod touchable;
 pub mod tracker;
 pub mod wobble;

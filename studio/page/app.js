@@ -8,6 +8,7 @@ import { Emitter } from "./events.js";
 import { mountGraph } from "./graph.js";
 import { mountMap } from "./map.js";
 import { mountPad } from "./pad.js";
+import { simulatedAlone } from "./pads.js";
 import { mountRecorder } from "./recorder.js";
 import { mountScopes } from "./scopes.js";
 import { Sound } from "./sound.js";
@@ -87,7 +88,7 @@ class Studio extends Emitter {
     }
 
     #take(graph) {
-        for (const port of graph.ports) port.unit = printed(port.unit);
+        for (const port of [...graph.ports, ...graph.levels]) port.unit = printed(port.unit);
         this.graph = graph;
         this.values = new Map(graph.settings.map(({ name, value }) => [name, value]));
         setText(find("name"), graph.name);
@@ -149,7 +150,7 @@ function cover(studio) {
             : studio.status && !studio.status.owner
               ? ["Another page owns the pad.", "Take over", () => studio.own()]
               : studio.graph?.pads.length === 0
-                ? ["No input of this graph can be a pointer: a pad needs position, force and touching."]
+                ? [["No endpoint of this graph can be a pointer.", ...simulatedAlone(studio.graph)].join(" ")]
                 : null;
     find("pad-cover").hidden = !says;
     if (!says) return;

@@ -1,6 +1,6 @@
-// The drawn graph: moved and zoomed, its nodes chosen, its wires put on scopes, the level of what is scoped on them.
+// The drawn graph: moved and zoomed, its nodes chosen, its wires put on scopes; what is live on it is in live-drawing.js.
 import { find, make } from "./dom.js";
-import { everyFrame } from "./frame.js";
+import { LIVE_STYLE, mountLiveDrawing } from "./live-drawing.js";
 import { mountNode } from "./node.js";
 import { cleaned } from "./svg.js";
 
@@ -8,7 +8,6 @@ const LEAST_SCALE = 0.05;
 const MOST_SCALE = 4;
 const READABLE_SCALE = 0.78;
 const CLICK_PX = 5;
-const LEVEL_EVERY_MS = 200;
 // The drawing has a style sheet of its own; in a shadow tree it does not reach the page.
 const STYLE = `
 :host{display:block;position:absolute;inset:0}
@@ -19,13 +18,13 @@ rect.paper{fill:transparent}
 [data-port]{pointer-events:none}
 .grab{fill:none;stroke:transparent;stroke-width:14;pointer-events:stroke;cursor:copy}
 .grab:hover{stroke:var(--accent);stroke-opacity:.28}
-[data-port].live{stroke:var(--accent)!important}`;
+${LIVE_STYLE}`;
 
 export function mountGraph(studio) {
     const host = find("graph");
     const canvas = make("div");
     const shadow = canvas.attachShadow({ mode: "open" });
-    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], drawing: null, peaks: new Map(), fitted: false };
+    const view = { x: 0, y: 0, scale: 1, svg: null, size: [1, 1], drawing: null, fitted: false };
     host.append(canvas, buttonsOf(host, view));
     const showNode = mountNode(studio, (node) => choose(view, node));
     studio.showNode = showNode;
@@ -36,12 +35,7 @@ export function mountGraph(studio) {
     });
     new ResizeObserver(() => !view.fitted && fit(host, view)).observe(host);
     followHand(host, view);
-    let last_ms = 0;
-    everyFrame((now_ms) => {
-        if (now_ms - last_ms < LEVEL_EVERY_MS || host.clientHeight === 0) return;
-        last_ms = now_ms;
-        showLevels(studio, view);
-    });
+    mountLiveDrawing(studio, host, view);
 }
 
 function build(studio, shadow, view, drawing, showNode) {
@@ -67,7 +61,7 @@ function build(studio, shadow, view, drawing, showNode) {
         );
     }
     // A wire is thin: what is clicked is a wide one that is not seen.
-    for (const wire of svg.querySelectorAll("path[data-port]")) wire.after(grabOf(wire));
+    for (const wire of svg.querySelectorAll('path[data-port]:not([data-port=""])')) wire.after(grabOf(wire));
     shadow.append(svg);
     view.svg = svg;
     view.clicked = (target) => {
@@ -192,23 +186,4 @@ function followWheelAndKeys(host, view, local) {
         [view.x, view.y, view.fitted] = [view.x + steps[0], view.y + steps[1], true];
         place(view);
     });
-}
-
-// Wires of scoped ports: thicker the louder, against the loudest that they were.
-function showLevels(studio, view) {
-    if (!view.svg) return;
-    const levels = new Map();
-    for (const trace of studio.taps.traces) {
-        const { rms } = trace.level(0.15);
-        const peak = Math.max(rms, (view.peaks.get(trace.name) ?? 0) * 0.998);
-        view.peaks.set(trace.name, peak);
-        levels.set(trace.name, peak > 0 ? rms / peak : 0);
-    }
-    for (const wire of view.svg.querySelectorAll("path[data-port]")) {
-        const level = levels.get(wire.getAttribute("data-port"));
-        const width = level === undefined ? "" : String(Math.round(1.5 + 5 * Math.sqrt(level)));
-        if (wire.style.strokeWidth === width) continue; // a change paints the whole drawing anew
-        wire.classList.toggle("live", level !== undefined);
-        wire.style.strokeWidth = width;
-    }
 }

@@ -8,6 +8,7 @@ const KEY_SPEED_MM_S = 80;
 const KEY_SPEED_FAST_MM_S = 240;
 const SPEED_WINDOW_MS = 45;
 const TRAIL_MS = 1600;
+const LEAST_ALTITUDE = 0.01; // radians, of a pen that lies
 
 export class Hands {
     #connection;
@@ -122,14 +123,21 @@ export class Hands {
     }
 }
 
+// How far a pen is tilted to the right and towards the person, degrees; some browsers say it by altitude and azimuth only.
+export function tiltOf({ tiltX = 0, tiltY = 0, altitudeAngle = Math.PI / 2, azimuthAngle = 0 }) {
+    if (tiltX || tiltY || !(altitudeAngle < Math.PI / 2)) return { tilt_x_deg: tiltX, tilt_y_deg: tiltY };
+    const aside = 1 / Math.tan(Math.max(altitudeAngle, LEAST_ALTITUDE));
+    const degrees = (part) => (Math.atan(part * aside) * 180) / Math.PI;
+    return { tilt_x_deg: degrees(Math.cos(azimuthAngle)), tilt_y_deg: degrees(Math.sin(azimuthAngle)) };
+}
+
 // Pointer Events on `element`; `toMm(clientX, clientY)` says where on the pad that is.
 export function followPointers(element, hands, toMm) {
     const sampleOf = (event, force_n) => ({
         ...toMm(event.clientX, event.clientY),
         time_ms: event.timeStamp,
         force_n,
-        tilt_x_deg: event.tiltX || 0,
-        tilt_y_deg: event.tiltY || 0,
+        ...tiltOf(event),
     });
     const forceOf = (event) => (event.pointerType === "pen" ? event.pressure * (hands.pads[0]?.force_n ?? 1) : hands.force_n);
     const samplesOf = (event) => {

@@ -1,6 +1,6 @@
 // The card of the chosen node: what it does, its live settings, its ports, and what else it can be told.
 import { controlRow } from "./control.js";
-import { find, make } from "./dom.js";
+import { find, make, setText } from "./dom.js";
 import { prose } from "./prose.js";
 
 // Returns what shows the card of a node by its path, or hides it.
@@ -53,6 +53,7 @@ function contentOf(studio, path, rows, close) {
     return [
         header,
         kind && make("p", {}, ...prose(kind.doc)),
+        nowOf(studio, path),
         rows.length > 0 && make("h4", { text: "Live" }),
         ...rows.map((row) => row.element),
         ports.length > 0 && make("h4", { text: "Outputs" }),
@@ -60,6 +61,18 @@ function contentOf(studio, path, rows, close) {
         ...described("Inputs", kind?.inputs),
         ...described("Settings", kind?.settings),
     ].filter(Boolean);
+}
+
+// What it costs and what happened there, as long as its card is open.
+function nowOf(studio, path) {
+    const line = make("p", { class: "soft" });
+    const end = studio.connection.on("levels", () => {
+        if (!line.isConnected) return end();
+        const { cost, mark } = studio.nodeNow(path);
+        const parts = [cost && `${Math.max(1, Math.round(100 * cost))} % of the graph's work`, mark?.text].filter(Boolean);
+        setText(line, parts.join("; "));
+    });
+    return line;
 }
 
 function portRow(studio, port) {

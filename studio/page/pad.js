@@ -5,6 +5,7 @@ import { find, imageOf, setText } from "./dom.js";
 import { everyFrame } from "./frame.js";
 import { followKeys, followPointers, Hands } from "./hands.js";
 import { digits } from "./numbers.js";
+import { laidOn, whatMoves } from "./pads.js";
 import { toneOf } from "./surfaces.js";
 import { colours, FONT, FONT_STRONG, haloText, Surface } from "./theme.js";
 
@@ -103,7 +104,9 @@ function showSwatch(studio) {
     const picture = studio.photo ?? (surface?.swatch ? imageOf(surface.swatch) : null);
     find("pad-swatch").style.backgroundImage = picture ? `${studio.photo ? "" : `${VEIL}, `}url("${picture}")` : "none";
     find("pad-swatch").style.backgroundColor = studio.photo ? "" : toneOf(studio.graph, surface);
-    setText(find("pad-surface-name"), surface?.name ?? studio.graph?.pads[0]?.endpoint ?? "");
+    const pads = studio.graph?.pads ?? [];
+    setText(find("pad-surface-name"), [surface?.name ?? pads[0]?.endpoint, ...pads.map(laidOn)].filter(Boolean).join(" · "));
+    find("pad-surface-name").title = whatMoves(studio.graph);
 }
 
 function mountPhoto(studio) {

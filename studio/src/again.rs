@@ -162,7 +162,7 @@ impl Stage {
             match replay.next(frame) {
                 Again::Move(made) => {
                     let (due_s, pointer) = meant(made);
-                    if let Some(pad) = self.pads.get_mut(made.1) {
+                    if let Some(pad) = self.pads.get_mut(made.pad) {
                         pad.move_to(due_s, &pointer);
                     }
                 }

@@ -1,6 +1,8 @@
 //! What the page is told of the kinds there are and of the graph that runs.
 
-use super::pads::{FULL_N, SIZE_MM};
+use super::channels::{NoPad, PadSpec};
+use super::levels;
+use super::pads::FULL_N;
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::VERSION;
@@ -88,19 +90,16 @@ fn unit_of(name: &str) -> &'static str {
 pub fn graph(stage: &Stage) -> Value {
     let graph = &stage.loaded.graph;
     let name = stage.source.name();
-    let pads = stage.loaded.pads.iter();
-    let pads = pads.map(
-        |pad| json!({ "endpoint": pad, "width_mm": SIZE_MM.0, "height_mm": SIZE_MM.1, "force_n": FULL_N }),
-    );
     let actuators = stage.actuators.iter().map(|actuator| {
         json!({
             "name": actuator.name, "unit": actuator.unit, "peak": actuator.peak,
             "continuous": actuator.continuous, "rate_hz": actuator.rate_hz,
         })
     });
+    let ports = scope::ports(graph);
     let sound = stage.sound.as_ref();
     let devices = graph.devices().iter();
-    let devices = devices.filter(|device| !stage.loaded.pads.contains(&device.name));
+    let devices = devices.filter(|device| !stage.loaded.is_pad(&device.name));
     let devices = devices.map(|device| {
         let spec = device.entry.spec;
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
@@ -110,8 +109,10 @@ pub fn graph(stage: &Stage) -> Value {
         "name": name, "about": graph.about(), "path": stage.source.path.display().to_string(),
         "text": stage.loaded.text, "saved": stage.loaded.text == stage.on_disk,
         "drawing": drawing::standalone_svg(graph, &name),
-        "pads": pads.collect::<Vec<_>>(),
-        "ports": scope::ports(graph).iter().map(port).collect::<Vec<_>>(),
+        "pads": stage.loaded.pads.iter().map(pad).collect::<Vec<_>>(),
+        "others": stage.loaded.others.iter().map(no_pad).collect::<Vec<_>>(),
+        "ports": ports.iter().filter(|port| port.is_shown()).map(port).collect::<Vec<_>>(),
+        "levels": levels::described(&ports),
         "settings": settings(stage),
         "parameters": parameters(stage),
         "maps": maps(graph),
@@ -120,6 +121,21 @@ pub fn graph(stage: &Stage) -> Value {
         "sound": sound.map(|sound| json!({ "rate_hz": sound.rate_hz, "what": sound.port })),
         "surfaces": surfaces(stage),
     })
+}
+
+fn pad(pad: &PadSpec) -> Value {
+    let names = pad.channels.iter().map(|(name, _)| *name);
+    // JSON has no infinity: what does not give is null.
+    let gives_n_per_m = pad.on.as_ref().map(|on| on.gives_n_per_m);
+    json!({
+        "endpoint": pad.endpoint, "width_mm": pad.size_mm.0, "height_mm": pad.size_mm.1, "force_n": FULL_N,
+        "channels": names.collect::<Vec<_>>(), "is_laid": pad.on.is_some(),
+        "gives_n_per_mm": gives_n_per_m.filter(|gives| gives.is_finite()).map(|gives| gives * 1e-3),
+    })
+}
+
+fn no_pad(other: &NoPad) -> Value {
+    json!({ "endpoint": other.endpoint, "lacks": other.lacks })
 }
 
 fn port(port: &Port) -> Value {

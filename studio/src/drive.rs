@@ -3,7 +3,7 @@
 use haptograph_engine::host::Player;
 use haptograph_engine::run::LiveState;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -24,6 +24,7 @@ pub struct Pace {
     late: AtomicU64,
     busy_ns: AtomicU64,
     faults: AtomicU64,
+    origin: OnceLock<Arc<str>>,
 }
 
 impl Pace {
@@ -47,6 +48,11 @@ impl Pace {
         self.faults.load(Relaxed)
     }
 
+    /// Path of the node that was found first to put out NaN or infinity.
+    pub fn origin(&self) -> Option<&str> {
+        self.origin.get().map(|origin| &**origin)
+    }
+
     /// Time that the graph took since this was asked last.
     pub fn take_busy(&self) -> Duration {
         Duration::from_nanos(self.busy_ns.swap(0, Relaxed))
@@ -54,7 +60,11 @@ impl Pace {
 
     fn update(&self, player: &Player) {
         self.frames.store(player.frames(), Relaxed);
-        self.faults.store(player.faults().ticks, Relaxed);
+        let faults = player.faults();
+        self.faults.store(faults.ticks, Relaxed);
+        if let Some(origin) = faults.origin.filter(|_| self.origin.get().is_none()) {
+            let _ = self.origin.set(origin);
+        }
     }
 
     /// Has the run come to its end?

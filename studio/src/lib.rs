@@ -10,14 +10,17 @@
 
 mod actuators;
 mod again;
+mod channels;
 mod describe;
 mod drive;
 mod envelope;
+mod levels;
 mod load;
 #[cfg(not(target_family = "wasm"))]
 mod native;
 mod pads;
 pub mod page;
+mod page_clock;
 mod pages;
 mod publish;
 mod record;

@@ -1,6 +1,6 @@
 //! From a text to a graph whose tablets are the page's.
 
-use super::pads;
+use super::channels::{self, NoPad, PadSpec};
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
@@ -23,9 +23,18 @@ pub struct Loaded {
     /// Its own text.
     pub text: String,
     /// The endpoints that pointers move.
-    pub pads: Vec<String>,
+    pub pads: Vec<PadSpec>,
+    /// Those that nodes read and that no pointer can be.
+    pub others: Vec<NoPad>,
     /// Names, values and defaults, as RON.
     pub parameters: Vec<(String, String, String)>,
+}
+
+impl Loaded {
+    /// Is this endpoint one that pointers move?
+    pub fn is_pad(&self, endpoint: &str) -> bool {
+        self.pads.iter().any(|pad| pad.endpoint == endpoint)
+    }
 }
 
 impl Source {
@@ -53,8 +62,9 @@ impl Source {
         let mut options = self.options(&document);
         options.hosted = Hosted::All;
         let hosted = check(&document, &self.registry, &options)?;
-        let pads = pads::endpoints(&hosted);
-        options.hosted = Hosted::Also(pads.clone());
+        options.hosted = Hosted::AsWritten;
+        let (pads, others) = channels::sort(&hosted, || check(&document, &self.registry, &options).ok());
+        options.hosted = Hosted::Also(pads.iter().map(|pad| pad.endpoint.clone()).collect());
         let value = |name: &str, default: &str| {
             let set = self.set.iter().rev().find(|(known, _)| known == name);
             set.map_or_else(|| default.to_owned(), |(_, value)| value.clone())
@@ -68,6 +78,7 @@ impl Source {
             graph,
             text: text.to_owned(),
             pads,
+            others,
             parameters,
         })
     }

@@ -1,6 +1,6 @@
 //! The pages that are connected to a stage.
 
-use super::pads::PageClock;
+use super::page_clock::PageClock;
 use super::stage::Stage;
 use super::wire::{MOST_SCOPES, Message, Wanted};
 
@@ -28,6 +28,8 @@ pub struct Page {
     pub line: Box<dyn Line>,
     pub wanted: Vec<Wanted>,
     pub hears: bool,
+    /// Does it see the drawing?
+    pub sees_levels: bool,
     pub lost: u64,
     pub is_gone: bool,
     pub clock: PageClock,
@@ -43,6 +45,7 @@ impl Stage {
             line,
             wanted: Vec::new(),
             hears: false,
+            sees_levels: false,
             lost: 0,
             is_gone: false,
             clock: PageClock::default(),
@@ -62,8 +65,13 @@ impl Stage {
     /// The ports that a page wants to see.
     pub fn scope(&mut self, page: u64, mut ports: Vec<Wanted>) {
         ports.truncate(MOST_SCOPES);
+        self.page_of(page, |page| page.wanted = ports);
+    }
+
+    /// Does something to a page, where it is still there.
+    pub fn page_of(&mut self, page: u64, work: impl FnOnce(&mut Page)) {
         if let Some(page) = self.pages.iter_mut().find(|known| known.id == page) {
-            page.wanted = ports;
+            work(page);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What pages are sent while a graph runs: samples, sound and how it goes.
 
+use super::levels;
 use super::pages::{LineError, Page};
 use super::scope::Scope;
 use super::stage::{Stage, State};
@@ -73,6 +74,7 @@ impl Publisher {
                 own["lost"] = json!(stage.pages[page].lost);
                 stage.pages[page].send(text(&own));
             }
+            levels::send(stage);
             *self = Self::default();
         }
         stage.pages.retain(|page| !page.is_gone);

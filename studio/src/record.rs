@@ -5,7 +5,7 @@
 //! numbers, which any text keeps as they are.
 
 use super::load::Source;
-use super::wire::{MOST_M, MOST_N, Pointer};
+use super::wire::{MOST_DEG, MOST_M, MOST_N, Pointer};
 use serde::{Deserialize, Serialize};
 
 /// The version of the format.
@@ -15,8 +15,66 @@ pub const MOST_EVENTS: usize = 500_000;
 /// The longest that is done again, s.
 const LONGEST_S: f64 = 36_000.0;
 
-/// Frame of the driver, pad, when it is due (µs of the run), where (nm), and how hard (µN).
-pub type Move = (u64, usize, u64, [i64; 2], u64);
+/// What a pointer did, in whole numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Written", into = "Written")]
+pub struct Move {
+    /// Of the driver: it was made before this one was run.
+    pub frame: u64,
+    pub pad: usize,
+    /// Of the run.
+    pub due_us: u64,
+    pub at_nm: [i64; 2],
+    pub force_un: u64,
+    pub tilt_udeg: [i64; 2],
+}
+
+/// A move in a file: the last is left out of one of an upright pen.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(untagged)]
+enum Written {
+    Tilted(u64, usize, u64, [i64; 2], u64, [i64; 2]),
+    Upright(u64, usize, u64, [i64; 2], u64),
+}
+
+impl From<Written> for Move {
+    fn from(written: Written) -> Self {
+        let (frame, pad, due_us, at_nm, force_un, tilt_udeg) = match written {
+            Written::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg) => {
+                (frame, pad, due_us, at_nm, force_un, tilt_udeg)
+            }
+            Written::Upright(frame, pad, due_us, at_nm, force_un) => {
+                (frame, pad, due_us, at_nm, force_un, [0; 2])
+            }
+        };
+        Self {
+            frame,
+            pad,
+            due_us,
+            at_nm,
+            force_un,
+            tilt_udeg,
+        }
+    }
+}
+
+impl From<Move> for Written {
+    fn from(made: Move) -> Self {
+        let Move {
+            frame,
+            pad,
+            due_us,
+            at_nm,
+            force_un,
+            tilt_udeg,
+        } = made;
+        match tilt_udeg {
+            [0, 0] => Self::Upright(frame, pad, due_us, at_nm, force_un),
+            _ => Self::Tilted(frame, pad, due_us, at_nm, force_un, tilt_udeg),
+        }
+    }
+}
+
 /// Frame of the driver, live setting, value.
 pub type Turn = (u64, String, f64);
 
@@ -40,18 +98,24 @@ pub struct Recording {
 
 /// What a pointer does, as it is kept: before that frame, and due at that time of the run.
 pub fn moved(frame: u64, pad: usize, due_s: f64, point: &Pointer) -> Move {
-    let nm = point.position_m.map(|x| (x * 1e9).round() as i64);
-    let (due_us, force_un) = ((due_s * 1e6).round() as u64, (point.force_n * 1e6).round() as u64);
-    (frame, pad, due_us, nm, force_un)
+    Move {
+        frame,
+        pad,
+        due_us: (due_s * 1e6).round() as u64,
+        at_nm: point.position_m.map(|x| (x * 1e9).round() as i64),
+        force_un: (point.force_n * 1e6).round() as u64,
+        tilt_udeg: point.tilt_deg.map(|x| (x * 1e6).round() as i64),
+    }
 }
 
 /// When a move is due, s, and what it is.
-pub fn meant(&(_, _, due_us, nm, force_un): &Move) -> (f64, Pointer) {
-    let due_s = due_us as f64 * 1e-6;
+pub fn meant(made: &Move) -> (f64, Pointer) {
+    let due_s = made.due_us as f64 * 1e-6;
     let pointer = Pointer {
         at_s: due_s,
-        position_m: nm.map(|x| x as f64 * 1e-9),
-        force_n: force_un as f64 * 1e-6,
+        position_m: made.at_nm.map(|x| x as f64 * 1e-9),
+        force_n: made.force_un as f64 * 1e-6,
+        tilt_deg: made.tilt_udeg.map(|x| x as f64 * 1e-6),
     };
     (due_s, pointer)
 }
@@ -117,19 +181,16 @@ impl Recording {
             return Err(RecordingError::Rate { made, runs, graph });
         }
         let in_order = |frames: &mut dyn Iterator<Item = u64>| frames.is_sorted();
-        if !in_order(&mut self.moves.iter().map(|made| made.0))
+        if !in_order(&mut self.moves.iter().map(|made| made.frame))
             || !in_order(&mut self.turns.iter().map(|made| made.0))
         {
             return Err(RecordingError::Damaged("its moves are not in their order"));
         }
         let is_right = |made: &Move| {
-            let (
-                due_s,
-                Pointer {
-                    position_m, force_n, ..
-                },
-            ) = meant(made);
-            due_s <= LONGEST_S && position_m.iter().all(|x| x.abs() <= MOST_M) && force_n <= MOST_N
+            let (due_s, point) = meant(made);
+            let is_near = point.position_m.iter().all(|x| x.abs() <= MOST_M);
+            let is_upright = point.tilt_deg.iter().all(|tilt| tilt.abs() <= MOST_DEG);
+            due_s <= LONGEST_S && is_near && is_upright && point.force_n <= MOST_N
         };
         match self.moves.iter().all(is_right)
             && self.seconds() <= LONGEST_S
@@ -176,7 +237,7 @@ impl Replay {
             moves, turns, frames, ..
         } = &self.recording;
         let (next_move, next_turn) = (moves.get(self.moves), turns.get(self.turns));
-        if let Some(made) = next_move.filter(|made| made.0 <= frame) {
+        if let Some(made) = next_move.filter(|made| made.frame <= frame) {
             self.moves += 1;
             return Again::Move(made);
         }
@@ -188,7 +249,7 @@ impl Replay {
             return Again::Over;
         }
         let next = next_move
-            .map(|made| made.0)
+            .map(|made| made.frame)
             .into_iter()
             .chain(next_turn.map(|made| made.0));
         Again::Until(next.chain([*frames]).min().unwrap_or(*frames))

@@ -1,6 +1,7 @@
 //! The frames of a port, as pages want them.
 
-use haptograph_engine::frame::Kind;
+use super::levels::Level;
+use haptograph_engine::frame::{Coefficients, Kind};
 use haptograph_engine::graph::{Graph, Output};
 use haptograph_engine::host::AnyOutput;
 
@@ -8,14 +9,14 @@ use haptograph_engine::host::AnyOutput;
 const THINNED_HZ: f64 = 2000.0;
 /// Ports of a higher rate are thinned.
 pub const MOST_HZ: f64 = 4000.0;
-/// Numbers of a wrench, the widest frame that is shown.
-const MOST_LANES: usize = 6;
+/// Numbers of the widest frame.
+const MOST_LANES: usize = Coefficients::WIDTH;
 /// What is taken in between two looks at most without allocating, s.
 const ROOM_S: f64 = 0.1;
 /// When what was counted is this far from the time of the run, frames were lost, s.
 const APART_S: f64 = 0.25;
 
-/// A port that can be shown.
+/// A port of a graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Port {
     pub name: String,
@@ -25,7 +26,14 @@ pub struct Port {
     pub rate_hz: f64,
 }
 
-/// The ports of a graph that can be shown: numbers, vectors and wrenches.
+impl Port {
+    /// Can its frames be shown? Numbers, vectors and wrenches can.
+    pub fn is_shown(&self) -> bool {
+        matches!(self.kind, Kind::Scalar | Kind::Vector | Kind::Wrench)
+    }
+}
+
+/// The ports of a graph.
 pub fn ports(graph: &Graph) -> Vec<Port> {
     let nodes = graph.nodes().iter();
     let all = nodes.flat_map(|node| node.outputs.iter().filter_map(|output| port(graph, node, output)));
@@ -34,7 +42,7 @@ pub fn ports(graph: &Graph) -> Vec<Port> {
 
 fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -> Option<Port> {
     let clock = graph.clocks().get(node.clock?)?;
-    matches!(output.kind, Kind::Scalar | Kind::Vector | Kind::Wrench).then(|| Port {
+    Some(Port {
         name: format!("{}.{}", node.path, output.name),
         node: node.path.clone(),
         kind: output.kind,
@@ -47,6 +55,7 @@ fn port(graph: &Graph, node: &haptograph_engine::graph::Node, output: &Output) -
 #[derive(Debug)]
 pub struct Scope {
     pub port: Port,
+    pub level: Level,
     frames: AnyOutput,
     /// Time of the run at the first frame, s; none before it came.
     begin_s: Option<f64>,
@@ -69,6 +78,7 @@ impl Scope {
         let (lanes, rate_hz) = (port.kind.width(), port.rate_hz);
         Self {
             port,
+            level: Level::default(),
             frames,
             begin_s: None,
             count: 0,
@@ -111,7 +121,10 @@ impl Scope {
         if begin_s.is_none() && !self.fresh.is_empty() {
             self.begin_s = Some(now_s - end_s);
         }
-        self.thin();
+        self.level.take(self.port.kind, &self.fresh);
+        if self.port.is_shown() {
+            self.thin();
+        }
     }
 
     fn thin(&mut self) {

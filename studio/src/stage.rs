@@ -4,6 +4,7 @@ use super::actuators::{Actuator, Sound};
 use super::again::After;
 use super::drive::{Drive, DrivenBy};
 use super::envelope::Confirmed;
+use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Page;
@@ -84,6 +85,7 @@ pub struct Stage {
     pub drive: Option<Drive>,
     pub pads: Vec<Pad>,
     pub scopes: Vec<Scope>,
+    pub costs: Costs,
     pub actuators: Vec<Actuator>,
     pub sound: Option<Sound>,
     pub pages: Vec<Page>,
@@ -128,6 +130,7 @@ impl Stage {
             drive: None,
             pads: Vec::new(),
             scopes: Vec::new(),
+            costs: Costs::default(),
             actuators: Vec::new(),
             sound: None,
             pages: Vec::new(),
@@ -164,6 +167,7 @@ impl Stage {
         let graph = &self.loaded.graph;
         let ports = scope::ports(graph);
         let mut options = PlayOptions::default();
+        options.sample_costs = true;
         options.probes = ports.iter().map(|port| port.name.clone()).collect();
         if matches!(how, After::Record) {
             let failed = |error| other(format!("there is no folder to record to: {error}"));
@@ -171,6 +175,11 @@ impl Stage {
             self.folder = self.new_folder(&name).map_err(failed)?;
             options.folder = self.folder.clone();
         }
+        self.costs = Costs::default();
+        // What is driven of a pad's endpoint is driven nowhere.
+        let mut devices = graph.devices().iter();
+        options.live.rested =
+            devices.all(|device| device.entry.spec.simulated || self.loaded.is_pad(&device.name));
         let (mut player, session) = Player::open(graph, &options).map_err(other)?;
         let pads = self.loaded.pads.iter().map(|pad| Pad::of(graph, pad));
         self.pads = pads.collect::<Result<_, _>>().map_err(other)?;
@@ -388,6 +397,10 @@ impl Stage {
             }
         }
         (self.loaded, self.source) = (next, source);
+        // Their channels are the same.
+        for (pad, spec) in self.pads.iter_mut().zip(&self.loaded.pads) {
+            pad.lay_on(spec);
+        }
         self.describe_actuators();
         Ok(changed.change.to_string())
     }

@@ -92,11 +92,8 @@ fn refused(error: &dyn std::fmt::Display) -> Next {
 fn act(stage: &mut Stage, page: u64, said: Said) -> Next {
     match said {
         Said::Scope { ports } => stage.scope(page, ports),
-        Said::Sound { on } => {
-            if let Some(page) = stage.pages.iter_mut().find(|known| known.id == page) {
-                page.hears = on;
-            }
-        }
+        Said::Sound { on } => stage.page_of(page, |page| page.hears = on),
+        Said::Levels { on } => stage.page_of(page, |page| page.sees_levels = on),
         // Whoever sees that something goes wrong may stop it.
         Said::Stop => stage.halt(),
         Said::Own => stage.owner = Some(page),

@@ -62,6 +62,10 @@ pub enum Said {
     Sound {
         on: bool,
     },
+    /// Whether to send levels and costs, for the drawing.
+    Levels {
+        on: bool,
+    },
     /// A recording becomes a surface.
     Learn {
         request: u64,
@@ -114,6 +118,22 @@ pub struct Pointer {
     pub at_s: f64,
     pub position_m: [f64; 2],
     pub force_n: f64,
+    /// How far its upper end is tilted to the right, and towards whoever holds it, degrees.
+    pub tilt_deg: [f64; 2],
+}
+
+impl Pointer {
+    /// A part of the straight way to another.
+    pub fn towards(&self, to: &Self, part: f64) -> Self {
+        let between = |a: f64, b: f64| a + part * (b - a);
+        let both = |a: [f64; 2], b: [f64; 2]| [between(a[0], b[0]), between(a[1], b[1])];
+        Self {
+            at_s: between(self.at_s, to.at_s),
+            position_m: both(self.position_m, to.position_m),
+            force_n: between(self.force_n, to.force_n),
+            tilt_deg: both(self.tilt_deg, to.tilt_deg),
+        }
+    }
 }
 
 /// Why a message is not taken.
@@ -130,7 +150,7 @@ pub enum WireError {
     Binary(usize),
     /// A pointer beyond all reason.
     #[error(
-        "a pointer is at no number, further than {MOST_MM} mm from the middle, or presses with more than {MOST_N} N"
+        "a pointer is at no number, further than {MOST_MM} mm from the middle, presses with more than {MOST_N} N, or is tilted by more than {MOST_DEG} degrees"
     )]
     Pointer,
 }
@@ -138,6 +158,8 @@ pub enum WireError {
 /// Bounds of what a pointer can be.
 pub const MOST_M: f64 = 1.0;
 pub const MOST_N: f64 = 20.0;
+/// An upright pen has none; one that lies has 90.
+pub const MOST_DEG: f64 = 90.0;
 const MOST_MM: f64 = MOST_M * 1e3;
 const HEAD: usize = 8;
 const POINTER: usize = 28;
@@ -148,7 +170,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
     struct Kind {
         r#type: String,
     }
-    const KINDS: [&str; 13] = [
+    const KINDS: [&str; 14] = [
         "learn",
         "record",
         "replay",
@@ -159,6 +181,7 @@ pub fn said(text: &str) -> Result<Option<Said>, WireError> {
         "save",
         "scope",
         "sound",
+        "levels",
         "stop",
         "resume",
         "own",
@@ -191,19 +214,24 @@ fn pointer(bytes: &[u8]) -> Option<Pointer> {
     let (time, rest) = bytes.split_first_chunk()?;
     let (x, rest) = rest.split_first_chunk()?;
     let (y, rest) = rest.split_first_chunk()?;
-    let (force, _) = rest.split_first_chunk()?;
+    let (force, rest) = rest.split_first_chunk()?;
+    let (right, rest) = rest.split_first_chunk()?;
+    let (towards, _) = rest.split_first_chunk()?;
     let time_ms = f64::from_le_bytes(*time);
     let [x_mm, y_mm, force_n] = [x, y, force].map(|four| f32::from_le_bytes(*four));
+    let tilt_deg = [right, towards].map(|four| f64::from(f32::from_le_bytes(*four)));
     let is_near = |mm: f32| f64::from(mm.abs()) <= MOST_MM;
     // Comparisons with what is no number are false.
     let is_right = is_near(x_mm)
         && is_near(y_mm)
         && (0.0..=MOST_N).contains(&f64::from(force_n))
+        && tilt_deg.iter().all(|tilt| tilt.abs() <= MOST_DEG)
         && time_ms.abs() < 1e15;
     is_right.then(|| Pointer {
         at_s: time_ms * 1e-3,
         position_m: [f64::from(x_mm) * 1e-3, f64::from(y_mm) * 1e-3],
         force_n: f64::from(force_n),
+        tilt_deg,
     })
 }
 
@@ -251,9 +279,11 @@ mod tests {
 
     #[test]
     fn pointers_are_read_in_si_units() {
-        let (pad, points) = pointers(&message(1, &[(1500.0, [10.0, -20.0, 1.5, 0.0, 0.0])])).expect("right");
+        let (pad, points) =
+            pointers(&message(1, &[(1500.0, [10.0, -20.0, 1.5, 30.0, -45.0])])).expect("right");
         let [point] = points[..] else { panic!("one") };
         assert_eq!((pad, point.at_s, point.force_n), (1, 1.5, 1.5));
+        assert_eq!(point.tilt_deg, [30.0, -45.0]);
         assert!((point.position_m[0] - 0.01).abs() < 1e-9 && (point.position_m[1] + 0.02).abs() < 1e-9);
     }
 
@@ -264,13 +294,15 @@ mod tests {
             assert_eq!(pointers(&right[..length]), Err(WireError::Binary(length)));
         }
         for values in [
-            [f32::NAN, 0.0, 1.0],
-            [0.0, 2000.0, 1.0],
-            [0.0, 0.0, -0.1],
-            [0.0, 0.0, 21.0],
+            [f32::NAN, 0.0, 1.0, 0.0],
+            [0.0, 2000.0, 1.0, 0.0],
+            [0.0, 0.0, -0.1, 0.0],
+            [0.0, 0.0, 21.0, 0.0],
+            [0.0, 0.0, 1.0, 91.0],
+            [0.0, 0.0, 1.0, f32::NAN],
         ] {
-            let [x, y, force] = values;
-            let wrong = message(0, &[(0.0, [x, y, force, 0.0, 0.0])]);
+            let [x, y, force, tilt] = values;
+            let wrong = message(0, &[(0.0, [x, y, force, tilt, 0.0])]);
             assert_eq!(pointers(&wrong), Err(WireError::Pointer), "{values:?}");
         }
         assert_eq!(

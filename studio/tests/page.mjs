@@ -176,6 +176,26 @@ test("a click on a wire puts it on a scope, one on a node shows its card", async
     await page.click("#node >> text=Close");
 });
 
+test("the drawing shows how strong each wire is, and what each node costs where there is a clock", async (page) => {
+    await page.evaluate(() => studio.showTab("graph"));
+    await page.click("#demo");
+    const drawn = (look) => page.waitForFunction(look, null, { timeout: PATIENCE_MS });
+    await drawn(() => {
+        const { shadowRoot } = document.querySelector("#graph > div");
+        const wires = [...shadowRoot.querySelectorAll("path[data-port]")];
+        return wires.filter((wire) => Number(wire.style.strokeWidth) > 2).length > 3;
+    });
+    await drawn(() => {
+        const { shadowRoot } = document.querySelector("#graph > div");
+        const percents = [...shadowRoot.querySelectorAll(".cost text")].map((text) => parseInt(text.textContent, 10));
+        const sum = percents.reduce((all, percent) => all + percent, 0);
+        const key = document.querySelector(".graph-key").textContent;
+        return studio.hello.host === "page" ? key.includes("not known") : sum > 80 && sum < 120;
+    });
+    await picture(page, "levels");
+    await page.click("#demo");
+});
+
 serverTest("a setting arrives at another page", async (page) => {
     const setting = await page.evaluate(
         () => studio.graph.settings.find(({ min, max }) => min !== null && max !== null) ?? studio.graph.settings[0],

@@ -178,6 +178,39 @@ fn a_stroke_on_the_page_vibrates_as_the_model_says_and_a_lifted_hand_does_not() 
 }
 
 #[test]
+fn a_page_that_sees_the_drawing_is_told_what_every_port_and_node_does() {
+    let studio = open(&shipped("texturepad.ron"));
+    let mut page = Page::of(&studio);
+    let described = page.graph["levels"].as_array().expect("a list").clone();
+    let is_described = |name: &str| described.iter().any(|port| port["name"] == name);
+    assert!(is_described(VIBRATION) && is_described("texture/locate.weights"));
+    assert!(
+        page.graph["ports"]
+            .as_array()
+            .is_some_and(|ports| { ports.iter().all(|port| port["name"] != "texture/locate.weights") })
+    );
+    page.say(&json!({ "type": "levels", "on": true }));
+    page.say(&json!({ "type": "scope", "ports": [{ "name": VIBRATION }] }));
+    page.stroke(100.0, 1.0, 1.0);
+    let levels = page.wait(|said| said["type"] == "levels" && !said["costs"].is_null());
+    assert!(levels["ports"][VIBRATION][1].as_f64() > Some(0.0), "{levels}");
+    assert!(
+        levels["ports"]["texture/locate.weights"][1].as_f64() > Some(0.3),
+        "{levels}"
+    );
+    let costs = levels["costs"].as_object().expect("parts");
+    assert!(
+        costs
+            .values()
+            .all(|part| part.as_f64().is_some_and(|part| (0.0..=1.0).contains(&part)))
+    );
+    assert_eq!(
+        (&levels["not_finite"], &levels["origin"]),
+        (&json!({}), &Value::Null)
+    );
+}
+
+#[test]
 fn edits_take_over_and_wrong_ones_say_where_and_change_nothing() {
     let (_folder, path) = copied();
     let studio = open(&path);

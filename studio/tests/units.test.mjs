@@ -4,7 +4,10 @@ import test from "node:test";
 import { scaleFor } from "../page/control.js";
 import { density } from "../page/fft.js";
 import { pointers, read } from "../page/frames.js";
+import { tiltOf } from "../page/hands.js";
+import { Levels } from "../page/levels.js";
 import { digits, quantity, roundUp, ticks, tickText } from "../page/numbers.js";
+import { simulatedAlone } from "../page/pads.js";
 import { placeOf } from "../page/ron.js";
 import { Trace } from "../page/trace.js";
 
@@ -129,4 +132,69 @@ test("the editor knows where in the text it is", () => {
     assert.equal(at("no(", 1).comment, true);
     const end = placeOf(text, text.length);
     assert.deepEqual([around(end), end.key], [["Graph(", "{"], "c"]);
+});
+
+test("tilt is what the browser says, by either way of saying it", () => {
+    assert.deepEqual(tiltOf({ tiltX: 30, tiltY: -10 }), { tilt_x_deg: 30, tilt_y_deg: -10 });
+    assert.deepEqual(tiltOf({}), { tilt_x_deg: 0, tilt_y_deg: 0 });
+    const tilted = (degrees, azimuth) => {
+        const { tilt_x_deg, tilt_y_deg } = tiltOf({ altitudeAngle: ((90 - degrees) * Math.PI) / 180, azimuthAngle: azimuth });
+        return [tilt_x_deg, tilt_y_deg].map((tilt) => Math.round(tilt * 1e6) / 1e6);
+    };
+    assert.deepEqual([tilted(0, 1), tilted(30, 0), tilted(30, Math.PI / 2)], [[0, 0], [30, 0], [0, 30]]);
+    assert(Object.values(tiltOf({ altitudeAngle: 0, azimuthAngle: 0.5 })).every((tilt) => tilt > 0 && tilt < 90));
+});
+
+const quiet = { ports: {}, not_finite: {}, limits: {}, costs: null, origin: null };
+const counts = { ticks: 100, peak: 0, continuous: 0, slew: 0, fault: 0 };
+
+test("a wire is as wide as its port is strong against its strongest, and says what it carries", () => {
+    const levels = new Levels();
+    levels.restart({ levels: [{ name: "a.b", what: "level", unit: "N" }] });
+    levels.take({ ...quiet, ports: { "a.b": [2, 3] } }, 0);
+    const { width: most, isFaulty, text } = levels.wire("a.b");
+    assert.deepEqual([isFaulty, text], [false, "a.b: level 2.00 N rms, 3.00 N peak"]);
+    levels.take({ ...quiet, ports: { "a.b": [0.5, 1] } }, 100);
+    const { width: less } = levels.wire("a.b");
+    levels.take({ ...quiet, not_finite: { "a.b": 4 } }, 200);
+    const { width: least, ...faulty } = levels.wire("a.b");
+    assert(least < less && less < most, `${least} ${less} ${most}`);
+    assert.equal(levels.wire("unknown.port").width, least);
+    assert(faulty.isFaulty && faulty.text.includes("in 4 frames"), faulty.text);
+});
+
+test("a node shows its part of the cost and what happened there, and for how long ago", () => {
+    const levels = new Levels();
+    levels.restart({ levels: [] });
+    const at = (now_ms, more) => {
+        levels.take({ ...quiet, ...more }, now_ms);
+        return levels.node("out", now_ms);
+    };
+    assert.deepEqual(at(0, {}), { cost: null, mark: null });
+    assert.equal(levels.hasCosts, false);
+    assert.equal(at(100, { costs: { out: 0.3, other: 0.7 } }).cost, 0.3);
+    assert.equal(at(200, { costs: { out: 0.001 } }).cost, null);
+    const held = (continuous) => ({ limits: { out: { ...counts, continuous } } });
+    assert.equal(at(300, held(0)).mark, null);
+    const now = at(400, held(5)).mark;
+    assert.deepEqual([now.kind, now.isRecent, now.text], ["limit", true, "limited: heat 5.00 % of its ticks"]);
+    assert.equal(at(1500, held(5)).mark.isRecent, true);
+    assert.equal(at(4000, held(5)).mark.isRecent, false);
+    assert.equal(at(4100, held(6)).mark.isRecent, true);
+    const fault = at(4200, { ...held(6), not_finite: { "out.delivered": 2, "out/inner.x": 9 }, origin: "out" }).mark;
+    assert.equal(fault.kind, "fault");
+    assert(fault.text.includes("2 frames of out.delivered") && fault.text.endsWith("it was the first"), fault.text);
+    assert.equal(levels.node("out/other", 4200).mark, null);
+});
+
+test("endpoints that no pointer can be are named, with what a pad does not give them", () => {
+    const others = [
+        { endpoint: "tool", lacks: ["acceleration"] },
+        { endpoint: "probe", lacks: [] },
+    ];
+    assert.deepEqual(simulatedAlone({ others }), [
+        "tool stays simulated: a pad gives no acceleration.",
+        "probe stays simulated: what it touches is not known.",
+    ]);
+    assert.deepEqual(simulatedAlone(null), []);
 });

@@ -21,6 +21,9 @@ pub struct PlayOptions {
     pub probes: Vec<String>,
     /// Folder of the graph's file sinks; without one they write nothing.
     pub folder: Option<PathBuf>,
+    /// Times about one block in sixteen, step by step, for [`Session::node_costs`]. A page has no clock that is fine enough:
+    /// there it does nothing.
+    pub sample_costs: bool,
     /// Options of the live run.
     pub live: LiveOptions,
 }
@@ -83,6 +86,9 @@ impl Player {
         let (mut live, mut session) = Session::open(sinks, &options.live).map_err(|error| system(&error))?;
         let check_interval = live.block() as u64;
         live.follow_inputs_every(check_interval);
+        if options.sample_costs && !cfg!(target_family = "wasm") {
+            live.sample_costs();
+        }
         let probes = Probes::new(names, session.handed());
         let player = Self {
             live,

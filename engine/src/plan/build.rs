@@ -6,7 +6,7 @@ use super::order::{Group, delay_frames, order};
 use super::slots::{Demand, assign};
 use super::{
     ActuatorPlan, BridgeKind, BridgePlan, DelayPlan, Delivered, DevicePlan, MAX_BLOCK, NodeKey, Plan,
-    PlanOptions, Step, StepWork, Tap,
+    PlanOptions, Step, StepTime, StepWork, Tap,
 };
 use crate::graph::{Bridge, Edge, Graph, NodeId, Work};
 use crate::io::{Binding, Form, LINE, Placing};
@@ -114,6 +114,7 @@ impl<'a> Builder<'a> {
                 .collect(),
             actuators: Vec::new(),
             delivered: Arc::new([]),
+            times: Arc::new([]),
             bridges: Vec::new(),
             delays: Vec::new(),
             taps: Vec::new(),
@@ -569,6 +570,7 @@ impl<'a> Builder<'a> {
             .collect();
         (plan.slots, plan.lives) = (slots, lives);
         plan.delivered = plan.actuators.iter().map(|_| Delivered::default()).collect();
+        plan.times = plan.steps.iter().map(|_| StepTime::default()).collect();
         self.plan
     }
 

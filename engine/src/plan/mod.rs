@@ -12,6 +12,7 @@ mod slots;
 use crate::device::Device;
 use crate::graph::{Graph, LiveSetting, NodeId};
 use crate::io::{Binding, Placing};
+use crate::limiter::ClipCounts;
 use crate::node::{Limit, Processor, Stream};
 use crate::silence::LiveInput;
 use haptograph_signal::time::{Rate, TimeBase};
@@ -53,6 +54,8 @@ pub struct Plan {
     pub(crate) actuators: Vec<ActuatorPlan>,
     /// Published output of each actuator.
     pub(crate) delivered: Arc<[Delivered]>,
+    /// What each step took while the plan ran, in the blocks that were timed.
+    pub(crate) times: Arc<[StepTime]>,
     pub(crate) bridges: Vec<BridgePlan>,
     pub(crate) delays: Vec<DelayPlan>,
     pub(crate) taps: Vec<Tap>,
@@ -185,9 +188,38 @@ pub(crate) struct Delivered {
     at_zero: AtomicBool,
     level: AtomicU64,
     peak: AtomicU64,
+    /// Ticks in all, and those that the peak, the heat, the slew and a fault held back.
+    clipped: [AtomicU64; 5],
 }
 
 impl Delivered {
+    /// Writes how often each limit held something back since the run began.
+    pub fn put_clipped(&self, counts: ClipCounts) {
+        let ClipCounts {
+            ticks,
+            peak,
+            continuous,
+            slew,
+            fault,
+        } = counts;
+        let counts = [ticks, peak, continuous, slew, fault];
+        for (to, count) in self.clipped.iter().zip(counts) {
+            to.store(count, Relaxed);
+        }
+    }
+
+    /// What was written last.
+    pub fn clipped(&self) -> ClipCounts {
+        let [ticks, peak, continuous, slew, fault] = self.clipped.each_ref().map(|count| count.load(Relaxed));
+        ClipCounts {
+            ticks,
+            peak,
+            continuous,
+            slew,
+            fault,
+        }
+    }
+
     /// Writes the largest magnitude over the axes, and whether a silent input keeps it at zero.
     pub fn put(&self, largest: f64, at_zero: bool) {
         self.largest.store(largest.to_bits(), Relaxed);
@@ -211,6 +243,27 @@ impl Delivered {
     pub fn take_level(&self) -> (f64, f64) {
         let level = f64::from_bits(self.level.load(Relaxed));
         (level, f64::from_bits(self.peak.swap(0, Relaxed)))
+    }
+}
+
+/// What a step took in the blocks that were timed, written by the driver alone and read by whoever asks.
+#[derive(Debug, Default)]
+pub(crate) struct StepTime {
+    ns: AtomicU64,
+    looks: AtomicU64,
+}
+
+impl StepTime {
+    /// Adds what lay between two looks at the clock, ns.
+    pub fn add(&self, ns: u64) {
+        self.ns.store(self.ns.load(Relaxed).wrapping_add(ns), Relaxed);
+        self.looks
+            .store(self.looks.load(Relaxed).wrapping_add(1), Relaxed);
+    }
+
+    /// The sum, ns, and of how many.
+    pub fn get(&self) -> (u64, u64) {
+        (self.ns.load(Relaxed), self.looks.load(Relaxed))
     }
 }
 

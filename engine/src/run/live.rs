@@ -6,6 +6,7 @@
 
 use super::arrivals::ArrivalLog;
 use super::control::{COMMANDS, Command, Control, Report};
+use super::cost::CostSampler;
 use super::fade::FadeGate;
 use super::meter::Wake;
 use super::ramp::ParamRamps;
@@ -46,6 +47,8 @@ pub struct Live {
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
+    /// Which blocks are timed; none unless that was asked for.
+    sampler: Option<CostSampler>,
     /// Heat of the actuators that left the run.
     hottest: Arc<Hottest>,
 }
@@ -88,6 +91,7 @@ pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Contr
         commands: command_out,
         reports: report_in,
         unreported: 0,
+        sampler: None,
         hottest: Arc::default(),
     };
     let control = Control::new(plan, stop, command_in, report_out);
@@ -157,7 +161,10 @@ impl Live {
     /// Runs up to `block` frames and returns how many.
     fn advance(&mut self, block: usize) -> usize {
         let Some(former) = &mut self.former else {
-            self.run.advance(block);
+            match self.sampler.as_mut().is_some_and(CostSampler::is_due) {
+                true => self.run.advance_timed(block),
+                false => self.run.advance(block),
+            }
             return block;
         };
         if former.run_together(&mut self.run)
@@ -184,6 +191,11 @@ impl Live {
     /// Checks for silent live inputs at multiples of `frames` driver frames instead of in every callback.
     pub(crate) fn follow_inputs_every(&mut self, frames: u64) {
         self.follows_every = frames;
+    }
+
+    /// Times some of its blocks from now on, step by step.
+    pub(crate) fn sample_costs(&mut self) {
+        self.sampler = Some(CostSampler::default());
     }
 
     /// Sets the end of the run, in driver frames from the start.

@@ -5,6 +5,7 @@ mod arrivals;
 mod async_resampler;
 mod bridge;
 mod control;
+mod cost;
 mod crossfade;
 mod device;
 mod fade;

@@ -250,7 +250,7 @@ impl Samples {
 }
 
 /// Time between two readings of the clock, ns.
-fn clock_ns() -> f64 {
+pub(super) fn clock_ns() -> f64 {
     let gaps: Vec<f64> = (0..1000)
         .map(|_| {
             let before = Instant::now();

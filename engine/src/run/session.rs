@@ -6,6 +6,7 @@ pub use change::{ChangeError, Changed};
 
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
+use super::cost;
 use super::file_sinks::{FileSinks, WriteError, WrittenFile, stream};
 use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
@@ -227,6 +228,13 @@ impl Session {
     pub fn actuator_levels(&self) -> Vec<ActuatorLevel> {
         let plans = self.controls.iter().map(|control| &**control.plan());
         plans.flat_map(silence::levels).collect()
+    }
+
+    /// Time that each node took so far, ns, in the blocks that were timed since its graph took over; empty where none are
+    /// ([`PlayOptions::sample_costs`](crate::host::PlayOptions::sample_costs)). The shares are those of all blocks.
+    pub fn node_costs(&self) -> Vec<(NodeId, f64)> {
+        let plans = self.controls.iter().map(|control| &**control.plan());
+        plans.flat_map(cost::of_nodes).collect()
     }
 
     /// Fades out and stops, also during a swap.

@@ -2,7 +2,7 @@
 
 use super::Run;
 use super::device::DeviceState;
-use crate::limiter::Limit;
+use crate::limiter::{ClipCounts, Limit};
 use crate::plan::{ActuatorPlan, Plan};
 use crate::silence::InputState;
 
@@ -97,6 +97,8 @@ pub struct ActuatorLevel {
     pub peak: f64,
     /// Its limit.
     pub limit: Limit,
+    /// How often each limit held something back since the run began.
+    pub clipped: ClipCounts,
 }
 
 pub(super) fn levels(plan: &Plan) -> impl Iterator<Item = ActuatorLevel> {
@@ -109,6 +111,7 @@ pub(super) fn levels(plan: &Plan) -> impl Iterator<Item = ActuatorLevel> {
             rms,
             peak,
             limit: actuator.limit,
+            clipped: delivered.clipped(),
         }
     })
 }
@@ -188,6 +191,7 @@ impl Run {
         for (actuator, delivered) in self.state.actuators.iter_mut().zip(&*self.plan.delivered) {
             let (level, peak) = actuator.level.read();
             delivered.put_level(level, peak);
+            delivered.put_clipped(actuator.limiter.counts());
             let output = actuator.limiter.output();
             let largest = output.iter().fold(0.0_f64, |largest, y| largest.max(y.abs()));
             delivered.put(largest, largest == 0.0 && actuator.gate.is_closed_from(time));

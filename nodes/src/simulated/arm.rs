@@ -5,6 +5,7 @@ use super::ground::Ground;
 use super::hand::Load;
 use super::omni::{OMNI_RATE_HZ, OmniSettings, SimulatedOmni as Omni};
 use super::script::ScriptSettings;
+use super::touchable::Touchable;
 use crate::contact::mesh::{MeshError, TriangleMesh};
 use crate::contact::nodes::{Solid, SphereSettings, load_mesh, metres};
 use crate::vector::{add_scaled, direction};
@@ -12,6 +13,7 @@ use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::quantity::Quantity;
+use std::any::Any;
 use std::sync::Arc;
 
 /// Reads a desktop arm.
@@ -108,19 +110,40 @@ impl DeviceKind for SimulatedOmni {
                 damping_n_s_per_m: settings.damping_n_s_per_m,
             },
         };
-        let script = ScriptSettings {
+        let touchable = Touchable {
             ground: ground(&settings.scene, settings.proxy_diameter_mm * 1e-3)?,
+            gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, |gives| gives * 1e3),
+            across_m: across_m(&settings.scene),
+        };
+        let script = ScriptSettings {
+            ground: touchable.ground.clone(),
             actions: actions(&settings.does)?,
             hover_m: settings.hover_mm * 1e-3,
-            gives_n_per_m: settings.gives_n_per_mm.map_or(f64::INFINITY, |gives| gives * 1e3),
+            gives_n_per_m: touchable.gives_n_per_m,
         };
         let omni = Omni::new(arm, settings.grip.to_grip(), &script, cx.seed);
         let omni = omni.map_err(|error| BuildError::at("does", error.to_string()))?;
         Ok(Box::new(Held {
             omni,
+            touchable,
             force_n: [0.0; 3],
         }))
     }
+}
+
+/// What the hand on an arm touches.
+pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
+    device.downcast_ref::<Held>().map(|held| &held.touchable)
+}
+
+/// How far the first shape of a scene reaches across, as seen from above.
+fn across_m(scene: &[Solid]) -> f64 {
+    let across_mm = match scene.first() {
+        Some(Solid::Sphere(sphere)) => sphere.diameter_mm,
+        Some(Solid::Box(cuboid) | Solid::Room(cuboid)) => cuboid.size_mm[0].min(cuboid.size_mm[1]),
+        _ => f64::INFINITY,
+    };
+    across_mm * 1e-3
 }
 
 /// What a hand feels of the first shape of a scene with the centre of a ball at its tool's tip.
@@ -170,6 +193,7 @@ fn ground(scene: &[Solid], proxy_diameter_m: f64) -> Result<Ground, BuildError> 
 #[derive(Debug, Clone)]
 struct Held {
     omni: Omni,
+    touchable: Touchable,
     force_n: [f64; 3],
 }
 

@@ -3,15 +3,18 @@
 use super::acting::DrawSettings;
 use super::acting::{Doing, GripSettings, actions};
 use super::drawing::{Drawing, WanderSettings};
+use super::ground::Ground;
 use super::haptuator::{TOLERANCE, TwoMassSettings};
 use super::knock::KnockSettings;
 use super::pen_object::{PEN_OBJECT_RATE_HZ, PenObject, PenObjectSettings};
+use super::touchable::Touchable;
 use crate::contact::object::{CubeSettings, Object, on_sensor};
 use haptograph_engine::device::{Channel, Device, DeviceKind, DeviceSpec};
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::{BuildContext, BuildError, NodeSpec, output};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
+use std::any::Any;
 
 /// Reads a force/torque sensor.
 pub const FORCE_TORQUE_SENSOR: NodeSpec = NodeSpec {
@@ -204,6 +207,16 @@ impl DeviceKind for SimulatedPenAndObject {
         let height_m = settings.height_mm * 1e-3;
         let stated = settings.haptuator.to_two_mass().checked();
         let haptuator = stated.map_err(|error| BuildError::at("haptuator", error.to_string()))?;
+        let object = on_sensor(&settings.object, height_m)?;
+        let across = |axis: usize| {
+            let ends = object.vertices().iter().map(|vertex| vertex[axis]);
+            ends.clone().fold(f64::NEG_INFINITY, f64::max) - ends.fold(f64::INFINITY, f64::min)
+        };
+        let touchable = Touchable {
+            across_m: across(0).min(across(1)),
+            ground: Ground::solid(object.clone()),
+            gives_n_per_m: f64::INFINITY,
+        };
         let device = PenObjectSettings {
             object_kg: settings.object_g * 1e-3,
             height_m,
@@ -215,20 +228,27 @@ impl DeviceKind for SimulatedPenAndObject {
             grip: settings.grip.to_grip(),
             hover_m: settings.hover_mm * 1e-3,
             haptuator: haptuator.of_seed(settings.haptuator_tolerance, stream_seed(cx.seed, "haptuator")),
-            ..PenObjectSettings::new(on_sensor(&settings.object, height_m)?, actions(&settings.does)?)
+            ..PenObjectSettings::new(object, actions(&settings.does)?)
         };
         let device =
             PenObject::new(&device, cx.seed).map_err(|error| BuildError::at("does", error.to_string()))?;
         Ok(Box::new(Touched {
             device,
+            touchable,
             currents_a: [0.0; 2],
         }))
     }
 }
 
+/// What the hand with a pen touches.
+pub(super) fn touchable(device: &dyn Any) -> Option<&Touchable> {
+    device.downcast_ref::<Touched>().map(|touched| &touched.touchable)
+}
+
 #[derive(Debug, Clone)]
 struct Touched {
     device: PenObject,
+    touchable: Touchable,
     /// Of the brake and of the haptuator.
     currents_a: [f64; 2],
 }

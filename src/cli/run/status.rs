@@ -266,6 +266,7 @@ fn shown_level(level: &ActuatorLevel) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::limiter::ClipCounts;
     use crate::engine::node::Limit;
 
     #[test]
@@ -307,6 +308,7 @@ mod tests {
             rms: 0.125,
             peak: 0.25,
             limit,
+            clipped: ClipCounts::default(),
         };
         let shown = shown_level(&level);
         assert!(

@@ -5,6 +5,7 @@
 
 pub mod decimal;
 pub mod hatt;
+mod latest;
 pub mod native;
 mod write;
 
@@ -49,8 +50,7 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
         path: path.to_owned(),
         source,
     })?;
-    let read = read_surface(&bytes);
-    let mut surface = read.map_err(|error| FileError::Read {
+    let mut surface = latest::read(&bytes).map_err(|error| FileError::Read {
         path: path.to_owned(),
         error,
     })?;

@@ -7,6 +7,7 @@ use crate::graph::NodeId;
 use crate::graph::{Graph, Node, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
+use crate::run::cost;
 use crate::run::{ControlError, FileSinks, Live, LiveState, Offline, Run, live};
 use crate::silence::{InputCell, InputState, LiveInput};
 use petgraph::graph::NodeIndex;
@@ -305,4 +306,34 @@ fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_
     cells[0].set(InputState::Silent);
     (0..20).for_each(|_| live.callback(1, |_, _| {}));
     assert_eq!(given(&live), 0.0);
+}
+
+#[test]
+fn a_live_run_whose_costs_are_sampled_gives_the_same_bits_and_sees_its_nodes() {
+    for seed in 0..20 {
+        let graph = random_graph(seed, seed);
+        let heard = |is_sampled: bool| {
+            let plan = plan(&graph, 16);
+            let taps = plan.tap_streams().count();
+            let mut heard = vec![Vec::new(); taps];
+            let (mut live, _control) = live(Arc::clone(&plan));
+            if is_sampled {
+                live.sample_costs();
+            }
+            for _ in 0..400 {
+                live.callback(48, |run, _| hear(run, taps, &mut heard));
+            }
+            (heard, cost::of_nodes(&plan))
+        };
+        let ((plain, nothing), (sampled, costs)) = (heard(false), heard(true));
+        let bits = |heard: &[Vec<f64>]| -> Vec<u64> { heard.iter().flatten().map(|x| x.to_bits()).collect() };
+        assert!(bits(&plain) == bits(&sampled), "seed {seed}");
+        assert!(nothing.is_empty());
+        // A clock of a graph may be too slow to tick in the few blocks that are timed.
+        assert!(
+            costs.len() * 2 > graph.nodes.node_count(),
+            "seed {seed}: {costs:?}"
+        );
+        assert!(costs.iter().all(|(_, ns)| *ns >= 0.0), "seed {seed}: {costs:?}");
+    }
 }

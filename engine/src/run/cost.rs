@@ -1,0 +1,103 @@
+//! What each node of a live run costs, by timing a few of its blocks step by step.
+
+use super::Run;
+use super::profile::{Watch, look_ns};
+use crate::graph::NodeId;
+use crate::plan::{Plan, StepTime};
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+use std::time::Instant;
+
+/// One block in so many is timed, on average.
+const EVERY: u64 = 16;
+/// The golden ratio's part of 2^32: its multiples spread evenly, and fall in with no rhythm of the graph's clocks.
+const STRIDE: u32 = 0x9E37_79B9;
+
+/// What looking at the clock itself takes, ns.
+static LOOK_NS: LazyLock<f64> = LazyLock::new(look_ns);
+
+/// Which blocks are timed.
+#[derive(Debug, Default)]
+pub(super) struct CostSampler {
+    turn: u32,
+    /// Blocks before the next one that is.
+    left: u64,
+}
+
+impl CostSampler {
+    /// Is the next block timed?
+    pub fn is_due(&mut self) -> bool {
+        if self.left > 0 {
+            self.left -= 1;
+            return false;
+        }
+        self.turn = self.turn.wrapping_add(STRIDE);
+        self.left = (u64::from(self.turn) * (2 * EVERY - 1)) >> 32;
+        true
+    }
+}
+
+/// Adds what each step takes to the plan's sums.
+struct Stopwatch<'p> {
+    latest: Instant,
+    times: &'p [StepTime],
+}
+
+impl Watch for Stopwatch<'_> {
+    const APART: bool = true;
+
+    fn done(&mut self, number: usize, ticks: usize) {
+        let now = Instant::now();
+        if let Some(time) = self.times.get(number).filter(|_| ticks > 0) {
+            time.add(now.duration_since(self.latest).as_nanos() as u64);
+        }
+        self.latest = now;
+    }
+}
+
+impl Run {
+    /// The same as [`advance`](Self::advance), every step by itself and timed.
+    pub(super) fn advance_timed(&mut self, frames: usize) {
+        let Self { plan, program, state } = self;
+        state.windows.next_block(frames.min(plan.block));
+        let mut stopwatch = Stopwatch {
+            latest: Instant::now(),
+            times: &plan.times,
+        };
+        state.steps(plan, program, 0..plan.steps.len(), &mut stopwatch);
+    }
+}
+
+/// What the nodes of a plan took in the blocks that were timed, ns; nothing where none was.
+pub(super) fn of_nodes(plan: &Plan) -> Vec<(NodeId, f64)> {
+    let mut nodes: BTreeMap<NodeId, f64> = BTreeMap::new();
+    for (step, time) in plan.steps.iter().zip(&*plan.times) {
+        let (ns, looks) = time.get();
+        if looks > 0 {
+            *nodes.entry(step.node).or_default() += (ns as f64 - looks as f64 * *LOOK_NS).max(0.0);
+        }
+    }
+    nodes.into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_block_in_sixteen_is_timed_and_at_uneven_distances() {
+        let mut sampler = CostSampler::default();
+        let timed: Vec<usize> = (0..160_000).filter(|_| sampler.is_due()).collect();
+        assert!((9_900..=10_100).contains(&timed.len()), "{}", timed.len());
+        let gaps = timed.windows(2).map(|pair| pair[1] - pair[0]);
+        let (least, most) = gaps.fold((usize::MAX, 0), |(least, most), gap| {
+            (least.min(gap), most.max(gap))
+        });
+        assert_eq!((least, most), (1, 31));
+        // Whatever the rhythm of a clock, each of its phases is timed alike.
+        for phase in 0..6 {
+            let share = timed.iter().filter(|block| *block % 6 == phase).count() as f64 / timed.len() as f64;
+            assert!((share - 1.0 / 6.0).abs() < 0.01, "{phase}: {share}");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+// The drawing shows levels, costs and faults: it is changed only where what is seen changes, as a change paints it anew.
+import { make, setText } from "./dom.js";
+import { Levels } from "./levels.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const BAR = 3;
+const KEY = "Wire: how strong against its strongest.";
+const COSTS = "Bar and %: part of the graph's work.";
+const NO_COSTS = "What single nodes cost is not known here: a page has no clock for it.";
+
+export const LIVE_STYLE = `
+.cost rect{fill:var(--ink1)}
+.cost text,.mark text{font:600 10px system-ui,sans-serif;fill:var(--ink);paint-order:stroke;stroke:var(--box);stroke-width:3px}
+.mark circle{fill:var(--warn)}.mark.fault circle{fill:var(--bad)}
+.mark text{fill:var(--box);stroke:none}
+.mark.past{opacity:.5}
+[data-port].faulty{stroke:var(--bad)!important;stroke-dasharray:6 3}`;
+
+// `view.svg` is the drawing that shows now, if any.
+export function mountLiveDrawing(studio, host, view) {
+    const levels = new Levels();
+    const key = make("p", { class: "graph-key soft" });
+    const live = { levels, parts: null, svg: null };
+    host.append(key);
+    followVisibility(studio, host);
+    studio.on("graph", (graph) => levels.restart(graph));
+    studio.connection.on("levels", (message) => {
+        const now_ms = performance.now();
+        levels.take(message, now_ms);
+        if (!view.svg || host.clientHeight === 0) return;
+        if (live.svg !== view.svg) Object.assign(live, { svg: view.svg, parts: partsOf(view.svg, levels) });
+        for (const part of live.parts) part(now_ms);
+        setText(key, levels.hasCosts ? `${KEY} ${COSTS}` : studio.hello.host === "page" ? `${KEY} ${NO_COSTS}` : KEY);
+    });
+    // The card of a node says the same in words.
+    studio.nodeNow = (path) => levels.node(path, performance.now());
+}
+
+// Levels are sent while the drawing is seen.
+function followVisibility(studio, host) {
+    let sent = false;
+    const update = () => {
+        const on = host.clientHeight > 0;
+        if (on === sent || !studio.connection.open) return;
+        sent = on;
+        studio.connection.send({ type: "levels", on });
+    };
+    new ResizeObserver(update).observe(host);
+    studio.on("hello", () => {
+        sent = false;
+        update();
+    });
+}
+
+// What changes each wire and node of a drawing.
+function partsOf(svg, levels) {
+    const wires = [...svg.querySelectorAll('path[data-port]:not([data-port=""])')];
+    const nodes = [...svg.querySelectorAll("[data-node]")];
+    return [...wires.map((wire) => wirePart(wire, levels)), ...nodes.map((node) => nodePart(node, levels)).filter(Boolean)];
+}
+
+function wirePart(wire, levels) {
+    const port = wire.getAttribute("data-port");
+    const grab = wire.nextElementSibling;
+    let shown = null;
+    // Its title is made when it is pointed at.
+    grab?.addEventListener("pointerenter", () => {
+        grab.querySelector("title").textContent = `${levels.wire(port).text}. Click to put it on a scope`;
+    });
+    return () => {
+        const { width, isFaulty } = levels.wire(port);
+        if (shown === `${width} ${isFaulty}`) return;
+        shown = `${width} ${isFaulty}`;
+        wire.style.strokeWidth = String(width);
+        wire.classList.toggle("faulty", isFaulty);
+    };
+}
+
+function nodePart(node, levels) {
+    const path = node.getAttribute("data-node");
+    const box = node.querySelector(".box")?.getBBox();
+    if (!box?.width) return null;
+    const cost = costOf(box);
+    const mark = markOf(box);
+    let shown = null;
+    return (now_ms) => {
+        const now = levels.node(path, now_ms);
+        const percent = now.cost === null ? 0 : Math.max(1, Math.round(100 * now.cost));
+        const next = `${percent} ${now.mark?.kind} ${now.mark?.isRecent}`;
+        if (now.mark) setText(mark.title, now.mark.text);
+        if (shown === next) return;
+        shown = next;
+        cost.show(percent);
+        mark.show(now.mark);
+        node.append(...[percent ? cost.element : null, now.mark ? mark.element : null].filter(Boolean));
+    };
+}
+
+// A bar along the lower edge of a node, and its part as a number.
+function costOf({ x, y, width, height }) {
+    const bar = draw("rect", { x: x + 1, y: y + height - BAR - 1, height: BAR, rx: 1.5 });
+    const text = draw("text", { x: x + width, y: y - 4, "text-anchor": "end" });
+    const element = draw("g", { class: "cost" }, bar, text);
+    const show = (percent) => {
+        if (percent === 0) return element.remove();
+        bar.setAttribute("width", String(((width - 2) * percent) / 100));
+        setText(text, `${percent} %`);
+    };
+    return { element, show };
+}
+
+// A badge on the corner of a node where a limit acted or NaN appeared.
+function markOf({ x, y }) {
+    const title = draw("title", {});
+    const text = draw("text", { x, y: y + 3.5, "text-anchor": "middle" });
+    text.textContent = "!";
+    const element = draw("g", { class: "mark" }, title, draw("circle", { cx: x, cy: y, r: 8 }), text);
+    const show = (mark) => {
+        if (!mark) return element.remove();
+        element.classList.toggle("fault", mark.kind === "fault");
+        element.classList.toggle("past", !mark.isRecent);
+    };
+    return { element, title, show };
+}
+
+function draw(tag, attributes, ...children) {
+    const element = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, String(value));
+    element.append(...children);
+    return element;
+}

@@ -1,0 +1,22 @@
+// What the pads of a graph are, in words.
+import { digits } from "./numbers.js";
+
+// How a pad lies that is no tablet.
+export function laidOn({ endpoint, is_laid, gives_n_per_mm }) {
+    if (!is_laid) return null;
+    return gives_n_per_mm === null ? `${endpoint}, from above` : `${endpoint}, from above; gives 1 mm at ${digits(gives_n_per_mm)} N`;
+}
+
+// Which endpoints the pointer is, and which move by themselves.
+export function whatMoves(graph) {
+    const pads = (graph?.pads ?? []).map(({ endpoint, channels }) => `The pointer is ${endpoint}: ${channels.join(", ")}.`);
+    return [...pads, ...simulatedAlone(graph)].join(" ");
+}
+
+// Endpoints that no pointer can be, one sentence each.
+export function simulatedAlone(graph) {
+    return (graph?.others ?? []).map(({ endpoint, lacks }) => {
+        const why = lacks.length ? `a pad gives no ${lacks.join(", ")}` : "what it touches is not known";
+        return `${endpoint} stays simulated: ${why}.`;
+    });
+}

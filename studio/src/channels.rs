@@ -1,0 +1,279 @@
+//! Which endpoints a pointer can be, and what it gives their channels: one table.
+
+use super::wire::Pointer;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::Graph;
+use haptograph_nodes::simulated::touchable::Touchable;
+use haptograph_signal::vector::{Vec3, add_scaled, cross, scale};
+use std::collections::BTreeMap;
+
+/// Size of a pad, mm: that of a small pen tablet. One that is laid on a thing is as high as that reaches across, and as
+/// much smaller.
+const SIZE_MM: (f64, f64) = (160.0, 100.0);
+/// How much a surface gives of which the graph does not say so, N/m.
+const GIVES_N_PER_M: f64 = 500.0;
+
+/// What a pad gives a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gives {
+    /// Where the tip is: on the pad's plane, or in the surface that the pad is laid on.
+    Tip,
+    /// How fast it goes along the surface.
+    Velocity,
+    /// How hard it presses.
+    Force,
+    /// 1 while it presses.
+    Touching,
+    /// The press alone, on the object in the frame of its sensor.
+    Wrench,
+    /// No drag: a pad does not know it.
+    NoDrag,
+    /// How the pen is turned, from its tilt: axis times angle.
+    Orientation,
+}
+
+/// By the names and shapes of channels.
+const TABLE: [(&str, Kind, Gives); 9] = [
+    ("position", Kind::Vector, Gives::Tip),
+    ("force", Kind::Scalar, Gives::Force),
+    ("touching", Kind::Scalar, Gives::Touching),
+    ("wrench", Kind::Wrench, Gives::Wrench),
+    ("orientation", Kind::Vector, Gives::Orientation),
+    ("true_position", Kind::Vector, Gives::Tip),
+    ("true_velocity", Kind::Vector, Gives::Velocity),
+    ("true_load", Kind::Scalar, Gives::Force),
+    ("true_friction", Kind::Vector, Gives::NoDrag),
+];
+
+impl Gives {
+    fn of(name: &str, kind: Kind) -> Option<Self> {
+        let mut table = TABLE.iter();
+        let found = table.find(|(known, shape, _)| (*known, *shape) == (name, kind));
+        found.map(|(.., gives)| *gives)
+    }
+}
+
+/// An endpoint that a pointer can be.
+#[derive(Debug, Clone)]
+pub struct PadSpec {
+    pub endpoint: String,
+    /// What its channels are given, by their names.
+    pub channels: Vec<(&'static str, Gives)>,
+    /// The surface that it is laid on; none of a tablet.
+    pub on: Option<Touchable>,
+    pub size_mm: (f64, f64),
+}
+
+/// An endpoint that nodes read and that no pointer can be.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NoPad {
+    pub endpoint: String,
+    /// The channels that no pad gives; none where the surface is not known that it touches.
+    pub lacks: Vec<&'static str>,
+}
+
+/// The endpoints of a graph whose endpoints are all the caller's: those that a pointer can be, and the others. `simulated`
+/// is the same graph with its own endpoints, which say what their hands touch; it is asked for where that counts.
+pub fn sort(hosted: &Graph, simulated: impl FnOnce() -> Option<Graph>) -> (Vec<PadSpec>, Vec<NoPad>) {
+    let (mut pads, mut others) = (Vec::new(), Vec::new());
+    let mut touched = None;
+    let mut simulated = Some(simulated);
+    for (endpoint, channels) in endpoints(hosted) {
+        let given = |(name, kind): &(&'static str, Kind)| Some((*name, Gives::of(name, *kind)?));
+        let known: Vec<(&'static str, Gives)> = channels.iter().filter_map(given).collect();
+        let gets = |gives: Gives| known.iter().any(|(_, each)| *each == gives);
+        if [Gives::Tip, Gives::Force, Gives::Touching].into_iter().all(gets) {
+            let (channels, on, size_mm) = (known, None, SIZE_MM);
+            pads.push(PadSpec {
+                endpoint,
+                channels,
+                on,
+                size_mm,
+            });
+            continue;
+        }
+        let lacks = channels.iter().filter(|channel| given(channel).is_none());
+        let lacks: Vec<&'static str> = lacks.map(|(name, _)| *name).collect();
+        let on = lacks.is_empty().then(|| {
+            let graph = touched.get_or_insert_with(|| simulated.take().and_then(|load| load()));
+            let mut devices = graph.iter().flat_map(|graph| graph.devices());
+            let device = devices.find(|device| device.name == endpoint)?;
+            Touchable::of(device.device()).cloned()
+        });
+        match on.flatten() {
+            Some(on) => pads.push(laid_on(endpoint, known, on)),
+            None => others.push(NoPad { endpoint, lacks }),
+        }
+    }
+    (pads, others)
+}
+
+/// The endpoints that nodes read, each with its channels.
+fn endpoints(hosted: &Graph) -> BTreeMap<String, Vec<(&'static str, Kind)>> {
+    let mut endpoints: BTreeMap<String, Vec<_>> = BTreeMap::new();
+    for (name, channel) in hosted.host_inputs() {
+        let endpoint = name.rsplit_once('.').map_or(&*name, |(endpoint, _)| endpoint);
+        let channels = endpoints.entry(endpoint.to_owned()).or_default();
+        channels.push((channel.name, channel.kind));
+    }
+    endpoints
+}
+
+fn laid_on(endpoint: String, channels: Vec<(&'static str, Gives)>, mut on: Touchable) -> PadSpec {
+    let knows_force = channels.iter().any(|(_, gives)| *gives == Gives::Wrench);
+    if on.gives_n_per_m.is_infinite() && !knows_force {
+        on.gives_n_per_m = GIVES_N_PER_M;
+    }
+    let height_mm = (on.across_m * 1e3).min(SIZE_MM.1);
+    PadSpec {
+        endpoint,
+        channels,
+        on: Some(on),
+        size_mm: (SIZE_MM.0 / SIZE_MM.1 * height_mm, height_mm),
+    }
+}
+
+/// A hand on a pad, at a moment.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Touch {
+    pub tip_m: Vec3,
+    pub velocity_m_s: Vec3,
+    /// Out of the surface.
+    pub normal: Vec3,
+    pub force_n: f64,
+    /// To the right, and towards whoever holds the pen.
+    pub tilt_rad: [f64; 2],
+}
+
+impl Touch {
+    /// Where a pointer is on the pad's plane, or `above_m` the surface that the pad is laid on, below it if negative.
+    pub fn of(pointer: &Pointer, on: Option<&Touchable>, above_m: f64) -> Self {
+        let [x, y] = pointer.position_m;
+        let (tip_m, normal) = match on {
+            None => ([x, y, 0.0], [0.0, 0.0, 1.0]),
+            Some(on) => {
+                let point = on.ground.at([x, y]);
+                (add_scaled(point.position_m, point.normal, above_m), point.normal)
+            }
+        };
+        Self {
+            tip_m,
+            velocity_m_s: [0.0; 3],
+            normal,
+            force_n: pointer.force_n,
+            tilt_rad: pointer.tilt_deg.map(f64::to_radians),
+        }
+    }
+
+    /// Fills a frame of a channel; how many numbers it has.
+    pub fn put(&self, gives: Gives, frame: &mut [f64; 6]) -> usize {
+        let put = |frame: &mut [f64; 6], numbers: &[f64]| {
+            frame[..numbers.len()].copy_from_slice(numbers);
+            numbers.len()
+        };
+        match gives {
+            Gives::Tip => put(frame, &self.tip_m),
+            Gives::Velocity => put(frame, &self.velocity_m_s),
+            Gives::Force => put(frame, &[self.force_n]),
+            Gives::Touching => put(frame, &[f64::from(u8::from(self.force_n > 0.0))]),
+            Gives::NoDrag => put(frame, &[0.0; 3]),
+            Gives::Orientation => put(frame, &turn(self.tilt_rad)),
+            Gives::Wrench => {
+                let force_n = scale(self.normal, -self.force_n);
+                let ([x, y, z], [a, b, c]) = (force_n, cross(self.tip_m, force_n));
+                put(frame, &[x, y, z, a, b, c])
+            }
+        }
+    }
+}
+
+/// The shortest turn that takes an upright pen to this tilt: axis times angle.
+fn turn([right, towards]: [f64; 2]) -> Vec3 {
+    // Where the pen's upper end points, y being away from whoever holds it.
+    let (x, y) = (right.tan(), -towards.tan());
+    let aside = x.hypot(y);
+    if aside == 0.0 {
+        return [0.0; 3];
+    }
+    let angle = aside.atan();
+    [-y / aside * angle, x / aside * angle, 0.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use haptograph_nodes::simulated::ground::Ground;
+
+    fn pointer(x: f64, y: f64, force_n: f64) -> Pointer {
+        Pointer {
+            at_s: 0.0,
+            position_m: [x, y],
+            force_n,
+            tilt_deg: [0.0; 2],
+        }
+    }
+
+    fn filled(touch: &Touch, gives: Gives) -> Vec<f64> {
+        let mut frame = [f64::NAN; 6];
+        let count = touch.put(gives, &mut frame);
+        frame[..count].to_vec()
+    }
+
+    #[test]
+    fn a_tablet_gives_the_plane_and_a_laid_pad_what_lies_under_it() {
+        let flat = Touch::of(&pointer(0.01, -0.02, 1.5), None, 0.0);
+        assert_eq!(filled(&flat, Gives::Tip), [0.01, -0.02, 0.0]);
+        assert_eq!(
+            (filled(&flat, Gives::Force), filled(&flat, Gives::Touching)),
+            (vec![1.5], vec![1.0])
+        );
+        let ball = Touchable {
+            ground: Ground::Sphere {
+                centre_m: [0.0; 3],
+                radius_m: 0.05,
+                up: [0.0, 0.0, 1.0],
+            },
+            gives_n_per_m: 250.0,
+            across_m: 0.1,
+        };
+        let below = Touch::of(&pointer(0.05, 0.0, 1.0), Some(&ball), -0.004);
+        let radius_m = below.tip_m.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(
+            (radius_m - 0.046).abs() < 1e-12 && (below.tip_m[0] - below.tip_m[2]).abs() < 1e-12,
+            "{below:?}"
+        );
+    }
+
+    #[test]
+    fn a_press_beside_the_sensor_turns_it() {
+        let table = Touchable {
+            ground: Ground::TABLE,
+            gives_n_per_m: f64::INFINITY,
+            across_m: f64::INFINITY,
+        };
+        let touch = Touch::of(&pointer(0.02, 0.0, 2.0), Some(&table), 0.0);
+        let wrench = filled(&touch, Gives::Wrench);
+        // 2 N down, 20 mm to the right of the origin: it turns about y.
+        assert_eq!(wrench[..3], [-0.0, -0.0, -2.0]);
+        assert!(
+            (wrench[4] - 0.04).abs() < 1e-15 && wrench[3].abs() + wrench[5].abs() < 1e-15,
+            "{wrench:?}"
+        );
+    }
+
+    #[test]
+    fn a_tilted_pen_is_turned_about_an_axis_in_the_plane() {
+        let turned = |right: f64, towards: f64| turn([right, towards].map(f64::to_radians));
+        assert_eq!(turned(0.0, 0.0), [0.0; 3]);
+        // Its upper end to the right: about y. Towards the hand, which is down on the pad: about x.
+        let [right, towards] = [turned(30.0, 0.0), turned(0.0, 30.0)];
+        assert!(
+            (right[1] - 30_f64.to_radians()).abs() < 1e-12 && right[0].abs() < 1e-12,
+            "{right:?}"
+        );
+        assert!(
+            (towards[0] - 30_f64.to_radians()).abs() < 1e-12 && towards[1].abs() < 1e-12,
+            "{towards:?}"
+        );
+    }
+}

@@ -1,0 +1,225 @@
+//! What the drawing shows of a graph that runs: how strong every port is, what each node costs, and where a limit acted or NaN
+//! appeared.
+
+use super::publish::text;
+use super::scope::Port;
+use super::stage::Stage;
+use haptograph_engine::frame::Kind;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::run::Session;
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+
+/// The part of a mean cost that a message renews: they come ten times a second.
+const RENEWED: f64 = 0.05;
+/// The square of a level is counted up to here, so that sums stay finite.
+const MOST: f64 = 1e290;
+/// After so many messages without a frame a port has no level any more.
+const MOST_IDLE: u32 = 20;
+/// A level is sent with so many digits.
+const DIGITS: i32 = 3;
+
+/// Of a port, since the last message.
+#[derive(Debug, Clone, Default)]
+pub struct Level {
+    square: f64,
+    count: u64,
+    peak: f64,
+    /// The latest snapshot, and how many since had nothing new.
+    latest: [f64; 2],
+    idle: u32,
+    /// Frames with NaN or infinity since the run began.
+    pub not_finite: u64,
+}
+
+impl Level {
+    /// Takes in frames of a port.
+    pub fn take(&mut self, kind: Kind, frames: &[f64]) {
+        for frame in frames.chunks_exact(kind.width()) {
+            if !frame.iter().all(|x| x.is_finite()) {
+                self.not_finite += 1;
+                continue;
+            }
+            let square = square(kind, frame).min(MOST);
+            self.square += square;
+            self.count += 1;
+            self.peak = self.peak.max(square);
+        }
+    }
+
+    /// Root mean square and peak since the last one, or before where a slow port had nothing since; none where
+    /// nothing came for long.
+    fn snapshot(&mut self) -> Option<[f64; 2]> {
+        self.idle = if self.count > 0 { 0 } else { self.idle + 1 };
+        if self.count > 0 {
+            self.latest = [(self.square / self.count as f64).sqrt(), self.peak.sqrt()];
+            (self.square, self.count, self.peak) = (0.0, 0, 0.0);
+        }
+        (self.idle < MOST_IDLE).then_some(self.latest)
+    }
+}
+
+/// The square of the number that stands for a frame.
+fn square(kind: Kind, frame: &[f64]) -> f64 {
+    let sum = |lanes: &[f64]| lanes.iter().map(|x| x * x).sum();
+    match kind {
+        // Of its force.
+        Kind::Wrench => sum(&frame[..3]),
+        Kind::Contact => sum(&frame[10..11]),
+        Kind::Weights => frame[3..6].iter().fold(0.0, |most, x| f64::max(most, x * x)),
+        // Gain squared times variance.
+        Kind::Coefficients => frame[2] * frame[2] * frame[3],
+        Kind::Event => sum(&frame[..1]),
+        _ => sum(frame),
+    }
+}
+
+/// What the level of such a port is, for people, and its unit.
+fn meaning(port: &Port) -> (&'static str, String) {
+    match port.kind {
+        Kind::Scalar => ("level", port.quantity.unit()),
+        Kind::Vector => ("length", port.quantity.unit()),
+        Kind::Wrench => ("force", "N".to_owned()),
+        Kind::Contact => ("penetration", "m".to_owned()),
+        Kind::Weights => ("largest weight", "1".to_owned()),
+        Kind::Coefficients => ("excitation", "m/s2".to_owned()),
+        Kind::Event => ("events in a tick", "1".to_owned()),
+    }
+}
+
+/// The ports that have a level: what it is, and its unit.
+pub fn described(ports: &[Port]) -> Vec<Value> {
+    let port = |port: &Port| {
+        let (what, unit) = meaning(port);
+        json!({ "name": port.name, "what": what, "unit": unit })
+    };
+    ports.iter().map(port).collect()
+}
+
+/// What the nodes of a graph cost: their sums as they were, and the means of what came since.
+#[derive(Debug, Default)]
+pub struct Costs {
+    sums: BTreeMap<String, f64>,
+    means: BTreeMap<String, f64>,
+}
+
+impl Costs {
+    /// Takes in what the session measured since; each node's part of the whole.
+    fn update(&mut self, session: &Session, graph: &Graph) -> BTreeMap<String, f64> {
+        let nodes = graph.nodes();
+        let paths = session.node_costs().into_iter();
+        self.take(paths.map(|(node, ns)| (nodes[node].path.clone(), ns)).collect())
+    }
+
+    fn take(&mut self, sums: BTreeMap<String, f64>) -> BTreeMap<String, f64> {
+        self.means.retain(|path, _| sums.contains_key(path));
+        for (path, sum) in &sums {
+            // Where another graph took over the sums begin anew.
+            let before = self.sums.get(path).filter(|before| *before <= sum);
+            let mean = self.means.entry(path.clone()).or_default();
+            *mean += RENEWED * (sum - before.unwrap_or(&0.0) - *mean);
+        }
+        self.sums = sums;
+        let whole: f64 = self.means.values().sum();
+        let parts = self.means.iter().filter(|_| whole > 0.0);
+        parts.map(|(path, mean)| (path.clone(), mean / whole)).collect()
+    }
+}
+
+/// The message for the pages that see the drawing; it costs nothing while none does.
+pub fn send(stage: &mut Stage) {
+    if !stage.pages.iter().any(|page| page.sees_levels) {
+        return;
+    }
+    let message = text(&message(stage));
+    let pages = stage.pages.iter_mut().filter(|page| page.sees_levels);
+    pages.for_each(|page| page.send(message.clone()));
+}
+
+fn message(stage: &mut Stage) -> Value {
+    let (mut ports, mut not_finite) = (Map::new(), Map::new());
+    for scope in &mut stage.scopes {
+        if let Some(level) = scope.level.snapshot() {
+            ports.insert(scope.port.name.clone(), json!(level.map(short)));
+        }
+        if scope.level.not_finite > 0 {
+            not_finite.insert(scope.port.name.clone(), json!(scope.level.not_finite));
+        }
+    }
+    let mut limits = Map::new();
+    for actuator in stage.session.iter().flat_map(Session::actuator_levels) {
+        let clipped = actuator.clipped;
+        let ticks = json!({
+            "ticks": clipped.ticks, "peak": clipped.peak, "continuous": clipped.continuous, "slew": clipped.slew,
+            "fault": clipped.fault,
+        });
+        limits.insert(actuator.path, ticks);
+    }
+    let costs = stage.session.as_ref().map(|session| {
+        let parts = stage.costs.update(session, &stage.loaded.graph).into_iter();
+        parts
+            .map(|(path, part)| (path, json!(short(part))))
+            .collect::<Map<_, _>>()
+    });
+    let origin = stage.drive.as_ref().and_then(|drive| drive.pace.origin());
+    json!({
+        "type": "levels", "ports": ports, "not_finite": not_finite, "origin": origin, "limits": limits,
+        "costs": costs.filter(|costs| !costs.is_empty()),
+    })
+}
+
+/// A number of few digits, as short as it can be written.
+fn short(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return 0.0;
+    }
+    let scale = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
+    match (value * scale).round() / scale {
+        rounded if rounded.is_finite() => rounded,
+        _ => value,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_is_of_what_came_since_and_counts_nan_apart() {
+        let mut level = Level::default();
+        level.take(Kind::Scalar, &[3.0, -4.0, f64::NAN, f64::INFINITY]);
+        assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 4.0]));
+        assert_eq!(
+            (level.snapshot(), level.not_finite),
+            (Some([12.5_f64.sqrt(), 4.0]), 2)
+        );
+        level.take(Kind::Vector, &[3.0, 0.0, 4.0, 0.0, 0.0, 0.0]);
+        assert_eq!(level.snapshot(), Some([12.5_f64.sqrt(), 5.0]));
+        level.take(Kind::Wrench, &[0.0, 2.0, 0.0, 9.0, 9.0, 9.0]);
+        assert_eq!(level.snapshot(), Some([2.0, 2.0]));
+        assert!((0..MOST_IDLE).all(|turn| level.snapshot().is_some() == (turn + 1 < MOST_IDLE)));
+    }
+
+    #[test]
+    fn parts_are_of_what_was_measured_since_and_begin_anew_with_another_graph() {
+        let sums = |of: &[(&str, f64)]| of.iter().map(|(path, ns)| ((*path).to_owned(), *ns)).collect();
+        let mut costs = Costs::default();
+        assert!(costs.take(sums(&[])).is_empty());
+        let parts = costs.take(sums(&[("a", 100.0), ("b", 300.0)]));
+        assert_eq!((parts["a"], parts["b"]), (0.25, 0.75));
+        for turn in 1..200 {
+            costs.take(sums(&[
+                ("a", 100.0 + 60.0 * f64::from(turn)),
+                ("b", 300.0 + 20.0 * f64::from(turn)),
+            ]));
+        }
+        let parts = costs.take(sums(&[("a", 60.0), ("c", 0.0)]));
+        assert!(!parts.contains_key("b") && parts["a"] > 0.999, "{parts:?}");
+    }
+
+    #[test]
+    fn numbers_are_sent_with_three_digits() {
+        let sent = [0.0123456, -98765.0, 1e-9, 5e-310, f64::NAN].map(short);
+        assert_eq!(sent, [0.0123, -98800.0, 1e-9, 5e-310, 0.0]);
+    }
+}

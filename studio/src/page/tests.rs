@@ -1,0 +1,206 @@
+//! The engine of a page, run by the test.
+
+use super::*;
+use std::path::Path;
+
+fn opened() -> Opened {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs");
+    Opened {
+        graph: folder.join("texturepad.ron"),
+        set: Vec::new(),
+    }
+}
+
+fn said(engine: &mut Engine, kind: &str) -> serde_json::Value {
+    let texts = std::iter::from_fn(|| engine.next_message()).filter_map(|message| match message {
+        Message::Text(text) => serde_json::from_str::<serde_json::Value>(&text).ok(),
+        Message::Binary(_) => None,
+    });
+    texts
+        .filter(|said| said["type"] == kind)
+        .last()
+        .unwrap_or_default()
+}
+
+fn run(engine: &mut Engine, seconds: f64) {
+    for _ in 0..(seconds * 100.0) as usize {
+        engine.process(480);
+        engine.publish(Duration::from_millis(10), Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn an_engine_that_its_caller_runs_tells_its_page_as_a_server_does() {
+    let mut engine = Engine::open(opened(), &haptograph_nodes::registry()).expect("it is sound");
+    assert_eq!((engine.driver_hz(), engine.sound_hz()), (48000.0, Some(48000.0)));
+    assert_eq!(said(&mut engine, "hello")["host"], "page");
+    run(&mut engine, 0.5);
+    let status = said(&mut engine, "status");
+    assert_eq!(
+        (&status["state"], &status["owner"]),
+        (&"running".into(), &true.into())
+    );
+    assert!(
+        status["cost"]
+            .as_f64()
+            .is_some_and(|cost| (cost - 0.1).abs() < 1e-6),
+        "{status}"
+    );
+    engine.hear(&Message::Text(r#"{"type":"stop"}"#.to_owned()));
+    run(&mut engine, 0.2);
+    assert_eq!(said(&mut engine, "status")["state"], "stopped");
+    engine.hear(&Message::Text(r#"{"type":"resume"}"#.to_owned()));
+    run(&mut engine, 0.2);
+    assert_eq!(said(&mut engine, "status")["state"], "running");
+}
+
+#[test]
+fn a_wrong_edit_is_answered_before_it_reaches_the_engine() {
+    let mut checker = Checker::open(opened(), &haptograph_nodes::registry()).expect("it is there");
+    let ask = |text: &str| serde_json::json!({ "type": "apply", "request": 7, "text": text }).to_string();
+    let Some(Message::Text(wrong)) = checker.answer(&ask("Graph(format: 1, nodes: { \"a\": Sin() })")) else {
+        panic!("it is wrong");
+    };
+    let wrong: serde_json::Value = serde_json::from_str(&wrong).expect("JSON");
+    assert_eq!((&wrong["request"], &wrong["ok"]), (&7.into(), &false.into()));
+    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    assert_eq!(checker.answer(&ask(&text)), None);
+}
+
+fn engine_of(graph: &str) -> Engine {
+    let graph = opened().graph.with_file_name(graph);
+    let opened = Opened {
+        graph,
+        set: Vec::new(),
+    };
+    let engine = Engine::open(opened, &haptograph_nodes::registry());
+    engine.expect("it is sound")
+}
+
+/// Circles of so many mm at 100 mm/s, pressed with 1 N by a pen; then what the page was told of levels last.
+fn stroke(engine: &mut Engine, radius_mm: f64, seconds: f64) -> serde_json::Value {
+    engine.hear(&Message::Text(r#"{"type":"levels","on":true}"#.to_owned()));
+    for turn in 0..(seconds * 100.0) as usize {
+        let time_s = turn as f64 / 100.0;
+        let angle = time_s * 100.0 / radius_mm;
+        let mut bytes = vec![1, 0, 1, 0, 0, 0, 0, 0];
+        bytes.extend((time_s * 1e3).to_le_bytes());
+        for value in [radius_mm * angle.cos(), radius_mm * angle.sin(), 1.0, 0.0, 0.0] {
+            bytes.extend((value as f32).to_le_bytes());
+        }
+        engine.hear(&Message::Binary(bytes));
+        engine.process((engine.driver_hz() / 100.0) as usize);
+        engine.publish(Duration::from_millis(10), Duration::from_millis(1));
+    }
+    said(engine, "levels")
+}
+
+fn rms(levels: &serde_json::Value, port: &str) -> f64 {
+    let level = levels["ports"][port][0].as_f64();
+    level.unwrap_or_else(|| panic!("{port}: {levels}"))
+}
+
+#[test]
+fn an_arm_presses_into_the_surface_that_the_pad_is_laid_on() {
+    let mut engine = engine_of("omni.ron");
+    let pads = said(&mut engine, "graph")["pads"].clone();
+    assert_eq!(
+        (&pads[0]["endpoint"], &pads[0]["is_laid"]),
+        (&"arm".into(), &true.into())
+    );
+    assert_eq!(
+        (&pads[0]["gives_n_per_mm"], &pads[0]["height_mm"]),
+        (&0.25.into(), &100.0.into())
+    );
+    let levels = stroke(&mut engine, 20.0, 1.5);
+    // Damping of the wall comes on top.
+    let load_n = rms(&levels, "normal.load");
+    assert!((load_n - 1.0).abs() < 0.05, "{load_n} N");
+    let depth_m = rms(&levels, "touch.contact");
+    assert!((depth_m - 0.004).abs() < 2e-4, "{depth_m} m");
+    // The sheet over the ball is wider than the ball's own surface.
+    let speed_m_s = rms(&levels, "slide.speed");
+    assert!((0.08..0.102).contains(&speed_m_s), "{speed_m_s} m/s");
+    assert!(
+        rms(&levels, "coil.delivered") > 1e-4 && rms(&levels, "push.delivered") > 0.5,
+        "{levels}"
+    );
+}
+
+#[test]
+fn a_pen_on_an_object_is_located_by_the_wrench_of_the_pad() {
+    let mut engine = engine_of("ar-pen.ron");
+    let pads = said(&mut engine, "graph")["pads"].clone();
+    assert_eq!((&pads[0]["endpoint"], &pads[1]), (&"pen".into(), &().into()));
+    let height_mm = pads[0]["height_mm"].as_f64().expect("a number");
+    assert!((height_mm - 25.4).abs() < 1e-9, "{height_mm} mm");
+    let levels = stroke(&mut engine, 8.0, 1.5);
+    assert!((rms(&levels, "touch.load") - 1.0).abs() < 0.01, "{levels}");
+    let speed_m_s = rms(&levels, "slide.speed");
+    assert!((speed_m_s - 0.1).abs() < 0.01, "{speed_m_s} m/s");
+    // The point leads by the delay of a filter that the pad has not: 11 ms at 100 mm/s.
+    let error_m = rms(&levels, "error.output");
+    assert!(error_m < 1.5e-3, "{error_m} m");
+    assert!(rms(&levels, "coil.delivered") > 1e-4, "{levels}");
+}
+
+#[test]
+fn levels_are_sent_while_the_drawing_is_seen_with_each_nodes_part_of_the_cost() {
+    let mut engine = engine_of("texturepad.ron");
+    run(&mut engine, 0.3);
+    assert!(said(&mut engine, "levels").is_null(), "nobody asked");
+    let levels = stroke(&mut engine, 30.0, 1.0);
+    assert!((rms(&levels, "stylus.force") - 1.0).abs() < 1e-3, "{levels}");
+    let costs = levels["costs"].as_object().expect("they are measured");
+    let all: f64 = costs.values().filter_map(serde_json::Value::as_f64).sum();
+    assert!(
+        (all - 1.0).abs() < 0.02 && costs.contains_key("texture/filter"),
+        "{costs:?}"
+    );
+    assert_eq!(
+        (
+            &levels["origin"],
+            levels["not_finite"].as_object().map(|all| all.len())
+        ),
+        (&().into(), Some(0))
+    );
+    assert!(
+        levels["limits"]["out"]["ticks"].as_u64() > Some(40_000),
+        "{levels}"
+    );
+    engine.hear(&Message::Text(r#"{"type":"levels","on":false}"#.to_owned()));
+    run(&mut engine, 0.3);
+    assert!(said(&mut engine, "levels").is_null());
+}
+
+#[test]
+fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
+    let mut engine = engine_of("texturepad.ron");
+    let text = std::fs::read_to_string(opened().graph).expect("it ships");
+    let apply = |edits: &[(&str, &str)]| {
+        let text = edits.iter().fold(text.clone(), |text, (from, to)| {
+            assert!(text.contains(from), "{from}");
+            text.replace(from, to)
+        });
+        Message::Text(serde_json::json!({ "type": "apply", "request": 1, "text": text }).to_string())
+    };
+    engine.hear(&apply(&[(
+        "peak_a: 0.5, continuous_a: 0.25",
+        "peak_a: 0.002, continuous_a: 0.001",
+    )]));
+    assert_eq!(said(&mut engine, "reply")["ok"], true);
+    let levels = stroke(&mut engine, 30.0, 1.0);
+    let held = levels["limits"]["out"]["peak"].as_u64();
+    assert!(held > Some(0) && levels["origin"].is_null(), "{levels}");
+    let infinite = r#"nodes: {
+        "large": Constant(clock: "synth", value: 1e200),
+        "big": Multiply(input: "texture", by: "large"),
+        "huge": Multiply(input: "big", by: "large"),"#;
+    let reads = (r#"acceleration: "texture""#, r#"acceleration: "huge""#);
+    engine.hear(&apply(&[("nodes: {", infinite), reads]));
+    assert_eq!(said(&mut engine, "reply")["ok"], true);
+    let levels = stroke(&mut engine, 30.0, 1.0);
+    assert_eq!(levels["origin"], "huge", "{levels}");
+    assert!(levels["not_finite"]["huge.output"].as_u64() > Some(0), "{levels}");
+    assert!(levels["not_finite"]["big.output"].is_null(), "{levels}");
+}
