@@ -14,6 +14,28 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
+impl Table {
+    /// The columns with these heads.
+    #[must_use]
+    pub fn only(&self, heads: &[&str]) -> Self {
+        let columns = self.head.iter().enumerate();
+        let columns: Vec<usize> = columns
+            .filter(|(_, head)| heads.contains(&head.as_str()))
+            .map(|(column, _)| column)
+            .collect();
+        let chosen = |cells: &Vec<String>| -> Vec<String> {
+            columns
+                .iter()
+                .filter_map(|column| cells.get(*column).cloned())
+                .collect()
+        };
+        Self {
+            head: chosen(&self.head),
+            rows: self.rows.iter().map(chosen).collect(),
+        }
+    }
+}
+
 /// Every method with all measures; `*` marks one that loses to a plain baseline.
 pub fn methods(split: &SplitResult) -> Table {
     let head = [

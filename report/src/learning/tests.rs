@@ -84,6 +84,41 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
     );
 }
 
+#[test]
+fn where_both_ways_give_the_same_poles_a_sentence_says_so() {
+    let (surface, _) = learned("felt", 1.2);
+    let mut texture = surface.texture.unwrap();
+    let section = crate::loci::section(&texture);
+    assert!(section.contains("differ most") || section.contains("apart: both ways give the same filters"));
+    // One model everywhere leaves nothing between models.
+    let first = texture
+        .models()
+        .iter()
+        .find(|at| at.model.power() > 0.0)
+        .unwrap()
+        .model
+        .clone();
+    let models = texture.models().iter().map(|at| haptograph_surfaces::ModelAt {
+        model: if at.model.power() > 0.0 {
+            first.clone()
+        } else {
+            at.model.clone()
+        },
+        ..at.clone()
+    });
+    texture = haptograph_surfaces::TextureModel::new(
+        texture.rate_hz(),
+        models.collect(),
+        texture.triangles().to_vec(),
+    )
+    .unwrap();
+    let section = crate::loci::section(&texture);
+    assert!(
+        section.contains("are at most 0 apart") && !section.contains("<svg"),
+        "{section}"
+    );
+}
+
 /// At its poles the filter's denominator is nothing.
 #[test]
 fn poles_of_a_warped_model_are_those_of_its_filter() {

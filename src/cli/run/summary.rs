@@ -7,11 +7,10 @@ use crate::engine::limiter::ClipCounts;
 use crate::engine::node::AfterData;
 use crate::engine::run::{ActuatorReport, Outcome, RingReport};
 use crate::nodes::sinks::plots::GROUP as PLOTS;
-use crate::report::asked::{Drawn, Form};
 use crate::report::drawing;
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::record::{Record, friction, watch};
+use crate::report::record::{Record, friction};
 use crate::report::sound::{Sound, audible};
 use crate::surfaces::{Surface, files};
 use serde_json::{Value, json};
@@ -182,11 +181,10 @@ impl Summary {
             friction: friction(graph),
             files: files_beside(graph),
             sound,
-            asked_signals: asked_signals(graph, shown),
             asked: shown
                 .asked
                 .iter()
-                .flat_map(|(asked, traces)| asked.plots(&[Drawn { name: "", traces }]))
+                .map(|(asked, traces)| (asked, traces.as_slice()))
                 .collect(),
             signals: shown.records.iter().map(Record::content).collect(),
             textures: textures.collect(),
@@ -228,19 +226,6 @@ fn files_beside(graph: &Graph) -> Vec<(String, String)> {
     ];
     let own = own.map(|(file, holds)| (file.to_owned(), holds.to_owned()));
     written.chain(own).collect()
-}
-
-/// The signals that the plots which are asked for show over time, by node and port.
-fn asked_signals(graph: &Graph, shown: &Shown) -> Vec<String> {
-    let over_time = shown
-        .asked
-        .iter()
-        .filter(|(asked, _)| asked.form == Form::OverTime);
-    over_time
-        .flat_map(|(asked, _)| &asked.signals)
-        .filter_map(|signal| watch(graph, signal.node, signal.output))
-        .map(|watch| watch.stream.name)
-        .collect()
 }
 
 /// The surfaces of nodes with a place on a map, by the name of that signal.
