@@ -27,9 +27,8 @@ pub(super) fn section(texture: &TextureModel) -> String {
     };
     if apart < SEEN {
         return format!(
-            "<p>Between the models of this map, poles interpolated by coefficients and by line spectral frequencies are at most {} \
-             apart: both ways give the same filters.</p>",
-            plain(apart)
+            "<p>Between the models of this map, poles interpolated by coefficients and by line spectral frequencies are less than {SEEN} \
+             apart: both ways give the same filters.</p>"
         );
     }
     let own: Vec<(f64, f64)> = models

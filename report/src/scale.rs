@@ -66,11 +66,9 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
     match spread {
         Spread::Log if low == high => (low / 2.0, high * 2.0),
         Spread::Log => {
-            let air = 0.04 * (high.ln() - low.ln());
-            (
-                (low.ln() - air).exp().max(f64::MIN_POSITIVE),
-                (high.ln() + air).exp().min(f64::MAX),
-            )
+            // Not more than what leaves the ratio of both a number.
+            let air = (0.04 * (high.ln() - low.ln())).min(1.0).exp();
+            (low / air, high * air)
         }
         Spread::Linear if low == high => {
             let air = if low == 0.0 { 1.0 } else { low.abs() * 0.5 };
