@@ -97,7 +97,9 @@
   function valueAt(plot, y) {
     const part = 1 - y / plot.height;
     const [low, high] = plot.y;
-    return plot.log ? low * (high / low) ** part : low + part * (high - low);
+    if (plot.log) return low * (high / low) ** part;
+    const value = low + part * (high - low);
+    return Math.abs(value) < (high - low) / 5000 ? 0 : value; // no finer than the curve is written
   }
 
   const shown = (value) => String(Number(value.toPrecision(3))).replace("-", "\u2212");

@@ -6,7 +6,9 @@ use super::super::inks::Inks;
 use super::super::plot::Plot;
 use super::super::record::{Content, Recorded};
 use super::super::svg::escape;
+use super::super::theme::Ink;
 use super::super::thinning::{Envelope, are_nearly_same};
+use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Stream;
 
 /// What becomes of a signal on the page.
@@ -63,7 +65,11 @@ fn figures_of(signal: &Recorded, is_above: bool, above: &Above<'_>, inks: &mut I
         [lane] => Some(lane),
         _ => None,
     };
-    let ink = inks.of(name, samples, &[]);
+    // Components have colours of their own, and a place on a map is drawn elsewhere.
+    let ink = match signal.stream.kind {
+        Kind::Vector | Kind::Wrench | Kind::Weights | Kind::Coefficients => Ink::Blue,
+        Kind::Scalar | Kind::Contact | Kind::Event => inks.of(name, samples, &[]),
+    };
     let mut plots = figures::over_time(signal, ink);
     if is_above {
         plots.drain(..plots.len().min(figures::components_of(signal)));
