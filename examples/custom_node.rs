@@ -56,7 +56,7 @@ struct Pull {
 
 impl Processor for Pull {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions_m = io.lanes(0);
+        let positions_m = io.components(0);
         for (force_n, position_m) in io.out(0).iter_mut().zip(positions_m) {
             *force_n = -self.strength_n * (self.radians_per_m * position_m).sin();
         }

@@ -73,7 +73,7 @@ impl Spring {
 
 impl Processor for Spring {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let positions_m = io.lanes(0);
+        let positions_m = io.components(0);
         for (force_n, position_m) in io.out(0).iter_mut().zip(positions_m) {
             *force_n = self.pull_n(*position_m);
         }

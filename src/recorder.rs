@@ -3,7 +3,7 @@
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
-use haptograph_engine::run::{Offline, OfflineError, Outlets};
+use haptograph_engine::run::{FileSinks, Offline, OfflineError};
 use haptograph_nodes::simulated::material::MaterialName;
 use haptograph_surfaces::recording::{AnyRecording, Gesture, LoadError, load};
 use std::sync::atomic::AtomicBool;
@@ -75,7 +75,7 @@ pub fn record(
     let document = Document::parse("recorder.ron", GRAPH)?;
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
     let folder = tempfile::tempdir()?;
-    let mut outlets = Outlets::new(&graph);
+    let mut outlets = FileSinks::new(&graph);
     outlets.open_files(folder.path()).map_err(OfflineError::from)?;
     Offline::new(outlets, 0).run(session.seconds, stop, progress)?;
     Ok(load(&folder.path().join(FILE))?)

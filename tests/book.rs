@@ -5,7 +5,7 @@ use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, check};
 use haptograph::engine::node::NodeEntry;
 use haptograph::engine::registry::Registry;
-use haptograph::engine::run::{Offline, Outlets};
+use haptograph::engine::run::{FileSinks, Offline};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -179,7 +179,7 @@ fn the_cookbook_is_current_and_every_pipeline_of_it_runs() {
                 && page.contains(&format!("(../graphs/cookbook/{name}.ron)"))
         );
         let folder = tempfile::tempdir().unwrap();
-        let mut outlets = Outlets::new(&graph);
+        let mut outlets = FileSinks::new(&graph);
         outlets.open_files(folder.path()).unwrap();
         let outcome = Offline::new(outlets, 64)
             .run(4.0, &AtomicBool::new(false), &mut |_| ())

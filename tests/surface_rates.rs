@@ -4,7 +4,7 @@
 use haptograph::engine::diagnostic::Diagnostics;
 use haptograph::engine::document::Document;
 use haptograph::engine::graph::{CheckOptions, Graph, check};
-use haptograph::engine::run::{Offline, Outlets};
+use haptograph::engine::run::{FileSinks, Offline};
 use haptograph::signal::spectrum::{arma_density, welch};
 use haptograph::signal::window::Window;
 use haptograph::surfaces::files::{load, native, read_surface, save};
@@ -81,7 +81,7 @@ const STEADY: &str = r#"Graph(
 fn rendered(surface: &Path, seconds: f64) -> Vec<f64> {
     let graph = checked("steady.ron", STEADY, surface).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let mut outlets = Outlets::new(&graph);
+    let mut outlets = FileSinks::new(&graph);
     outlets.open_files(folder.path()).unwrap();
     Offline::new(outlets, 0)
         .run(seconds, &AtomicBool::new(false), &mut |_| ())

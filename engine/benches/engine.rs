@@ -11,7 +11,7 @@ use haptograph_engine::node::{
 };
 use haptograph_engine::plan::{Plan, PlanOptions};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{Change, LiveOptions, Outlets, Run, Session, live};
+use haptograph_engine::run::{Change, FileSinks, LiveOptions, Run, Session, live};
 use haptograph_engine::settings::NoSettings;
 use haptograph_signal::quantity::Quantity;
 use rand::{RngExt, SeedableRng};
@@ -116,7 +116,7 @@ fn drivers(criterion: &mut Criterion) {
             rested: true,
             ..LiveOptions::default()
         };
-        let opened = Session::open_all(Outlets::new(&graph), &options, None);
+        let opened = Session::open_all(FileSinks::new(&graph), &options, None);
         let (mut lives, session) = opened.expect("the system gives a thread");
         let reader = lives.pop().expect("the graph has two drivers");
         let writer = lives.pop().expect("the graph has two drivers");
@@ -331,13 +331,13 @@ kinds! {
     }
     Copy(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.lanes(0);
+            let x = io.components(0);
             io.out(0).copy_from_slice(x);
         }
     }
     Call(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.lanes(0);
+            let x = io.components(0);
             io.out(0).copy_from_slice(x);
         }
         fn single(&self) -> Option<Single> {
@@ -349,7 +349,7 @@ kinds! {
     }
     Product(&[INPUT]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let x = io.lanes(0);
+            let x = io.components(0);
             io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 0.5 * x);
         }
         fn single(&self) -> Option<Single> {
@@ -358,7 +358,7 @@ kinds! {
     }
     Mix(&[INPUTS]) {
         fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-            let (a, b) = (io.lanes(0), io.lanes(1));
+            let (a, b) = (io.components(0), io.components(1));
             for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
                 *y = 0.5 * (a + b);
             }

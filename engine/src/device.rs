@@ -1,7 +1,7 @@
-//! Devices: bodies with state, real or simulated, that sources read and sinks drive.
+//! Devices: real or simulated bodies with state, which sources read and sinks drive.
 //!
-//! A device ticks on one clock. Tick k is read, compute, write, advance: a source at tick k sees what the sinks
-//! delivered up to tick k - 1, so that a loop through a body always has one device tick of delay.
+//! A device ticks on one clock. Tick k is read, compute, write, advance: a source at tick k reads the effect of the
+//! outputs up to tick k - 1, so that a loop through a body has one device tick of delay.
 
 use crate::frame::Kind;
 use crate::histogram::AgeMeter;
@@ -13,29 +13,29 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Everything that is known of a device kind before one is built.
+/// Specification of a device kind.
 #[derive(Debug, Clone, Copy)]
 pub struct DeviceSpec {
-    /// As written in a graph file.
+    /// Name in graph files.
     pub name: &'static str,
     /// What it is.
     pub doc: &'static str,
-    /// Where it comes from.
+    /// Reference; empty if there is none.
     pub source: &'static str,
-    /// Is it a simulation? Then every result that depends on it says so.
+    /// Whether it is a simulation. Every result that depends on it is marked.
     pub simulated: bool,
-    /// What sources can read.
+    /// Channels that sources can read.
     pub senses: &'static [Channel],
-    /// What sinks can drive.
+    /// Channels that sinks can drive.
     pub drives: &'static [Channel],
-    /// A line of RON that declares it.
+    /// Example of its declaration, one line of RON.
     pub example: &'static str,
 }
 
-/// One signal of a device.
+/// A signal of a device.
 #[derive(Debug, Clone, Copy)]
 pub struct Channel {
-    /// Matches the port of the source or sink.
+    /// Name, equal to that of the port of the source or sink.
     pub name: &'static str,
     /// Shape of a frame.
     pub kind: Kind,
@@ -47,25 +47,25 @@ pub struct Channel {
 
 /// The state of a device. All methods run in ticks, like [`Processor::process`](crate::node::Processor::process).
 pub trait Device: CloneDevice + Send + Sync {
-    /// Told once, when the graph is checked, which channels nodes are bound to, where the device has those that its graph
-    /// asks for ([`DeviceEntry::host`]). From then on a channel's place in these lists is its number.
+    /// Sets the channels that nodes use. Called once, by the check, for host devices ([`DeviceEntry::host`]) only. A
+    /// channel's index in these lists is its number.
     fn connect(&mut self, senses: &[Channel], drives: &[Channel]) {
         let _ = (senses, drives);
     }
-    /// Moves the body by one tick under what was last written. Called before `read`, except at tick 0.
+    /// Advances the body by one tick with the frames written last. Called before `read`, except at tick 0.
     fn advance(&mut self);
     /// Fills one frame of a sensed channel.
     fn read(&mut self, channel: usize, frame: &mut [f64]);
-    /// Takes one frame of a driven channel, already limited.
+    /// Receives one limited frame of a driven channel.
     fn write(&mut self, channel: usize, frame: &[f64]);
-    /// Called before the first frame of a live run: what was queued before counts as heard.
+    /// Called before the first frame of a live run: values queued before count as heard.
     fn begin(&mut self) {}
-    /// Called when a driver of a live run wakes, before the frames that are due. What has arrived from outside by `now`
-    /// is what they go by.
-    fn look(&mut self, now: Instant) {
+    /// Polls external input. Called when a driver of a live run wakes, before the frames that are due; they use what
+    /// has arrived by `now`.
+    fn poll(&mut self, now: Instant) {
         let _ = now;
     }
-    /// How long what is sensed takes to be read, and what is written to leave it: its buffers.
+    /// Delay of its buffers.
     fn latency(&self) -> DeviceLatency {
         DeviceLatency::default()
     }
@@ -74,28 +74,28 @@ pub trait Device: CloneDevice + Send + Sync {
         let _ = channel;
         0.0
     }
-    /// The largest magnitude that a driven channel can be given, in the unit of its drive, if it knows one. No sink may
-    /// ask for more.
-    fn most(&self, channel: usize) -> Option<f64> {
+    /// Largest magnitude that a driven channel can output, in the channel's unit, if it is known. The check lowers
+    /// higher limits to it.
+    fn max_output_bound(&self, channel: usize) -> Option<f64> {
         let _ = channel;
         None
     }
-    /// How old what it senses is when it is read, if somebody measures that.
+    /// Meter of the age of sensed values when they are read, if it has one.
     fn ages(&self) -> Option<Arc<AgeMeter>> {
         None
     }
-    /// Whether it is still heard, of a device that can fall silent. It sets its cell in [`advance`](Self::advance).
+    /// State of a device that can fall silent. The device sets its cell in [`advance`](Self::advance).
     fn live_input(&self) -> Option<LiveInput> {
         None
     }
 }
 
-/// What the buffers of a device hold back.
+/// Delay of a device's buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DeviceLatency {
-    /// From what happens to what is read, s.
+    /// From the physical input to the value that is read, s.
     pub sensing_s: f64,
-    /// From what is written to what is driven, s.
+    /// From the value that is written to the physical output, s.
     pub driving_s: f64,
 }
 
@@ -123,25 +123,25 @@ impl<T: Device + Clone + 'static> CloneDevice for T {
 
 /// A kind of device.
 pub trait DeviceKind: 'static {
-    /// What can be set.
+    /// Settings of the kind.
     type Settings: Settings;
     /// Channels and documentation.
     const SPEC: DeviceSpec;
     /// Builds the body in its initial state. `cx.path` is the endpoint's name, `cx.rate` its clock's.
     ///
     /// # Errors
-    /// [`BuildError`] where the settings do not fit each other, the rate, or the files they name.
+    /// [`BuildError`] if the settings do not fit each other, the rate, or the files they name.
     fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError>;
 }
 
-/// A device kind as registered, its types erased.
+/// A registered device kind, its types erased.
 #[derive(Clone, Copy)]
 pub struct DeviceEntry {
     /// Channels and documentation.
     pub spec: &'static DeviceSpec,
     settings: fn() -> Vec<SettingSpec>,
     pub(crate) build: DeviceBuild,
-    /// Has it the channels that its graph asks for?
+    /// Whether its channels are those that the graph uses.
     is_host: bool,
 }
 
@@ -161,7 +161,7 @@ impl DeviceEntry {
         }
     }
 
-    /// The endpoints of a program that embeds the graph.
+    /// Entry of the endpoints of a program that embeds the graph.
     pub fn host() -> Self {
         let is_host = true;
         Self {
@@ -170,7 +170,7 @@ impl DeviceEntry {
         }
     }
 
-    /// Has it the channels that its graph asks for, and is it fed by the program that embeds the graph?
+    /// Whether it is an endpoint of the program that embeds the graph; its channels are those that the graph uses.
     pub fn is_host(&self) -> bool {
         self.is_host
     }

@@ -1,4 +1,4 @@
-//! What is wrong with a graph, where, why, and what to do about it: the one form in which every stage reports.
+//! Diagnostics: the form in which every stage reports errors and warnings.
 
 mod show;
 
@@ -12,11 +12,12 @@ pub use show::{render, to_json};
 /// A source file of a graph: the graph file itself or an included one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
-    /// As shown to the user; `<graph>` for one that was built in code.
+    /// Path as shown to the user; `<graph>` for a graph built in code.
     pub path: PathBuf,
     /// The whole text.
     pub text: Arc<str>,
-    /// Was it read from a file, rather than given on the command line, built in code or taken from the library of templates?
+    /// Whether it was read from a file, not given on the command line, built in code or taken from the template
+    /// library.
     pub is_file: bool,
 }
 
@@ -24,7 +25,7 @@ pub struct Source {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 pub struct SourceId(pub u32);
 
-/// All files that one graph was read from.
+/// All sources of a graph.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
     files: Vec<Source>,
@@ -36,7 +37,7 @@ impl Sources {
         self.put(path, text, true)
     }
 
-    /// Adds a text that is in no file, to be shown by this name.
+    /// Adds a text without a file, shown by this name.
     pub fn add_text(&mut self, name: &str, text: Arc<str>) -> SourceId {
         self.put(name.into(), text, false)
     }
@@ -46,7 +47,7 @@ impl Sources {
         SourceId(u32::try_from(self.files.len() - 1).unwrap_or(u32::MAX))
     }
 
-    /// The file with this number, if it is one of these.
+    /// The source with this number, if it exists.
     pub fn get(&self, id: SourceId) -> Option<&Source> {
         self.files.get(id.0 as usize)
     }
@@ -78,17 +79,17 @@ fn floor_boundary(text: &str, offset: usize) -> usize {
     offset
 }
 
-/// Findings and the files they are about.
+/// Diagnostics and the sources that they refer to.
 #[derive(Debug, Clone, Default)]
 pub struct Diagnostics {
     /// The files.
     pub sources: Sources,
-    /// All findings, errors and warnings.
+    /// All diagnostics, errors and warnings.
     pub list: Vec<Diagnostic>,
 }
 
 impl fmt::Display for Diagnostics {
-    /// As [`render`] without colour.
+    /// As [`render`], without colour.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&render(self, false))
     }
@@ -107,38 +108,38 @@ pub struct Span {
     pub end: usize,
 }
 
-/// How bad it is.
+/// Severity of a diagnostic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The graph does not run.
     Error,
-    /// The graph runs; it is probably not what was meant.
+    /// The graph runs but is probably not as intended.
     Warning,
 }
 
-/// A span with a word about it.
+/// A span with a label.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
-    /// Where.
+    /// Place.
     pub span: Span,
-    /// What is there; may be empty.
+    /// Text; may be empty.
     pub text: String,
 }
 
-/// One finding: what, where, why, and what to do.
+/// A diagnostic: what, where, why, and what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
     /// A stable code, `E0102` or `W0003`; `docs/diagnostics.md` lists them.
     pub code: &'static str,
     /// Error or warning.
     pub severity: Severity,
-    /// One sentence: what is wrong.
+    /// What is wrong, in one sentence.
     pub message: String,
-    /// The exact value that is wrong; `None` where the graph has no text.
+    /// The value at fault; `None` if it has no text.
     pub primary: Option<Label>,
-    /// Other places that explain it (`opened here`, `first given here`).
+    /// Related places (`opened here`, `first given here`).
     pub secondary: Vec<Label>,
-    /// What to do about it, one line each.
+    /// What to do, one line each.
     pub help: Vec<String>,
 }
 
@@ -153,7 +154,7 @@ impl Diagnostic {
         Self::new(code, Severity::Warning, span, message)
     }
 
-    /// The same, of no place in a text.
+    /// Removes the place.
     #[must_use]
     pub(crate) fn of_no_place(mut self) -> Self {
         self.primary = None;
@@ -175,7 +176,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says what is at the primary span.
+    /// Sets the label of the primary span.
     #[must_use]
     pub fn label(mut self, text: impl Into<String>) -> Self {
         if let Some(primary) = &mut self.primary {
@@ -184,7 +185,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds another place.
+    /// Adds a related place.
     #[must_use]
     pub fn also(mut self, span: Span, text: impl Into<String>) -> Self {
         self.secondary.push(Label {

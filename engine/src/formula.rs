@@ -54,6 +54,19 @@ enum Function {
     Three(fn(f64, f64, f64) -> f64),
 }
 
+/// Units that are written behind a number by mistake, and one of them in SI units.
+const UNITS: [(&str, &str); 9] = [
+    ("mm", "0.001"),
+    ("cm", "0.01"),
+    ("m", "1"),
+    ("ms", "0.001"),
+    ("s", "1"),
+    ("N", "1"),
+    ("mN", "0.001"),
+    ("Hz", "1"),
+    ("kHz", "1000"),
+];
+
 const FUNCTIONS: [(&str, Function); 29] = [
     ("sin", Function::One(f64::sin)),
     ("cos", Function::One(f64::cos)),
@@ -197,9 +210,9 @@ impl Formula {
         work.first().copied().unwrap_or(f64::NAN)
     }
 
-    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results are
-    /// the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not finite is
-    /// zero.
+    /// Computes `frames` frames: `inputs` gives the samples of each input, `time_s` the time of a frame. The results
+    /// are the first numbers of `work`, which holds at least [`depth`](Self::depth) times `frames`; one that is not
+    /// finite is zero.
     pub fn compute<'a>(
         &self,
         frames: usize,
@@ -308,10 +321,15 @@ impl<'t> Parser<'t> {
     /// What stands here cannot follow.
     fn unexpected(&self) -> FormulaError {
         let Some(strange) = self.rest().chars().next() else {
-            return self.wrong("a number, a name or `(` is missing".to_owned());
+            return self.wrong("expected a number, a name or `(`".to_owned());
         };
         if let Some(here) = self.foreign(self.rest()) {
             return self.wrong(here);
+        }
+        let is_part = |c: char| c.is_alphanumeric();
+        let word = self.rest().split(|c| !is_part(c)).next().unwrap_or_default();
+        if let Some((unit, si)) = UNITS.iter().find(|(unit, _)| *unit == word) {
+            return self.wrong(format!("numbers of a formula are in SI units: 1 {unit} is {si}"));
         }
         if strange.is_alphanumeric() || strange == '(' {
             return self.wrong(format!(
@@ -412,7 +430,7 @@ impl<'t> Parser<'t> {
                 self.push(Step::Number(number));
                 Ok(())
             }
-            _ => Err(self.wrong(format!("`{text}` is no number"))),
+            _ => Err(self.wrong(format!("`{text}` is not a number"))),
         }
     }
 
@@ -446,10 +464,22 @@ impl<'t> Parser<'t> {
         let constants = CONSTANTS.iter().map(|(known, _)| *known);
         let known = self.inputs.iter().copied().chain(functions).chain(constants);
         let near = name.strip_prefix("arc").map(|rest| format!("a{rest}"));
-        let help = match closest(near.as_deref().unwrap_or(name), known) {
+        let is_called = self.rest()[name.len()..].trim_start().starts_with('(');
+        // `maximum(` and `average(` begin as our functions do, or are none of them.
+        let begins = |(known, _): &&(&'static str, Function)| is_called && name.starts_with(known);
+        let longer = FUNCTIONS
+            .iter()
+            .filter(begins)
+            .map(|(known, _)| *known)
+            .max_by_key(|known| known.len());
+        let help = match longer.or_else(|| closest(near.as_deref().unwrap_or(name), known)) {
             Some(near) => format!("did you mean `{near}`?"),
+            None if is_called => format!(
+                "the functions are {}",
+                FUNCTIONS.map(|(known, _)| known).join(", ")
+            ),
             None if self.inputs.is_empty() => "there are functions, `pi` and `e`".to_owned(),
-            None => format!("the names are {}", self.inputs.join(", ")),
+            None => format!("the inputs are {}", self.inputs.join(", ")),
         };
         self.wrong(format!("there is no `{name}`; {help}"))
     }
@@ -596,7 +626,10 @@ mod tests {
             ("a & b", "`&&`"),
             ("a = 1", "`==`"),
             ("a ? 1 : 2", "`if("),
-            ("5mm", "operator"),
+            ("5 x", "operator"),
+            ("5mm", "1 mm is 0.001"),
+            ("maximum(a, b)", "`max`"),
+            ("average(a)", "the functions are"),
         ] {
             let error = Formula::parse(text, &["a", "b"]).expect_err(text);
             assert!(error.message.contains(said), "{text}: {error}");

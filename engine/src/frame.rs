@@ -1,5 +1,5 @@
-//! Kinds of frames and how each lies in memory: every frame is a fixed number of f64 lanes, so that one arena of
-//! aligned numbers holds every signal, and copying a frame copies its lanes.
+//! Kinds of frames and how each lies in memory: every frame is a fixed number of f64 components, so that one arena of
+//! aligned numbers holds every signal, and copying a frame copies its components.
 
 use std::fmt;
 
@@ -34,7 +34,7 @@ impl Kind {
         Self::Event,
     ];
 
-    /// Lanes of one frame.
+    /// Components of one frame.
     pub const fn width(self) -> usize {
         match self {
             Self::Scalar => 1,
@@ -47,27 +47,27 @@ impl Kind {
         }
     }
 
-    /// May frames of this kind be scaled, summed and filtered lane by lane?
+    /// May frames of this kind be scaled, summed and filtered component by component?
     pub const fn is_linear(self) -> bool {
         matches!(self, Self::Scalar | Self::Vector | Self::Wrench)
     }
 
-    /// The name used in messages and tables, and a name for each lane in CSV headers.
-    pub fn lane_names(self) -> Vec<String> {
+    /// The name used in messages and tables, and a name for each component in CSV headers.
+    pub fn component_names(self) -> Vec<String> {
         let fixed: &[&str] = match self {
             Self::Scalar => &[""],
             Self::Vector => &["x", "y", "z"],
             Self::Wrench => &[
                 "force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z",
             ],
-            Self::Contact => &Contact::LANES,
-            Self::Weights => &Weights::LANES,
+            Self::Contact => &Contact::COMPONENTS,
+            Self::Weights => &Weights::COMPONENTS,
             Self::Event => &["fired", "value"],
             Self::Coefficients => {
                 let head = ["ar_order", "ma_order", "gain", "variance", "warping"].map(str::to_owned);
                 let ar = (1..=Coefficients::MAX_ORDER).map(|k| format!("a{k}"));
                 let ma = (1..=Coefficients::MAX_ORDER).map(|k| format!("b{k}"));
-                let lines = LinesAt::LANES.map(str::to_owned);
+                let lines = LinesAt::COMPONENTS.map(str::to_owned);
                 return head.into_iter().chain(ar).chain(ma).chain(lines).collect();
             }
         };
@@ -107,9 +107,9 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Lanes of one contact frame.
+    /// Components of one contact frame.
     pub const WIDTH: usize = 12;
-    const LANES: [&str; 12] = [
+    const COMPONENTS: [&str; 12] = [
         "touching",
         "hip_x",
         "hip_y",
@@ -125,8 +125,8 @@ impl Contact {
     ];
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
-        let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *lanes;
+    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
+        let [touching, hx, hy, hz, px, py, pz, nx, ny, nz, penetration_m, face] = *components;
         Self {
             touching: touching != 0.0,
             hip_m: [hx, hy, hz],
@@ -138,7 +138,7 @@ impl Contact {
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         let ([hx, hy, hz], [px, py, pz], [nx, ny, nz]) = (self.hip_m, self.ihip_m, self.normal);
         let touching = f64::from(u8::from(self.touching));
         [
@@ -172,9 +172,9 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Lanes of one weights frame.
+    /// Components of one weights frame.
     pub const WIDTH: usize = 8;
-    const LANES: [&str; 8] = [
+    const COMPONENTS: [&str; 8] = [
         "model_1",
         "model_2",
         "model_3",
@@ -186,8 +186,8 @@ impl Weights {
     ];
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
-        let [i, j, k, u, v, w, speed_m_s, force_n] = *lanes;
+    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
+        let [i, j, k, u, v, w, speed_m_s, force_n] = *components;
         Self {
             models: [i as u32, j as u32, k as u32],
             weights: [u, v, w],
@@ -197,13 +197,13 @@ impl Weights {
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         let ([i, j, k], [u, v, w]) = (self.models.map(f64::from), self.weights);
         [i, j, k, u, v, w, self.speed_m_s, self.force_n]
     }
 }
 
-/// A synthesis filter, a view of its lanes: `gain (e + sum b_k e[-k]) - sum a_k y[-k]`, e of the given variance.
+/// A synthesis filter, a view of its components: `gain (e + sum b_k e[-k]) - sum a_k y[-k]`, e of the given variance.
 #[derive(Clone, Copy, Debug)]
 pub struct Coefficients<'a> {
     /// a_1 .. a_p of A(z) = 1 + sum a_k z^-k.
@@ -221,32 +221,33 @@ pub struct Coefficients<'a> {
 impl<'a> Coefficients<'a> {
     /// The highest AR and MA order a frame can hold.
     pub const MAX_ORDER: usize = 32;
-    /// Lanes of one coefficients frame.
-    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::LANES.len();
+    /// Components of one coefficients frame.
+    pub const WIDTH: usize = Self::HEAD + 2 * Self::MAX_ORDER + LinesAt::COMPONENTS.len();
     const HEAD: usize = 5;
 
     /// Reads a frame. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn from_lanes(lanes: &'a [f64; Coefficients::WIDTH]) -> Self {
-        let order = |lane: f64| (lane as usize).min(Self::MAX_ORDER);
-        let (ar, ma) = lanes[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
+    pub fn from_components(components: &'a [f64; Coefficients::WIDTH]) -> Self {
+        let order = |component: f64| (component as usize).min(Self::MAX_ORDER);
+        let (ar, ma) = components[Self::HEAD..][..2 * Self::MAX_ORDER].split_at(Self::MAX_ORDER);
         Self {
-            ar: &ar[..order(lanes[0])],
-            ma: &ma[..order(lanes[1])],
-            gain: lanes[2],
-            variance: lanes[3],
-            warping: lanes[4],
+            ar: &ar[..order(components[0])],
+            ma: &ma[..order(components[1])],
+            gain: components[2],
+            variance: components[3],
+            warping: components[4],
         }
     }
 
     /// Writes a frame without lines. Orders beyond [`Self::MAX_ORDER`] are cut to it.
-    pub fn write(&self, lanes: &mut [f64; Coefficients::WIDTH]) {
+    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
         let p = self.ar.len().min(Self::MAX_ORDER);
         let q = self.ma.len().min(Self::MAX_ORDER);
-        *lanes = [0.0; Self::WIDTH];
-        (lanes[0], lanes[1], lanes[2], lanes[3]) = (p as f64, q as f64, self.gain, self.variance);
-        lanes[4] = self.warping;
-        lanes[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
-        lanes[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
+        *components = [0.0; Self::WIDTH];
+        (components[0], components[1], components[2], components[3]) =
+            (p as f64, q as f64, self.gain, self.variance);
+        components[4] = self.warping;
+        components[Self::HEAD..][..p].copy_from_slice(&self.ar[..p]);
+        components[Self::HEAD + Self::MAX_ORDER..][..q].copy_from_slice(&self.ma[..q]);
     }
 }
 
@@ -260,11 +261,11 @@ pub struct LinesAt {
 }
 
 impl LinesAt {
-    const LANES: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
+    const COMPONENTS: [&str; 4] = ["speed_m_s", "line_1", "line_2", "line_3"];
 
     /// Reads them from a frame of coefficients.
-    pub fn from_lanes(lanes: &[f64; Coefficients::WIDTH]) -> Self {
-        let [.., speed_m_s, a, b, c] = *lanes;
+    pub fn from_components(components: &[f64; Coefficients::WIDTH]) -> Self {
+        let [.., speed_m_s, a, b, c] = *components;
         Self {
             speed_m_s,
             powers_m2_s4: [a, b, c],
@@ -272,8 +273,8 @@ impl LinesAt {
     }
 
     /// Adds them to a frame of coefficients that is written.
-    pub fn write(&self, lanes: &mut [f64; Coefficients::WIDTH]) {
-        let [.., speed_m_s, a, b, c] = lanes;
+    pub fn write(&self, components: &mut [f64; Coefficients::WIDTH]) {
+        let [.., speed_m_s, a, b, c] = components;
         *speed_m_s = self.speed_m_s;
         [*a, *b, *c] = self.powers_m2_s4;
     }
@@ -289,19 +290,19 @@ pub struct Event {
 }
 
 impl Event {
-    /// Lanes of one event frame.
+    /// Components of one event frame.
     pub const WIDTH: usize = 2;
 
     /// Reads a frame.
-    pub fn from_lanes(lanes: &[f64; Self::WIDTH]) -> Self {
+    pub fn from_components(components: &[f64; Self::WIDTH]) -> Self {
         Self {
-            fired: lanes[0] != 0.0,
-            value: lanes[1],
+            fired: components[0] != 0.0,
+            value: components[1],
         }
     }
 
     /// Writes a frame.
-    pub fn to_lanes(&self) -> [f64; Self::WIDTH] {
+    pub fn to_components(&self) -> [f64; Self::WIDTH] {
         [f64::from(u8::from(self.fired)), self.value]
     }
 }
@@ -311,7 +312,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_survive_their_lanes() {
+    fn frames_survive_their_components() {
         let contact = Contact {
             touching: true,
             hip_m: [1.0, 2.0, 3.0],
@@ -320,15 +321,15 @@ mod tests {
             penetration_m: 0.25,
             face: 99_999,
         };
-        assert_eq!(Contact::from_lanes(&contact.to_lanes()), contact);
+        assert_eq!(Contact::from_components(&contact.to_components()), contact);
         let weights = Weights {
             models: [7, 8, 9],
             weights: [0.5, 0.25, 0.25],
             speed_m_s: 0.1,
             force_n: 1.5,
         };
-        assert_eq!(Weights::from_lanes(&weights.to_lanes()), weights);
-        let mut lanes = [1.0; Coefficients::WIDTH];
+        assert_eq!(Weights::from_components(&weights.to_components()), weights);
+        let mut components = [1.0; Coefficients::WIDTH];
         Coefficients {
             ar: &[-0.5, 0.25],
             ma: &[0.1],
@@ -336,26 +337,26 @@ mod tests {
             variance: 0.5,
             warping: 0.8,
         }
-        .write(&mut lanes);
-        let read = Coefficients::from_lanes(&lanes);
+        .write(&mut components);
+        let read = Coefficients::from_components(&components);
         assert_eq!(
             (read.ar, read.ma, read.gain, read.variance, read.warping),
             (&[-0.5, 0.25][..], &[0.1][..], 2.0, 0.5, 0.8)
         );
-        assert_eq!(LinesAt::from_lanes(&lanes), LinesAt::default());
+        assert_eq!(LinesAt::from_components(&components), LinesAt::default());
         let lines = LinesAt {
             speed_m_s: 0.1,
             powers_m2_s4: [0.5, 0.25, 0.0],
         };
-        lines.write(&mut lanes);
-        assert_eq!(LinesAt::from_lanes(&lanes), lines);
-        assert_eq!(Coefficients::from_lanes(&lanes).ma, &[0.1]);
+        lines.write(&mut components);
+        assert_eq!(LinesAt::from_components(&components), lines);
+        assert_eq!(Coefficients::from_components(&components).ma, &[0.1]);
     }
 
     #[test]
-    fn every_lane_of_every_kind_has_a_name() {
+    fn every_component_of_every_kind_has_a_name() {
         for kind in Kind::ALL {
-            assert_eq!(kind.lane_names().len(), kind.width(), "{kind}");
+            assert_eq!(kind.component_names().len(), kind.width(), "{kind}");
         }
     }
 }

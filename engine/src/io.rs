@@ -1,13 +1,13 @@
-//! What a processor sees of its signals: typed slices, exactly as many frames as the tick has.
+//! Inputs and outputs of a processor: typed slices with the frames of a tick.
 
 use crate::frame::{Contact, Weights};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::hint::black_box;
 
-/// All buffers of a run: one stretch of f64 that begins on a cache line, as does every buffer in it.
+/// The memory of a run: all buffers in one slice, each aligned to a cache line.
 ///
-/// Alignment alone is worth a factor of two in cheap nodes; it is reached by an offset into an ordinary vector. One
-/// stretch, because a step borrows its own buffer and everything around it at once by two splits, without a move.
+/// Alignment makes cheap nodes twice as fast; an offset into a vector gives it. With one slice a step borrows its own
+/// buffer and everything around it by two splits.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     data: Vec<f64>,
@@ -39,8 +39,8 @@ impl Memory {
 /// f64s in the smallest page that systems have.
 const PAGE: usize = 512;
 
-/// A buffer whose pages are in memory before it is used. The system only promises a buffer of zeros: each of its pages is
-/// fetched where it is first written, and that must not be the real-time thread.
+/// Touches every page of a buffer. The system maps a page of a zeroed buffer at its first write, which must not
+/// happen in the real-time thread.
 pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
     let last = buffer.len().checked_sub(1);
     for at in (0..buffer.len()).step_by(PAGE).chain(last) {
@@ -49,7 +49,7 @@ pub(crate) fn touched(mut buffer: Vec<f64>) -> Vec<f64> {
     buffer
 }
 
-/// An empty ring whose pages are in memory before it is used.
+/// Makes an empty ring whose pages are mapped.
 pub(crate) fn touched_ring(capacity: usize) -> (Producer<f64>, Consumer<f64>) {
     let (mut into, mut out) = RingBuffer::new(capacity);
     if let Ok(all) = into.write_chunk_uninit(capacity) {
@@ -69,7 +69,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// What lies before the buffer, the buffer, and what lies behind it.
+    /// Splits the memory into the part before the buffer, the buffer, and the part behind it.
     #[inline]
     pub(crate) fn split(self, memory: &mut [f64]) -> (&[f64], &mut [f64], &[f64]) {
         let (before, rest) = memory.split_at_mut(self.start as usize);
@@ -78,40 +78,40 @@ impl Extent {
     }
 }
 
-/// An input of a step as it runs, everything looked up.
+/// An input of a step, resolved to memory.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Wire {
-    /// First lane of the port, in the memory before the step's own buffer or behind it.
+pub(crate) struct ResolvedInput {
+    /// First component of the port, in the memory before the step's own buffer or behind it.
     pub at: u32,
     pub width: u32,
     pub behind: bool,
     pub form: Form,
 }
 
-/// Where an input of a step lies, in a plan.
+/// An input of a step in a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Binding {
     pub slot: u32,
-    /// First lane of the port in its buffer.
+    /// First component of the port in its buffer.
     pub start: u32,
     pub width: u32,
     pub form: Form,
-    /// Clock whose window says which frames of the buffer are meant.
+    /// Clock whose window selects the frames of the buffer.
     pub clock: u32,
 }
 
-/// How an input's frames lie in its buffer.
+/// Layout of an input's frames in its buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
-    /// A frame a tick of the clock of the reader.
+    /// One frame per tick of the reader's clock.
     Sampled,
-    /// `[count, (start, lanes..), ..]` as written by a hold.
+    /// `[count, (start, components..), ..]` as written by a hold.
     Runs,
-    /// Nothing is connected.
+    /// Not connected.
     Absent,
 }
 
-/// Where an output of a step lies in its own buffer.
+/// Place of an output in the buffer of its step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Placing {
     pub start: u32,
@@ -121,13 +121,13 @@ pub(crate) struct Placing {
 /// The inputs and outputs of one call of `process`.
 ///
 /// Inputs are numbered in the order of the node's spec, the connections of a [`Many`](crate::node::Presence::Many)
-/// port from its place on; outputs likewise. Asking for a port that is not there, or with another width than its
-/// kind's, gives an empty slice; in a build with debug assertions, as tests are, it panics.
+/// port one after the other; outputs likewise. A port that does not exist or has another width gives an empty slice;
+/// with debug assertions, as in tests, it panics.
 pub struct Io<'a> {
     pub(crate) frames: usize,
     /// Frames of the buffers that earlier calls of the same block have used.
     pub(crate) offset: usize,
-    pub(crate) inputs: &'a [Wire],
+    pub(crate) inputs: &'a [ResolvedInput],
     pub(crate) outputs: &'a [Placing],
     /// The memory before the step's own buffer, that buffer, and the memory behind it.
     pub(crate) before: &'a [f64],
@@ -148,7 +148,7 @@ impl<'a> Io<'a> {
         self.inputs.len()
     }
 
-    /// Is this input connected?
+    /// Whether this input is connected.
     #[inline]
     pub fn connected(&self, input: usize) -> bool {
         self.inputs
@@ -156,15 +156,15 @@ impl<'a> Io<'a> {
             .is_some_and(|wire| wire.form != Form::Absent)
     }
 
-    /// Lanes of one frame of an input.
+    /// Components of one frame of an input.
     #[inline]
     pub fn width(&self, input: usize) -> usize {
         self.inputs.get(input).map_or(0, |wire| wire.width as usize)
     }
 
-    /// All lanes of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
+    /// All components of a sampled input, `frames` times its width, frame by frame. For scalars: its samples.
     #[inline]
-    pub fn lanes(&self, input: usize) -> &'a [f64] {
+    pub fn components(&self, input: usize) -> &'a [f64] {
         debug_assert!(input < self.inputs.len(), "there is no input {input}");
         match self.inputs.get(input) {
             Some(wire) if wire.form == Form::Sampled => {
@@ -178,11 +178,11 @@ impl<'a> Io<'a> {
 
     /// The part of the memory that an input lies in.
     #[inline]
-    fn side(&self, wire: &Wire) -> &'a [f64] {
+    fn side(&self, wire: &ResolvedInput) -> &'a [f64] {
         if wire.behind { self.behind } else { self.before }
     }
 
-    /// The frames of a sampled input of `W` lanes: `frames::<3>` of a 3-vector.
+    /// The frames of a sampled input of `W` components: `frames::<3>` of a 3-vector.
     #[inline]
     pub fn frames_of<const W: usize>(&self, input: usize) -> &'a [[f64; W]] {
         debug_assert!(
@@ -191,7 +191,7 @@ impl<'a> Io<'a> {
             self.width(input)
         );
         if self.width(input) == W {
-            self.lanes(input).as_chunks().0
+            self.components(input).as_chunks().0
         } else {
             &[]
         }
@@ -202,7 +202,7 @@ impl<'a> Io<'a> {
     pub fn contacts(&self, input: usize) -> impl Iterator<Item = Contact> + use<'a> {
         self.frames_of::<{ Contact::WIDTH }>(input)
             .iter()
-            .map(Contact::from_lanes)
+            .map(Contact::from_components)
     }
 
     /// The frames of a weights input.
@@ -210,7 +210,7 @@ impl<'a> Io<'a> {
     pub fn weights(&self, input: usize) -> impl Iterator<Item = Weights> + use<'a> {
         self.frames_of::<{ Weights::WIDTH }>(input)
             .iter()
-            .map(Weights::from_lanes)
+            .map(Weights::from_components)
     }
 
     /// The runs of a held input.
@@ -221,7 +221,7 @@ impl<'a> Io<'a> {
             frames: 0,
             width: 1,
             runs: 0,
-            lanes: &[],
+            components: &[],
         };
         let Some(wire) = self.inputs.get(input) else {
             return absent;
@@ -234,23 +234,23 @@ impl<'a> Io<'a> {
                 frames: self.frames,
                 width,
                 runs: usize::MAX,
-                lanes: self.lanes(input),
+                components: self.components(input),
             },
             Form::Runs => {
-                let lanes = &self.side(wire)[wire.at as usize..];
-                let runs = lanes[0] as usize;
+                let components = &self.side(wire)[wire.at as usize..];
+                let runs = components[0] as usize;
                 Held {
                     at: 0,
                     frames: self.frames,
                     width,
                     runs,
-                    lanes: &lanes[1..1 + runs * (width + 1)],
+                    components: &components[1..1 + runs * (width + 1)],
                 }
             }
         }
     }
 
-    /// All lanes of an output, to be filled completely.
+    /// All components of an output, to be filled completely.
     #[inline]
     pub fn out(&mut self, output: usize) -> &mut [f64] {
         debug_assert!(output < self.outputs.len(), "there is no output {output}");
@@ -262,7 +262,7 @@ impl<'a> Io<'a> {
         &mut self.out[start..][..self.frames * width]
     }
 
-    /// The frames of an output of `W` lanes, to be filled completely.
+    /// The frames of an output of `W` components, to be filled completely.
     #[inline]
     pub fn out_frames<const W: usize>(&mut self, output: usize) -> &mut [[f64; W]] {
         debug_assert!(
@@ -310,7 +310,7 @@ pub struct Held<'a> {
     width: usize,
     /// Runs written by a hold, or `usize::MAX` for a sampled signal: a run a frame.
     runs: usize,
-    lanes: &'a [f64],
+    components: &'a [f64],
 }
 
 impl<'a> Iterator for Held<'a> {
@@ -321,14 +321,16 @@ impl<'a> Iterator for Held<'a> {
         if self.runs == usize::MAX {
             let frame = self.at;
             self.at += 1;
-            let lanes = self.lanes.get(frame * self.width..(frame + 1) * self.width)?;
-            return Some((frame..frame + 1, lanes));
+            let components = self
+                .components
+                .get(frame * self.width..(frame + 1) * self.width)?;
+            return Some((frame..frame + 1, components));
         }
         let stride = self.width + 1;
-        let run = self.lanes.get(self.at * stride..(self.at + 1) * stride)?;
+        let run = self.components.get(self.at * stride..(self.at + 1) * stride)?;
         self.at += 1;
         let end = self
-            .lanes
+            .components
             .get(self.at * stride)
             .map_or(self.frames, |start| *start as usize);
         Some((run[0] as usize..end, &run[1..]))

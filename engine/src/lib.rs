@@ -1,9 +1,11 @@
-//! The dataflow engine of haptograph: documents are read, checked into graphs, laid out as plans, and run.
+//! The dataflow engine of haptograph: it reads documents, checks them into graphs, lays graphs out as plans and runs
+//! plans.
 //!
 //! ```text
 //! text -> Document -> Graph -> Plan -> Run -> sinks
 //! ```
-//! Each arrow is one function; each noun is one type that only the arrow before it can make. Knows nothing of touch.
+//! Each arrow is one function. Each noun is one type that only the arrow before it can make. The engine contains no
+//! haptics: `haptograph-nodes` registers the node and device kinds.
 
 pub mod device;
 pub mod diagnostic;

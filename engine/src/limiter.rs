@@ -1,38 +1,37 @@
-//! What an actuator may be given. A [`Limiter`] stands in front of every actuator and its output keeps, whatever
-//! comes in:
+//! Actuator limiters. Every actuator has a [`Limiter`], whose output satisfies for any input:
 //!
 //! - peak: |y| <= `peak`;
 //! - continuous: the exponentially weighted mean square of y, with time constant `window_s` (the heat of a body with
 //!   one thermal time constant), stays at or below `continuous` squared, so that a short overload is possible and a
 //!   long one is not;
 //! - slew: two successive outputs differ by at most `slew_per_s` / rate;
-//! - faults: NaN or infinity asks for zero, from the same tick on, as fast as the slew limit allows; each is counted.
+//! - faults: a NaN or infinite input counts as a request of zero; the output follows as fast as the slew limit allows.
 //!
-//! Why all of it holds at once: the output may only take a magnitude from which a ramp down to `continuous` at full
-//! slew stays within the heat that is left. The heat such a ramp needs is tabulated when the limiter is built
-//! (`Rung`); every admissible state has an admissible successor, the next rung down.
+//! All limits hold at once: the output only takes a magnitude from which a ramp down to `continuous` at full slew stays
+//! within the heat reserve. The heat of such a ramp is tabulated when the limiter is built (`Rung`); every admissible
+//! state has an admissible successor, the next rung down.
 //!
-//! # What is promised over a change of limits
+//! # Guarantee over a change of limits
 //!
-//! Let M(t) be the mean square, weighted by the window of the limit that is in force, of **everything** that the actuator
-//! was given since the run began, whatever limits were in force then. At every tick, with k = exp(-1 / (window rate)):
+//! Let M(t) be the mean square of the **whole** output since the start of the run, under whatever limits, weighted by
+//! the window of the limit in force. At every tick, with k = exp(-1 / (window rate)):
 //!
 //! ```text
 //! M(t) - continuous^2 <= k max(0, M(t - 1) - continuous^2)
 //! ```
 //!
-//! So M never goes above the limit; where a limit is lowered, or its window shortened, below the heat that is there
-//! already, the excess only decays, and what is given since then keeps the limit by itself. Over a rectangle of T
-//! seconds the energy is at most continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
+//! So M never exceeds the limit by new output. If a limit is lowered, or its window shortened, below the present heat,
+//! the excess only decays, and the output since then keeps the limit by itself. Over T seconds the energy is at most
+//! continuous^2 (T + window): M' = (y^2 - M) / window, integrated.
 //!
-//! The proof: a limiter that goes on for another one begins from m >= M, which `Heat` can give for any window. Both
-//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit no heat is left, the outputs
-//! are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M. A change of
-//! limits happens while the output is zero, from where every state is admissible.
+//! Proof: a limiter that continues another one starts from m >= M, which `Heat` can give for any window. Both
+//! follow m(t) = k m(t - 1) + (1 - k) y^2, so m >= M stays true. While m is above the limit there is no heat reserve,
+//! the outputs are at most `continuous`, and the line above holds for M; else m <= continuous^2 by the ramp, and so is M.
+//! A change of limits happens while the output is zero, from where every state is admissible.
 //!
-//! What an actuator was given before anybody looked is counted as the limit in force itself, whichever that is: it
-//! begins with its heat spent, and to raise a limit gives none back. One that left the run, and comes back or might come
-//! back under another name, is as hot as the hottest that ever left besides: nothing is assumed of its cooling meanwhile.
+//! Output before the run is unknown and counts as the continuous limit in force: the actuator starts without heat
+//! reserve, and a higher limit does not add any. An actuator that is removed and may come back under another name
+//! counts as hot as the hottest removed one; no cooling is assumed.
 
 mod heat;
 
@@ -50,7 +49,7 @@ pub struct Limit {
     pub continuous: f64,
     /// Time constant of that mean, s.
     pub window_s: f64,
-    /// Largest rate of change, unit/s; none: not limited.
+    /// Largest rate of change, unit/s; `None`: unlimited.
     pub slew_per_s: Option<f64>,
 }
 
@@ -58,7 +57,7 @@ pub struct Limit {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LimitError {
     /// A limit is zero, negative or not finite.
-    #[error("limit {name} is {value}: give a finite number above zero")]
+    #[error("limit {name} is {value}: choose a finite number above zero")]
     NotPositive {
         /// The setting.
         name: &'static str,
@@ -75,8 +74,8 @@ pub enum LimitError {
     },
     /// A ramp from peak to continuous would take too many ticks to plan.
     #[error(
-        "at a slew of {slew_per_s} per second the way from peak to continuous takes {ticks:.0} ticks, at most \
-         {most} can be planned: raise the slew limit or lower the peak",
+        "at a slew limit of {slew_per_s} per second a ramp from peak to continuous takes {ticks:.0} ticks, but at most \
+         {most} are possible: raise the slew limit or lower the peak",
         most = MOST_RUNGS
     )]
     SlewTooSlow {
@@ -87,22 +86,22 @@ pub enum LimitError {
     },
 }
 
-/// How often each limit held something back.
+/// Number of ticks in which each limit acted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ClipCounts {
-    /// Ticks in all.
+    /// All ticks.
     pub ticks: u64,
     /// Ticks whose request was above the peak.
     pub peak: u64,
-    /// Ticks held back by the heat that was left.
+    /// Ticks limited by the heat reserve.
     pub continuous: u64,
-    /// Ticks held back by the slew limit.
+    /// Ticks limited by the slew limit.
     pub slew: u64,
-    /// Ticks whose request was not a number or infinite.
+    /// Ticks whose request was NaN or infinite.
     pub fault: u64,
 }
 
-/// Keeps a [`Limit`] on a drive of `N` axes (magnitudes are Euclidean). Allocates when built only.
+/// Enforces a [`Limit`] on an output of `N` axes; magnitudes are Euclidean. Allocates only when built.
 #[derive(Debug, Clone)]
 pub struct Limiter<const N: usize> {
     peak: f64,
@@ -114,17 +113,17 @@ pub struct Limiter<const N: usize> {
     weight: f64,
     ramp: Box<[Rung]>,
     previous: [f64; N],
-    /// Heat that is left: the continuous limit's square less the mean square. Below zero where a higher limit, or one
-    /// of another window, let it become hotter than this one would.
+    /// Heat reserve: square of the continuous limit minus the mean square. Negative if an earlier limit, higher or with
+    /// another window, allowed more heat.
     budget: f64,
-    /// What it was given, for limits to come.
+    /// Heat for any window, for later limits.
     heat: Heat,
     window_s: f64,
     rate_hz: f64,
     counts: ClipCounts,
 }
 
-/// A step of the ramp down to the continuous limit: at this magnitude or below, `budget` suffices to come down.
+/// A step of the ramp down to the continuous limit: from this magnitude or below, `budget` suffices for the ramp.
 #[derive(Debug, Clone, Copy)]
 struct Rung {
     magnitude: f64,
@@ -132,9 +131,9 @@ struct Rung {
 }
 
 const MOST_RUNGS: f64 = 1e6;
-/// Rounding must not make a limit leak: heat and rungs are planned this fraction inside it.
+/// Relative margin of heat and rungs against rounding errors.
 const MARGIN: f64 = 1e-9;
-/// The same where a single rounding is at stake.
+/// Relative margin against a single rounding.
 const HAIR: f64 = 1.0 - 4.0 * f64::EPSILON;
 
 impl<const N: usize> Limiter<N> {
@@ -179,29 +178,29 @@ impl<const N: usize> Limiter<N> {
         })
     }
 
-    /// The output for this tick: the request, held back as far as the limits ask.
+    /// Computes the limited output of a request for one tick.
     pub fn apply(&mut self, request: [f64; N]) -> [f64; N] {
         self.counts.ticks += 1;
-        let is_number = request.iter().all(|x| x.is_finite());
-        self.counts.fault += u64::from(!is_number);
-        let wanted = self.within_peak(if is_number { request } else { [0.0; N] });
+        let is_finite = request.iter().all(|x| x.is_finite());
+        self.counts.fault += u64::from(!is_finite);
+        let wanted = self.within_peak(if is_finite { request } else { [0.0; N] });
         let reachable = self.within_slew(wanted);
         let sustainable = self.within_heat(reachable);
         self.put_out(sustainable)
     }
 
-    /// What was held back since the start.
+    /// Counts since the start.
     pub fn counts(&self) -> ClipCounts {
         self.counts
     }
 
-    /// At least the weighted mean square, in the drive's unit squared: 0 when cold, above the continuous limit's square
-    /// where another limit was in force before.
+    /// Upper bound of the weighted mean square, unit squared: 0 when cold; can exceed the square of the continuous
+    /// limit after a change of limits.
     pub fn mean_square(&self) -> f64 {
         self.continuous_square - self.budget
     }
 
-    /// Goes on for another limiter of the same actuator, as warm as that really is.
+    /// Continues the state of another limiter of the same actuator, with its heat.
     pub fn go_on_for(&mut self, other: &Self) {
         self.heat.go_on_for(&other.heat);
         let unknown = self.heat.unknown_part(self.window_s);
@@ -216,17 +215,17 @@ impl<const N: usize> Limiter<N> {
         self.budget = self.continuous_square * (1.0 - unknown) - known;
     }
 
-    /// Its counts go on from those of another one.
+    /// Continues the counts of another limiter.
     pub fn count_on_from(&mut self, counts: ClipCounts) {
         self.counts = counts;
     }
 
-    /// Begins as warm as the limit allows, for an actuator of which nobody knows what drove it before.
-    pub fn begin_unrested(&mut self) {
+    /// Starts without heat reserve: the earlier output of the actuator is unknown.
+    pub fn assume_thermally_saturated(&mut self) {
         self.begin_unknown(None);
     }
 
-    /// The same for one that may be any of those that left the run.
+    /// Starts with the heat of the hottest removed actuator: the hardware may be the same.
     pub(crate) fn begin_as_any_of(&mut self, hottest: &Hottest) {
         self.begin_unknown(Some(hottest));
     }
@@ -236,19 +235,19 @@ impl<const N: usize> Limiter<N> {
         self.budget = -self.heat.mean_square(self.window_s);
     }
 
-    /// Does it count a time of which nobody knows what drove its actuator?
-    pub fn is_unrested(&self) -> bool {
+    /// Whether its heat includes a time of unknown output.
+    pub fn has_unknown_history(&self) -> bool {
         self.heat.is_partly_unknown()
     }
 
-    /// The actuator leaves the run.
+    /// Records the heat of a removed actuator.
     pub(crate) fn leave_to(&self, hottest: &Hottest) {
         hottest.take_in(&self.heat);
     }
 
-    /// Begins from what the actuator was really given last; the heat stays.
-    pub fn begin_from(&mut self, given: [f64; N]) {
-        self.previous = given;
+    /// Sets the last output; the heat stays.
+    pub fn begin_from(&mut self, output: [f64; N]) {
+        self.previous = output;
     }
 
     /// The latest output.
@@ -257,7 +256,7 @@ impl<const N: usize> Limiter<N> {
     }
 
     fn within_peak(&mut self, request: [f64; N]) -> [f64; N] {
-        // Divided by its largest component first: the square of a large request overflows.
+        // Scaled by the largest component first: the square of a large request overflows.
         let largest = request.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         let relative = if largest > self.peak {
             norm(scale(request, 1.0 / largest)) * largest
@@ -283,22 +282,22 @@ impl<const N: usize> Limiter<N> {
     }
 
     fn within_heat(&mut self, reachable: [f64; N]) -> [f64; N] {
-        let most = self.most_magnitude(norm(reachable));
+        let most = self.max_magnitude(norm(reachable));
         if norm(reachable) <= most {
             return reachable;
         }
         self.counts.continuous += 1;
-        // Between the fastest way down and what was asked: both are within the slew, so everything between is.
+        // Between the fastest ramp down and the request: both keep the slew limit, so all points between do.
         let down = (1.0 - self.step / norm(self.previous)).max(0.0);
         let safest = scale(self.previous, if down.is_finite() { down } else { 0.0 });
         furthest_within(safest, reachable, most)
     }
 
-    /// The largest magnitude up to `asked` that leaves enough heat to come down again.
-    fn most_magnitude(&self, asked: f64) -> f64 {
-        // With a debt of heat from another limit, what is continuous is allowed: the debt decays as it would.
+    /// Largest magnitude up to `request` that leaves enough heat reserve for the ramp down.
+    fn max_magnitude(&self, request: f64) -> f64 {
+        // With a negative reserve from an earlier limit the continuous limit is allowed: the excess decays.
         let budget = self.budget.max(0.0);
-        let above = self.ramp.partition_point(|rung| rung.magnitude < asked);
+        let above = self.ramp.partition_point(|rung| rung.magnitude < request);
         let mut most = 0.0_f64;
         for rung in self.ramp.iter().take(above + 1).rev() {
             if most >= rung.magnitude {
@@ -323,7 +322,7 @@ impl<const N: usize> Limiter<N> {
     }
 }
 
-/// The heat that the way down from each magnitude needs, from the continuous limit up to the peak.
+/// Heat that the ramp down from each magnitude needs, from the continuous limit up to the peak.
 fn ramp(peak: f64, continuous_square: f64, step: f64, weight: f64, unlimited_slew: bool) -> Box<[Rung]> {
     if unlimited_slew {
         return Box::new([Rung {
@@ -350,12 +349,12 @@ fn ramp(peak: f64, continuous_square: f64, step: f64, weight: f64, unlimited_sle
     rungs.into_boxed_slice()
 }
 
-/// The point of the way from `start` to `end` that is furthest from `start` and within `radius` of the origin.
+/// The point on the line from `start` to `end` that is furthest from `start` and within `radius` of the origin.
 fn furthest_within<const N: usize>(start: [f64; N], end: [f64; N], radius: f64) -> [f64; N] {
     let way = sub(end, start);
     let room = radius * radius - dot(start, start);
     if room <= 0.0 {
-        // Rounding only: the start is within the radius by construction. Heat goes before slew.
+        // By rounding only: the start is within the radius by construction. Heat has priority over slew.
         let magnitude = norm(start);
         return if magnitude > 0.0 {
             scale(start, radius / magnitude)

@@ -1,8 +1,8 @@
-//! What a node is: its specification, how it is built, and the processor that runs.
+//! Node kinds and processors.
 //!
-//! A **node kind** says what can be written in a graph file and how to build it; a **processor** is the state that
-//! runs. Two traits, never one. Actuator sinks and file sinks are built by the engine itself, so that no author of
-//! a node can leave out a limiter or do input and output in a tick.
+//! A **node kind** declares ports and settings and builds a processor; a **processor** is the state that runs. These
+//! are two traits. The engine itself runs actuator sinks and file sinks, so that no node can bypass the limiter or do
+//! input and output in a tick.
 
 use crate::frame::Kind;
 use crate::settings::{Fields, Reading, SettingSpec, Settings};
@@ -15,22 +15,22 @@ use std::sync::Arc;
 pub use crate::io::{Held, Io};
 pub use crate::limiter::Limit;
 
-/// Everything that is known of a node kind before one is built; documentation, messages and checks come from it.
+/// Specification of a node kind; the source of its documentation, messages and checks.
 #[derive(Debug, Clone, Copy)]
 pub struct NodeSpec {
-    /// As written in a graph file.
+    /// Name in graph files.
     pub name: &'static str,
-    /// The folder it belongs to: `math`, `filters`, `texture`.
+    /// Group it belongs to: `math`, `filters`, `texture`.
     pub group: &'static str,
     /// What it does; the first sentence is its summary.
     pub doc: &'static str,
-    /// Where it comes from: a section or equation of the thesis, a paper; empty for plain blocks.
+    /// Reference: a section or equation of the thesis, or a paper; empty for plain blocks.
     pub source: &'static str,
     /// Inputs; a [`Presence::Many`] port comes last.
     pub inputs: &'static [InputSpec],
     /// Outputs.
     pub outputs: &'static [OutputSpec],
-    /// A line of RON that uses it.
+    /// Example of its use, one line of RON.
     pub example: &'static str,
 }
 
@@ -43,18 +43,18 @@ pub struct InputSpec {
     pub kind: KindRule,
     /// What its numbers are.
     pub quantity: QuantityRule,
-    /// A frame a tick, or runs of held frames.
+    /// Whether it reads a frame a tick or runs of held frames.
     pub flow: Flow,
-    /// Must it be connected?
+    /// Whether it has to be connected.
     pub presence: Presence,
     /// What it is for.
     pub doc: &'static str,
 }
 
-/// An output port. Outputs are always sampled: a frame a tick of the node's clock.
+/// An output port. Outputs are always sampled: one frame per tick of the node's clock.
 #[derive(Debug, Clone, Copy)]
 pub struct OutputSpec {
-    /// `node.name` in the graph file.
+    /// Name in graph files: `node.name`.
     pub name: &'static str,
     /// Shape of a frame.
     pub kind: KindRule,
@@ -67,29 +67,29 @@ pub struct OutputSpec {
 /// How an input reads its signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// One frame a tick.
+    /// One frame per tick.
     Sampled,
-    /// Runs of (ticks, frame): a slow signal under a fast clock costs only its changes.
+    /// Runs of (ticks, frame): a slow signal read by a fast clock costs time at its changes only.
     Held,
 }
 
 /// Whether an input has to be connected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Presence {
-    /// It has to.
+    /// It has to be connected.
     Required,
-    /// It need not; the processor asks [`Io::connected`].
+    /// It may be left out; [`Io::connected`] gives which.
     Optional,
-    /// A list of any number of connections, at least one.
+    /// It takes a list of at least one connection.
     Many,
 }
 
-/// Which frames a port carries.
+/// Which kind of frames a port carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KindRule {
     /// This kind.
     Is(Kind),
-    /// Scalar, 3-vector or wrench, treated lane by lane.
+    /// Scalar, 3-vector or wrench, treated component by component.
     Linear,
     /// Any kind.
     Any,
@@ -110,15 +110,15 @@ pub enum QuantityRule {
     Product(&'static str, &'static str),
     /// The first input divided by the second.
     Quotient(&'static str, &'static str),
-    /// The named input a second: its derivative.
+    /// The named input per second: its derivative.
     PerSecond(&'static str),
     /// The named input times seconds: its integral.
     TimesSeconds(&'static str),
-    /// The named setting says it by name: `quantity: "force"`.
+    /// The quantity that the named setting gives: `quantity: "force"`.
     Setting(&'static str),
 }
 
-/// An input of one fixed kind and quantity that has to be connected.
+/// A required input of one kind and quantity.
 pub const fn input(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> InputSpec {
     InputSpec {
         name,
@@ -131,14 +131,14 @@ pub const fn input(name: &'static str, kind: Kind, quantity: Quantity, doc: &'st
 }
 
 impl InputSpec {
-    /// The same input, reading runs.
+    /// Makes the input read runs of held frames.
     #[must_use]
     pub const fn held(mut self) -> Self {
         self.flow = Flow::Held;
         self
     }
 
-    /// The same input, not required.
+    /// Makes the input optional.
     #[must_use]
     pub const fn optional(mut self) -> Self {
         self.presence = Presence::Optional;
@@ -146,7 +146,7 @@ impl InputSpec {
     }
 }
 
-/// An input that takes scalars, vectors and wrenches of any quantity.
+/// A required input that takes scalars, vectors and wrenches of any quantity.
 pub const fn any_input(name: &'static str, doc: &'static str) -> InputSpec {
     InputSpec {
         name,
@@ -158,7 +158,7 @@ pub const fn any_input(name: &'static str, doc: &'static str) -> InputSpec {
     }
 }
 
-/// An output of one fixed kind and quantity.
+/// An output of one kind and quantity.
 pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'static str) -> OutputSpec {
     OutputSpec {
         name,
@@ -168,7 +168,7 @@ pub const fn output(name: &'static str, kind: Kind, quantity: Quantity, doc: &'s
     }
 }
 
-/// An output of the kind and quantity of the named input.
+/// An output with the kind and quantity of the named input.
 pub const fn output_like(name: &'static str, like: &'static str, doc: &'static str) -> OutputSpec {
     OutputSpec {
         name,
@@ -178,32 +178,32 @@ pub const fn output_like(name: &'static str, like: &'static str, doc: &'static s
     }
 }
 
-/// What a node is told when it is built.
+/// Context in which a node is built.
 #[derive(Debug, Clone)]
 pub struct BuildContext {
     /// Path of the node in the graph: `texture/filter`.
     pub path: String,
     /// Rate of its clock.
     pub rate: Rate,
-    /// The most frames one call of `process` can get.
+    /// Largest number of frames in one call of `process`.
     pub max_frames: usize,
-    /// Seed of the node's own random stream, from the graph's seed and the node's path.
+    /// Seed of the node's random stream, derived from the graph's seed and the node's path.
     pub seed: u64,
-    /// Lanes of each input as connected (0 for one that is not), in the order of [`Io`].
+    /// Components of each connected input, 0 for an unconnected one, in the order of [`Io`].
     pub input_widths: Vec<usize>,
 }
 
-/// Why a node or device cannot be built from settings that are well-formed.
+/// Error or warning of a node or device with well-formed settings.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct BuildError {
-    /// The setting to point at, or the whole node.
+    /// The setting at fault; `None` for the whole node.
     pub field: Option<&'static str>,
     /// What is wrong.
     pub message: String,
     /// What to do.
     pub help: Option<String>,
-    /// Characters of the setting, a text, to point at: the first and the one after the last.
+    /// The characters at fault in a text setting, as a half-open range.
     pub part: Option<(usize, usize)>,
 }
 
@@ -226,14 +226,14 @@ impl BuildError {
         }
     }
 
-    /// About these characters of the setting, which is a text: the first and the one after the last.
+    /// Points at these characters of a text setting, a half-open range.
     #[must_use]
     pub fn part(mut self, first: usize, end: usize) -> Self {
         self.part = Some((first, end));
         self
     }
 
-    /// What to do about it.
+    /// Adds what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
@@ -243,69 +243,69 @@ impl BuildError {
 
 /// A kind of node that processes signals.
 pub trait NodeKind: 'static {
-    /// What can be set.
+    /// Settings of the kind.
     type Settings: Settings;
     /// Ports and documentation.
     const SPEC: NodeSpec;
-    /// Builds the state that runs. May read files, allocate and take its time.
+    /// Builds the processor. May read files, allocate and block.
     ///
     /// # Errors
-    /// [`BuildError`] where the settings do not fit each other, the rate, or the files they name.
+    /// [`BuildError`] if the settings do not fit each other, the rate, or the files they name.
     fn build(settings: Self::Settings, cx: &BuildContext) -> Result<Box<dyn Processor>, BuildError>;
-    /// What it will keep of its signals, bytes, where that depends on the settings: a graph that asks for more than there
-    /// may be is refused before this is built.
+    /// Signal memory that depends on the settings, bytes. The check refuses a graph beyond the memory bound before it
+    /// builds the node.
     fn memory_bytes(settings: &Self::Settings, cx: &BuildContext) -> u64 {
         let _ = (settings, cx);
         0
     }
-    /// What can be built but is probably not meant; shown as warnings when a graph is checked.
+    /// Warnings about valid but doubtful settings, shown when a graph is checked.
     fn advice(settings: &Self::Settings, cx: &BuildContext) -> Vec<BuildError> {
         let _ = (settings, cx);
         Vec::new()
     }
 }
 
-/// A kind of sink that drives a device. The engine itself runs its gain and its limiter.
+/// A kind of sink that drives a device. The engine runs its gain and its limiter.
 ///
-/// The one input is named as the device's channel, and its output `delivered` is what the device was given.
+/// Its one input has the name of the device's channel. Its output `delivered` is what the device received.
 pub trait ActuatorKind: 'static {
-    /// What can be set; the limit is among it.
+    /// Settings of the kind, the limit included.
     type Settings: Settings;
     /// Ports and documentation; one input, one output `delivered`.
     const SPEC: NodeSpec;
-    /// Gain from the input to the device and the limit that is never exceeded, in SI.
+    /// Gain from the input to the device, and the limit, in SI.
     ///
     /// # Errors
-    /// [`BuildError`] where the limit is not one.
+    /// [`BuildError`] if the limit is invalid.
     fn limit(settings: &Self::Settings) -> Result<(f64, Limit), BuildError>;
 }
 
-/// A kind of sink that writes to a file. It has no clock: every input is written at its own rate.
+/// A kind of sink that writes a file. It has no clock: it writes every input at the input's rate.
 pub trait FileKind: 'static {
-    /// What can be set.
+    /// Settings of the kind.
     type Settings: Settings;
     /// Ports and documentation.
     const SPEC: NodeSpec;
-    /// Checks the settings and returns what will open the file when a run starts.
+    /// Checks the settings and returns the sink that opens the file when a run starts.
     ///
     /// # Errors
-    /// [`BuildError`] where the settings do not fit.
+    /// [`BuildError`] if the settings are invalid.
     fn build(settings: Self::Settings, cx: &FileContext) -> Result<Box<dyn FileSink>, BuildError>;
 }
 
-/// What a file sink is told when it is built.
+/// Context in which a file sink is built.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FileContext {
-    /// What it will write, in the order of its inputs.
+    /// The signals that it writes, in the order of its inputs.
     pub streams: Vec<Stream>,
-    /// The seed of the whole graph, for files that say how they can be made again.
+    /// Seed of the graph, for files that state how to reproduce them.
     pub graph_seed: u64,
 }
 
-/// One signal as a file sink or probe sees it.
+/// Description of a signal that a file sink or probe records.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stream {
-    /// `node.port` it comes from.
+    /// Output that it comes from: `node.port`.
     pub name: String,
     /// Shape of a frame.
     pub kind: Kind,
@@ -313,7 +313,7 @@ pub struct Stream {
     pub quantity: Quantity,
     /// Frames a second.
     pub rate: Rate,
-    /// Was it produced, directly or not, by a simulated device?
+    /// Whether it depends on a simulated device.
     pub simulated: bool,
 }
 
@@ -321,66 +321,68 @@ pub struct Stream {
 pub trait FileSink: Send + Sync {
     /// File name relative to the run's folder.
     fn file_name(&self) -> &Path;
-    /// Starts writing `path`.
+    /// Opens `path` for writing.
     ///
     /// # Errors
-    /// What the file system says.
+    /// Errors of the file system.
     fn open(&self, path: &Path, streams: &[Stream]) -> std::io::Result<Box<dyn FrameWriter>>;
-    /// What there is to be shown of the file while it is written, if anything.
+    /// Progress to show while the file is written, if any.
     fn progress(&self) -> Option<Arc<dyn FileProgress>> {
         None
     }
 }
 
-/// How a file that is being written is getting on.
+/// Progress of a file that is being written.
 pub trait FileProgress: Send + Sync {
-    /// Lines to show: the first says it all, others show it.
+    /// Lines to show; the first is a summary.
     fn lines(&self) -> Vec<String>;
 }
 
-/// Writes frames to a file, away from the real-time threads.
+/// Writes frames to a file, outside the real-time threads.
 pub trait FrameWriter: Send {
     /// Appends frames of one stream.
     ///
     /// # Errors
-    /// What the file system says.
+    /// Errors of the file system.
     fn write(&mut self, stream: usize, frames: &[f64]) -> std::io::Result<()>;
     /// Completes the file.
     ///
     /// # Errors
-    /// What the file system says.
+    /// Errors of the file system.
     fn finish(self: Box<Self>) -> std::io::Result<()>;
 }
 
-/// The state of a node that runs.
+/// State of a running node.
 ///
-/// `process` runs on real-time threads: it does not allocate, lock, call the system, print or panic. Its output
-/// does not depend on how time is cut into blocks.
+/// `process` runs on real-time threads: it must not allocate, lock, make system calls, print or panic. Its output
+/// must not depend on the block size.
 pub trait Processor: CloneProcessor + Send + Sync {
     /// Computes `tick.frames` frames of every output.
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>);
 
-    /// How a single frame can be computed without ports, where at most one sampled scalar is read and one is put out.
-    /// Loops through a body and blocks of one frame are run so: the ports of `process` cost several times as much as
-    /// a multiplication. Whether there is a way does not change while the node lives.
+    /// How to compute a single frame without ports, for nodes with at most one scalar input and one scalar output.
+    ///
+    /// The engine uses it in loops through a body and in blocks of one frame: the ports of `process` cost several times
+    /// as much as a multiplication. Whether the result is `Some` must not change during the node's life.
     fn single(&self) -> Option<Single> {
         None
     }
 
-    /// The output for one frame of the input, bit for bit as from `process`; called where [`single`](Self::single)
-    /// says so. For a node without inputs `x` means nothing.
+    /// Output for one frame of the input, bit-identical to `process`. Called if [`single`](Self::single) returns
+    /// [`Single::Call`]. A node without inputs ignores `x`.
     fn frame(&mut self, x: f64) -> f64 {
         x
     }
 
-    /// Sets a live setting, by its place among the settings. Real-time like `process`.
+    /// Sets a live setting by its index in the list of settings. Real-time code like `process`.
     fn set(&mut self, setting: usize, value: f64) {
         let _ = (setting, value);
     }
 
-    /// Carries state over to the processor that replaces this one in a new plan; for a while both may run, one fading
-    /// into the other. With the same settings, the other has to go on as this one would. Real-time like `process`. A
-    /// node without state needs none of it.
+    /// Copies the state into the processor that replaces this one in a new plan. Both may run during a cross-fade.
+    ///
+    /// With the same settings the new processor must continue as this one would. Real-time code like `process`. A node
+    /// without state need not implement it.
     fn copy_state_into(&self, new: &mut dyn Processor) {
         let _ = new;
     }
@@ -390,38 +392,38 @@ pub trait Processor: CloneProcessor + Send + Sync {
         Latency::default()
     }
 
-    /// Where the data that it plays end; nothing where they do not. Does not change while the node lives.
+    /// End of the data that it plays; `None` if they do not end. Must not change during the node's life.
     fn data_end(&self) -> Option<DataEnd> {
         None
     }
 }
 
-/// Where the data of a source end.
+/// End of the data of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DataEnd {
-    /// Frames on the node's clock that the data fill.
+    /// Length of the data in frames of the node's clock.
     pub frames: u64,
-    /// What follows them.
+    /// What follows the data.
     pub then: AfterData,
 }
 
-/// What follows where the data of a source end.
+/// What follows the end of a source's data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AfterData {
     /// The run ends.
     Stop,
-    /// The last value holds.
+    /// The source holds its last value.
     Hold,
-    /// Zero.
+    /// The source gives zero.
     Silence,
 }
 
-/// How a node computes one frame of its output from one frame of its input, bit for bit as `process` does.
+/// How a node computes one frame of its output from one frame of its input, bit-identical to `process`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Single {
-    /// By [`Processor::frame`].
+    /// Call [`Processor::frame`].
     Call,
-    /// This factor times the input. The engine multiplies by itself: a call costs more than the product.
+    /// This factor times the input. The engine multiplies inline: a call costs more than the product.
     Scale(f64),
     /// The input plus this offset.
     Offset(f64),
@@ -439,16 +441,16 @@ impl Single {
     }
 }
 
-/// What a node adds to the delay of what passes through it.
+/// Delay of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Latency {
-    /// Whole samples held back.
+    /// Transport delay, s.
     pub transport_s: f64,
-    /// Group delay in the middle of its pass band.
+    /// Group delay in the middle of the pass band, s.
     pub group_delay_s: f64,
 }
 
-/// The processor that takes over, if it is of the same type.
+/// Downcasts the replacing processor, if it has this type.
 pub fn successor<T: Processor + 'static>(new: &mut dyn Processor) -> Option<&mut T> {
     new.as_any_mut().downcast_mut()
 }
@@ -470,25 +472,25 @@ impl<T: Processor + Clone + 'static> CloneProcessor for T {
     }
 }
 
-/// When a call of `process` happens.
+/// Time of a call of `process`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tick {
     /// Index of the first frame since the start, on the node's clock.
     pub first: u64,
     /// Number of frames.
     pub frames: usize,
-    /// Seconds a frame.
+    /// Period of a frame, s.
     pub period_s: f64,
 }
 
 impl Tick {
-    /// Time of a frame since the start.
+    /// Time of a frame since the start, s.
     pub fn time_s(&self, frame: usize) -> f64 {
         (self.first + frame as u64) as f64 * self.period_s
     }
 }
 
-/// A node kind as registered, its types erased.
+/// A registered node kind, its types erased.
 #[derive(Clone, Copy)]
 pub struct NodeEntry {
     /// Ports and documentation.
@@ -497,30 +499,30 @@ pub struct NodeEntry {
     pub(crate) build: Build,
 }
 
-/// How a registered node is built from its fields. Each reports what is wrong and returns `None`.
+/// How a registered node is built from its fields. Each variant reports errors and returns `None`.
 #[derive(Clone, Copy)]
 pub(crate) enum Build {
     Processor(Read<BuildContext, Measured>),
     Actuator(Read<(), (f64, Limit)>),
     File(Read<FileContext, Box<dyn FileSink>>),
-    /// Reads a device; its outputs are the device's channels of the same names. What it is given reads its settings.
+    /// Reads a device; its outputs are the device's channels of the same names. The function reads its settings.
     Source(fn(&mut Fields, &mut Reading<'_>) -> bool),
 }
 
 /// The first half of building: fields to settings.
 pub(crate) type Read<Context, Built> = fn(&mut Fields, &mut Reading<'_>) -> Option<Finish<Context, Built>>;
 
-/// The bytes that a processor will keep ([`NodeKind::memory_bytes`]), and how it is built.
+/// Memory of a processor, bytes ([`NodeKind::memory_bytes`]), and the function that builds it.
 pub(crate) type Measured = (u64, Finish<BuildContext, Advised>);
 
-/// A processor and the warnings that came up while it was built.
+/// A processor and the warnings about its settings.
 pub(crate) type Advised = (Box<dyn Processor>, Vec<BuildError>);
 
-/// The second half of building, when clock and connections are known; it can be repeated.
+/// The second half of building, after clock and connections are known.
 pub(crate) type Finish<Context, Built> = Box<dyn FnOnce(&Context) -> Result<Built, BuildError>>;
 
 impl NodeEntry {
-    /// A node that processes.
+    /// Erases the types of a node that processes.
     pub fn processor<K: NodeKind>() -> Self {
         Self {
             spec: &const { K::SPEC },
@@ -539,7 +541,7 @@ impl NodeEntry {
         }
     }
 
-    /// A sink that drives a device through the engine's limiter.
+    /// Erases the types of a sink that drives a device through the engine's limiter.
     pub fn actuator<K: ActuatorKind>() -> Self {
         Self {
             spec: &const { K::SPEC },
@@ -551,7 +553,7 @@ impl NodeEntry {
         }
     }
 
-    /// A sink that writes a file.
+    /// Erases the types of a sink that writes a file.
     pub fn file<K: FileKind>() -> Self {
         Self {
             spec: &const { K::SPEC },
@@ -563,7 +565,7 @@ impl NodeEntry {
         }
     }
 
-    /// A source that reads a device.
+    /// Makes the entry of a source that reads a device.
     pub const fn source(spec: &'static NodeSpec) -> Self {
         Self {
             spec,
@@ -572,7 +574,7 @@ impl NodeEntry {
         }
     }
 
-    /// A source that reads a device and has settings, such as the quantity of what it reads.
+    /// Makes the entry of a source that reads a device and has settings, such as the quantity it reads.
     pub fn source_with<S: Settings>(spec: &'static NodeSpec) -> Self {
         Self {
             spec,
@@ -586,17 +588,17 @@ impl NodeEntry {
         (self.settings)()
     }
 
-    /// Is it bound to a device by an `endpoint` field?
+    /// Whether an `endpoint` field binds it to a device.
     pub fn has_endpoint(&self) -> bool {
         matches!(self.build, Build::Actuator(_) | Build::Source(_))
     }
 
-    /// Is it an actuator sink?
+    /// Whether it is an actuator sink.
     pub fn is_actuator(&self) -> bool {
         matches!(self.build, Build::Actuator(_))
     }
 
-    /// Is it a sink that writes a file, and so without a clock?
+    /// Whether it is a file sink. A file sink has no clock.
     pub fn is_file(&self) -> bool {
         matches!(self.build, Build::File(_))
     }

@@ -1,9 +1,9 @@
-//! The node and device kinds that graphs can use.
+//! The registry of node and device kinds.
 
 use crate::device::DeviceEntry;
 use crate::node::NodeEntry;
 
-/// The kinds known to a program. `haptograph_nodes::registry()` has the shipped ones; add your own to it.
+/// Node kinds, device kinds and library templates of a program. `haptograph_nodes::registry()` has the shipped ones.
 #[derive(Debug, Clone, Default)]
 pub struct Registry {
     nodes: Vec<NodeEntry>,
@@ -12,25 +12,27 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// None yet.
+    /// Makes an empty registry.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
+    /// Adds a node kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
+    /// `E0212`.
     pub fn add(&mut self, entry: NodeEntry) -> &mut Self {
         self.nodes.push(entry);
         self
     }
 
-    /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is `E0212`.
+    /// Adds a device kind. With two kinds of one name no graph passes [`check`](crate::graph::check): the error is
+    /// `E0212`.
     pub fn add_device(&mut self, entry: DeviceEntry) -> &mut Self {
         self.devices.push(entry);
         self
     }
 
-    /// Adds templates that any graph can include, `include: ["std/NAME.ron"]`: the name, `std/NAME.ron`, and a text `Parts(...)`.
-    /// Parts of the same name are replaced.
+    /// Adds library templates that a graph can include by `include: ["std/NAME.ron"]`. `name` is `std/NAME.ron`,
+    /// `text` a `Parts(...)`. Replaces parts of the same name.
     pub fn add_parts(&mut self, name: &'static str, text: &'static str) -> &mut Self {
         self.library.retain(|(known, _)| *known != name);
         self.library.push((name, text));
@@ -42,19 +44,19 @@ impl Registry {
         &self.library
     }
 
-    /// Puts a node kind in the place of the one of the same name, if there is one.
+    /// Adds a node kind and removes any other of the same name.
     pub fn replace(&mut self, entry: NodeEntry) -> &mut Self {
         self.nodes.retain(|known| known.spec.name != entry.spec.name);
         self.add(entry)
     }
 
-    /// Puts a device kind in the place of the one of the same name, if there is one.
+    /// Adds a device kind and removes any other of the same name.
     pub fn replace_device(&mut self, entry: DeviceEntry) -> &mut Self {
         self.devices.retain(|known| known.spec.name != entry.spec.name);
         self.add_device(entry)
     }
 
-    /// The names that two kinds have, each once: of nodes, then of devices.
+    /// The names registered more than once: of node kinds, then of device kinds.
     pub(crate) fn twice(&self) -> impl Iterator<Item = &'static str> {
         let nodes = self.nodes.iter().map(|entry| entry.spec.name).collect();
         let devices = self.devices.iter().map(|entry| entry.spec.name).collect();

@@ -1,5 +1,5 @@
-//! Settings of nodes and devices: typed structs declared once, from which come the reader with its error messages,
-//! the tables of `haptograph nodes`, and the defaults.
+//! Settings of nodes and devices: typed structs whose declaration gives the reader with its messages, the tables of
+//! `haptograph nodes`, and the defaults.
 
 mod spelling;
 mod values;
@@ -11,26 +11,26 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// What is told of one setting.
+/// Specification of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingSpec {
     /// Field name, with its unit: `cutoff_hz`.
     pub name: &'static str,
     /// From the doc comment.
     pub doc: String,
-    /// What may be written: `a number`, `one of Direct, Lattice`.
+    /// Description of valid values: `a number`, `one of Direct, Lattice`.
     pub expected: String,
-    /// As written in RON; `None` if it has to be given.
+    /// Default in RON; `None` if it has to be given.
     pub default: Option<String>,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// May it be changed while the graph runs?
+    /// Whether it can change while the graph runs.
     pub live: bool,
-    /// Is it a whole number? Then a change jumps.
+    /// Whether it is a whole number. Such a setting jumps to a new value.
     pub whole: bool,
-    /// Is it a frequency that has to stay below half of the rate of its node?
+    /// Whether it is a frequency that must stay below half the rate of its node.
     pub below_nyquist: bool,
-    /// What it is made of, where it is more than a number or a word.
+    /// Its fields or choices, if it is a structure or an enum.
     pub parts: Vec<Part>,
 }
 
@@ -49,39 +49,39 @@ pub struct Part {
 pub trait Settings: Sized + 'static {
     /// Its fields, in the order of declaration.
     fn specs() -> Vec<SettingSpec>;
-    /// Takes its fields out of `fields`. On `None` at least one diagnostic was reported.
+    /// Takes its fields out of `fields`. `None` after at least one reported diagnostic.
     fn take_from(fields: &mut Fields, reading: &mut Reading<'_>) -> Option<Self>;
 }
 
 /// A type that a setting can have.
 pub trait Setting: Sized {
-    /// What may be written, for messages.
+    /// Description of valid values, for messages.
     fn expected() -> String;
-    /// Reads it. On `None` at least one diagnostic was reported.
+    /// Reads a value. `None` after at least one reported diagnostic.
     fn read(value: &Value, reading: &mut Reading<'_>) -> Option<Self>;
-    /// As it would be written in RON.
+    /// The value in RON.
     fn show(&self) -> String;
-    /// What it is made of, for the reference.
+    /// Its fields or choices, for the reference.
     fn parts() -> Vec<Part> {
         Vec::new()
     }
-    /// Is it a whole number?
+    /// Whether it is a whole number.
     fn is_whole() -> bool {
         false
     }
-    /// Its number, for the check against a range.
+    /// Its value as a number, for the check of the range.
     fn number(&self) -> Option<f64> {
         None
     }
 }
 
-/// Where reading reports to, and how paths are resolved.
+/// Context of reading: receives diagnostics and resolves paths.
 pub struct Reading<'a> {
-    /// Findings so far.
+    /// Diagnostics so far.
     pub diagnostics: &'a mut Vec<Diagnostic>,
-    /// The folder that paths written at a span are relative to.
+    /// The folder to which paths at a span are relative.
     pub folder: &'a dyn Fn(Span) -> PathBuf,
-    /// The paths that were read so far.
+    /// Paths read so far.
     pub files: &'a mut Vec<PathBuf>,
     /// The setting that is being read.
     pub setting: Option<&'static str>,
@@ -100,14 +100,14 @@ impl Reading<'_> {
         self.diagnostics.push(diagnostic);
     }
 
-    /// Reports that `value` holds `found` values, and not as many as were expected.
+    /// Reports that `value` has `found` values instead of the expected number.
     pub fn miscounted(&mut self, value: &Value, expected: &str, found: usize) {
         let plural = if found == 1 { "" } else { "s" };
         let diagnostic = self.wrong(value, expected, &format!("{found} value{plural}"));
         self.diagnostics.push(diagnostic);
     }
 
-    /// Whose fields a structure holds, for messages: the setting's, or of a type that is read by itself its `kind`.
+    /// Name of a structure in messages: the present setting, or `kind` if there is none.
     pub fn owner(&self, kind: &str) -> String {
         format!("`{}`", self.setting.unwrap_or(kind))
     }
@@ -117,13 +117,13 @@ impl Reading<'_> {
             .label(format!("expected {expected}"))
     }
 
-    /// A path as written, relative to the file it is written in.
+    /// Resolves a path relative to the file that contains it.
     pub fn resolve(&self, span: Span, written: &str) -> PathBuf {
         (self.folder)(span).join(Path::new(written))
     }
 }
 
-/// How a value is written that is not what was expected, where that can be told.
+/// Help for a value of the wrong type, if the correct form can be inferred.
 fn correction(value: &Value, expected: &str) -> Option<String> {
     let wants_number = expected.contains("number");
     match (&value.shape, value.bare_name()) {
@@ -149,18 +149,18 @@ fn correction(value: &Value, expected: &str) -> Option<String> {
     }
 }
 
-/// The fields of one structure while they are taken out of it.
+/// The fields of a structure while it is read.
 #[derive(Debug, Clone)]
 pub struct Fields {
-    /// Whose they are, for messages: `` `Gain` ``.
+    /// Name of the structure in messages: `` `Gain` ``.
     pub owner: String,
     /// The whole structure.
     pub span: Span,
     entries: Vec<(Name, Value)>,
     known: Vec<String>,
-    /// What to say of fields that are missing: their names, with `None` for nothing, as it was said already.
+    /// Special diagnostics for missing fields, by name; `None` if the field was reported already.
     missing: Vec<(String, Option<Diagnostic>)>,
-    /// What was missing; said at the end, as an unknown field may turn out to be a misspelt one of these.
+    /// Missing fields, reported at the end: an unknown field may be a misspelling of one.
     missed: Vec<(String, Diagnostic)>,
 }
 
@@ -204,40 +204,39 @@ impl Fields {
         Some(self.entries.remove(at).1)
     }
 
-    /// Says that a field of this name exists, without taking it; for "did you mean".
+    /// Declares a known field name without taking the field; for "did you mean".
     pub fn know(&mut self, name: &str) {
         self.known.push(name.to_owned());
     }
 
-    /// Says what to report in place of the general message where a required field of this name is missing;
-    /// `None` where the reason has been reported already.
+    /// Sets the diagnostic for a missing required field; `None` if the reason has been reported already.
     pub(crate) fn if_missing(&mut self, name: &str, diagnostic: Option<Diagnostic>) {
         self.missing.push((name.to_owned(), diagnostic));
     }
 
-    /// Keeps what to report of a field that is missing until all fields have been taken.
+    /// Defers the diagnostic of a missing field to [`finish`](Self::finish).
     pub(crate) fn miss(&mut self, name: &str, diagnostic: Diagnostic) {
         self.missed.push((name.to_owned(), diagnostic));
     }
 
-    /// Was what is wrong with this field reported already?
+    /// Whether an error of this field has been reported.
     pub(crate) fn is_reported(&self, name: &str) -> bool {
         self.missing
             .iter()
             .any(|(missing, special)| missing == name && special.is_none())
     }
 
-    /// What has not been taken yet.
+    /// The fields that have not been taken.
     pub fn remaining(&self) -> &[(Name, Value)] {
         &self.entries
     }
 
-    /// Reports what is missing, and all fields that nobody took.
+    /// Reports missing fields and fields that were not taken.
     pub fn finish(mut self, reading: &mut Reading<'_>) {
         for (name, _) in &self.entries {
             let message = format!("{} has no field `{}`", self.owner, name.text);
             let mut diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
-            // A field that is missing is the likeliest to be meant.
+            // A missing field is the most likely match.
             let missed = closest(&name.text, self.missed.iter().map(|(name, _)| name.as_str()));
             let near = missed.or_else(|| closest(&name.text, self.known.iter().map(String::as_str)));
             diagnostic = match near {
@@ -254,7 +253,7 @@ impl Fields {
         reading.diagnostics.extend(missed);
     }
 
-    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings!).
+    /// Reads a field by its spec; used by [`settings!`](crate::settings!).
     pub fn setting<T: Setting>(
         &mut self,
         name: &'static str,
@@ -296,7 +295,7 @@ impl Fields {
     }
 }
 
-/// The fields of a structure value; reports where it is none. `Name(...)` is accepted where `name` is given.
+/// The fields of a structure value; reports any other value.
 pub fn fields_of(value: &Value, owner: &str, reading: &mut Reading<'_>) -> Option<Fields> {
     let entries = match &value.shape {
         Shape::Unit => Vec::new(),
@@ -524,12 +523,16 @@ macro_rules! choices {
     };
 }
 
-/// Reports a name that is none of `choices`.
+/// Reports a name that is not in `choices`.
 pub fn unknown_choice(word: &str, choices: &[&'static str], span: Span, reading: &mut Reading<'_>) {
     let diagnostic = Diagnostic::error(
         "E0303",
         span,
-        format!("`{word}` is none of {}", choices.join(", ")),
+        format!(
+            "unknown {} `{word}`; expected one of: {}",
+            reading.setting.unwrap_or("value"),
+            choices.join(", ")
+        ),
     );
     reading
         .diagnostics

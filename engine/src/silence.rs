@@ -1,4 +1,4 @@
-//! Live inputs: whether a device that this program does not own is still heard, and what its silence does to actuators.
+//! Live inputs: the state of external devices, and the nodes that depend on them.
 
 use crate::graph::Graph;
 use std::sync::Arc;
@@ -15,32 +15,32 @@ crate::choices! {
     }
 }
 
-/// Whether a live input is heard.
+/// State of a live input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum InputState {
-    /// Nothing has arrived yet: so it stays in an offline run.
+    /// No data yet; the state in offline runs.
     #[default]
     Never,
-    /// What it senses is fresh.
+    /// The last data are fresh.
     Heard,
-    /// What it sensed last is older than its timeout.
+    /// The last data are older than the timeout.
     Silent,
-    /// It is heard, but moved faster than a hand: its own drives are held back for a while.
+    /// The data moved faster than a hand can: the device's own actuators are at zero for a while.
     Jumped,
 }
 
-/// The state of a live input, shared between the driver that reads it and all that depend on it.
+/// The state of a live input, shared between the driver of the device and all users.
 #[derive(Debug, Default)]
 pub struct InputCell(AtomicU8);
 
 impl InputCell {
-    /// Sets the state; only called by the driver that the device ticks on.
+    /// Sets the state. Only the driver of the device calls it.
     pub fn set(&self, state: InputState) {
         self.0.store(state as u8, Relaxed);
     }
 
-    /// The state that was set last.
+    /// The state.
     pub fn get(&self) -> InputState {
         match self.0.load(Relaxed) {
             1 => InputState::Heard,
@@ -51,20 +51,20 @@ impl InputCell {
     }
 }
 
-/// A device as a live input. Copies of the device share its cell.
+/// Live input of a device. Copies of the device share its cell.
 #[derive(Debug, Clone)]
 pub struct LiveInput {
     /// Its state.
     pub cell: Arc<InputCell>,
-    /// Do the actuators that depend on it go on while it is silent?
+    /// Whether the actuators that depend on it continue while it is silent.
     pub holds: bool,
-    /// Silence after which it counts as gone, s.
+    /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
 }
 
 impl LiveInput {
-    /// May an actuator that depends on it be driven? An actuator of the device itself (`own`) never is while the device
-    /// is silent or jumps.
+    /// Whether an actuator that depends on it is enabled. An actuator of the device itself (`own`) is disabled while
+    /// the device is silent or jumps.
     pub(crate) fn lets_through(&self, own: bool) -> bool {
         match self.cell.get() {
             InputState::Never => false,
@@ -75,14 +75,14 @@ impl LiveInput {
     }
 }
 
-/// The nodes that depend on a live input, by their indices.
+/// The nodes that depend on a live input, by index.
 pub(crate) struct Reach {
     pub device: usize,
     pub nodes: Vec<bool>,
 }
 
 impl Graph {
-    /// How far each live input reaches: along connections of every kind, and through the bodies that sinks drive.
+    /// The nodes that depend on each live input, through connections and through the bodies that sinks drive.
     pub(crate) fn reaches_of_inputs(&self) -> Vec<Reach> {
         let inputs = self.devices.iter().enumerate();
         let inputs = inputs.filter(|(_, known)| known.device.live_input().is_some());
@@ -105,7 +105,7 @@ impl Graph {
                 open.extend(reads(driven));
             }
         }
-        // What drives the device itself depends on it, whatever the graph does with what it senses.
+        // Actuators of the device itself depend on it, connected or not.
         for node in self.nodes.node_indices() {
             nodes[node.index()] |= self.nodes[node].work.sink_device() == Some(device);
         }

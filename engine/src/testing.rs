@@ -12,11 +12,12 @@
 //! #     const SPEC: NodeSpec = NodeSpec { name: "Twice", group: "math", doc: "Doubles.", source: "",
 //! #         inputs: &[any_input("input", "What is doubled.")],
 //! #         outputs: &[output_like("output", "input", "Twice the input.")], example: "" };
-//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> { Ok(Box::new(Doubler)) }
+//! #     fn build(_: TwiceSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
+//! Ok(Box::new(Doubler)) }
 //! # }
 //! # impl Processor for Doubler {
 //! #     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-//! #         let x = io.lanes(0);
+//! #         let x = io.components(0);
 //! #         io.out(0).iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
 //! #     }
 //! # }
@@ -31,7 +32,7 @@ mod example;
 pub use example::{Built, device_from_example, node_from_example};
 
 use crate::frame::Kind;
-use crate::io::{Form, Io, LINE, Memory, Placing, Wire};
+use crate::io::{Form, Io, LINE, Memory, Placing, ResolvedInput};
 use crate::node::{
     BuildContext, BuildError, Flow, InputSpec, KindRule, NodeKind, NodeSpec, Presence, Processor, Tick,
 };
@@ -45,7 +46,7 @@ pub struct Bench {
     processor: Box<dyn Processor>,
     kinds: Vec<Option<Kind>>,
     tick: Tick,
-    wires: Vec<Wire>,
+    wires: Vec<ResolvedInput>,
     memory: Memory,
     placings: Vec<Placing>,
     out: Memory,
@@ -99,7 +100,7 @@ impl Bench {
             let width = cx.input_widths[slot];
             let begin = at;
             at += (1 + MAX_FRAMES * (width + 1)).next_multiple_of(LINE);
-            Wire {
+            ResolvedInput {
                 at: begin as u32,
                 width: width as u32,
                 behind: false,
@@ -143,19 +144,19 @@ impl Bench {
         }
     }
 
-    /// Puts frames on the wires, the lanes of each input frame by frame; equal successive frames of a held input
+    /// Puts frames on the wires, the components of each input frame by frame; equal successive frames of a held input
     /// make one run. At most [`MAX_FRAMES`]; all inputs have to have the same number.
     pub fn load(&mut self, inputs: &[&[f64]], frames: usize) {
         assert!(frames <= MAX_FRAMES, "at most {MAX_FRAMES} frames at a time");
         self.tick.first += self.tick.frames as u64;
         self.tick.frames = frames;
-        for (wire, lanes) in self.wires.iter().zip(inputs) {
+        for (wire, components) in self.wires.iter().zip(inputs) {
             let width = wire.width as usize;
             let buffer = &mut self.memory.all_mut()[wire.at as usize..];
             match wire.form {
                 Form::Absent => {}
-                Form::Sampled => buffer[..frames * width].copy_from_slice(lanes),
-                Form::Runs => write_runs(buffer, lanes, width),
+                Form::Sampled => buffer[..frames * width].copy_from_slice(components),
+                Form::Runs => write_runs(buffer, components, width),
             }
         }
     }
@@ -202,13 +203,13 @@ impl Bench {
         }
     }
 
-    /// The lanes of an output after [`step`](Self::step).
+    /// The components of an output after [`step`](Self::step).
     pub fn output(&self, output: usize) -> &[f64] {
         let Placing { start, width } = self.placings[output];
         &self.out.all()[start as usize..][..self.tick.frames * width as usize]
     }
 
-    /// Runs the node over signals that are all there, in blocks of [`MAX_FRAMES`]; the lanes of every output.
+    /// Runs the node over signals that are all there, in blocks of [`MAX_FRAMES`]; the components of every output.
     pub fn run(&mut self, inputs: &[&[f64]]) -> Vec<Vec<f64>> {
         self.run_in_blocks(inputs, &[MAX_FRAMES])
     }
@@ -218,7 +219,7 @@ impl Bench {
         let first = self.wires.iter().zip(inputs);
         let frames = first
             .filter(|(wire, _)| wire.form != Form::Absent)
-            .map(|(wire, lanes)| lanes.len() / wire.width as usize)
+            .map(|(wire, components)| components.len() / wire.width as usize)
             .next();
         self.run_frames(frames.unwrap_or(0), inputs, blocks)
     }
@@ -238,9 +239,9 @@ impl Bench {
                 .wires
                 .iter()
                 .zip(inputs)
-                .map(|(wire, lanes)| match wire.form {
+                .map(|(wire, components)| match wire.form {
                     Form::Absent => &[][..],
-                    _ => &lanes[done * wire.width as usize..][..block * wire.width as usize],
+                    _ => &components[done * wire.width as usize..][..block * wire.width as usize],
                 })
                 .collect();
             self.load(&parts, block);
@@ -293,9 +294,9 @@ fn bare_context(rate_hz: f64, input_widths: Vec<usize>) -> BuildContext {
     }
 }
 
-fn write_runs(buffer: &mut [f64], lanes: &[f64], width: usize) {
+fn write_runs(buffer: &mut [f64], components: &[f64], width: usize) {
     let (mut runs, mut previous) = (0, &[][..]);
-    for (start, frame) in lanes.chunks_exact(width).enumerate() {
+    for (start, frame) in components.chunks_exact(width).enumerate() {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         if runs == 0 || !frame.iter().zip(previous).all(same) {
             let run = &mut buffer[1 + runs * (width + 1)..][..width + 1];

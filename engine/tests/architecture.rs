@@ -107,7 +107,7 @@ const LAYERS: [&[&str]; 7] = [
     &["report"],
     &["studio"],
     &[".", "bindings/c", "studio/wasm"],
-    &["bindings/python"],
+    &["bindings/python", "benches/instructions"],
 ];
 
 /// Workspaces of their own that measure and attack the others, and that nobody names.
@@ -129,6 +129,7 @@ fn package(folder: &str) -> String {
         "studio/wasm" => "haptograph-wasm".to_owned(),
         "bindings/c" => "haptograph-c".to_owned(),
         "bindings/python" => "haptograph-python".to_owned(),
+        "benches/instructions" => "haptograph-instructions".to_owned(),
         _ => format!("haptograph-{folder}"),
     }
 }

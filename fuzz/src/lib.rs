@@ -6,7 +6,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::document::value::{Body, Shape, Tagged, Value};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::registry::Registry;
-use haptograph_engine::run::{ARRIVALS, LiveOptions, Offline, Outlets, ReplayBounds, Session};
+use haptograph_engine::run::{ARRIVALS, FileSinks, LiveOptions, Offline, ReplayBounds, Session};
 use haptograph_nodes::actuators::identify::{Known, Sweep, identify};
 use haptograph_nodes::contact::mesh::{MeshFormat, TriangleMesh};
 use haptograph_nodes::network::protocol::{Command, State};
@@ -63,7 +63,7 @@ pub fn graph(bytes: &[u8]) -> bool {
         .and_then(|document| check(&document, &REGISTRY, &CheckOptions::default()));
     match found {
         Ok(graph) => {
-            let _ = Offline::new(Outlets::new(&graph), 0).run(0.002, &AtomicBool::new(false), &mut |_| {});
+            let _ = Offline::new(FileSinks::new(&graph), 0).run(0.002, &AtomicBool::new(false), &mut |_| {});
             true
         }
         Err(diagnostics) => {
@@ -317,7 +317,7 @@ fn live_run() -> tempfile::TempDir {
         rested: true,
         ..LiveOptions::default()
     };
-    let opened = Session::open_all(Outlets::new(&LIVE_GRAPH), &options, Some(folder.path()));
+    let opened = Session::open_all(FileSinks::new(&LIVE_GRAPH), &options, Some(folder.path()));
     let (mut lives, session) = opened.expect("threads and files");
     for _ in 0..10 {
         lives[1].callback(4, |_, _| {});
@@ -356,7 +356,7 @@ pub fn replay(bytes: &[u8]) -> bool {
             std::fs::write(logs.join(name), content).expect("it can be written");
         }
     }
-    let offline = Offline::new(Outlets::new(&LIVE_GRAPH), 0);
+    let offline = Offline::new(FileSinks::new(&LIVE_GRAPH), 0);
     let stop = AtomicBool::new(false);
     accepted(offline.replay((folder.path(), &bounds), &stop, &mut |_| {})).is_some()
 }

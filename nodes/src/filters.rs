@@ -137,9 +137,10 @@ fn within(hz: f64, rate_hz: f64) -> f64 {
 
 impl Processor for LaneFilter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         let inputs = self.tuning.as_ref().map_or(0, |tuning| tuning.inputs.len());
-        let signals: [&[f64]; MOST] = std::array::from_fn(|i| if i < inputs { io.lanes(1 + i) } else { &[] });
+        let signals: [&[f64]; MOST] =
+            std::array::from_fn(|i| if i < inputs { io.components(1 + i) } else { &[] });
         if signals.iter().all(|signal| signal.is_empty()) {
             self.filter(x, io.out(0));
         } else {

@@ -7,7 +7,7 @@ use crate::network::told_by_hand;
 use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, check};
 use haptograph_engine::node::FrameWriter;
-use haptograph_engine::run::{InputStatus, Live, LiveOptions, Outlets, Probe, Session};
+use haptograph_engine::run::{FileSinks, InputStatus, Live, LiveOptions, Probe, Session};
 use haptograph_engine::silence::InputState::{Heard, Never, Silent};
 
 /// A live run in virtual time, with the delivered signal of the sink `out`.
@@ -36,7 +36,7 @@ impl Rig {
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let nodes = graph.nodes();
         let out = nodes.find("out");
-        let mut outlets = Outlets::new(&graph);
+        let mut outlets = FileSinks::new(&graph);
         outlets.probe(Probe {
             node: out.unwrap(),
             output: 0,

@@ -3,7 +3,7 @@
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::run::{Offline, Outcome, Outlets};
+use haptograph_engine::run::{FileSinks, Offline, Outcome};
 use haptograph_nodes::wav::{Format, WavWriter};
 use std::fs::{self, File};
 use std::path::Path;
@@ -38,7 +38,7 @@ fn graph(folder: &Path, at_end: &str) -> Graph {
 /// What the run did, and the samples of both files.
 fn run(graph: &Graph, block: usize, threads: usize) -> (Outcome, [Vec<f32>; 2]) {
     let folder = tempfile::tempdir().unwrap();
-    let mut outlets = Outlets::new(graph);
+    let mut outlets = FileSinks::new(graph);
     outlets.open_files(folder.path()).unwrap();
     let offline = Offline::new(outlets, block).threads(threads);
     let outcome = offline.run(0.5, &AtomicBool::new(false), &mut |_| {}).unwrap();

@@ -406,12 +406,12 @@ fn the_end_takes_a_sink_slower_than_its_driver_to_zero_too() {
         let (mut live, _control) = live(plan);
         live.end_after(1000 + phase);
         let mut wakes = 0;
-        while !live.is_at_rest() {
+        while !live.is_idle() {
             live.callback(16, |_, _| {});
             wakes += 1;
             assert!(wakes < 200, "phase {phase}");
         }
         // It was at rest because the actuator was, not because time was over.
-        assert!(live.run().rests(), "phase {phase}");
+        assert!(live.run().is_idle(), "phase {phase}");
     }
 }

@@ -9,7 +9,7 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, NodeId, check};
 use haptograph_engine::plan::{Plan, PlanOptions};
-use haptograph_engine::run::{Change, Fleet, LiveOptions, NoCrossFade, Outlets, Run, Session, live};
+use haptograph_engine::run::{Change, FileSinks, LiveOptions, NoCrossFade, Run, Runner, Session, live};
 use haptograph_surfaces::{Crackle, ModelAt, SpatialLine, Surface, files, resampling};
 use realtime::allocations;
 use std::convert::Infallible;
@@ -66,8 +66,8 @@ fn plans(graph: &Graph, block: usize) -> Vec<Arc<Plan>> {
     plans.into_iter().map(Arc::new).collect()
 }
 
-fn round(fleet: &mut Fleet, mut each: impl FnMut(usize, &Run)) {
-    let Ok(()) = fleet.round(|driver, run| {
+fn round(runner: &mut Runner, mut each: impl FnMut(usize, &Run)) {
+    let Ok(()) = runner.run_quantum(|driver, run| {
         each(driver, run);
         Ok::<(), Infallible>(())
     });
@@ -86,12 +86,12 @@ fn no_tick_of_a_shipped_graph_allocates() {
                     assert_eq!(allocations(|| run.advance(block)), 0, "{}", path.display());
                 }
             }
-            let mut fleet = Fleet::new(&plans);
+            let mut runner = Runner::new(&plans);
             for _ in 0..400 {
-                let allocated = allocations(|| round(&mut fleet, |_, _| {}));
+                let allocated = allocations(|| round(&mut runner, |_, _| {}));
                 assert_eq!(allocated, 0, "{}", path.display());
             }
-            assert!(fleet.rings().iter().all(|ring| ring.counts().fill_s.is_some()));
+            assert!(runner.rings().iter().all(|ring| ring.counts().fill_s.is_some()));
         }
     }
 }
@@ -103,14 +103,14 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
     for path in shipped() {
         let graph = graph(&path);
         let plans = plans(&graph, 1024);
-        let mut fleet = Fleet::new(&plans).ending_after(3600.0);
+        let mut runner = Runner::new(&plans).ending_after(3600.0);
         let mut largest: Vec<Vec<f64>> = plans
             .iter()
             .map(|plan| vec![0.0; plan.tap_streams().count()])
             .collect();
         let mut first_minute = Vec::new();
-        while !fleet.is_over() {
-            round(&mut fleet, |driver, run| {
+        while !runner.is_over() {
+            round(&mut runner, |driver, run| {
                 for (tap, largest) in largest[driver].iter_mut().enumerate() {
                     for x in run.tap(tap) {
                         assert!(x.is_finite(), "{}: tap {tap}", path.display());
@@ -118,15 +118,15 @@ fn every_graph_runs_for_an_hour_without_a_fault() {
                     }
                 }
             });
-            let first = &fleet.runs()[0];
+            let first = &runner.runs()[0];
             if first_minute.is_empty() && first.driver_frames() as f64 > 60.0 * first.rate_hz() {
                 first_minute.clone_from(&largest);
             }
         }
-        for run in fleet.runs() {
+        for run in runner.runs() {
             assert_eq!(run.faults().ticks, 0, "{}", path.display());
         }
-        for ring in fleet.rings() {
+        for ring in runner.rings() {
             let counts = ring.counts();
             let troubles = (counts.underruns, counts.overruns, counts.lost_frames);
             assert_eq!(troubles, (0, 0, 0), "{}: {ring:?}", path.display());
@@ -261,7 +261,7 @@ fn no_callback_of_several_drivers_allocates() {
             continue;
         }
         met += 1;
-        let outlets = Outlets::new(&graph);
+        let outlets = FileSinks::new(&graph);
         let (mut lives, mut session) =
             Session::open_all(outlets, &LiveOptions::default(), Some(folder.path())).unwrap();
         let setting = session.settings().next().unwrap().name();
@@ -313,15 +313,15 @@ fn an_hour_of_drift_goes_by_between_two_drivers() {
     let graph = Document::parse("drift.ron", text)
         .and_then(|document| check(&document, &haptograph_nodes::registry(), &CheckOptions::default()))
         .unwrap_or_else(|wrong| panic!("{wrong}"));
-    let mut fleet = Fleet::new(&plans(&graph, 64)).drifting(&[60.0, -40.0]);
+    let mut runner = Runner::new(&plans(&graph, 64)).drifting(&[60.0, -40.0]);
     for rounds in 0..3_600_000_u64 {
-        round(&mut fleet, |_, run| {
+        round(&mut runner, |_, run| {
             // A constant stays what it is, but for the pass band: nothing is skipped and nothing is missing.
             let right = |y: &f64| rounds < 200 || (y - 1.0).abs() < 2e-4;
             assert!((0..2).all(|tap| run.tap(tap).iter().all(right)), "round {rounds}");
         });
     }
-    for ring in fleet.rings() {
+    for ring in runner.rings() {
         let counts = ring.counts();
         assert_eq!(
             (counts.underruns, counts.overruns, counts.lost_frames),

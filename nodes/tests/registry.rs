@@ -378,7 +378,7 @@ fn devices_do_not_allocate_and_stay_finite_whatever_drives_them() {
             let mut sensed = true;
             let asked: [f64; 6] = std::array::from_fn(|_| rng.random_range(-3.0..3.0));
             let allocated = allocations(|| {
-                device.look(Instant::now());
+                device.poll(Instant::now());
                 device.advance();
                 for (index, channel) in entry.spec.senses.iter().enumerate() {
                     device.read(index, &mut frame[..channel.kind.width()]);

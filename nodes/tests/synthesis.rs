@@ -151,7 +151,7 @@ impl Voice {
 
 /// Autocovariances of the model, from its impulse response by the difference equation.
 fn autocovariance(frame: &Frame, lags: usize) -> Vec<f64> {
-    let model = Coefficients::from_lanes(frame);
+    let model = Coefficients::from_components(frame);
     let length = 60_000;
     let mut h = vec![0.0; length];
     for n in 0..length {
@@ -262,7 +262,7 @@ fn the_power_of_a_warped_surface_is_the_stored_one() {
                 .sum();
             let stored = mixed * mixed;
             let coefficients = map.at(speed, force);
-            let variance = Coefficients::from_lanes(&coefficients).variance;
+            let variance = Coefficients::from_components(&coefficients).variance;
             let mut plain = Voice::new(map.rate_hz, Form::Lattice);
             let off = db(variance * energy(&plain.response(&coefficients, 20_000)) / stored);
             assert!(off.abs() < 0.001, "{off} dB at {spot:?}");
@@ -283,7 +283,7 @@ fn the_noise_of_a_warped_surface_has_that_power() {
     for surface in warped_surfaces() {
         let mut map = Map::of(&surface);
         let coefficients = map.at(0.5, 0.5);
-        let variance = Coefficients::from_lanes(&coefficients).variance;
+        let variance = Coefficients::from_components(&coefficients).variance;
         for (clock_hz, frames) in [(map.rate_hz, FRAMES), (SOUNDCARD_HZ, 3 * FRAMES)] {
             let voice = || Voice::of(Some(&surface), clock_hz, Form::Lattice);
             let h = voice().response(&coefficients, frames / 20);
@@ -309,7 +309,7 @@ fn the_spectrum_of_a_warped_surface_is_the_models_through_its_high_pass() {
         let highpass = texture.output_highpass().unwrap();
         for (speed, force) in &POINTS[..2] {
             let coefficients = map.at(*speed, *force);
-            let model = Coefficients::from_lanes(&coefficients);
+            let model = Coefficients::from_components(&coefficients);
             let wanted = |f_hz: f64| {
                 let angle = TAU * f_hz / map.rate_hz;
                 let passed = highpass.response(f_hz, map.rate_hz).norm_sqr();

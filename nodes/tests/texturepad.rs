@@ -3,7 +3,7 @@
 
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, check};
-use haptograph_engine::run::{Offline, Outlets};
+use haptograph_engine::run::{FileSinks, Offline};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -27,7 +27,7 @@ fn texturepad(set: &[(&str, &str)]) -> Graph {
 /// Samples of `texture.wav` and `current.wav`.
 fn render(graph: &Graph, seconds: f64, block: usize) -> [Vec<f32>; 2] {
     let folder = tempfile::tempdir().unwrap();
-    let mut outlets = Outlets::new(graph);
+    let mut outlets = FileSinks::new(graph);
     outlets.open_files(folder.path()).unwrap();
     let run = Offline::new(outlets, block);
     let outcome = run.run(seconds, &AtomicBool::new(false), &mut |_| {}).unwrap();

@@ -20,7 +20,7 @@ pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: 
     sections.extend(
         splits
             .iter()
-            .map(|split| (split.split.word(), section(found, split))),
+            .map(|split| (split.split.as_str(), section(found, split))),
     );
     let contacts: String = tables::contacts(contact).iter().map(html).collect();
     if !contacts.is_empty() {
@@ -51,7 +51,7 @@ fn result(split: &SplitResult) -> String {
             Method::Default => "log-spectral distance to what was held out",
             other => other.title(),
         };
-        let of = format!("{title}, {}", split.split.word());
+        let of = format!("{title}, {}", split.split.as_str());
         Some(Headline::new(label, format!("{mean:.2}{error} dB"), of))
     };
     let found = [

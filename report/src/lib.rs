@@ -5,6 +5,7 @@
 pub mod asked;
 pub mod drawing;
 pub mod evaluation;
+pub mod facts;
 pub mod figures;
 pub mod headlines;
 pub mod holdout;

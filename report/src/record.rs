@@ -259,12 +259,12 @@ impl Recorded {
                 }
             }
             Content::Map(points) => {
-                for weights in frames.as_chunks().0.iter().map(Weights::from_lanes) {
+                for weights in frames.as_chunks().0.iter().map(Weights::from_components) {
                     points.push((weights.speed_m_s, weights.force_n));
                 }
             }
             Content::Contact(depth, path) => {
-                for contact in frames.as_chunks().0.iter().map(Contact::from_lanes) {
+                for contact in frames.as_chunks().0.iter().map(Contact::from_components) {
                     depth.extend([contact.penetration_m]);
                     if contact.touching {
                         path.push(contact.ihip_m);
@@ -273,7 +273,7 @@ impl Recorded {
             }
             Content::Events(points, count) => {
                 let period_s = self.stream.rate.period_s();
-                let events = frames.as_chunks().0.iter().map(Event::from_lanes);
+                let events = frames.as_chunks().0.iter().map(Event::from_components);
                 for (i, event) in events.enumerate().filter(|(_, event)| event.fired) {
                     points.push(((first + i as u64) as f64 * period_s, event.value));
                     *count += 1;

@@ -152,7 +152,7 @@ mod tests {
                 force_n,
                 ..Weights::default()
             };
-            recorder.write(0, &weights.to_lanes()).unwrap();
+            recorder.write(0, &weights.to_components()).unwrap();
         }
         let recorded = record.content();
         let plot = strokes_on_map(&[("stroke", &recorded)], Some(&texture)).unwrap();

@@ -1,16 +1,15 @@
-//! The synthesis filter: white noise through `gain B(z)/A(z)`, its coefficients changing while it runs.
+//! The synthesis filter `gain B(z)/A(z)` for white noise, with coefficients that change at run time.
 //!
-//! `A(z) = 1 + sum a_k z^-k`, `B(z) = 1 + sum b_k z^-k`. Two forms compute the same filter as long as the coefficients
-//! stay, and differ in what they carry from one set to the next:
+//! `A(z) = 1 + sum a_k z^-k`, `B(z) = 1 + sum b_k z^-k`. Two forms compute the same filter for constant coefficients.
+//! They differ in the state that they carry from one set to the next:
 //!
-//! - [`DirectForm`] carries the past inputs and outputs, as the thesis does (2.4.2). Sets that are stable one by one
-//!   can grow without bound when they alternate.
+//! - [`DirectForm`] carries the past inputs and outputs, as the thesis does (2.4.2). Its output can grow without bound
+//!   when stable sets alternate.
 //! - [`Lattice`] carries the signals of a normalised lattice, whose energy no stable set can raise. The output is
-//!   bounded however the sets follow one another, and after each switch it has the new set's power and spectrum at once.
+//!   bounded for every sequence of sets, and has the power and spectrum of a new set at once.
 //!
-//! Both give the same bits however the signal is cut into blocks, on every processor. Both fall silent exactly: a
-//! state below [`SILENCE`] is cleared every 256 samples. A state that is no longer finite is cleared at the same
-//! points, so that a bad excitation sample is forgotten; `reset` does it at once.
+//! Both give the same bits for every block size and on every processor. Every 256 samples a state below [`SILENCE`] is
+//! cleared, so that silence becomes exact, and so is a state that is NaN or infinite; `reset` clears it at once.
 
 mod bank;
 mod direct;
@@ -25,8 +24,8 @@ pub use warped::WarpedLattice;
 use crate::prediction::PredictionError;
 use thiserror::Error;
 
-/// `a b + c`, rounded once. WebAssembly has no instruction for that and would compute it in integers, a hundred times as
-/// slowly: there it is rounded twice.
+/// `a b + c`, rounded once. On WebAssembly it is rounded twice: without an instruction for it, emulation would be a
+/// hundred times slower.
 #[inline(always)]
 fn mul_add(a: f64, b: f64, c: f64) -> f64 {
     if cfg!(target_family = "wasm") {
@@ -39,27 +38,27 @@ fn mul_add(a: f64, b: f64, c: f64) -> f64 {
 /// Highest order of `A(z)` and of `B(z)`.
 pub const MAX_ORDER: usize = 32;
 
-/// State magnitude that counts as silence.
+/// Magnitude of the state below which it counts as silence.
 pub const SILENCE: f64 = 1e-20;
 
-/// Samples between looks at whether the state has died away.
+/// Interval in samples at which the state is checked for silence.
 const SETTLE: usize = 256;
 
-/// Why coefficients cannot be used. The filter keeps the ones it has.
+/// Error of coefficients. The filter keeps the old ones.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ArmaError {
-    /// More coefficients than there is room for.
+    /// Too many coefficients.
     #[error("a synthesis filter of order {order} is too long; at most {MAX_ORDER} coefficients fit")]
     TooLong {
         /// The order given.
         order: usize,
     },
-    /// Coefficients that are not numbers, or a denominator that a lattice cannot realise because it is unstable.
+    /// NaN or infinite coefficients, or an unstable denominator, which a lattice cannot realise.
     #[error(transparent)]
     Unusable(#[from] PredictionError),
 }
 
-/// Which form a filter takes.
+/// Form of a filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Form {
     /// [`DirectForm`].
@@ -83,7 +82,7 @@ pub enum ArmaFilter {
 }
 
 impl ArmaFilter {
-    /// A filter at rest that passes its excitation on.
+    /// Makes a filter with zero state that passes its excitation.
     pub fn new(form: Form) -> Self {
         match form {
             Form::Direct => Self::Direct(DirectForm::new()),
@@ -91,7 +90,7 @@ impl ArmaFilter {
         }
     }
 
-    /// The coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
+    /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
     /// [`ArmaError`], keeping the old coefficients; only the lattice refuses unstable ones.
@@ -110,7 +109,7 @@ impl ArmaFilter {
         }
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         match self {
             Self::Direct(filter) => filter.reset(),
@@ -119,22 +118,22 @@ impl ArmaFilter {
     }
 }
 
-/// A filter that looks every [`SETTLE`] frames whether its state has died away.
+/// A filter whose state is checked for silence every [`SETTLE`] frames.
 trait Settling {
-    /// Most frames of a run.
+    /// Largest number of frames of a run.
     const RUN: usize;
 
-    /// Frames since it last looked.
+    /// Frames since the last check.
     fn since_settled(&mut self) -> &mut usize;
 
     /// Filters up to [`Self::RUN`] frames.
     fn run(&mut self, excitation: &[f64], out: &mut [f64]);
 
-    /// Puts to rest what has died away or is no longer finite.
+    /// Clears states that are silent, NaN or infinite.
     fn settle(&mut self);
 }
 
-/// Filters frames of `width` samples, up to the last whole one of the shorter slice, in runs that end where the filter looks.
+/// Filters frames of `width` samples, up to the last whole one of the shorter slice, in runs that end at the checks.
 #[inline(always)]
 fn in_runs<F: Settling>(filter: &mut F, width: usize, excitation: &[f64], out: &mut [f64]) {
     let frames = excitation.len().min(out.len()) / width;
@@ -152,7 +151,7 @@ fn in_runs<F: Settling>(filter: &mut F, width: usize, excitation: &[f64], out: &
     }
 }
 
-/// Refuses what does not fit or is not a number.
+/// Refuses too many or non-finite coefficients.
 fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
     let order = ar.len().max(ma.len());
     if order > MAX_ORDER {
@@ -165,7 +164,7 @@ fn check(ar: &[f64], ma: &[f64], gain: f64) -> Result<(), ArmaError> {
     }
 }
 
-/// Whether a filter with this state may be put to rest: all of it silent, or some of it no longer a number.
+/// Whether this state is to be cleared: all of it silent, or some of it NaN or infinite.
 fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
     let silent =
         |values: &[f64]| gather(values, |most, v| if v.abs() > most { v.abs() } else { most }) < SILENCE;
@@ -174,7 +173,7 @@ fn is_over(inputs: &[f64], outputs: &[f64]) -> bool {
     !sounds && silent(outputs) && silent(inputs) || !(are_finite(inputs) && are_finite(outputs))
 }
 
-/// Whether every value is a number and finite.
+/// Whether every value is finite.
 fn are_finite(values: &[f64]) -> bool {
     // Nothing times those is nothing; times the others it is not a number.
     gather(values, |sum, v| sum + v * 0.0) == 0.0

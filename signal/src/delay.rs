@@ -1,6 +1,6 @@
 //! A delay of a whole number of samples.
 
-/// Delays a signal by a fixed number of samples; what came before the signal is zero.
+/// Delays a signal by a fixed number of samples; the past before the signal is zero.
 #[derive(Debug, Clone)]
 pub struct DelayLine {
     ring: Box<[f64]>,
@@ -8,7 +8,7 @@ pub struct DelayLine {
 }
 
 impl DelayLine {
-    /// A line of `frames` samples; 0 passes the signal through. Allocates here and never again.
+    /// Makes a delay of `frames` samples; 0 passes the signal. Allocates here only.
     pub fn new(frames: usize) -> Self {
         Self {
             ring: vec![0.0; frames].into_boxed_slice(),
@@ -21,7 +21,7 @@ impl DelayLine {
         self.ring.len()
     }
 
-    /// Puts a sample in and takes out the one put in [`frames`](Self::frames) calls ago.
+    /// Writes a sample and returns the one written [`frames`](Self::frames) calls ago.
     #[inline]
     pub fn step(&mut self, x: f64) -> f64 {
         let Some(oldest) = self.ring.get_mut(self.next) else {
@@ -43,7 +43,7 @@ impl DelayLine {
         }
     }
 
-    /// Forgets the past.
+    /// Clears the past.
     pub fn reset(&mut self) {
         self.ring.fill(0.0);
         self.next = 0;

@@ -1,7 +1,7 @@
-//! Arithmetic on every sample of a block, compiled for the instruction sets it may meet and chosen when it runs.
+//! Arithmetic on every sample of a block, compiled for several instruction sets and dispatched at run time.
 //!
-//! Each sample is computed by the same operations in the same order whatever the instruction set and wherever the
-//! block begins, so the bits do not depend on either; there is no fused multiply-add.
+//! Each sample is computed by the same operations in the same order, without fused multiply-add, so that the bits
+//! depend neither on the instruction set nor on the block.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -61,7 +61,7 @@ pub fn zip(a: &[f64], b: &[f64], y: &mut [f64], f: impl Fn(f64, f64) -> f64) {
     in_blocks(Zip { a, b, y, f });
 }
 
-/// Apart, so that single samples do not pay for the registers that a loop wants.
+/// Separate, so that single samples do not pay for the registers that a loop needs.
 #[inline(never)]
 fn in_blocks<W: WithSimd<Output = ()>>(work: W) {
     Arch::new().dispatch(work);

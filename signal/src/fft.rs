@@ -1,7 +1,7 @@
 //! Fourier transforms of any length by `rustfft`, in one place.
 //!
-//! The scalar transforms are taken on every processor, so that what is learned and measured has the same bits on all of
-//! them: the vector ones round differently. It also keeps the transforms from being compiled into every crate again.
+//! Every processor uses the scalar transforms, so that results have the same bits: the vector ones round differently.
+//! One module also avoids compiling the transforms into every crate.
 
 use rustfft::{Fft, FftPlannerScalar};
 use std::cell::RefCell;
@@ -20,7 +20,7 @@ pub fn inverse(length: usize) -> Transform {
     planned(|planner| planner.plan_fft_inverse(length))
 }
 
-/// Plans are kept for the thread's life.
+/// Plans live as long as the thread.
 fn planned(plan: impl FnOnce(&mut FftPlannerScalar<f64>) -> Transform) -> Transform {
     thread_local! {
         static PLANNER: RefCell<FftPlannerScalar<f64>> = RefCell::new(FftPlannerScalar::new());

@@ -1,5 +1,4 @@
-//! Files and lines of which no more is read than is meant to be: the only place where the library opens a file to
-//! read it.
+//! Bounded reading of files and lines. The library opens files for reading only here.
 
 #[cfg(target_family = "wasm")]
 mod memory;
@@ -11,34 +10,34 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, Read};
 use std::path::{Path, PathBuf};
 
-/// The longest recording or other table of samples that is read, bytes: an hour of raw recording.
+/// Largest recording or other table of samples that is read, bytes: an hour of raw recording.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
-/// The longest line that is read where people or other programs type lines, bytes.
+/// Longest line that is read from terminals and other programs, bytes.
 pub const MAX_LINE_BYTES: usize = 64 << 10;
 
-/// Why a file or line is not read on. An [`io::Error`] carries it.
+/// Why a file or line is refused. An [`io::Error`] carries it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// Folders, pipes, sockets and devices.
+    /// A folder, pipe, socket or device.
     #[error("it is {found}, not a regular file")]
     NotRegular {
-        /// What it is.
+        /// Its type.
         found: &'static str,
     },
-    /// Anything but a serial port or another terminal.
+    /// Not a serial port or other terminal.
     #[error("it is not a serial port")]
     NotTerminal,
-    /// Longer than it may be, whatever the file system says of its length.
+    /// Longer than the bound, by the bytes read.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
-        /// What may be read.
+        /// The bound.
         max_bytes: u64,
     },
 }
 
 impl Refusal {
-    /// The refusal that an error carries.
+    /// The refusal in an error, if any.
     pub fn of(error: &io::Error) -> Option<Self> {
         error.get_ref()?.downcast_ref().copied()
     }
@@ -54,7 +53,7 @@ impl From<Refusal> for io::Error {
     }
 }
 
-/// An open file, which gives an error instead of more bytes than it may have.
+/// An open file that gives an error beyond a number of bytes.
 #[derive(Debug)]
 pub struct Bounded {
     file: File,
@@ -63,7 +62,7 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// The file itself, to lock it or to look at its metadata.
+    /// The file itself, for locks and metadata.
     pub fn as_file(&self) -> &File {
         &self.file
     }
@@ -71,7 +70,7 @@ impl Bounded {
 
 impl Read for Bounded {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        // One byte more than is left tells whether there are more.
+        // One byte beyond the bound shows that the file is longer.
         let most = into
             .len()
             .min(usize::try_from(self.left).unwrap_or(usize::MAX).saturating_add(1));
@@ -83,9 +82,9 @@ impl Read for Bounded {
     }
 }
 
-/// Opens a regular file, of which at most so many bytes can be read.
+/// Opens a regular file for reading at most so many bytes.
 ///
-/// Never waits: what is opened is looked at afterwards, so that nothing can be put in its place in between.
+/// Never blocks. The type is checked after opening, so that the file cannot be replaced in between.
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal`].
@@ -114,7 +113,7 @@ fn length(file: &File) -> io::Result<u64> {
     file.length()
 }
 
-/// Is there a regular file?
+/// Whether the path is a regular file.
 pub fn is_file(path: &Path) -> bool {
     #[cfg(not(target_family = "wasm"))]
     return path.is_file();
@@ -122,7 +121,7 @@ pub fn is_file(path: &Path) -> bool {
     return memory::is_file(path);
 }
 
-/// Is there a folder?
+/// Whether the path is a folder.
 pub fn is_folder(path: &Path) -> bool {
     #[cfg(not(target_family = "wasm"))]
     return path.is_dir();
@@ -130,7 +129,7 @@ pub fn is_folder(path: &Path) -> bool {
     return memory::is_folder(path);
 }
 
-/// The regular files of a folder, in no order; none where there is no such folder.
+/// The regular files of a folder, unordered; none if it does not exist.
 pub fn list(folder: &Path) -> Vec<PathBuf> {
     #[cfg(not(target_family = "wasm"))]
     {
@@ -144,7 +143,7 @@ pub fn list(folder: &Path) -> Vec<PathBuf> {
     memory::list(folder)
 }
 
-/// Opens a regular file that is to be changed where it is. Never waits, as [`open`].
+/// Opens a regular file for changes in place. Never blocks, as [`open`].
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal::NotRegular`].
@@ -153,7 +152,7 @@ pub fn open_to_change(path: &Path) -> io::Result<File> {
     open_regular(path, File::options().read(true).write(true))
 }
 
-/// Opens a serial port or another terminal to read it. Waits neither here nor when it is read.
+/// Opens a serial port or another terminal for reading. Neither opening nor reading blocks.
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal::NotTerminal`].
@@ -204,13 +203,13 @@ fn kind(of: std::fs::FileType) -> &'static str {
     if of.is_dir() { "a folder" } else { "something else" }
 }
 
-/// All bytes of a regular file that has at most so many.
+/// Reads a regular file of at most so many bytes.
 ///
 /// # Errors
 /// As [`open`].
 pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut file = open(path, max_bytes)?;
-    // Exact where the file says its length and does not grow.
+    // Exact if the file has this length and does not grow.
     let length = length(&file.file)?.min(max_bytes);
     let mut bytes = Vec::new();
     let reserved = bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX));
@@ -219,17 +218,17 @@ pub fn read(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a regular file that has at most so many bytes.
+/// Reads a regular UTF-8 file of at most so many bytes.
 ///
 /// # Errors
-/// As [`open`]; and [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+/// As [`open`]; and [`io::ErrorKind::InvalidData`] if it is not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
     let not_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8 text");
     String::from_utf8(read(path, max_bytes)?).map_err(not_text)
 }
 
-/// The lines of a source, each of at most so many bytes and without its end. Of a longer one the rest is passed over,
-/// and [`Refusal::TooLong`] given in its place.
+/// The lines of a source without their ends, each of at most so many bytes. A longer line is skipped and gives
+/// [`Refusal::TooLong`].
 pub fn lines(mut source: impl BufRead, max_bytes: usize) -> impl Iterator<Item = io::Result<Vec<u8>>> {
     std::iter::from_fn(move || line(&mut source, max_bytes).transpose())
 }

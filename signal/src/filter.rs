@@ -1,4 +1,4 @@
-//! Filters as cascades of second-order sections: what they are, how they answer, and how they run.
+//! Filters as cascades of second-order sections: coefficients, responses, and running state.
 
 mod design;
 mod lanes;
@@ -11,7 +11,7 @@ pub use lanes::SectionLanes;
 
 use crate::Complex64;
 
-/// Samples between looks at whether a recursive state has died away.
+/// Interval in samples at which a recursive state is checked for silence.
 const SETTLE: usize = 64;
 /// States below this, in the signal's unit, count as silence: far below any sensor's noise, far above denormals.
 const SILENCE: f64 = 1e-30;
@@ -26,7 +26,7 @@ pub struct Biquad {
 }
 
 impl Biquad {
-    /// Passes the signal as it is.
+    /// The section that passes the signal unchanged.
     pub const IDENTITY: Self = Self {
         b: [1.0, 0.0, 0.0],
         a: [0.0, 0.0],
@@ -51,11 +51,12 @@ impl Biquad {
         (inverse_z * self.a[1] + self.a[0]) * inverse_z + 1.0
     }
 
-    /// Group delay in samples: that of the numerator less that of the denominator, each `Re(sum k c_k z^-k / sum c_k z^-k)`.
+    /// Group delay in samples: that of the numerator less that of the denominator, each `Re(sum k c_k z^-k / sum c_k
+    /// z^-k)`.
     fn group_delay(&self, inverse_z: Complex64) -> f64 {
         let numerator = self.numerator(inverse_z);
         let zeros = if numerator.norm() <= 1e-9 * self.b.iter().map(|b| b.abs()).sum::<f64>() {
-            // On a zero of the unit circle there is nothing to delay; its neighbours are delayed by half a sample a zero.
+            // At a zero on the unit circle the delay is that of its neighbourhood: half a sample per zero.
             if self.b[2] == 0.0 { 0.5 } else { 1.0 }
         } else {
             ((inverse_z * (2.0 * self.b[2]) + self.b[1]) * inverse_z / numerator).re
@@ -65,8 +66,9 @@ impl Biquad {
         zeros - poles
     }
 
-    /// The rows by which the state of the direct form follows from what two trapezoidal integrators hold that make the same
-    /// section (Zavalishin). What the integrators hold means the same at any frequency; the state of the direct form does not.
+    /// Matrix from the states of two trapezoidal integrators that form this section (Zavalishin) to its direct-form
+    /// state. The meaning of the integrator states does not depend on the coefficients; that of the direct-form state
+    /// does.
     fn integrators_to_state(&self) -> [[f64; 2]; 2] {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         if a2 == 0.0 && b2 == 0.0 {
@@ -79,7 +81,7 @@ impl Biquad {
         let high = 0.25 * (b0 - b1 + b2) / loop_gain;
         let band = 0.5 * (b0 - b2) / (g * loop_gain);
         let low = 0.25 * (b0 + b1 + b2) / (g * g * loop_gain);
-        // Both integrators, left alone for a sample: what each gives, of what each holds.
+        // Outputs of both integrators for a sample without input, by their states.
         let given = [
             [loop_gain, -g * loop_gain],
             [g * loop_gain, 1.0 - g * g * loop_gain],
@@ -88,7 +90,7 @@ impl Biquad {
             std::array::from_fn(|i| first * given[0][i] + second * given[1][i])
         };
         let next = mixed([band - high * damping, low - high]);
-        // They then hold twice that less what they held.
+        // Their next states: twice the output minus the state.
         let after = mixed(next);
         [
             next,
@@ -97,7 +99,7 @@ impl Biquad {
     }
 }
 
-/// A filter: second-order sections one after the other.
+/// A filter: a cascade of second-order sections.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sections {
     /// The sections in the order in which they run.
@@ -111,7 +113,7 @@ impl Sections {
         self.sections.iter().map(|s| s.gain_at(inverse_z)).product()
     }
 
-    /// Group delay at a frequency, in seconds.
+    /// Group delay at a frequency, s.
     pub fn group_delay_s(&self, frequency_hz: f64, rate_hz: f64) -> f64 {
         let inverse_z = on_circle(frequency_hz, rate_hz);
         let samples: f64 = self.sections.iter().map(|s| s.group_delay(inverse_z)).sum();
@@ -128,14 +130,14 @@ fn on_circle(frequency_hz: f64, rate_hz: f64) -> Complex64 {
     Complex64::from_polar(1.0, -std::f64::consts::TAU * frequency_hz / rate_hz)
 }
 
-/// [`Sections`] at work, in transposed direct form II. The output does not depend on how the input is cut into blocks.
+/// Running state of [`Sections`], in transposed direct form II. The output does not depend on the block size.
 ///
-/// What is left of the state below 1e-30 is cleared every 64 samples, so that silence in becomes exactly silence out.
-/// A state that is no longer finite is cleared at the same points: a bad sample never sticks.
+/// Every 64 samples a state below 1e-30 is cleared, so that silence becomes exact, and so is a state that is NaN or
+/// infinite, so that the filter recovers from a bad sample.
 #[derive(Debug, Clone)]
 pub struct SectionsState {
     sections: Box<[Running]>,
-    /// Samples since the state was last looked at.
+    /// Samples since the last check of the state.
     since_settled: usize,
 }
 
@@ -146,7 +148,7 @@ struct Running {
 }
 
 impl SectionsState {
-    /// The filter at rest. Allocates here and never again.
+    /// Makes a filter with zero state. Allocates here only.
     pub fn new(filter: &Sections) -> Self {
         let at_rest = |biquad: &Biquad| Running {
             biquad: *biquad,
@@ -201,7 +203,7 @@ impl SectionsState {
         }
     }
 
-    /// Puts the filter into the state it reaches after a constant input of this value, so that it starts without a jump.
+    /// Sets the steady state for a constant input of this value, so that the filter starts without a transient.
     pub fn settle_at(&mut self, value: f64) {
         let mut input = value;
         for Running { biquad, state } in &mut self.sections {
@@ -214,7 +216,7 @@ impl SectionsState {
         }
     }
 
-    /// Goes on from the state of another filter of as many sections.
+    /// Copies the state of another filter with the same number of sections.
     pub fn copy_state_from(&mut self, other: &Self) {
         if self.sections.len() == other.sections.len() {
             self.since_settled = other.since_settled;
@@ -224,8 +226,8 @@ impl SectionsState {
         }
     }
 
-    /// Goes on with other coefficients, of as many sections. What the state stands for is kept: a constant that has passed
-    /// stays a constant, and nothing leaps.
+    /// Sets new coefficients for the same number of sections and converts the state: a settled constant stays
+    /// constant and the output does not jump.
     pub fn turn(&mut self, sections: &[Biquad]) {
         for (running, biquad) in self.sections.iter_mut().zip(sections) {
             let ([[m11, m12], [m21, m22]], [s1, s2]) = (running.biquad.integrators_to_state(), running.state);
@@ -238,7 +240,7 @@ impl SectionsState {
                 .integrators_to_state()
                 .map(|row| row[0] * held[0] + row[1] * held[1]);
             running.biquad = *biquad;
-            // Beyond what numbers can hold there is nothing to keep.
+            // The state overflowed.
             running.state = if state.iter().all(|s| s.is_finite()) {
                 state
             } else {
@@ -247,7 +249,7 @@ impl SectionsState {
         }
     }
 
-    /// Goes on as another filter of as many sections does: its coefficients and its state.
+    /// Copies the coefficients and the state of another filter with the same number of sections.
     pub fn take_over(&mut self, other: &Self) {
         if self.sections.len() == other.sections.len() {
             self.since_settled = other.since_settled;
@@ -255,7 +257,7 @@ impl SectionsState {
         }
     }
 
-    /// Puts the filter to rest.
+    /// Clears the state.
     pub fn reset(&mut self) {
         for section in &mut self.sections {
             section.state = [0.0; 2];
@@ -303,8 +305,8 @@ impl Running {
 
 /// Filters forward and backward: no phase shift, the magnitude response squared. For recordings, not for live signals.
 ///
-/// The signal is continued at both ends by its point reflection (odd extension), as far as the filter remembers and the
-/// signal reaches, and the filter starts settled at the first value, so that constants and slopes come out undisturbed.
+/// Both ends are extended by point reflection (odd extension), up to the filter's memory and the signal's length. The
+/// filter starts in its steady state for the first value, so that constants and slopes pass unchanged.
 pub fn filtfilt(filter: &Sections, x: &[f64]) -> Vec<f64> {
     let (Some(&first), Some(&last)) = (x.first(), x.last()) else {
         return Vec::new();
@@ -340,7 +342,7 @@ fn memory(filter: &Sections) -> usize {
     3 * filter.sections.len() + samples.min(1e9) as usize
 }
 
-/// Radius of the pole farther from the origin.
+/// Radius of the pole that is farther from the origin.
 fn slowest_pole(section: &Biquad) -> f64 {
     let [a1, a2] = section.a;
     let discriminant = a1 * a1 / 4.0 - a2;

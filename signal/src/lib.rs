@@ -1,5 +1,5 @@
-//! The words and mathematics that all of haptograph shares: quantities and units, exact time, seeded noise,
-//! filters, resampling and spectra, and the reading of files within bounds. Knows nothing of graphs or of surfaces.
+//! The signal processing of haptograph: quantities and units, exact time, seeded noise, filters, resampling and
+//! spectra; and bounded reading of files. It does not depend on graphs or surfaces.
 
 pub mod arma;
 pub mod delay;

@@ -10,7 +10,7 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 /// Independent generators side by side.
 const LANES: usize = 32;
-/// Samples made at a time.
+/// Samples computed at a time.
 const BATCH: usize = 2 * LANES;
 
 /// The seed of a node's random stream: a hash of the graph's seed and the node's full path that never changes.
@@ -29,7 +29,7 @@ pub fn stream_seed(graph_seed: u64, path: &str) -> u64 {
 
 /// Normal samples of mean 0 and variance 1, by Box and Muller's transform (computed to 1e-11, tails to 7.2).
 ///
-/// The sequence depends on the seed alone, not on how it is asked for. Allocates nothing, ever.
+/// The sequence depends on the seed only, not on the sizes of the requests. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Gaussian {
     source: Batched,
@@ -57,7 +57,7 @@ impl Gaussian {
 
 /// Samples uniform in [0, 1), multiples of 2^-52.
 ///
-/// The sequence depends on the seed alone, not on how it is asked for. Allocates nothing, ever.
+/// The sequence depends on the seed only, not on the sizes of the requests. Never allocates.
 #[derive(Debug, Clone)]
 pub struct Uniform {
     source: Batched,
@@ -83,17 +83,17 @@ impl Uniform {
     }
 }
 
-/// How a distribution turns the generators' words into a batch of samples.
+/// Conversion of the generators' words into a batch of samples.
 type MakeBatch = fn(Arch, &mut Lanes, &mut [f64; BATCH]);
 
-/// A stream made a batch at a time and handed out in any portions.
+/// A stream that is computed in batches and read in any portions.
 #[derive(Debug, Clone)]
 struct Batched {
     lanes: Lanes,
     make: MakeBatch,
     arch: Arch,
     batch: [f64; BATCH],
-    /// Index into `batch` of the next sample to hand out.
+    /// Index in `batch` of the next sample.
     next: usize,
 }
 

@@ -15,7 +15,7 @@ pub struct Prediction {
     pub variance: f64,
 }
 
-/// Why a model cannot be made or used.
+/// Error of making or using a model.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PredictionError {
     /// A polynomial with a root on or outside the unit circle.
@@ -28,20 +28,20 @@ pub enum PredictionError {
         /// Its value.
         reflection: f64,
     },
-    /// A numerator or denominator that is not a number.
+    /// A NaN or infinite coefficient.
     #[error("a coefficient is not a finite number")]
     NotFinite,
     /// Fewer lags or samples than the order needs.
     #[error("order {order} needs {needed} values and only {given} were given")]
     TooShort {
-        /// The order asked for.
+        /// The requested order.
         order: usize,
         /// Lags or samples needed.
         needed: usize,
         /// Lags or samples given.
         given: usize,
     },
-    /// Lags that no signal has.
+    /// Lags that are not an autocovariance.
     #[error("these lags are not an autocovariance: at lag {lag} the prediction error would become negative")]
     NotAnAutocovariance {
         /// The first impossible lag.
@@ -239,7 +239,8 @@ pub(crate) fn step_down(ar: &mut [f64]) -> Result<(), PredictionError> {
     Ok(())
 }
 
-/// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same bits.
+/// [`step_down`] of as many polynomials as there are lanes, row k the coefficients `a_{k+1}` of all, with the same
+/// bits.
 ///
 /// Whether all are stable; if not, the rows are of no meaning.
 #[inline(always)]
@@ -269,8 +270,8 @@ pub(crate) fn step_down_lanes<const L: usize>(rows: &mut [[f64; L]]) -> bool {
     unstable == [0.0; L]
 }
 
-/// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and the
-/// taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
+/// The normalised lattice-ladder of `B(z)/A(z)`, of order `sine.len()`: reflection coefficients, `sqrt(1 - k^2)`, and
+/// the taps on the unit-power backward signals, one more than the order. `scratch` has as many values as the order.
 pub(crate) fn ladder(
     ar: &[f64],
     ma: &[f64],

@@ -1,5 +1,5 @@
-//! Physical quantities as exponents of SI base units, so that a speed cannot feed a force and a derivative finds
-//! its own quantity.
+//! Physical quantities as exponents of SI base units. They prevent connecting a speed to a force and give the
+//! quantity of a derivative.
 
 use std::fmt;
 

@@ -1,9 +1,8 @@
-//! Changing a signal's rate: exactly, between clocks that are rationals of one another, or steered, between clocks that
-//! drift.
+//! Resampling: by an exact ratio between clocks with rational rates, or by a steered ratio between clocks that drift.
 //!
-//! Both are interpolation by a windowed sinc. Output k lies at the time k / output rate, and shows the input as it was
-//! one [latency](Resampler::latency_s) before. It is a fixed sum over fixed inputs, so the samples do not depend on how
-//! the signals are cut into blocks.
+//! Both interpolate with a windowed sinc. Output k is at the time k / output rate and shows the input one
+//! [latency](Resampler::latency_s) before. It is a fixed sum over fixed inputs, so the samples do not depend on the
+//! block size.
 
 mod kernel;
 mod polyphase;
@@ -15,16 +14,16 @@ pub use steered::{MAX_CORRECTION_PPM, SteeredResampler};
 use crate::time::Rate;
 use thiserror::Error;
 
-/// What a resampler keeps and what it removes. Frequencies are fractions of the lower of the two Nyquist frequencies.
+/// Quality of a resampler. Frequencies are fractions of the lower of the two Nyquist frequencies.
 ///
-/// A stop band that begins above 1 lets what lies between `2 - stopband` and 1 fold onto itself, for half the latency.
+/// A stop band above 1 halves the latency, but the band from `2 - stopband` to 1 aliases onto itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
     /// Upper end of the pass band.
     pub passband: f64,
     /// Lower end of the stop band.
     pub stopband: f64,
-    /// How far the stop band lies below the pass band, which is flat to the same measure.
+    /// Attenuation of the stop band; the ripple of the pass band is as small.
     pub attenuation_db: f64,
 }
 
@@ -49,20 +48,19 @@ impl Quality {
     };
 }
 
-/// How far a call came. Fewer inputs consumed than given: the outputs had no more room. Fewer outputs produced than there
-/// was room for: the inputs ran out.
+/// Progress of a call. It ends when the inputs run out or the outputs are full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Inputs taken; the rest must be given again.
+    /// Number of inputs consumed; the caller passes the others again.
     pub consumed: usize,
-    /// Outputs written.
+    /// Number of outputs written.
     pub produced: usize,
 }
 
-/// Why a resampler cannot be made.
+/// Error of making a resampler.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ResampleError {
-    /// A pass band that does not end before the stop band, or numbers that make no filter.
+    /// Invalid bands or attenuation.
     #[error(
         "a resampler needs 0 < passband < stopband <= 2 and an attenuation of 20 to 180 dB, not {passband}, {stopband} and \
          {attenuation_db} dB"
@@ -75,9 +73,9 @@ pub enum ResampleError {
         /// The attenuation.
         attenuation_db: f64,
     },
-    /// Rates whose ratio needs too large a table.
+    /// A ratio of rates that needs too large a table.
     #[error(
-        "the ratio of {output} to {input} needs a table of {taps} coefficients, more than {most}; use rates of a simpler ratio"
+        "the ratio of {output} to {input} needs a table of {taps} coefficients, more than {most}; use rates with a simpler ratio"
     )]
     RatioTooFine {
         /// Rate of the input.

@@ -41,13 +41,13 @@ pub struct ThirdOctaveBand {
     pub power: f64,
 }
 
-/// Why a spectrum cannot be computed.
+/// Error of a spectrum.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SpectrumError {
     /// A segment of no samples.
     #[error("a segment must have at least one sample")]
     EmptySegment,
-    /// Segments that would never move on.
+    /// An overlap as long as the segment.
     #[error(
         "an overlap of {overlap} samples leaves segments of {segment} no way forward; it must be smaller"
     )]
@@ -57,7 +57,7 @@ pub enum SpectrumError {
         /// Samples shared by neighbours.
         overlap: usize,
     },
-    /// Less signal than one segment.
+    /// A signal shorter than a segment.
     #[error("the signal has {samples} samples, less than one segment of {segment}")]
     SignalTooShort {
         /// Samples given.

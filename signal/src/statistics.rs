@@ -1,6 +1,6 @@
-//! Statistics that measuring and learning share.
+//! Statistics for measuring and learning.
 
-/// The median, of an even number the mean of the middle two; 0 of nothing.
+/// Median; for an even number of values the mean of the middle two; 0 for no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut values = values.to_vec();
     let middle = values.len() / 2;

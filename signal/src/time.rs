@@ -10,7 +10,7 @@ pub struct Rate {
     denominator: u64,
 }
 
-/// Why a rate or a set of rates cannot be used.
+/// Error of a rate or a set of rates.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RateError {
     /// The rate is zero, negative, not finite, or below 1 mHz or above 100 MHz.
@@ -19,9 +19,9 @@ pub enum RateError {
     /// The text is not a decimal number.
     #[error("`{0}` is not a decimal number of hertz")]
     NotANumber(String),
-    /// The rates have no common time unit of which 64 bits hold a year.
+    /// A year in the common time unit of the rates does not fit in 64 bits.
     #[error(
-        "these rates have no common time unit of which 64 bits hold a year; use rates that are small ratios of one another"
+        "the common time unit of these rates is too short for 64 bits; use rates with small ratios to one another"
     )]
     Incommensurable,
 }

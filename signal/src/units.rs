@@ -2,12 +2,12 @@
 
 use crate::quantity::Quantity;
 
-/// Endings, what they are, and SI per unit. The first of a quantity is the one that is written.
+/// Suffixes, their quantities, and SI per unit. The first suffix of a quantity is the one that is written.
 const ENDINGS: &[(&str, Quantity, f64)] = &[
     ("_m", Quantity::LENGTH, 1.0),
     ("_mm", Quantity::LENGTH, 1e-3),
     ("_um", Quantity::LENGTH, 1e-6),
-    // Of two quantities with the same ending the last counts where nothing else says which.
+    // Of two quantities with the same suffix the last is the default.
     ("_g", Quantity::ACCELERATION, 9.80665),
     ("_kg", Quantity::MASS, 1.0),
     ("_g", Quantity::MASS, 1e-3),
@@ -36,7 +36,7 @@ const ENDINGS: &[(&str, Quantity, f64)] = &[
     ("_n_s_per_m", Quantity::DAMPING, 1.0),
 ];
 
-/// The ending of a column of this quantity in SI; none for a plain number.
+/// The suffix of a column of this quantity in SI; none for a plain number.
 pub fn suffix(quantity: Quantity) -> String {
     if quantity == Quantity::NUMBER {
         return String::new();
@@ -53,7 +53,7 @@ pub fn suffix(quantity: Quantity) -> String {
     }
 }
 
-/// What a column is by the ending of its name, and SI per its unit; a plain number where it has no such ending.
+/// Quantity of a column by the suffix of its name, and SI per unit; a plain number without a known suffix.
 pub fn of_header(name: &str) -> (Quantity, f64) {
     let lower = name.to_lowercase();
     let fitting = ENDINGS.iter().filter(|(ending, ..)| lower.ends_with(ending));
@@ -64,7 +64,7 @@ pub fn of_header(name: &str) -> (Quantity, f64) {
         })
 }
 
-/// SI per unit of a column that is known to be of `quantity`, by the ending of its name.
+/// SI per unit of a column of `quantity`, by the suffix of its name.
 pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
     let lower = name.to_lowercase();
     let fitting = ENDINGS.iter().filter(|(ending, ..)| lower.ends_with(ending));
@@ -75,7 +75,7 @@ pub fn of_header_as(name: &str, quantity: Quantity) -> Option<f64> {
         .map(|(.., scale)| *scale)
 }
 
-/// SI per `unit` of a quantity, written as in names (`mm_s`) or as people do (`mm/s`, `m/s²`, `N m`).
+/// SI per `unit` of a quantity, written as in names (`mm_s`) or as usual (`mm/s`, `m/s²`, `N m`).
 pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
     let plain = unit.trim().to_lowercase().replace(['/', ' ', '·'], "_");
     let ending = format!("_{}", plain.replace('²', "2").replace('^', "").replace('µ', "u"));
@@ -85,7 +85,7 @@ pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
         .map(|(.., scale)| *scale)
 }
 
-/// The units of a quantity, as names end in them.
+/// The units of a quantity, as suffixes of names.
 pub fn of_quantity(quantity: Quantity) -> impl Iterator<Item = &'static str> {
     ENDINGS
         .iter()

@@ -58,7 +58,7 @@ pub fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     norm(sub(a, b))
 }
 
-/// a / |a|, or nothing where a has no direction (null, or not finite).
+/// a / |a|; `None` if a is null or not finite.
 #[inline]
 pub fn direction<const N: usize>(a: [f64; N]) -> Option<[f64; N]> {
     let length = norm(a);

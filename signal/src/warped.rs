@@ -1,9 +1,9 @@
-//! Polynomials on a warped frequency axis: all-pole models whose resolution lies where the hand feels.
+//! Polynomials on a warped frequency axis: all-pole models with higher resolution at low frequencies.
 //!
 //! The unit delay of `A(z)` is replaced by the all-pass `D(z) = (z^-1 - l) / (1 - l z^-1)` with the warping factor
-//! `l` in [0, 1). On the unit circle `D = exp(-j W)` with the warped frequency `W(w) = w + 2 atan2(l sin w, 1 - l cos w)`,
-//! so that a model `d^2 / |A(exp(-jW))|^2` of order 20 spends most of its poles on low frequencies: at a factor of 0.8 and
-//! 10 kHz half of the warped axis lies below 350 Hz (Oppenheim and Johnson 1972; Härmä and others 2000).
+//! `l` in [0, 1). On the unit circle `D = exp(-j W)` with the warped frequency `W(w) = w + 2 atan2(l sin w, 1 - l cos
+//! w)`, so that a model `d^2 / |A(exp(-jW))|^2` of order 20 spends most of its poles on low frequencies: at a factor
+//! of 0.8 and 10 kHz half of the warped axis lies below 350 Hz (Oppenheim and Johnson 1972; Härmä and others 2000).
 //! With `l = 0` everything here is the ordinary case.
 
 use crate::arma::MAX_ORDER;
@@ -26,9 +26,10 @@ pub fn unwarp(warped_rad: f64, warping: f64) -> f64 {
 
 /// The power of white noise of variance 1 after `1 / A(D(z))`, with `ar` the warped polynomial `[a_1, ..., a_p]`.
 ///
-/// The closed form `(1 - l^2) / prod (1 - kappa_m^2)` over the reflection coefficients kappa of `A(zeta) (1 + l zeta^-1)`:
-/// the warped axis weighs frequencies by `dw/dW = (1 - l^2) / |1 + l exp(-jW)|^2`, and an all-pole model's power is the
-/// inverse product of its `1 - kappa^2`. It is relative to the drive d, not to the first autocovariance of a fit.
+/// The closed form `(1 - l^2) / prod (1 - kappa_m^2)` over the reflection coefficients kappa of `A(zeta) (1 + l
+/// zeta^-1)`: the warped axis weighs frequencies by `dw/dW = (1 - l^2) / |1 + l exp(-jW)|^2`, and an all-pole model's
+/// power is the inverse product of its `1 - kappa^2`. It is relative to the drive d, not to the first autocovariance
+/// of a fit.
 ///
 /// Does not allocate.
 ///
@@ -58,7 +59,8 @@ pub(crate) fn residual_share(ar: &[f64], warping: f64, product: &mut [f64]) -> R
         .product())
 }
 
-/// [`power_gain`] of as many models of one order as there are lanes, row k the coefficients `a_{k+1}` of all, with the same bits.
+/// [`power_gain`] of as many models of one order as there are lanes, row k the coefficients `a_{k+1}` of all, with
+/// the same bits.
 ///
 /// Made to be inlined where vector instructions are chosen.
 ///
@@ -116,9 +118,9 @@ pub fn squared_response(ar: &[f64], warping: f64, frequency_rad: f64) -> f64 {
 
 /// Autocovariances 0..=`max_lag` of a density given as means over equal cells of the warped axis from 0 to π.
 ///
-/// The cells are taken as they are: **no Jacobian**, as white noise drives the filter on the plain axis and the warped one
-/// only says where the poles lie. Each lag is the cosine integral over the steps, so that positive cells always give a
-/// positive definite sequence.
+/// The cells are taken as they are: **no Jacobian**, as white noise drives the filter on the plain axis and the
+/// warped one only says where the poles lie. Each lag is the cosine integral over the steps, so that positive cells
+/// always give a positive definite sequence.
 pub fn cell_autocovariance(cells: &[f64], max_lag: usize) -> Vec<f64> {
     let count = cells.len().max(1);
     let width = PI / count as f64;

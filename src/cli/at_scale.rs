@@ -395,7 +395,7 @@ fn row(item: &Item, surface: &Surface) -> Vec<String> {
     vec![
         item.name.clone(),
         item.recordings.len().to_string(),
-        surface.provenance.origin.word().to_owned(),
+        surface.provenance.origin.as_str().to_owned(),
         count(models),
         number(surface.friction.map(|friction| friction.mu())),
         count(taps),
@@ -407,7 +407,7 @@ fn surface_json(item: &Item, surface: &Surface) -> Value {
     json!({
         "surface": item.name,
         "recordings": item.recordings,
-        "origin": surface.provenance.origin.word(),
+        "origin": surface.provenance.origin.as_str(),
         "models": surface.texture.as_ref().map(|texture| texture.models().len()),
         "mu": surface.friction.map(|friction| friction.mu()),
         "taps": surface.taps.as_ref().map(|taps| taps.taps().len()),

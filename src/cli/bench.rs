@@ -7,7 +7,7 @@ use super::run::progress_bar;
 use super::{Failure, GraphArguments, say};
 use crate::engine::plan::{Plan, PlanOptions};
 use crate::engine::registry::Registry;
-use crate::engine::run::{Fleet, Profile};
+use crate::engine::run::{Profile, Runner};
 use account::{Account, Turns};
 use std::convert::Infallible;
 use std::path::PathBuf;
@@ -74,9 +74,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
 
 /// The plain, the measured and, where there are several drivers, the run timed driver by driver, in turns.
 fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
-    let mut plain = Fleet::new(plans);
+    let mut plain = Runner::new(plans);
     let mut plain_round = || {
-        let Ok(()) = plain.round(|_, _| Ok::<(), Infallible>(()));
+        let Ok(()) = plain.run_quantum(|_, _| Ok::<(), Infallible>(()));
     };
     let progress = progress_bar(seconds);
     let kinds = if plans.len() > 1 { 3 } else { 2 };
@@ -85,7 +85,7 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
     let mut rounds = 0_u32;
     let begun = Instant::now();
     while begun.elapsed() < turn || rounds == 0 {
-        profile.round();
+        profile.run_quantum();
         rounds += 1;
     }
     let mut turns = Turns::default();
@@ -98,15 +98,19 @@ fn measure(plans: &[Arc<Plan>], profile: &mut Profile, seconds: f64) -> Turns {
         }
         // In turns, which of them is the first as well.
         if number % 2 == 0 {
-            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+            turns
+                .measured_s
+                .push(a_round_of(rounds, || profile.run_quantum()));
         }
         turns.plain_s.push(a_round_of(rounds, &mut plain_round));
         if number % 2 == 1 {
-            turns.measured_s.push(a_round_of(rounds, || profile.round()));
+            turns
+                .measured_s
+                .push(a_round_of(rounds, || profile.run_quantum()));
         }
         if plans.len() > 1 {
             let mut took_ns = vec![0.0; plans.len()];
-            (0..rounds).for_each(|_| profile.round_by_driver(&mut took_ns));
+            (0..rounds).for_each(|_| profile.run_quantum_by_driver(&mut took_ns));
             let took_s = took_ns.iter().map(|ns| ns * 1e-9 / f64::from(rounds));
             turns.by_driver_s.push(took_s.collect());
         }

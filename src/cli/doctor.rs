@@ -5,7 +5,7 @@ use super::{Failure, say, say_json};
 use crate::engine::document::Document;
 use crate::engine::graph::{CheckOptions, check};
 use crate::engine::registry::Registry;
-use crate::engine::run::{LiveOptions, Meters, Outlets, Session, Timer};
+use crate::engine::run::{FileSinks, LiveOptions, Meters, Session, Timer};
 use crate::nodes::soundcard::{SoundcardError, list};
 use crate::signal::files;
 use serde_json::json;
@@ -265,7 +265,7 @@ fn timer(registry: &Registry) -> Result<Finding, Failure> {
         seconds: Some(0.5),
         ..LiveOptions::default()
     };
-    let (live, session) = Session::open(Outlets::new(&graph), &options).map_err(|error| failed(&error))?;
+    let (live, session) = Session::open(FileSinks::new(&graph), &options).map_err(|error| failed(&error))?;
     let thread = Timer::default().start(live).map_err(|error| failed(&error))?;
     let live = thread.join().ok_or_else(|| failed(&"its thread ended early"))?;
     let Meters { lateness, stalls, .. } = session.finish(live).meters;

@@ -304,8 +304,8 @@ fn read(path: &Path, gesture: Option<Gesture>, import: &ImportSettings) -> Resul
         let said = format!(
             "{} says of itself that it is a {}; it is taken as a {}, as asked",
             path.display(),
-            own.word(),
-            gesture.word()
+            own.as_str(),
+            gesture.as_str()
         );
         remark(&format!("warning: {said}\n"));
         loaded.warnings.push(said);

@@ -29,7 +29,7 @@ use super::terminal::is_animated;
 use super::{Failure, GraphArguments, interrupt, remark, remarks, say};
 use crate::engine::graph::{Graph, GraphDevice};
 use crate::engine::registry::Registry;
-use crate::engine::run::{ARRIVALS, Offline, Outcome, Outlets};
+use crate::engine::run::{ARRIVALS, FileSinks, Offline, Outcome};
 use crate::report::sound::Sound;
 use folder::RunFolder;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -209,7 +209,7 @@ fn has_end(arguments: &Arguments) -> bool {
 
 /// A run that is being made: what it writes, and what is kept to complete it.
 struct Making<'a> {
-    outlets: Outlets<'a>,
+    outlets: FileSinks<'a>,
     kept: Kept,
 }
 
@@ -240,7 +240,7 @@ impl<'a> Making<'a> {
             }
         }
         let folder = RunFolder::beside(&target)?;
-        let mut outlets = Outlets::new(graph);
+        let mut outlets = FileSinks::new(graph);
         outlets.open_files(folder.path()).map_err(message)?;
         outputs::keep_played(graph, folder.path(), &mut outlets)?;
         let probes = outputs::open_probes(graph, &arguments.probe, &folder, &mut outlets)?;

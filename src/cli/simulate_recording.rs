@@ -46,8 +46,7 @@ fn materials() -> impl TypedValueParser<Value = MaterialName> {
 }
 
 fn motions() -> impl TypedValueParser<Value = Gesture> {
-    PossibleValuesParser::new(Gesture::ALL.map(Gesture::word))
-        .try_map(|word| Gesture::from_word(&word).ok_or("no such motion"))
+    PossibleValuesParser::new(Gesture::ALL.map(Gesture::as_str)).try_map(|text| text.parse::<Gesture>())
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -98,7 +97,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
             session.seconds
         ));
     }
-    let (motion, material) = (session.gesture.word(), session.material.word());
+    let (motion, material) = (session.gesture.as_str(), session.material.word());
     match arguments.json {
         true => say_json(
             &json!({ "written": [output], "simulated": true, "motion": motion, "material": material }),

@@ -11,7 +11,7 @@ use super::{Failure, GraphArguments, remark, say, warnings};
 use crate::engine::diagnostic::render;
 use crate::engine::graph::Graph;
 use crate::engine::registry::Registry;
-use crate::engine::run::{Offline, Outlets};
+use crate::engine::run::{FileSinks, Offline};
 use crate::report::asked::Drawn;
 use crate::report::record::{Record, friction};
 use crate::report::sweep::{SweepPage, SweptRun};
@@ -194,7 +194,7 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     for (number, (case, run_arguments, graph)) in graphs.into_iter().enumerate() {
         let place = folder.path().join(format!("{:02}", number + 1));
         fs::create_dir(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
-        let mut outlets = Outlets::new(&graph);
+        let mut outlets = FileSinks::new(&graph);
         outlets.open_files(&place).map_err(message)?;
         let mut shown = Shown::of(&graph, &mut outlets);
         let offline = Offline::new(outlets, usize::from(run_arguments.block));
@@ -329,7 +329,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
         over: over.clone(),
-        simulation: first.summary.simulation().clone(),
+        simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,
         asked: first.shown.asked.iter().map(|(asked, _)| asked).collect(),

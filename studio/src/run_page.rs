@@ -6,16 +6,14 @@ use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::Outcome;
-use haptograph_nodes::sinks::plots::GROUP as PLOTS;
 use haptograph_report::drawing;
-use haptograph_report::headlines::Headline;
+use haptograph_report::facts::{self, Facts};
 use haptograph_report::page::{Page, Simulation};
 use haptograph_report::record::{Record, Recorder, friction, recorder, watched};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::Path;
 
-/// The facts in a run's folder, and the page.
-const FACTS: &str = "run.json";
+/// The page in a run's folder.
 pub const REPORT: &str = "report.html";
 
 /// A signal that the page will show.
@@ -62,77 +60,24 @@ pub fn write(
     outcome: &Outcome,
     kept: &[Kept],
 ) -> std::io::Result<()> {
-    let facts = facts(source, graph, outcome);
-    let page = page(source, graph, outcome, &facts, kept);
-    let facts = format!("{facts:#}\n");
-    haptograph_surfaces::files::write_atomically(&folder.join(FACTS), facts.as_bytes())?;
-    haptograph_surfaces::files::write_atomically(&folder.join(REPORT), page.as_bytes())
-}
-
-/// By the names that `haptograph run` has for them.
-fn facts(source: &Source, graph: &Graph, outcome: &Outcome) -> Value {
-    let mut files: Vec<_> = graph.nodes().iter().flat_map(|node| &node.files).collect();
-    files.sort();
-    files.dedup();
-    let set = source.set.iter().map(|(name, value)| format!("{name}={value}"));
-    let clocks = graph.clocks().iter();
-    let faults = &outcome.faults;
-    let faulty =
-        (faults.ticks > 0).then(|| json!({ "ticks": faults.ticks, "origin": faults.origin.as_deref() }));
+    let set = source.set.iter();
+    let set = set.map(|(name, value)| (name.as_str(), value.as_str()));
+    let mut run = Facts::of(graph, outcome, &source.path, set, "simulated");
     let devices = graph.devices().iter().map(|device| {
         let spec = device.entry.spec;
         json!({ "name": device.name, "kind": spec.name, "simulated": spec.simulated })
     });
-    json!({
-        "graph": source.path.to_string_lossy(),
-        "set": set.collect::<Vec<_>>(),
-        "endpoints": "simulated",
-        "seed": graph.seed(),
-        "files": files.iter().map(|path| path.to_string_lossy()).collect::<Vec<_>>(),
-        "clocks": clocks.map(|clock| format!("{} {}", clock.name, clock.rate)).collect::<Vec<_>>(),
-        "nodes": graph.nodes().len(),
-        "seconds": outcome.seconds,
-        "driver_frames": outcome.driver_frames,
-        "devices": devices.collect::<Vec<_>>(),
-        "faults": faulty.into_iter().collect::<Vec<_>>(),
-        "haptograph": env!("CARGO_PKG_VERSION"),
-    })
+    run.extend([("devices", "Devices", devices.collect())]);
+    let page = page(source, graph, outcome, &run, kept);
+    haptograph_surfaces::files::write_atomically(&folder.join(facts::FILE), run.to_json().as_bytes())?;
+    haptograph_surfaces::files::write_atomically(&folder.join(REPORT), page.as_bytes())
 }
 
-fn page(source: &Source, graph: &Graph, outcome: &Outcome, facts: &Value, kept: &[Kept]) -> String {
-    let listed = facts.as_object().into_iter().flatten();
-    let listed = listed.filter_map(|(name, value)| {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            Value::Array(list) => list
-                .iter()
-                .filter_map(Value::as_str)
-                .collect::<Vec<_>>()
-                .join(", "),
-            other => other.to_string(),
-        };
-        (!text.is_empty()).then(|| (name.replace('_', " "), text))
-    });
-    let headlines = outcome.actuators.iter().map(|actuator| {
-        let clipped = actuator.clipped;
-        let held = clipped.peak.max(clipped.continuous).max(clipped.slew);
-        let part = 100.0 * held as f64 / clipped.ticks.max(1) as f64;
-        let of = format!("of the time of {}", actuator.path);
-        Headline::new("Held back by limits", format!("{part:.2} %"), of)
-    });
-    let written = graph.written_files().filter_map(|(node, file)| {
-        let node = &graph.nodes()[node];
-        let holds = format!("what `{}` got", node.path);
-        (node.entry.spec.group != PLOTS).then(|| (file.to_string_lossy().into_owned(), holds))
-    });
-    let own = [
-        (
-            super::again::STROKES,
-            "the moves and turns, to be replayed in the studio",
-        ),
-        (FACTS, "the facts of the run, for programs"),
-    ];
-    let own = own.map(|(file, holds)| (file.to_owned(), holds.to_owned()));
+fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[Kept]) -> String {
+    let own = [(
+        super::again::STROKES,
+        "the moves and turns, to be replayed in the studio",
+    )];
     Page {
         friction: friction(graph),
         title: source.name(),
@@ -142,10 +87,13 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, facts: &Value, kept: 
              models did, not a measurement."
                 .to_owned(),
         ),
-        headlines: headlines.collect(),
-        facts: listed.collect(),
-        warnings: Vec::new(),
-        files: written.chain(own).collect(),
+        headlines: facts::limited(outcome),
+        facts: run
+            .listed()
+            .map(|(_, name, value)| (name.to_owned(), value))
+            .collect(),
+        warnings: run.warnings.clone(),
+        files: facts::files_beside(graph, &own),
         sound: None,
         asked: Vec::new(),
         signals: kept.iter().map(|kept| kept.record.content()).collect(),

@@ -1,8 +1,8 @@
-//! Crackle: the excitation of a texture whose level fluctuates faster than speed and force do.
+//! Crackle: a texture's excitation whose level fluctuates faster than speed and force.
 //!
 //! The excitation is `sigma sqrt(v) g` with white Gaussian `g` and the fluctuation `v = exp(s z - s^2 / 2)`, where `z` is a
-//! Gaussian process of variance 1 that forgets exponentially. The mean of `v` is 1, so that power and spectrum stay what the
-//! map says; only the distribution changes: its excess kurtosis is `3 (exp(s^2) - 1)`.
+//! Gaussian process of variance 1 with exponential correlation. The mean of `v` is 1, so that power and spectrum stay those of
+//! the map; only the distribution changes: its excess kurtosis is `3 (exp(s^2) - 1)`.
 
 mod lanes;
 
@@ -11,7 +11,7 @@ pub(crate) use lanes::CrackleLanes;
 use crate::TextureError;
 use haptograph_signal::noise::Gaussian;
 
-/// How strongly and how fast the level of a texture's excitation fluctuates.
+/// The strength and speed of the fluctuation of a texture's excitation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crackle {
     depth: f64,
@@ -20,12 +20,12 @@ pub struct Crackle {
 
 /// Deepest crackle: an excess kurtosis of 160.
 pub const MAX_DEPTH: f64 = 2.0;
-/// Longest time constant, s: what is slower follows from speed and force.
+/// Longest time constant, s: slower fluctuation follows from speed and force.
 pub const MAX_TIME_CONSTANT_S: f64 = 1.0;
 
 impl Crackle {
-    /// Crackle of `depth`, the standard deviation of the power's natural logarithm (above 0, at most [`MAX_DEPTH`]), which is
-    /// forgotten within `time_constant_s` (above 0, at most [`MAX_TIME_CONSTANT_S`]).
+    /// Crackle of `depth`, the standard deviation of the power's natural logarithm (above 0, at most [`MAX_DEPTH`]), with the
+    /// correlation time `time_constant_s` (above 0, at most [`MAX_TIME_CONSTANT_S`]).
     ///
     /// # Errors
     /// [`TextureError::Crackle`] for values out of these ranges.
@@ -57,7 +57,7 @@ impl Crackle {
 /// Samples modulated at a time.
 const BATCH: usize = 64;
 
-/// Modulates white excitation with crackle, in real time: it neither allocates nor depends on how samples are grouped.
+/// Modulates white excitation with crackle, in real time. It does not allocate; its output does not depend on block sizes.
 #[derive(Debug, Clone)]
 pub struct CrackleSource {
     noise: Gaussian,
@@ -81,7 +81,7 @@ impl CrackleSource {
         }
     }
 
-    /// Multiplies the next samples of the excitation by the root of the fluctuation.
+    /// Multiplies the next samples of the excitation by the square root of the fluctuation.
     pub fn modulate(&mut self, excitation: &mut [f64]) {
         let mut noise = [0.0; BATCH];
         for chunk in excitation.chunks_mut(BATCH) {

@@ -1,17 +1,17 @@
-//! Hull extension: vertices on the border of the map, so that it reaches from rest to the largest speed and force.
+//! Hull extension: adds vertices on the border of the map, so that it reaches from rest to the largest speed and force.
 
 use crate::texture::{ModelAt, TextureError, VertexKind};
 
-/// How many border vertices there are: each side of the map is divided evenly (thesis 2.3.4).
+/// The number of border vertices: each side of the map is divided evenly (thesis 2.3.4).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hull {
     /// Divisions of the sides along speed.
     pub speed_steps: usize,
     /// Divisions of the sides along force.
     pub force_steps: usize,
-    /// Largest speed of the map, m/s; that of the fastest model if `None`.
+    /// Largest speed of the map, m/s; if `None`, that of the fastest model.
     pub max_speed_m_s: Option<f64>,
-    /// Largest force of the map, N; that of the hardest model if `None`.
+    /// Largest force of the map, N; if `None`, that of the model with the largest force.
     pub max_force_n: Option<f64>,
 }
 
@@ -27,12 +27,12 @@ impl Default for Hull {
     }
 }
 
-/// A border vertex this near to a model on the border, as a part of the side, gives way to it.
+/// A border vertex closer than this fraction of the side to a model on the border is omitted.
 const NEAR: f64 = 1e-3;
 
 /// The border vertices of a map of `measured` models. Each has the filter of the measured model nearest in raw units
 /// (mm/s and N, as the toolkit does); the variance is copied where speed or force is largest, and zero where either
-/// is zero, so that a resting or lifted tool is silent.
+/// is zero, so that a tool at rest or in the air is silent.
 pub fn extend(measured: &[ModelAt], hull: &Hull) -> Result<Vec<ModelAt>, TextureError> {
     for (vertex, at) in measured.iter().enumerate() {
         let (speed_m_s, force_n) = (at.speed_m_s, at.force_n);
@@ -63,7 +63,7 @@ pub fn extend(measured: &[ModelAt], hull: &Hull) -> Result<Vec<ModelAt>, Texture
                 );
                 let corner = (speed == 0.0 || speed == max_speed) && (force == 0.0 || force == max_force);
                 let near = if corner { 0.0 } else { NEAR };
-                // Only a model on the same side of the map can stand in for a vertex of that side.
+                // Only a model on the same side of the map can replace a vertex of that side.
                 (along_speed == 0.0 && along_force.abs() <= near)
                     || (along_force == 0.0 && along_speed.abs() <= near)
             })

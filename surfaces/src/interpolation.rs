@@ -1,5 +1,5 @@
-//! The texture at any speed and force, in real time: locate the triangle, mix the line spectral frequencies of its
-//! three models by the barycentric weights, and convert the mix (thesis 2.4).
+//! Interpolates a texture at any speed and force, in real time: locates the triangle, mixes the line spectral frequencies
+//! of its three models by the barycentric weights, and converts the mix to coefficients (thesis 2.4).
 
 use crate::MAX_ORDER;
 use crate::lsf::lsf_to_ar;
@@ -8,7 +8,7 @@ use crate::texture::TextureModel;
 use crate::triangulation::{Location, Triangle, Triangulation};
 use haptograph_signal::warped::power_gain;
 
-/// A filter's coefficients and excitation for one moment: plain data of fixed width.
+/// A filter's coefficients and excitation at one time, in arrays of fixed size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficients {
     /// a_1..a_p of A(z) = 1 + Σ a_k z⁻ᵏ; zero from the order on.
@@ -23,7 +23,7 @@ pub struct Coefficients {
     pub gain: f64,
     /// Variance of the excitation, (m/s²)²; exactly 0 at zero speed or force.
     pub variance: f64,
-    /// Warping factor of the AR polynomial's frequency axis; 0 where it is plain.
+    /// Warping factor of the AR polynomial's frequency axis; 0 if it is not warped.
     pub warping: f64,
 }
 
@@ -50,7 +50,7 @@ impl Coefficients {
     }
 }
 
-/// Where on the map some coefficients are from.
+/// The position on the map of a set of coefficients.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
     /// Speed after saturation, m/s.
@@ -65,7 +65,7 @@ pub struct Spot {
     pub weights: [f64; 3],
 }
 
-/// Interpolates a texture. Allocates when made and never again; remembers the last triangle, to walk on from there.
+/// Interpolates a texture. Only the constructor allocates. The search for a triangle begins at the last one.
 #[derive(Debug, Clone)]
 pub struct Interpolator {
     map: Triangulation,
@@ -85,7 +85,7 @@ const LANES: usize = 4;
 const MAX_ROW: usize = 2 * MAX_ORDER + LANES;
 
 impl Interpolator {
-    /// Lays the texture's models out for interpolation.
+    /// Prepares the models of `texture` for interpolation.
     pub fn new(texture: &TextureModel) -> Self {
         let (ar_order, ma_order) = (texture.ar_order(), texture.ma_order());
         let stride = (ar_order + ma_order + 2).next_multiple_of(LANES);
@@ -114,19 +114,19 @@ impl Interpolator {
         }
     }
 
-    /// The coefficients at a speed in m/s and a force in N, which saturate at the largest modelled ones (negative ones
-    /// and what is not a number count as zero). The same to within rounding from whichever triangle the walk began.
+    /// The coefficients at a speed in m/s and a force in N. Both saturate at the largest modelled values; negative values and
+    /// NaN count as zero. The result does not depend on the last triangle, except for rounding.
     pub fn interpolate(&mut self, speed_m_s: f64, force_n: f64, into: &mut Coefficients) -> Spot {
         let spot = self.locate(speed_m_s, force_n);
         self.interpolate_at(spot.vertices, spot.weights, into);
-        // All models at rest are silent: without this, rounding could leave the weight of one that is not.
+        // All models at rest are silent; rounding could leave weight on a model that is not.
         if spot.speed_m_s == 0.0 || spot.force_n == 0.0 {
             into.variance = 0.0;
         }
         spot
     }
 
-    /// The coefficients of a mix of three models by number, as a located spot has them; silence for numbers of no model.
+    /// The coefficients of a mix of three models by number, such as those of a located spot; silence for invalid numbers.
     pub fn interpolate_at(&self, models: Triangle, weights: [f64; 3], into: &mut Coefficients) {
         let count = self.rows.len() / self.stride;
         if models.iter().any(|model| *model as usize >= count) {
@@ -148,13 +148,13 @@ impl Interpolator {
         into.variance = if self.warping == 0.0 {
             rest[1]
         } else {
-            // A mix of stable models is stable; what rounding made of it otherwise is silent.
+            // A mix of stable models is stable; if rounding makes it unstable, it is silent.
             power_gain(into.ar(), self.warping).map_or(0.0, |gain| rest[1] * rest[1] / gain)
         };
     }
 
-    /// The mix at a spot as it is before it is converted, into a lane of `rows`: line spectral frequencies of the AR and the MA
-    /// polynomial, gain, and variance (of warped models the root of their power).
+    /// Writes the unconverted mix at a spot into a lane of `rows`: line spectral frequencies of the AR and the MA polynomial,
+    /// gain, and variance (for warped models the square root of their power).
     pub(crate) fn mix_into<const L: usize>(&self, spot: &Spot, lane: usize, rows: &mut [[f64; L]]) {
         let mut mix = [0.0; MAX_ROW];
         self.mix(spot.vertices, spot.weights, &mut mix);

@@ -1,9 +1,9 @@
-//! Data-driven haptic surfaces: what a surface is, its files, its interpolation and resampling, learning it from
-//! recordings, and measuring how well a virtual surface matches a real one. Knows nothing of graphs.
+//! Data-driven haptic surfaces: their files, interpolation and resampling, learning from recordings, and measures of how
+//! well a virtual surface matches a real one. The crate does not depend on graphs.
 //!
-//! A [`Surface`] is friction, taps, texture and stiffness with [`Provenance`]. Its texture is a [`TextureModel`]: a
-//! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Everything inside is SI
-//! (m/s, N, m/s²); files speak mm/s and N. A value of any of these types is sound: its constructor checked it.
+//! A [`Surface`] has friction, taps, texture and stiffness with [`Provenance`]. Its texture is a [`TextureModel`]: a
+//! triangulated map over (speed, force) of autoregressive models, each an [`ArmaModel`]. Values in memory are SI
+//! (m/s, N, m/s²); files use mm/s and N. The constructor of each type checks its values.
 
 #[cfg(not(target_family = "wasm"))]
 pub mod batch;

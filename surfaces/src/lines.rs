@@ -1,18 +1,18 @@
-//! Lines fixed in space: what threads, ridges and grooves at even distances add to the noise of a texture.
+//! Lines fixed in space: tones that regularly spaced threads, ridges and grooves add to the noise of a texture.
 //!
-//! A line of K cycles a metre sounds at K times the speed. Its phase is 2 pi K times the way, plus a random walk for
-//! distances that are not quite even; its power at a speed and force is interpolated over the map like that of the models.
+//! A line of K cycles per metre has a frequency of K times the speed. Its phase is 2 pi K times the travelled distance, plus
+//! a random walk for irregular distances. Its power at a speed and force is interpolated over the map like the models' power.
 
 use crate::TextureError;
 use haptograph_signal::noise::Gaussian;
 use std::f64::consts::TAU;
 
-/// Most lines of a texture.
+/// Maximum number of lines of a texture.
 pub const MAX_LINES: usize = 3;
-/// Lines below this frequency are silent, and whole from `WHOLE` times it on, Hz.
+/// Lines below this frequency are silent; from `WHOLE` times it on they have full power, Hz.
 pub const LOWEST_HZ: f64 = 5.0;
 const WHOLE: f64 = 1.5;
-/// Lines above this part of the models' rate are silent, and whole up to `WHOLE_OF_RATE` of it.
+/// Lines above this fraction of the models' rate are silent; up to `WHOLE_OF_RATE` of it they have full power.
 pub const HIGHEST_OF_RATE: f64 = 0.4;
 const WHOLE_OF_RATE: f64 = 0.36;
 
@@ -25,8 +25,8 @@ pub struct SpatialLine {
 }
 
 impl SpatialLine {
-    /// A line of `cycles_per_m` (above 0) of which the phase's variance grows by `diffusion_rad2_per_m` (at least 0) a metre,
-    /// with the power at each of the texture's models, (m/s²)², in their order.
+    /// A line of `cycles_per_m` (above 0) whose phase variance grows by `diffusion_rad2_per_m` (at least 0) per metre, with
+    /// its power at each model of the texture, (m/s²)², in their order.
     ///
     /// # Errors
     /// [`TextureError::Line`] for numbers that are not finite or out of range.
@@ -50,12 +50,12 @@ impl SpatialLine {
         })
     }
 
-    /// Cycles a metre of the tool's way.
+    /// Cycles per metre of travel.
     pub fn cycles_per_m(&self) -> f64 {
         self.cycles_per_m
     }
 
-    /// Growth of the phase's variance with the way, rad²/m.
+    /// Growth of the phase variance with the travelled distance, rad²/m.
     pub fn diffusion_rad2_per_m(&self) -> f64 {
         self.diffusion_rad2_per_m
     }
@@ -78,21 +78,21 @@ pub fn mixed_powers(lines: &[SpatialLine], models: [u32; 3], weights: [f64; 3]) 
     powers
 }
 
-/// How much of a line's power is heard at a frequency: nothing where hand or filter would not follow it.
+/// The gain of a line's power at a frequency; 0 outside the band that hand and filter can follow.
 fn audible(frequency_hz: f64, models_hz: f64) -> f64 {
     let above = (frequency_hz / LOWEST_HZ - 1.0) / (WHOLE - 1.0);
     let below = (HIGHEST_OF_RATE - frequency_hz / models_hz) / (HIGHEST_OF_RATE - WHOLE_OF_RATE);
     above.min(below).clamp(0.0, 1.0)
 }
 
-/// Samples for which a step of the random walk is spread, so that phases move evenly.
+/// Samples over which a step of the random walk is spread, so that phases move smoothly.
 const STEP: u32 = 32;
 /// Time in which amplitudes follow the map, s.
 const FOLLOW_S: f64 = 0.003;
 /// An amplitude that counts as silent, m/s².
 const SILENT_M_S2: f64 = 1e-9;
 
-/// Makes the lines of a texture in real time: it neither allocates nor depends on how samples are grouped.
+/// Renders the lines of a texture in real time. It does not allocate; its output does not depend on block sizes.
 #[derive(Debug, Clone)]
 pub struct LineSource {
     lines: Vec<Voice>,
@@ -108,9 +108,9 @@ pub struct LineSource {
 struct Voice {
     cycles_per_m: f64,
     diffusion_rad2_per_m: f64,
-    /// In cycles, 0 to 1.
+    /// Phase in cycles, 0 to 1.
     phase: f64,
-    /// What a sample adds to the phase: by the way, and by the random walk.
+    /// Phase increment of a sample: by travel, and by the random walk.
     turn: f64,
     wander: f64,
     amplitude_m_s2: f64,
@@ -118,13 +118,13 @@ struct Voice {
 }
 
 impl LineSource {
-    /// A source of `lines` at `rate_hz`, of a texture whose models are for `models_hz`. Their phases begin at random.
+    /// A source of `lines` at `rate_hz` for a texture whose models have the rate `models_hz`. Initial phases are random.
     pub fn new(lines: &[SpatialLine], rate_hz: f64, models_hz: f64, seed: u64) -> Self {
         let mut noise = Gaussian::new(seed);
         let voice = |line: &SpatialLine| Voice {
             cycles_per_m: line.cycles_per_m,
             diffusion_rad2_per_m: line.diffusion_rad2_per_m,
-            // Many deviations of a normal number, wrapped, are even.
+            // A normal deviate of many cycles, wrapped, is uniform.
             phase: (100.0 * noise.next_sample()).rem_euclid(1.0),
             turn: 0.0,
             wander: 0.0,

@@ -8,14 +8,13 @@ use std::sync::Arc;
 
 pub use crate::lsf::MAX_ORDER;
 
-/// Line spectral frequencies closer to one another (or to 0 and π) than this are refused, radians. Poles within about
-/// a millionth of the unit circle have such; their direct-form coefficients no longer hold the filter stable in
-/// double precision. Interpolation between sets never makes a smaller gap, so that what holds at the models holds
-/// everywhere between them.
+/// Least gap between line spectral frequencies (and to 0 and π), radians. Poles within about a millionth of the unit circle
+/// have smaller gaps; their direct-form coefficients cannot keep the filter stable in double precision. Interpolation
+/// between sets never makes a smaller gap.
 pub const MIN_LSF_GAP_RAD: f64 = 1e-6;
 
-/// How far stored coefficients may be from those of the stored line spectral frequencies, relative to the largest
-/// coefficient (or 1). The toolkit's files have frequencies of six decimals, which leave 2e-5.
+/// Largest difference between stored coefficients and those of the stored line spectral frequencies, relative to the
+/// largest coefficient (or 1). The toolkit's files have frequencies of six decimals, which leave 2e-5.
 pub const STORED_LSF_TOLERANCE: f64 = 1e-3;
 
 /// The warping factor at which models of any rate resolve low frequencies as those of 0.85 do at 10 kHz: an order of 20 has
@@ -31,20 +30,20 @@ pub fn warping_for(rate_hz: f64) -> f64 {
 ///
 /// y\[n\] = −Σ a_k y\[n−k\] + gain · (e\[n\] + Σ b_k e\[n−k\]), with e of the model's variance.
 ///
-/// With a warping factor above 0 the AR polynomial is one in the all-pass of [`haptograph_signal::warped`] instead of the
-/// unit delay, there is no MA part, and what is kept is the **power** of the vibration, from which the variance follows.
+/// With a warping factor above 0 the AR polynomial is in the all-pass of [`haptograph_signal::warped`] instead of the unit
+/// delay, there is no MA part, and the model stores the **power** of the vibration, from which the variance follows.
 ///
-/// Coefficients and line spectral frequencies (LSFs) are both kept as they were given. **The LSFs lead**: rendering
-/// goes through them, at the models as between them. The coefficients serve the work on a single model (spectra,
-/// resampling), where they carry more digits than a toolkit file's LSFs do.
+/// The model stores both coefficients and line spectral frequencies (LSFs) as given. **The LSFs take precedence**:
+/// rendering uses them at and between models. Operations on a single model (spectra, resampling) use the coefficients,
+/// which have more digits than the LSFs of a toolkit file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmaModel {
     filter: Arc<Filter>,
-    /// Variance of the excitation, or the power of the vibration where the filter is warped.
+    /// Variance of the excitation; for a warped filter, power of the vibration.
     level: f64,
 }
 
-/// Shared, as the border of a map repeats the filters of its inside.
+/// Shared, because the border of a map repeats the filters of its interior.
 #[derive(Debug, PartialEq)]
 struct Filter {
     ar: Vec<f64>,
@@ -53,11 +52,11 @@ struct Filter {
     ma_lsf: Vec<f64>,
     gain: f64,
     warping: f64,
-    /// Power of the vibration over the excitation's variance; 1 where it is not warped, as it is not used there.
+    /// Power of the vibration over the variance of the excitation; 1 (unused) if the filter is not warped.
     power_gain: f64,
 }
 
-/// The numbers of a model as a file stores them, yet unchecked.
+/// The numbers of a model as stored in a file, not yet checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredModel {
     /// a_1..a_p.
@@ -148,7 +147,7 @@ impl ArmaModel {
 
     /// A warped model of coefficients a_1..a_p, the warping factor, and the variance of its excitation in (m/s²)².
     pub fn warped_from_ar(ar: &[f64], warping: f64, variance: f64) -> Result<Self, ModelError> {
-        // The frequencies lead, so that they alone are enough to write down.
+        // The LSFs take precedence, so that a file needs only them.
         Self::warped_from_lsf(&lsf_of(Polynomial::Ar, ar)?, warping, 0.0)?.with_variance(variance)
     }
 
@@ -239,7 +238,7 @@ impl ArmaModel {
         self.filter.warping
     }
 
-    /// Power of the vibration, (m/s²)²: as kept by a warped model, worked out for others.
+    /// Power of the vibration, (m/s²)²: stored by a warped model, computed for others.
     pub fn power(&self) -> f64 {
         let Filter {
             ar,
@@ -251,7 +250,7 @@ impl ArmaModel {
         if *warping > 0.0 {
             return self.level;
         }
-        // A model that exists is stable.
+        // A constructed model is stable.
         let filter = haptograph_signal::prediction::power_gain(ar, ma).unwrap_or(1.0);
         self.level * gain * gain * filter
     }
@@ -271,7 +270,7 @@ impl ArmaModel {
         gain * gain * squared_magnitude(ma, frequency_rad) / squared_magnitude(ar, frequency_rad)
     }
 
-    /// Whether two models are the same filter to the bit, whatever their variance.
+    /// Whether two models have bitwise equal filters, regardless of variance.
     pub fn same_filter(&self, other: &ArmaModel) -> bool {
         Arc::ptr_eq(&self.filter, &other.filter) || self.filter == other.filter
     }
@@ -326,7 +325,7 @@ fn check_polynomial(
     }
     let mut below = 0.0;
     for (index, &frequency) in frequencies.iter().chain(&[PI]).enumerate() {
-        // Written so that NaN fails.
+        // NaN fails this comparison.
         if !(frequency - below >= MIN_LSF_GAP_RAD && frequency <= PI) {
             return Err(ModelError::LsfOrder { polynomial, index });
         }
@@ -369,7 +368,7 @@ impl std::fmt::Display for Polynomial {
     }
 }
 
-/// Why numbers make no sound model.
+/// An error in the numbers of a model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// The order is too high.
@@ -412,7 +411,7 @@ pub enum ModelError {
     },
     /// Coefficients and LSFs are not of the same polynomial.
     #[error(
-        "the {polynomial} LSFs do not belong to the coefficients: coefficient {index} is {stored}, but {implied} by the LSFs"
+        "the {polynomial} LSFs do not belong to the coefficients: coefficient {index} is {stored}, but the LSFs give {implied}"
     )]
     Disagree {
         /// Which polynomial.
@@ -438,7 +437,7 @@ pub enum ModelError {
         /// The value given.
         warping: f64,
     },
-    /// A vertex with both a variance and a power, or neither.
+    /// A vertex has both a variance and a power, or neither.
     #[error("a vertex needs either `variance` or `power_m2_s4`, not both")]
     Level,
     /// A moving average on a warped axis.

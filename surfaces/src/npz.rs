@@ -1,14 +1,14 @@
-//! Arrays in uncompressed `.npz` archives, as `numpy.savez` writes them: written in memory of a constant size, the same bytes
-//! for the same arrays.
+//! Reads and writes arrays in uncompressed `.npz` archives, as `numpy.savez` does. Writing takes constant memory and gives the
+//! same bytes for the same arrays.
 
 use npyz::{NpyHeader, WriterBuilder};
 use std::io::{self, BufWriter, Read, Seek, Write};
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// Members of more bytes need the large form of an archive; what an array's header takes is left to them.
+/// Larger members need the 64-bit form of an archive; the difference is room for an array's header.
 const MAX_SMALL_BYTES: u64 = 0xffff_0000;
-/// The most an array's own header may hold, bytes. NumPy writes 128.
+/// Largest header of an array, bytes. NumPy writes 128.
 const MAX_ARRAY_HEADER_BYTES: usize = 4096;
 
 /// Begins a member of so many bytes.
@@ -71,16 +71,18 @@ pub fn begin_array<W: Write + Seek>(
 pub fn array_header(source: &mut impl Read) -> Result<NpyHeader, String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
     let mut bytes = vec![0; 8];
-    source.read_exact(&mut bytes).map_err(|_| "it is no array")?;
+    source.read_exact(&mut bytes).map_err(|_| "it is not an array")?;
     let width = if bytes[6] > 1 { 4 } else { 2 };
     bytes.resize(8 + width, 0);
-    source.read_exact(&mut bytes[8..]).map_err(|_| "it is no array")?;
+    source
+        .read_exact(&mut bytes[8..])
+        .map_err(|_| "it is not an array")?;
     let length = bytes[8..]
         .iter()
         .rev()
         .fold(0, |length, byte| length << 8 | usize::from(*byte));
     let begun = bytes.len();
-    let unusual = "its header is not one that NumPy writes";
+    let unusual = "its header is not in NumPy's format";
     if length > MAX_ARRAY_HEADER_BYTES {
         return Err(unusual.to_owned());
     }

@@ -1,11 +1,11 @@
-//! Where a surface comes from, carried with it wherever it goes, so that nothing simulated can pass for measured.
+//! The provenance of a surface. Every surface carries it, so that simulated data is never taken for measured data.
 
 use std::collections::BTreeMap;
 
-/// The setting that says of a recording that its vibration is in another unit than m/s².
+/// The setting of a recording whose vibration is not in m/s².
 pub(crate) const VIBRATION_UNIT: &str = "vibration unit";
 
-/// Where the data behind a surface or a recording came from.
+/// The origin of the data of a surface or a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Origin {
     /// Learned from a recording that haptograph simulated.
@@ -14,7 +14,7 @@ pub enum Origin {
     Measured,
     /// Read from another program's file, such as the Penn Haptic Texture Toolkit's.
     Imported,
-    /// Written down by a script: a made-up surface that imitates no material.
+    /// Written by a script: a synthetic surface that imitates no material.
     Procedural,
 }
 
@@ -27,13 +27,8 @@ impl Origin {
         Origin::Procedural,
     ];
 
-    /// The origin of that word.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|origin| origin.word() == word)
-    }
-
-    /// The word for people and files, such as `simulated`.
-    pub fn word(self) -> &'static str {
+    /// The name in files and messages, such as `simulated`.
+    pub fn as_str(self) -> &'static str {
         match self {
             Origin::Simulated => "simulated",
             Origin::Measured => "measured",
@@ -43,12 +38,23 @@ impl Origin {
     }
 }
 
-/// Where a surface comes from and how it was made: enough to make it again.
+impl std::str::FromStr for Origin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|origin| origin.as_str() == text);
+        found.ok_or_else(|| {
+            format!("unknown origin {text:?}; expected one of: simulated, measured, imported, procedural")
+        })
+    }
+}
+
+/// The origin of a surface and how it was made: enough to make it again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
-    /// What kind of data stands behind it.
+    /// The kind of data it was made from.
     pub origin: Origin,
-    /// The recording, file or script it was made from, in words a person can follow.
+    /// The recording, file or script it was made from, as readable text.
     pub source: String,
     /// The settings it was made with, by name.
     pub settings: BTreeMap<String, String>,
@@ -57,7 +63,7 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// Provenance with no settings yet, made by this version of haptograph.
+    /// Provenance without settings, made by this version of haptograph.
     pub fn new(origin: Origin, source: impl Into<String>) -> Self {
         Provenance {
             origin,

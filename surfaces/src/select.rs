@@ -1,11 +1,11 @@
-//! A few surfaces that stand for many (thesis section 4.4): friction, tap response and vibration power as z-scores, clustered, one surface of each
-//! cluster.
+//! Selects a few representative surfaces of many (thesis section 4.4): clusters them by z-scores of friction, tap response
+//! and vibration power, and selects one surface of each cluster.
 
 use crate::Surface;
 use crate::evaluate::{RandomWalk, SynthesisError, SynthesisSettings, cut_tree, hierarchical, synthesise};
 use crate::statistics::{mean, z_scores};
 
-/// What surfaces are told apart by.
+/// The features by which surfaces are compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Features {
     /// The surface's name.
@@ -18,7 +18,7 @@ pub struct Features {
     pub power: Option<f64>,
 }
 
-/// The features of a surface, as far as it has the parts for them.
+/// The features of a surface, from the parts that it has.
 ///
 /// The trajectory is played at the texture's own rate, so compare textures of one rate.
 pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Features, SynthesisError> {
@@ -52,30 +52,32 @@ pub fn features(surface: &Surface, walk: &RandomWalk, seed: u64) -> Result<Featu
     })
 }
 
-/// Surfaces divided into clusters, and one chosen of each.
+/// Surfaces in clusters, with one selected from each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
-    /// Which features were used: those that all surfaces have.
+    /// The features used: those that all surfaces have.
     pub features: Vec<&'static str>,
     /// Cluster of each surface, numbered in order of appearance.
     pub clusters: Vec<usize>,
     /// The surface nearest to the centre of each cluster, by cluster.
     pub chosen: Vec<usize>,
-    /// Mean distance of surfaces to the centre of their cluster, for 1, 2, ... clusters: the scree plot that says how many are needed.
+    /// Mean distance of surfaces to the centre of their cluster, for 1, 2, ... clusters: a scree plot for choosing the number.
     pub scree: Vec<f64>,
 }
 
-/// Why no surfaces were selected.
+/// An error of selecting surfaces.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum SelectError {
-    #[error("{clusters} surfaces cannot be chosen of {surfaces}: ask for 1 to {surfaces}")]
+    #[error("cannot select {clusters} of {surfaces} surfaces; give a number from 1 to {surfaces}")]
     Clusters { clusters: usize, surfaces: usize },
-    #[error("the surfaces share no feature: each lacks friction, taps or texture; {example} lacks {lacks}")]
+    #[error(
+        "the surfaces have no feature in common (friction, taps, texture); for example, {example} lacks {lacks}"
+    )]
     NoSharedFeature { example: String, lacks: String },
 }
 
-/// Chooses `clusters` surfaces that stand for all: 15 of 100 in the thesis.
+/// Selects `clusters` representative surfaces: 15 of 100 in the thesis.
 pub fn select(surfaces: &[Features], clusters: usize) -> Result<Selection, SelectError> {
     let count = surfaces.len();
     if clusters == 0 || clusters > count {

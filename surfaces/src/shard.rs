@@ -1,8 +1,8 @@
-//! Parts of work that is done by several processes, anywhere.
+//! Shards: parts of a job that several processes share.
 
 use std::str::FromStr;
 
-/// A part of numbered work: of `of` parts of about one size the one with this number. Which item is in which part changes no item.
+/// One of `of` parts, of about equal size, of a list of numbered items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     number: u64,
@@ -10,12 +10,12 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Part `number`, from 1, of `of`; nothing where there is no such part.
+    /// Part `number`, from 1, of `of`; `None` if there is no such part.
     pub fn new(number: u64, of: u64) -> Option<Self> {
         (1..=of).contains(&number).then_some(Self { number, of })
     }
 
-    /// Whether an item of this number, from 0, is in it.
+    /// Whether the part contains the item of this number, from 0.
     pub fn has(&self, item: u64) -> bool {
         item % self.of == self.number - 1
     }

@@ -1,8 +1,8 @@
-//! The little statistics that learning and evaluation share.
+//! Statistics shared by learning and evaluation.
 
 pub(crate) use haptograph_signal::statistics::median;
 
-/// The mean; 0 of nothing.
+/// The mean; 0 if empty.
 pub(crate) fn mean(values: &[f64]) -> f64 {
     if values.is_empty() {
         0.0
@@ -11,7 +11,7 @@ pub(crate) fn mean(values: &[f64]) -> f64 {
     }
 }
 
-/// The sample standard deviation (n - 1); 0 of fewer than two.
+/// The sample standard deviation (n - 1); 0 for fewer than two values.
 pub(crate) fn standard_deviation(values: &[f64]) -> f64 {
     if values.len() < 2 {
         return 0.0;
@@ -21,7 +21,7 @@ pub(crate) fn standard_deviation(values: &[f64]) -> f64 {
     (squares / (values.len() - 1) as f64).sqrt()
 }
 
-/// `values` less their mean, over their standard deviation; zeros where they do not vary.
+/// `values` minus their mean, divided by their standard deviation; zeros if they do not vary.
 pub(crate) fn z_scores(values: &[f64]) -> Vec<f64> {
     let (mean, deviation) = (mean(values), standard_deviation(values));
     values
@@ -43,13 +43,13 @@ pub struct Line {
     pub slope: f64,
     /// Value at x = 0.
     pub intercept: f64,
-    /// The part of the variance of y about its mean that the line explains; negative if the mean is nearer. 1 if y does not vary and the
-    /// line meets it.
+    /// The fraction of the variance of y that the line explains; negative if the mean fits better. 1 if y is constant and on
+    /// the line.
     pub r_squared: f64,
 }
 
 impl Line {
-    /// The least-squares line. `None` unless x takes two values at least.
+    /// The least-squares line. `None` unless x has at least two values.
     pub fn fit(points: &[(f64, f64)]) -> Option<Self> {
         let (mean_x, mean_y) = means(points);
         let (mut xx, mut xy) = (0.0, 0.0);

@@ -1,11 +1,10 @@
-//! A surface: everything a renderer needs to feel like one material, each part optional.
+//! A surface: the data with which a renderer reproduces one material. Each part is optional.
 
 use crate::{Provenance, Taps, TextureModel};
 
-/// Friction, taps, texture and stiffness of one material, with where they come from.
+/// Friction, taps, texture and stiffness of one material, with their provenance.
 ///
-/// Each part is of a type whose constructor checked it, so that a surface that exists is sound. A part that is
-/// `None` was not measured; a renderer leaves it out rather than guess.
+/// The constructor of each part checks it. A part that is `None` was not measured; a renderer omits it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
     /// The material's name, for people.
@@ -16,14 +15,14 @@ pub struct Surface {
     pub taps: Option<Taps>,
     /// Vibration of sliding by speed and force.
     pub texture: Option<TextureModel>,
-    /// How far the material yields to a press.
+    /// Stiffness of the material when pressed.
     pub stiffness: Option<Stiffness>,
-    /// Where it all comes from.
+    /// The origin of the data.
     pub provenance: Provenance,
 }
 
 impl Surface {
-    /// A surface with no parts yet: fill in its public fields.
+    /// A surface without parts: set its public fields.
     pub fn new(name: impl Into<String>, provenance: Provenance) -> Self {
         Surface {
             name: name.into(),
@@ -45,7 +44,7 @@ pub struct Friction {
 
 impl Friction {
     /// Friction coefficient `mu` (tangential force over normal force, at least 0), and how well a line through the
-    /// recording fits, as R² (at most 1; negative when worse than a constant), where known.
+    /// recording fits, as R² (at most 1; negative if worse than a constant), if known.
     pub fn new(mu: f64, r_squared: Option<f64>) -> Result<Self, SurfaceError> {
         if !(mu.is_finite() && mu >= 0.0) {
             return Err(SurfaceError::FrictionCoefficient { mu });
@@ -64,7 +63,7 @@ impl Friction {
         self.mu
     }
 
-    /// How well the line through the recording fits, where known.
+    /// R² of the line through the recording, if known.
     pub fn r_squared(&self) -> Option<f64> {
         self.r_squared
     }
@@ -78,7 +77,7 @@ pub struct Stiffness {
 }
 
 impl Stiffness {
-    /// Stiffness in N/mm (positive), and the R² of its line, where known.
+    /// Stiffness in N/mm (positive), and the R² of its line, if known.
     pub fn new(n_per_mm: f64, r_squared: Option<f64>) -> Result<Self, SurfaceError> {
         if !(n_per_mm.is_finite() && n_per_mm > 0.0) {
             return Err(SurfaceError::Stiffness { n_per_mm });
@@ -92,23 +91,23 @@ impl Stiffness {
         }
     }
 
-    /// In N/mm, as tables print it.
+    /// Stiffness in N/mm, as in tables.
     pub fn n_per_mm(&self) -> f64 {
         self.n_per_mm
     }
 
-    /// In N/m.
+    /// Stiffness in N/m.
     pub fn n_per_m(&self) -> f64 {
         self.n_per_mm * 1000.0
     }
 
-    /// How well the line through the press recording fits, where known.
+    /// R² of the line through the press recording, if known.
     pub fn r_squared(&self) -> Option<f64> {
         self.r_squared
     }
 }
 
-/// Why a part of a surface other than its texture is not sound.
+/// An error in the friction, taps or stiffness of a surface.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
     /// The friction coefficient is negative or not finite.
@@ -140,7 +139,7 @@ pub enum SurfaceError {
         /// The value given.
         rate_hz: f64,
     },
-    /// A rate that taps cannot be resampled to.
+    /// A rate to which taps cannot be resampled.
     #[error("the taps cannot be resampled: {0}")]
     TapRatio(haptograph_signal::resample::ResampleError),
     /// Impact speeds must be positive and strictly ascending.
@@ -154,7 +153,9 @@ pub enum SurfaceError {
         speed_m_s: f64,
     },
     /// All taps must have the same number of samples, at least one.
-    #[error("tap {tap} (from 0) has {length} samples where {expected} are expected, as the first tap has")]
+    #[error(
+        "tap {tap} (from 0) has {length} samples, but the first tap has {expected}; all taps must have the same number"
+    )]
     TapLength {
         /// The tap's number, from 0.
         tap: usize,

@@ -1,4 +1,4 @@
-//! Taps: the acceleration transients a tool feels when it strikes the material, by impact speed.
+//! Taps: the acceleration transients of a tool that strikes the material, by impact speed.
 
 use crate::SurfaceError;
 use crate::statistics::Line;
@@ -19,31 +19,31 @@ pub struct Tap {
     pub speed_m_s: f64,
     /// Acceleration of the tool after contact, m/s².
     pub acceleration_m_s2: Vec<f64>,
-    /// Largest normal force that was recorded with it, N, where force was recorded and the file keeps it.
+    /// Peak normal force of the recording, N, if the file has it.
     pub peak_force_n: Option<f64>,
 }
 
-/// Effective mass of the recording tool and the hand on it, kg: a tap is felt as its acceleration times this (thesis 4.3.2).
+/// Effective mass of the recording tool and the hand, kg. The force of a tap is this mass times its acceleration (thesis 4.3.2).
 pub const EFFECTIVE_MASS_KG: f64 = 0.05;
 
 impl Tap {
-    /// Largest force the tap is rendered with: of a tool of [`EFFECTIVE_MASS_KG`] that accelerates so, N.
+    /// Peak force of the rendered tap: [`EFFECTIVE_MASS_KG`] times its peak acceleration, N.
     pub fn rendered_peak_n(&self) -> f64 {
         let samples = self.acceleration_m_s2.iter();
         EFFECTIVE_MASS_KG * samples.fold(0.0_f64, |peak, a| peak.max(a.abs()))
     }
 }
 
-/// Exponent of the impact speed by which the amplitude of real taps grows: the mean over 1,197 taps of HaTT's 100 materials, whose
-/// standard deviation is 0.22.
+/// Exponent of the impact speed in the amplitude of real taps: the mean over 1,197 taps of HaTT's 100 materials, with a
+/// standard deviation of 0.22.
 const GROWTH: f64 = 0.70;
-/// Taps grow up to this many times the fastest recorded speed.
+/// Amplitudes grow up to this multiple of the fastest recorded speed.
 const GROWTH_REACH: f64 = 3.0;
 
-/// Samples of silence that are tried to make a resampler's delay a whole number of outputs.
+/// Largest number of silent samples that is tried to make a resampler's delay a whole number of outputs.
 const MOST_LEAD: usize = 10_000;
 
-/// Which two recorded taps make the tap at a given speed, and how much of each.
+/// The two recorded taps that make the tap at a given speed, and their gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TapMix {
     /// Number of the slower tap.
@@ -57,7 +57,7 @@ pub struct TapMix {
 }
 
 impl Taps {
-    /// Taps at `rate_hz`, checked: speeds positive and strictly ascending, equal lengths, finite samples, positive forces.
+    /// Taps at `rate_hz`. Checks that speeds are positive and strictly ascending, lengths equal, samples finite, forces positive.
     pub fn new(rate_hz: f64, taps: Vec<Tap>) -> Result<Self, SurfaceError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(SurfaceError::TapRate { rate_hz });
@@ -101,7 +101,7 @@ impl Taps {
         Ok(Taps { rate_hz, taps })
     }
 
-    /// Samples a second.
+    /// Samples per second.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
@@ -121,11 +121,11 @@ impl Taps {
         self.taps.iter().all(|tap| tap.peak_force_n.is_some())
     }
 
-    /// The tap response: peak normal force in N over incoming speed in m/s. Its slope is the tap response factor (thesis 4.4.2), the
-    /// harder the surface the larger. `None` for a single tap.
+    /// The tap response: the line of peak normal force in N over impact speed in m/s. Its slope is the tap response factor
+    /// (thesis 4.4.2), larger for harder surfaces. `None` for a single tap.
     ///
-    /// Taps without their recorded forces (the toolkit's files keep none) are measured by the forces they are rendered with, which are
-    /// not the same: compare like with like ([`has_forces`](Self::has_forces)).
+    /// Taps without recorded forces (such as those of the toolkit's files) use the forces of the rendered taps, which differ:
+    /// do not compare the two ([`has_forces`](Self::has_forces)).
     pub fn response(&self) -> Option<Line> {
         let recorded = self.has_forces();
         let force_n = |tap: &Tap| match tap.peak_force_n {
@@ -140,10 +140,10 @@ impl Taps {
         Line::fit(&points)
     }
 
-    /// The same taps at another rate, limited to the band that both can carry. Nothing rings before the contact.
+    /// The same taps at another rate, limited to the band of both rates, without ringing before the contact.
     ///
     /// # Errors
-    /// [`SurfaceError::TapRate`] for a rate that is none, [`SurfaceError::TapRatio`] for one too odd to resample to.
+    /// [`SurfaceError::TapRate`] for an invalid rate, [`SurfaceError::TapRatio`] for a ratio that cannot be resampled.
     pub fn resampled(&self, rate_hz: f64) -> Result<Self, SurfaceError> {
         if rate_hz == self.rate_hz {
             return Ok(self.clone());
@@ -152,7 +152,7 @@ impl Taps {
             |rate_hz: f64| Rate::parse(&rate_hz.to_string()).map_err(|_| SurfaceError::TapRate { rate_hz });
         let (from, to) = (rate(self.rate_hz)?, rate(rate_hz)?);
         let mut resampler = Resampler::new(from, to, Quality::STANDARD).map_err(SurfaceError::TapRatio)?;
-        // So much silence before the tap that its first sample is shown by a whole output.
+        // Silence before the tap, so that its first sample falls on an output sample.
         let (latency, ratio) = (resampler.latency_frames(), rate_hz / self.rate_hz);
         let place = |lead: usize| (latency + lead) as f64 * ratio;
         let lead = (0..MOST_LEAD).find(|&lead| (place(lead) - place(lead).round()).abs() < 1e-9);

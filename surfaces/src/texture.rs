@@ -7,7 +7,7 @@ use crate::model::{ArmaModel, ModelError};
 use crate::triangulation::{self, Triangle, Triangulation, TriangulationError};
 use haptograph_signal::filter::{Sections, butterworth_highpass};
 
-/// Order of the high-pass of processing, each way. The thesis does not give it.
+/// Order of the high-pass of processing, in each direction. The thesis does not state it.
 pub(crate) const HIGHPASS_ORDER: usize = 2;
 
 /// Models over (speed, force) at one rate, triangulated from rest to the largest modelled speed and force.
@@ -21,7 +21,7 @@ pub struct TextureModel {
     lines: Vec<SpatialLine>,
 }
 
-/// A model and where on the map it stands.
+/// A model and its position on the map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelAt {
     /// Tool speed, m/s.
@@ -30,26 +30,26 @@ pub struct ModelAt {
     pub force_n: f64,
     /// The model.
     pub model: ArmaModel,
-    /// Whether it was measured there.
+    /// How the model was obtained.
     pub kind: VertexKind,
 }
 
-/// Whether a vertex of the map stands where something was measured.
+/// The source of a vertex of the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum VertexKind {
     /// The model was learned from data of this speed and force.
     Measured,
-    /// The model is a law's that was fitted to data around it.
+    /// The model comes from a law that was fitted to data around it.
     Fitted,
-    /// The border of the map: the filter of a measured model elsewhere.
+    /// A vertex on the border of the map, with the filter of a measured model.
     Edge,
 }
 
 impl TextureModel {
     /// A texture of `models` at `rate_hz` with the given triangles (vertex numbers from 0).
     ///
-    /// Checked: the rate, one order and one warping factor for all, silence at zero speed and force, and that the triangles tile the range
-    /// from zero to the maximum.
+    /// Checks that the rate is positive, all models have the same order and warping factor, models at zero speed or force are
+    /// silent, and the triangles tile the range from zero to the maximum.
     pub fn new(rate_hz: f64, models: Vec<ModelAt>, triangles: Vec<Triangle>) -> Result<Self, TextureError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(TextureError::Rate { rate_hz });
@@ -90,8 +90,7 @@ impl TextureModel {
         })
     }
 
-    /// The same texture, of which the models leave a high-pass to be applied once at the output: see
-    /// [`Self::highpass_hz`].
+    /// The same texture with a high-pass that the renderer applies at its output: see [`Self::highpass_hz`].
     pub fn with_highpass_hz(mut self, highpass_hz: Option<f64>) -> Result<Self, TextureError> {
         if let Some(cutoff_hz) = highpass_hz
             && !(cutoff_hz > 0.0 && cutoff_hz < 0.25 * self.rate_hz)
@@ -105,15 +104,15 @@ impl TextureModel {
         Ok(self)
     }
 
-    /// The same texture, the level of its excitation fluctuating by `crackle`.
+    /// The same texture with an excitation whose level fluctuates by `crackle`.
     pub fn with_crackle(mut self, crackle: Option<Crackle>) -> Self {
         self.crackle = crackle;
         self
     }
 
-    /// The same texture with lines fixed in space beside its noise.
+    /// The same texture with lines fixed in space in addition to its noise.
     ///
-    /// Checked: at most [`lines::MAX_LINES`], each with a power for every model, none at zero speed and force.
+    /// Checks that there are at most [`lines::MAX_LINES`], each with a power for every model, none at zero speed and force.
     pub fn with_lines(mut self, lines: Vec<SpatialLine>) -> Result<Self, TextureError> {
         if lines.len() > lines::MAX_LINES {
             return Err(TextureError::Lines { count: lines.len() });
@@ -137,20 +136,20 @@ impl TextureModel {
         Ok(self)
     }
 
-    /// As many models with all that `other` has beside its models: high-pass, crackle and lines.
+    /// The same models with the high-pass, crackle and lines of `other`.
     pub fn with_extras_of(self, other: &Self) -> Result<Self, TextureError> {
         self.with_highpass_hz(other.highpass_hz)?
             .with_crackle(other.crackle)
             .with_lines(other.lines.clone())
     }
 
-    /// A texture of `models`, border included, with the Delaunay triangulation of their z-scores.
+    /// A texture of `models`, which include the border, with the Delaunay triangulation of their z-scores.
     pub fn triangulated(rate_hz: f64, models: Vec<ModelAt>) -> Result<Self, TextureError> {
         let triangles = triangulation::delaunay(&positions(&models))?;
         Self::new(rate_hz, models, triangles)
     }
 
-    /// A texture of measured models alone: the border is added ([`hull::extend`]), then all is triangulated.
+    /// A texture of measured models: adds the border ([`hull::extend`]), then triangulates.
     pub fn from_measured(
         rate_hz: f64,
         mut measured: Vec<ModelAt>,
@@ -161,30 +160,30 @@ impl TextureModel {
         Self::triangulated(rate_hz, measured)
     }
 
-    /// Samples a second for which the models hold.
+    /// Sample rate of the models, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    /// The warping factor of the models' frequency axis; 0 where it is plain.
+    /// Warping factor of the models' frequency axis; 0 if it is not warped.
     pub fn warping(&self) -> f64 {
         self.models[0].model.warping()
     }
 
     /// Corner frequency of the high-pass that was divided out of the recordings before the models were fitted, and that a
-    /// renderer applies once, at its output; `None` where the models hold it themselves.
+    /// renderer applies once, at its output; `None` if the models include it.
     ///
-    /// It is that of processing: a Butterworth filter of order 2, forward and backward, so that its magnitude counts twice.
+    /// It is the high-pass of processing: a Butterworth filter of order 2, forward and backward, so that its magnitude is squared.
     pub fn highpass_hz(&self) -> Option<f64> {
         self.highpass_hz
     }
 
-    /// How the level of the excitation fluctuates; `None` where it is plain white noise.
+    /// The fluctuation of the excitation's level; `None` for plain white noise.
     pub fn crackle(&self) -> Option<Crackle> {
         self.crackle
     }
 
-    /// Lines fixed in space, whose powers are in the models' order.
+    /// Lines fixed in space; their powers are in the order of the models.
     pub fn lines(&self) -> &[SpatialLine] {
         &self.lines
     }
@@ -231,7 +230,7 @@ impl TextureModel {
         self.models[0].model.ma().len()
     }
 
-    /// The same map at `rate_hz` with each model put through `change`.
+    /// The same map at `rate_hz` with each model converted by `change`.
     pub fn map_models<E: From<TextureError>>(
         &self,
         rate_hz: f64,
@@ -255,7 +254,7 @@ fn positions(models: &[ModelAt]) -> Vec<(f64, f64)> {
     models.iter().map(|at| (at.speed_m_s, at.force_n)).collect()
 }
 
-/// Why models make no sound texture.
+/// An error in the models or the map of a texture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TextureError {
     /// The rate is not positive.
@@ -269,7 +268,7 @@ pub enum TextureError {
     NoModels,
     /// Models of different orders cannot be interpolated.
     #[error(
-        "model {vertex} (from 0) has orders {orders:?} (AR, MA) where the first has {expected:?}; all must agree"
+        "model {vertex} (from 0) has orders {orders:?} (AR, MA), but the first has {expected:?}; all models must have the same orders"
     )]
     Orders {
         /// The model's number, from 0.
@@ -281,7 +280,7 @@ pub enum TextureError {
     },
     /// Models on different frequency axes cannot be interpolated.
     #[error(
-        "model {vertex} (from 0) has the warping factor {warping} where the first has {expected}; all must agree"
+        "model {vertex} (from 0) has the warping factor {warping}, but the first has {expected}; all models must have the same factor"
     )]
     Warpings {
         /// The model's number, from 0.
@@ -291,7 +290,7 @@ pub enum TextureError {
         /// The first model's.
         expected: f64,
     },
-    /// A high-pass that is none, or too high to leave anything.
+    /// The high-pass is not positive, or too high.
     #[error(
         "the high-pass of {cutoff_hz} Hz must lie above 0 and below a quarter of the models' rate, {rate_hz} Hz"
     )]
@@ -301,7 +300,7 @@ pub enum TextureError {
         /// The models' rate.
         rate_hz: f64,
     },
-    /// Crackle that is none, or more than any texture has.
+    /// Crackle out of range.
     #[error(
         "crackle of depth {depth} and time constant {time_constant_s} s: the depth must be above 0 and at most {}, the time constant above 0 and at most {} s",
         crackle::MAX_DEPTH,
@@ -313,7 +312,7 @@ pub enum TextureError {
         /// The time constant given.
         time_constant_s: f64,
     },
-    /// A line of numbers that no line has.
+    /// A line out of range.
     #[error(
         "a line of {cycles_per_m} cycles a metre: they must be finite and above 0, its diffusion and powers finite and at least 0"
     )]
@@ -321,15 +320,15 @@ pub enum TextureError {
         /// The cycles given.
         cycles_per_m: f64,
     },
-    /// More lines than are rendered.
+    /// Too many lines.
     #[error("the texture has {count} lines; it may have {} at most", lines::MAX_LINES)]
     Lines {
         /// How many are given.
         count: usize,
     },
-    /// A line that does not belong to the map.
+    /// A line whose number of powers differs from the number of models.
     #[error(
-        "line {line} (from 0) has {powers} powers where the map has {models} models; it needs one for each"
+        "line {line} (from 0) has {powers} powers, but the map has {models} models; a line needs one power for each model"
     )]
     LinePowers {
         /// The line's number, from 0.
@@ -339,7 +338,7 @@ pub enum TextureError {
         /// How many models there are.
         models: usize,
     },
-    /// A line that sounds where the tool rests or is lifted.
+    /// A line with power at zero speed or force.
     #[error(
         "line {line} (from 0) has power at model {vertex}, which stands at zero speed or force; it must be 0 there"
     )]
@@ -349,7 +348,7 @@ pub enum TextureError {
         /// The model's number, from 0.
         vertex: usize,
     },
-    /// A model that makes sound where the tool rests or is lifted.
+    /// A model with variance at zero speed or force.
     #[error(
         "model {vertex} (from 0) stands at zero speed or force with variance {variance}; it must be 0 there"
     )]
@@ -371,9 +370,9 @@ pub enum TextureError {
         /// Its force.
         force_n: f64,
     },
-    /// The asked-for maximum is below a measured model.
+    /// The requested maximum is below a measured model.
     #[error(
-        "the map's maximum of {max_speed_m_s} m/s, {max_force_n} N must be at least that of the measured models, of which there must be one"
+        "the map's maximum of {max_speed_m_s} m/s, {max_force_n} N must be at least that of the measured models, and there must be at least one measured model"
     )]
     Hull {
         /// Maximum speed of the map.
@@ -381,10 +380,10 @@ pub enum TextureError {
         /// Maximum force of the map.
         max_force_n: f64,
     },
-    /// A model that is not sound.
+    /// An invalid model.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// Triangles that do not make a map.
+    /// An invalid triangulation.
     #[error(transparent)]
     Triangulation(#[from] TriangulationError),
 }

@@ -1,7 +1,7 @@
-//! The triangulated map over (speed, force), laid out flat to be walked in real time.
+//! The triangulated map over (speed, force), in flat arrays for searches in real time.
 //!
-//! Triangles come from the Delaunay triangulation of the z-scored vertices, or from a file. Either way they are proved
-//! to tile the rectangle from (0, 0) to the maximum exactly before they are used.
+//! Triangles come from the Delaunay triangulation of the z-scored vertices, or from a file. The constructor proves that
+//! they tile the rectangle from (0, 0) to the maximum exactly.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation as _};
 use std::collections::HashMap;
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 /// A triangle by its three vertex numbers, from 0, in the order the file has them.
 pub type Triangle = [u32; 3];
 
-/// Triangles that tile `[0, max_speed] × [0, max_force]`, with what a walk needs precomputed.
+/// Triangles that tile `[0, max_speed] × [0, max_force]`, with precomputed data for the search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Triangulation {
     triangles: Vec<Triangle>,
@@ -29,10 +29,10 @@ pub struct Location {
 
 const NONE: u32 = u32::MAX;
 
-/// A triangle ready to be tested: side `i` lies opposite vertex `i`. A point is to the inner side of side `i` where
+/// Precomputed sides of a triangle: side `i` lies opposite vertex `i`. A point is to the inner side of side `i` where
 /// `(speed - origin_speed) * normal_speed + (force - origin_force) * normal_force` is positive, and that times
 /// `inverse_height` is the weight of vertex `i`. Both triangles at a side compute it from the same origin with
-/// opposite normals, so that rounding can never put a point on both sides or on neither.
+/// opposite normals, so that rounding cannot put a point on both sides or on neither.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cell {
     origin_speed: [f64; 3],
@@ -78,7 +78,7 @@ impl Triangulation {
         self.max_force_n
     }
 
-    /// Speed and force brought into the modelled range: the nearest modelled value of each; what is not a number is 0.
+    /// Clamps speed and force to the modelled range; NaN becomes 0.
     pub fn saturate(&self, speed_m_s: f64, force_n: f64) -> (f64, f64) {
         // `max` and `min` return the other operand for NaN.
         (
@@ -87,11 +87,11 @@ impl Triangulation {
         )
     }
 
-    /// The triangle around a saturated point, by a visibility walk (thesis 2.4.1) from triangle `start`, and its
+    /// Finds the triangle around a saturated point by a visibility walk (thesis 2.4.1) from triangle `start`, and its
     /// barycentric weights (Eq. 2.4.1).
     ///
-    /// Which triangle is found does not depend on where the walk began: on a side or vertex that several share, the
-    /// lowest number wins. The walk never visits more triangles than there are, then every triangle is tried.
+    /// The result does not depend on `start`: on a shared side or vertex the triangle with the lowest number is found. The
+    /// walk visits at most as many triangles as exist; then every triangle is tried.
     pub fn locate_from(&self, start: u32, speed_m_s: f64, force_n: f64) -> Location {
         let mut at = if (start as usize) < self.cells.len() {
             start
@@ -101,21 +101,21 @@ impl Triangulation {
         for _ in 0..self.cells.len() {
             let cell = &self.cells[at as usize];
             let sides = cell.sides(speed_m_s, force_n);
-            match cell.way_out(&sides) {
-                Way::Through(neighbour) => at = neighbour,
-                Way::Inside => {
+            match cell.next_step(&sides) {
+                WalkStep::Into(neighbour) => at = neighbour,
+                WalkStep::Inside => {
                     return Location {
                         triangle: at,
                         weights: cell.weights(&sides),
                     };
                 }
-                Way::OnSide => break,
+                WalkStep::OnSide => break,
             }
         }
         self.locate_by_trying_all(speed_m_s, force_n)
     }
 
-    /// The lowest-numbered triangle that holds the point; the one it is least outside of if rounding leaves none.
+    /// The triangle with the lowest number that contains the point; the nearest one if rounding leaves none.
     fn locate_by_trying_all(&self, speed_m_s: f64, force_n: f64) -> Location {
         let mut best = (f64::NEG_INFINITY, 0, [1.0, 0.0, 0.0]);
         for (cell, number) in self.cells.iter().zip(0..) {
@@ -142,10 +142,10 @@ impl Triangulation {
     }
 }
 
-enum Way {
+enum WalkStep {
     Inside,
     OnSide,
-    Through(u32),
+    Into(u32),
 }
 
 impl Cell {
@@ -158,19 +158,19 @@ impl Cell {
     }
 
     #[inline]
-    fn way_out(&self, sides: &[f64; 3]) -> Way {
+    fn next_step(&self, sides: &[f64; 3]) -> WalkStep {
         if sides[0] > 0.0 && sides[1] > 0.0 && sides[2] > 0.0 {
-            return Way::Inside;
+            return WalkStep::Inside;
         }
-        // The border of the map has no other side: a point that seems outside of it is on it.
+        // Beyond the border there is no triangle: a point that seems outside is on the border.
         let inner = |i: &usize| self.neighbour[*i] != NONE;
         if let Some(side) = (0..3).filter(inner).find(|&i| sides[i] < 0.0) {
-            return Way::Through(self.neighbour[side]);
+            return WalkStep::Into(self.neighbour[side]);
         }
         if (0..3).filter(inner).any(|i| sides[i] == 0.0) {
-            Way::OnSide
+            WalkStep::OnSide
         } else {
-            Way::Inside
+            WalkStep::Inside
         }
     }
 
@@ -218,7 +218,7 @@ fn doubled_area(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
     (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1)
 }
 
-/// Triangles thinner than this part of the map are refused: weights inside would have no digits left.
+/// Triangles thinner than this fraction of the map are refused: their weights would lose all precision.
 const THINNEST: f64 = 1e-12;
 
 fn cell(
@@ -266,7 +266,7 @@ fn cell(
     Ok(cell)
 }
 
-/// Finds each side's neighbour, and proves that a side has two triangles, one to each side of it, or lies on the border.
+/// Finds the neighbour at each side, and proves that a side has one triangle on each side or lies on the border.
 fn connect(
     points: &[(f64, f64)],
     triangles: &[Triangle],
@@ -349,7 +349,7 @@ pub fn delaunay(points: &[(f64, f64)]) -> Result<Vec<Triangle>, TriangulationErr
     let forces = z_scores(points.iter().map(|point| point.1));
     let mut mesh: DelaunayTriangulation<Point2<f64>> = DelaunayTriangulation::new();
     for (vertex, (&x, &y)) in speeds.iter().zip(&forces).enumerate() {
-        // Values too small for spade's exact predicates are as good as zero among z-scores.
+        // Values too small for spade's exact predicates count as zero among z-scores.
         let exact = |value: f64| if value.abs() < 1e-40 { 0.0 } else { value };
         let (speed_m_s, force_n) = points[vertex];
         let handle =
@@ -384,10 +384,10 @@ fn z_scores(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
     values.map(|value| (value - mean) / deviation).collect()
 }
 
-/// Why triangles do not make a map.
+/// An error in the triangles of a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TriangulationError {
-    /// A vertex with a negative or absurd speed or force.
+    /// A vertex with a negative or infinite speed or force.
     #[error(
         "vertex {vertex} (from 0) lies at {speed_m_s} m/s, {force_n} N; both must be finite and not negative"
     )]
@@ -399,7 +399,7 @@ pub enum TriangulationError {
         /// Its force.
         force_n: f64,
     },
-    /// Two vertices at one place.
+    /// Two vertices at the same speed and force.
     #[error("vertices {first} and {second} (from 0) lie at the same speed and force")]
     SamePlace {
         /// The one, from 0.
@@ -411,7 +411,9 @@ pub enum TriangulationError {
     #[error("the largest speed or the largest force is zero, so there is no map to triangulate")]
     Flat,
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} (from 0) names vertex {vertex}, but there are {vertices}, from 0")]
+    #[error(
+        "triangle {triangle} (from 0) names vertex {vertex}, but there are only {vertices} vertices, numbered from 0"
+    )]
     NoSuchVertex {
         /// The triangle's number, from 0.
         triangle: usize,
@@ -426,7 +428,7 @@ pub enum TriangulationError {
         /// The triangle's number, from 0.
         triangle: usize,
     },
-    /// Two triangles cover the same ground.
+    /// Two triangles overlap.
     #[error("triangles {first} and {second} (from 0) overlap")]
     Overlap {
         /// The one, from 0.
@@ -447,10 +449,10 @@ pub enum TriangulationError {
     },
     /// The triangles cover too little or too much.
     #[error(
-        "the triangles cover {covered} of the range from zero to the maximum speed and force, not all of it once"
+        "the triangles cover {covered} times the range from zero to the maximum speed and force; they must cover it exactly once"
     )]
     Cover {
-        /// The covered part; 1 would be right.
+        /// The covered fraction; 1 is correct.
         covered: f64,
     },
     /// A vertex of no triangle.

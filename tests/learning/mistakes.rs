@@ -145,7 +145,7 @@ fn a_column_that_is_there_twice_is_shown_at_its_place() {
         &["learn", "twice.csv", "-o", "x.ron"],
     ] {
         let error = fail(folder.path(), arguments);
-        for part in ["x is there twice", "twice.csv:1:5", "x,y,x", "^"] {
+        for part in ["column name x occurs twice", "twice.csv:1:5", "x,y,x", "^"] {
             assert!(error.contains(part), "{arguments:?}: {part} is missing: {error}");
         }
     }
@@ -296,7 +296,7 @@ fn every_command_reads_the_tables_that_learn_reads() {
     assert!(told_by(&with(&["evaluate", "study"])).contains("--holdout"));
     let unsaid = fail(folder.path(), &["learn", one, "-o", "x.ron"]);
     assert!(
-        unsaid.contains("missing: accel, force_normal, speed, time. Columns here: t, acc, Fz, v.")
+        unsaid.contains("missing columns: accel, force_normal, speed, time. The file has: t, acc, Fz, v.")
             && !unsaid.contains("not used"),
         "{unsaid}"
     );

@@ -63,7 +63,7 @@ fn breaks_are_found_and_printed_as_agreed() {
         told.contains("bad.csv:3:3") && !told.contains("column 2"),
         "{told}"
     );
-    assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("there are a, y"));
+    assert!(fail(folder.path(), &["segment", "bad.csv", "--column", "z"]).contains("the columns are a, y"));
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn a_few_surfaces_stand_for_a_folder() {
     assert_eq!(found["selected"].as_array().unwrap().len(), 2);
     assert!(
         fail(folder, &["surface", "select", "many", "--count", "4"])
-            .contains("4 surfaces cannot be chosen of 3")
+            .contains("cannot select 4 of 3 surfaces")
     );
     assert!(succeed(folder, &["surface", "select", "many"]).contains("2 of 3 surfaces"));
 }

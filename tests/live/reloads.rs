@@ -189,8 +189,8 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
         .replace("\"servo\"", "\"timer\"")
         .replace("more.csv", "never.csv");
     fs::write(&path, renamed).unwrap();
-    run.wait_for("audio at 48000 Hz and timer at 1000 Hz now");
-    assert!(run.said().contains("that needs a new run"), "{}", run.said());
+    run.wait_for("the new graph needs audio at 48000 Hz and timer at 1000 Hz");
+    assert!(run.said().contains("start a new run"), "{}", run.said());
     fs::write(&path, further).unwrap();
     run.wait_for("more.csv begins");
     std::thread::sleep(Duration::from_millis(300));
@@ -199,7 +199,7 @@ fn a_saved_graph_of_two_drivers_takes_over_with_other_rings_and_files() {
     std::thread::sleep(Duration::from_millis(300));
     let told = run.stop();
     assert!(
-        told.contains("the graph changed, through zero as there are several drivers"),
+        told.contains("the graph changed, faded through zero because there are several drivers"),
         "{told}"
     );
     let out = folder.path().join("out");
@@ -271,6 +271,6 @@ fn a_device_stays_with_its_driver() {
         &["run", "g.ron", "--live", "--watch", "--out", "out"],
     );
     fs::write(&path, graph("b", "a")).unwrap();
-    run.wait_for("`h` is driven by b now, and was not; that needs a new run");
+    run.wait_for("`h` moves to driver b, which a running graph cannot do; start a new run");
     run.stop();
 }

@@ -1,7 +1,7 @@
-//! What C calls and sees. The documentation here is the header's, so it speaks of C.
+//! The functions and types of the C header. Their documentation becomes the header's, so it is written for C.
 //!
-//! Each function turns pointers into references or copies and calls safe code, inside of a guard that ends panics.
-#![allow(unsafe_code, reason = "C has pointers, and its names are not mangled")]
+//! Each function converts pointers to references or copies and calls safe code inside a guard that catches panics.
+#![allow(unsafe_code, reason = "C pointers and unmangled names")]
 
 mod channel;
 mod error;
@@ -11,18 +11,18 @@ mod player;
 
 use std::ffi::c_char;
 
-/// All calls, for tests.
+/// All C functions, for tests.
 #[cfg(test)]
 pub mod calls {
     pub use super::{channel::*, error::*, graph::*, player::*};
 }
 
-/// Major version of this interface. Programs that were compiled with one work with every library of the same; before 1
-/// the minor version counts as well.
+/// Major version of this interface. A compiled program works with every library of the same major version; before 1 the
+/// minor version must match too.
 pub const HAPTOGRAPH_VERSION_MAJOR: u32 = 0;
-/// Minor version: what was added.
+/// Minor version, for additions.
 pub const HAPTOGRAPH_VERSION_MINOR: u32 = 1;
-/// Patch version: what was mended.
+/// Patch version, for fixes.
 pub const HAPTOGRAPH_VERSION_PATCH: u32 = 0;
 
 /// The shape of a channel whose frames are one number.
@@ -32,55 +32,55 @@ pub const HAPTOGRAPH_VECTOR: u32 = 3;
 /// The shape of a channel whose frames are six numbers: force x y z (N), then torque x y z (N m).
 pub const HAPTOGRAPH_WRENCH: u32 = 6;
 
-/// How a call ended. A call that does not end in HAPTOGRAPH_STATUS_OK has done nothing, unless it says otherwise.
+/// The result of a call. A call that does not return HAPTOGRAPH_STATUS_OK had no effect, unless its comment says otherwise.
 #[repr(i32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Done.
+    /// Success.
     Ok = 0,
-    /// The graph has errors: haptograph_last_error_rendered() shows them as on a terminal.
+    /// The graph has errors: haptograph_last_error_rendered() returns them as printed on a terminal.
     Graph = 1,
-    /// An argument is null, misaligned, no UTF-8, or a value that the call does not take.
+    /// An argument is null, misaligned, not UTF-8, or out of range.
     Argument = 2,
-    /// The handle is null, was freed, or was never given out by this library.
+    /// The handle is null, was freed, or was not created by this library.
     Handle = 3,
-    /// The handle is of another kind of object.
+    /// The handle belongs to another type of object.
     Kind = 4,
-    /// Another thread is inside this object. Nobody ever waits.
+    /// Another thread is using this object. Calls never wait.
     Busy = 5,
-    /// There is nothing of that name.
+    /// No item has that name.
     Name = 6,
-    /// The number of values does not fit the shape of the channel.
+    /// The number of values does not match the shape of the channel.
     Shape = 7,
-    /// A channel has one handle, and a graph one player: free the other first.
+    /// A channel can have only one handle, and a graph one player: free the other first.
     Taken = 8,
-    /// The queue is full: nobody processes.
+    /// The queue is full: call haptograph_player_process().
     Full = 9,
     /// A value is NaN or infinite.
     NotFinite = 10,
-    /// The run has ended, its actuators are at zero: haptograph_player_state() says why.
+    /// The run has ended and its actuators are at zero: haptograph_player_state() returns the reason.
     Ended = 11,
-    /// The system refused a file, a thread or memory, or 65536 objects are there already.
+    /// The system refused a file, a thread or memory, or 65536 objects exist already.
     System = 12,
-    /// A fault of haptograph. The object is good for nothing but to be freed.
+    /// An internal error of haptograph. The object can only be freed.
     Panic = 13,
 }
 
-/// What a run is doing.
+/// The state of a run.
 #[repr(u32)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// It runs.
+    /// The run is in progress.
     Running = 0,
-    /// It faded out after haptograph_player_stop().
+    /// The run faded out after haptograph_player_stop().
     Stopped = 1,
-    /// Its time, or its data, are over.
+    /// The run reached its end time or the end of its data.
     Finished = 2,
-    /// A node panicked, which is a fault of haptograph; the actuators were taken to zero through their limits.
+    /// A node panicked, which is an internal error of haptograph; the actuators went to zero through their limits.
     Panicked = 3,
 }
 
-/// A graph, read and checked. All zeros is no graph.
+/// A graph, read and checked. All zeros means no graph.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Graph {
@@ -88,7 +88,7 @@ pub struct Graph {
     pub id: u64,
 }
 
-/// The caller's end of a channel that nodes read. All zeros is no input.
+/// The caller's end of a channel that nodes read. All zeros means no input.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Input {
@@ -96,7 +96,7 @@ pub struct Input {
     pub id: u64,
 }
 
-/// The caller's end of a channel that nodes drive, or of a probe. All zeros is no output.
+/// The caller's end of a channel that nodes write, or of a probe. All zeros means no output.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Output {
@@ -104,7 +104,7 @@ pub struct Output {
     pub id: u64,
 }
 
-/// A run of a graph whose clock is the caller. All zeros is no player.
+/// A run of a graph that the caller clocks. All zeros means no player.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Player {
@@ -112,7 +112,7 @@ pub struct Player {
     pub id: u64,
 }
 
-/// A setting of a node of a player that can be turned while it runs. All zeros is no setting.
+/// A setting of a player's node that can be changed during the run. All zeros means no setting.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Setting {
@@ -120,7 +120,7 @@ pub struct Setting {
     pub id: u64,
 }
 
-/// How a graph is checked. Begin with HAPTOGRAPH_GRAPH_OPTIONS, which says nothing.
+/// Options for checking a graph. Initialise it with HAPTOGRAPH_GRAPH_OPTIONS, the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct GraphOptions {
@@ -128,45 +128,45 @@ pub struct GraphOptions {
     pub size: usize,
     /// Parameters in place of the file's, each "NAME=VALUE" as for `haptograph run --set`.
     pub set: *const *const c_char,
-    /// How many.
+    /// Number of entries.
     pub set_count: usize,
     /// The set of endpoints to take devices from; null: "simulated".
     pub endpoints: *const c_char,
-    /// The endpoints that this program feeds and hears; null: all of them.
+    /// The endpoints that this program feeds and reads; null: all of them.
     pub hosted: *const *const c_char,
-    /// How many. Where `hosted` is not null but this is 0, those that are written as Host in the file.
+    /// Number of entries in `hosted`. If it is 0 and `hosted` is not null, the endpoints that are Host in the file.
     pub hosted_count: usize,
-    /// Is `seed` to take the place of the file's?
+    /// Whether `seed` replaces the file's seed.
     pub has_seed: u32,
     /// The seed of all random streams.
     pub seed: u64,
 }
 
-/// How a graph is played. Begin with HAPTOGRAPH_PLAY_OPTIONS, which says nothing.
+/// Options for a run. Initialise it with HAPTOGRAPH_PLAY_OPTIONS, the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlayOptions {
     /// sizeof(haptograph_play_options).
     pub size: usize,
-    /// Are the actuators known to be cold? Unless this is not 0, they begin as warm as their limits allow.
+    /// Not 0: the actuators are cold. 0: the run assumes that they are as warm as their limits allow.
     pub rested: u32,
-    /// Driver frames of a block at most, up to 65536; 0: the default. The samples do not depend on it.
+    /// Maximum driver frames of a block, up to 65536; 0: the default. The samples do not depend on it.
     pub block: u32,
-    /// How long the run lasts; 0: as long as it is processed.
+    /// Duration of the run, s; 0: no end.
     pub seconds: f64,
-    /// The folder that the graph's file sinks write in, which has to be there; null: they write nothing.
+    /// The folder for the graph's file sinks, which must exist; null: they write nothing.
     pub folder: *const c_char,
-    /// Outputs of nodes whose frames are wanted as they are, past no limiter: "texture.output".
+    /// Outputs of nodes to probe, before any limiter: "texture.output".
     pub probes: *const *const c_char,
-    /// How many.
+    /// Number of entries.
     pub probe_count: usize,
 }
 
-/// A channel of a graph that is the caller's.
+/// A channel of a graph that this program feeds or reads.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Channel {
-    /// Endpoint and channel, "stylus.position"; what is longer is cut.
+    /// Endpoint and channel, "stylus.position"; longer names are truncated.
     pub name: [c_char; 128],
     /// The unit of its numbers, SI.
     pub unit: [c_char; 32],
@@ -174,20 +174,20 @@ pub struct Channel {
     pub components: u32,
 }
 
-/// What a run did.
+/// The outcome of a run.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Outcome {
-    /// Driver frames.
+    /// Number of driver frames.
     pub frames: u64,
-    /// The same in seconds.
+    /// Duration in seconds.
     pub seconds: f64,
-    /// Ticks at which an actuator was given NaN or infinity, and got zero.
+    /// Ticks at which an actuator received NaN or infinity; its output was forced to zero.
     pub not_finite_ticks: u64,
-    /// Numbers for files that the disk was too slow for.
+    /// Numbers missing from files because the disk was too slow.
     pub lost_numbers: u64,
-    /// Files that could not be written; haptograph_last_error_message() says which and why.
+    /// Number of files that could not be written; haptograph_last_error_message() names them and the reason.
     pub failed_files: u32,
-    /// Did a node panic?
+    /// Whether a node panicked.
     pub panicked: u32,
 }

@@ -1,4 +1,4 @@
-//! Handles of channels: their shape is checked where they are made, and each call's number of values against it.
+//! Handles of channels. The shape is checked when the handle is made; each call checks its number of values against it.
 
 use crate::border::{
     HAPTOGRAPH_SCALAR as SCALAR, HAPTOGRAPH_VECTOR as VECTOR, HAPTOGRAPH_WRENCH as WRENCH, Status,
@@ -15,29 +15,29 @@ const _: () = assert!(
         && WRENCH as usize == Kind::Wrench.width()
 );
 
-/// When what is given to an input takes effect.
+/// The tick at which a value written to an input takes effect.
 #[derive(Clone, Copy)]
-pub enum When {
-    /// At the next tick.
+pub enum FrameTime {
+    /// The next tick.
     Now,
-    /// At this time of the run, s.
+    /// The first tick at or after this time of the run, s.
     At(f64),
-    /// At a tick of its own.
+    /// The next tick without a frame.
     Next,
 }
 
-/// Gives frames, one after the other; says how many found room, and what stopped the others. Real-time.
-pub fn give(input: &mut AnyInput, when: When, values: &[f64]) -> (usize, Result<(), Status>) {
+/// Writes frames in order; returns the number written, and the error that stopped the rest. Real-time.
+pub fn write(input: &mut AnyInput, time: FrameTime, values: &[f64]) -> (usize, Result<(), Status>) {
     let width = input.kind().width();
     if values.is_empty() || !values.len().is_multiple_of(width) {
         return (0, Err(Status::Shape));
     }
     let mut given = 0;
     for frame in values.chunks_exact(width) {
-        let put: Result<(), Full> = match when {
-            When::Now => input.set(frame),
-            When::At(seconds) => input.set_at(seconds, frame),
-            When::Next => input.push(frame),
+        let put: Result<(), Full> = match time {
+            FrameTime::Now => input.set(frame),
+            FrameTime::At(seconds) => input.set_at(seconds, frame),
+            FrameTime::Next => input.push(frame),
         };
         match put {
             Ok(()) => given += 1,
@@ -47,7 +47,7 @@ pub fn give(input: &mut AnyInput, when: When, values: &[f64]) -> (usize, Result<
     (given, Ok(()))
 }
 
-/// Fills all of `values`, with zeros where there are no more frames; says how many frames there were. Real-time.
+/// Fills `values` with frames, then with zeros; returns the number of frames. Real-time.
 pub fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<usize, Status> {
     let width = output.kind().width();
     if !values.len().is_multiple_of(width) {
@@ -66,12 +66,11 @@ pub fn read(output: &mut AnyOutput, values: &mut [MaybeUninit<f64>]) -> Result<u
 }
 
 fn no_shape<R>(components: u32) -> Result<R, Failure> {
-    let message =
-        format_args!("a channel has 1 (scalar), 3 (vector) or 6 (wrench) components, not {components}");
+    let message = format_args!("`components` must be 1 (scalar), 3 (vector) or 6 (wrench), not {components}");
     Err(Failure::new(Status::Shape, message))
 }
 
-/// The input of a graph with frames of so many components.
+/// Opens an input of a graph whose frames have `components` components.
 pub fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Failure> {
     Ok(match components {
         SCALAR => graph.input::<Scalar>(name)?.into_any(),
@@ -81,7 +80,7 @@ pub fn input(graph: &Graph, name: &str, components: u32) -> Result<AnyInput, Fai
     })
 }
 
-/// The output of a graph with frames of so many components.
+/// Opens an output of a graph whose frames have `components` components.
 pub fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, Failure> {
     Ok(match components {
         SCALAR => graph.output::<Scalar>(name)?.into_any(),
@@ -91,7 +90,7 @@ pub fn output(graph: &Graph, name: &str, components: u32) -> Result<AnyOutput, F
     })
 }
 
-/// The frames of a probe.
+/// Opens the output of a probe.
 pub fn probe(player: &mut Player, name: &str, components: u32) -> Result<AnyOutput, Failure> {
     Ok(match components {
         SCALAR => player.probe::<Scalar>(name)?.into_any(),

@@ -1,4 +1,4 @@
-//! How a call ended, and what the last one that failed on a thread has to say.
+//! The status of a call, and the last error of each thread.
 
 use crate::border::Status;
 use haptograph_engine::diagnostic::{Diagnostics, Severity};
@@ -10,15 +10,15 @@ use std::ffi::{CStr, CString};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Why a call failed.
+/// The error of a failed call.
 #[derive(Debug)]
 pub struct Failure {
     pub status: Status,
-    /// Of a graph's first error: `E0204`.
+    /// Code of a graph's first error, such as `E0204`.
     code: String,
-    /// One line.
+    /// The message in one line.
     message: String,
-    /// As on a terminal; the message where there is no text to show.
+    /// The message as printed on a terminal; the plain message if there is no graph text to show.
     rendered: String,
 }
 
@@ -34,14 +34,14 @@ impl Failure {
     }
 
     fn panicked(panic: Box<dyn Any + Send>) -> Self {
-        let said = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-        let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
-        // Whoever drops it may panic again.
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        // Dropping the payload can panic again.
         std::mem::forget(panic);
-        let said = said.unwrap_or_default();
+        let text = text.unwrap_or_default();
         Self::new(
             Status::Panic,
-            format_args!("haptograph panicked, which is a fault of haptograph: {said}"),
+            format_args!("haptograph panicked, which is an internal error of haptograph: {text}"),
         )
     }
 }
@@ -98,86 +98,86 @@ impl From<ControlError> for Status {
     }
 }
 
-/// What a status means, for calls that leave the last error alone.
+/// The meaning of a status, for calls that do not change the last error.
 pub fn text(status: Status) -> &'static CStr {
     match status {
         Status::Ok => c"no error",
         Status::Graph => c"the graph has errors",
-        Status::Argument => c"an argument is null, misaligned, no UTF-8, or not one that the call takes",
-        Status::Handle => c"the handle is null, was freed, or was never given out",
-        Status::Kind => c"the handle is of another kind of object",
-        Status::Busy => c"another thread is inside this object: nothing was done",
-        Status::Name => c"there is nothing of that name",
-        Status::Shape => c"the number of values does not fit the shape of the channel",
-        Status::Taken => c"a channel has one handle, and a graph one player: free the other first",
-        Status::Full => c"the queue is full: nobody processes",
+        Status::Argument => c"an argument is null, misaligned, not UTF-8, or out of range",
+        Status::Handle => c"the handle is null, was freed, or was not created by this library",
+        Status::Kind => c"the handle belongs to another type of object",
+        Status::Busy => c"another thread is using this object; the call had no effect",
+        Status::Name => c"no item has that name",
+        Status::Shape => c"the number of values does not match the shape of the channel",
+        Status::Taken => c"a channel can have only one handle, and a graph one player: free the other first",
+        Status::Full => c"the queue is full: call haptograph_player_process()",
         Status::NotFinite => c"a value is NaN or infinite",
-        Status::Ended => c"the run has ended: its actuators are at zero",
+        Status::Ended => c"the run has ended and its actuators are at zero",
         Status::System => c"the system refused a file, a thread or memory",
-        Status::Panic => c"haptograph panicked, which is a fault of haptograph",
+        Status::Panic => c"haptograph panicked, which is an internal error of haptograph",
     }
 }
 
 #[derive(Default)]
-struct Last {
+struct LastError {
     code: CString,
     message: CString,
     rendered: CString,
 }
 
 thread_local! {
-    static LAST: RefCell<Last> = RefCell::new(Last::default());
+    static LAST: RefCell<LastError> = RefCell::new(LastError::default());
 }
 
-/// What is asked of the last error.
+/// A field of the last error.
 #[derive(Clone, Copy)]
-pub enum Part {
+pub enum ErrorField {
     Code,
     Message,
     Rendered,
 }
 
-/// Points into the thread's last error, until the next call that fails there; to an empty text while there was none.
-pub fn last(part: Part) -> *const std::ffi::c_char {
+/// A pointer into the thread's last error, valid until its next failed call; to an empty text if no call failed.
+pub fn last(field: ErrorField) -> *const std::ffi::c_char {
     let pointer = LAST.try_with(|last| {
         let last = last.borrow();
-        match part {
-            Part::Code => last.code.as_ptr(),
-            Part::Message => last.message.as_ptr(),
-            Part::Rendered => last.rendered.as_ptr(),
+        match field {
+            ErrorField::Code => last.code.as_ptr(),
+            ErrorField::Message => last.message.as_ptr(),
+            ErrorField::Rendered => last.rendered.as_ptr(),
         }
     });
     pointer.unwrap_or(c"".as_ptr())
 }
 
-fn keep(failure: Failure) -> Status {
+fn store(failure: Failure) -> Status {
     let text = |text: String| CString::new(text.replace('\0', "\u{fffd}")).unwrap_or_default();
-    let last = Last {
+    let last = LastError {
         code: text(failure.code),
         message: text(failure.message),
         rendered: text(failure.rendered),
     };
-    // A thread that is ending has no last error any more.
-    let _ = LAST.try_with(|kept| *kept.borrow_mut() = last);
+    // A thread that is ending has no last error.
+    let _ = LAST.try_with(|stored| *stored.borrow_mut() = last);
     failure.status
 }
 
-/// Ends every way out of a call in a status and the thread's last error.
+/// Converts every result of a call, panics included, to a status and the thread's last error.
 pub fn guard(work: impl FnOnce() -> Result<(), Failure>) -> Status {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => Status::Ok,
-        Ok(Err(failure)) => keep(failure),
-        Err(panic) => keep(Failure::panicked(panic)),
+        Ok(Err(failure)) => store(failure),
+        Err(panic) => store(Failure::panicked(panic)),
     }
 }
 
-/// The same for real-time calls, which leave the last error alone.
+/// The same for real-time calls, which do not change the last error.
 pub fn guard_realtime(work: impl FnOnce() -> Result<(), Status>) -> Status {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => Status::Ok,
         Ok(Err(status)) => status,
         Err(panic) => {
-            // Freeing is not for this thread.
+            // A real-time thread must not free memory.
             std::mem::forget(panic);
             Status::Panic
         }

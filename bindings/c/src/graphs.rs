@@ -1,4 +1,4 @@
-//! Graphs: reading and checking them, and what they have.
+//! Graphs: reading, checking, and listing their channels.
 
 use crate::border::Status;
 use crate::failure::Failure;
@@ -9,29 +9,29 @@ use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
 use std::path::Path;
 
-/// Where a graph's text is.
+/// The source of a graph's text.
 pub enum Text<'a> {
     File(&'a Path),
-    /// A text, and the name of the file that it stands for.
-    Here(&'a str, &'a Path),
+    /// A text, and a file name for it.
+    Memory(&'a str, &'a Path),
 }
 
-/// How it is to be checked.
-pub struct Wanted<'a> {
-    /// Each `name=value`.
+/// The options of checking a graph.
+pub struct GraphRequest<'a> {
+    /// Parameters, each `name=value`.
     pub set: Vec<&'a str>,
     pub endpoints: Option<&'a str>,
-    /// None: every endpoint is the caller's.
+    /// The endpoints that the caller provides; `None` means all.
     pub hosted: Option<Vec<&'a str>>,
     pub seed: Option<u64>,
 }
 
-impl Wanted<'_> {
+impl GraphRequest<'_> {
     fn options(&self) -> Result<CheckOptions, Failure> {
         let mut options = CheckOptions::hosted();
         for assignment in &self.set {
             let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
-                let message = format_args!("`{assignment}` sets nothing: write it as NAME=VALUE");
+                let message = format_args!("`{assignment}` is not an assignment: write it as NAME=VALUE");
                 return Err(Failure::new(Status::Argument, message));
             };
             if options.set.iter().any(|(known, _)| known == name) {
@@ -51,15 +51,15 @@ impl Wanted<'_> {
     }
 }
 
-/// Reads and checks a graph; its handle.
-pub fn open(text: &Text<'_>, wanted: &Wanted<'_>) -> Result<u64, Failure> {
-    let options = wanted.options()?;
+/// Reads and checks a graph and returns its handle.
+pub fn open(text: &Text<'_>, request: &GraphRequest<'_>) -> Result<u64, Failure> {
+    let options = request.options()?;
     let document = match text {
         Text::File(path) => Document::load(path, &LoadOptions::default())?,
-        Text::Here(text, name) => Document::parse(name, text)?,
+        Text::Memory(text, name) => Document::parse(name, text)?,
     };
     let graph = check(&document, &haptograph_nodes::registry(), &options)?;
-    has_endpoints(&graph, wanted.hosted.as_deref().unwrap_or_default())?;
+    has_endpoints(&graph, request.hosted.as_deref().unwrap_or_default())?;
     Ok(table::insert(Entry::Graph(Box::new(graph)))?)
 }
 
@@ -73,13 +73,13 @@ fn has_endpoints(graph: &Graph, names: &[&str]) -> Result<(), Failure> {
         None => Ok(()),
         Some(name) => {
             let known = known.join(", ");
-            let message = format_args!("the graph has no endpoint `{name}`: it has {known}");
+            let message = format_args!("the graph has no endpoint `{name}`; it has {known}");
             Err(Failure::new(Status::Name, message))
         }
     }
 }
 
-/// The warnings of a graph as on a terminal; empty where there are none.
+/// The warnings of a graph as printed on a terminal; empty if there are none.
 pub fn warnings(graph: &Graph) -> String {
     match graph.warnings() {
         [] => String::new(),
@@ -93,20 +93,20 @@ pub fn warnings(graph: &Graph) -> String {
     }
 }
 
-/// Frames a second that a player of it counts in, Hz.
+/// The rate of its driver frames, Hz.
 pub fn rate_hz(graph: &Graph) -> f64 {
     let driver = graph.drivers().first().copied().unwrap_or_default();
     graph.clocks().get(driver).map_or(0.0, |clock| clock.rate.hz())
 }
 
-/// The channels that are the caller's.
+/// The channels that the caller feeds or reads.
 #[derive(Clone, Copy)]
 pub enum Direction {
     In,
     Out,
 }
 
-/// Those of one direction, by their full names.
+/// The channels of one direction, with full names.
 pub fn channels(graph: &Graph, direction: Direction) -> Vec<(String, Channel)> {
     match direction {
         Direction::In => graph.host_inputs().collect(),

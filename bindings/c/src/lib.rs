@@ -1,12 +1,12 @@
-//! The C interface of haptograph. `include/haptograph.h` is made from `border`, which C calls; the rest is safe Rust.
+//! The C interface of haptograph. `include/haptograph.h` is generated from `border`.
 //!
-//! - `border`: what C calls, and the only place with `unsafe`. Nothing unwinds out of it.
-//! - `table`: handles are numbers of places in a table, with generations: one that was freed, or made up, finds nothing.
-//! - `graphs`, `players`: what the calls do. `channels`: handles of channels whose shape is known when they are made.
-//! - `failure`: statuses, and the last error of a thread.
+//! - `border`: the functions that C calls, and the only module with `unsafe`. No panic leaves it.
+//! - `table`: handles are slot numbers with generations. A freed or invented handle finds no object.
+//! - `graphs`, `players`, `channels`: safe implementations of the calls.
+//! - `failure`: statuses, and the last error of each thread.
 //!
-//! Architecture invariant: a call that the header marks as real-time takes no lock that it could wait for, does not
-//! allocate and does not touch the last error.
+//! Architecture invariant: a call that the header marks as real-time does not wait for a lock, does not allocate and does
+//! not change the last error.
 
 mod border;
 mod channels;
@@ -15,12 +15,12 @@ mod graphs;
 mod players;
 mod table;
 
-/// Counts what real-time calls must not allocate.
+/// Counts allocations of real-time calls, which must be none.
 #[cfg(test)]
-#[expect(unsafe_code, reason = "an allocator that counts")]
+#[expect(unsafe_code, reason = "a counting allocator")]
 #[path = "../../../nodes/tests/realtime/mod.rs"]
 mod realtime;
 
 #[cfg(test)]
-#[expect(unsafe_code, reason = "the tests call what C calls")]
+#[expect(unsafe_code, reason = "the tests call the C functions")]
 mod tests;

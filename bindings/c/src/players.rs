@@ -1,9 +1,9 @@
-//! Players: the real-time half of a run, and the half that may wait, behind one handle.
+//! Players: one handle for the real-time half of a run and the half that may block.
 
 use crate::border::{Outcome, State, Status};
 use crate::channels;
 use crate::failure::Failure;
-use crate::table::{self, Entry, held};
+use crate::table::{self, Entry, try_lock};
 use haptograph_engine::graph::{Graph, NodeId};
 use haptograph_engine::host::{AnyOutput, PlayOptions, Player};
 use haptograph_engine::run::{LiveState, Session};
@@ -11,13 +11,13 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What one call may be asked to process: 11 minutes at 48 kHz. More is taken for a mistake.
-const MOST_FRAMES: usize = 1 << 25;
-/// Live settings that a message lists at most.
-const MOST_LISTED: usize = 20;
+/// Most frames of one call: 11 minutes at 48 kHz. A larger number is an error.
+const MAX_FRAMES: usize = 1 << 25;
+/// Most live settings in a message.
+const MAX_LISTED: usize = 20;
 
-/// How a graph is to be played.
-pub struct Wanted<'a> {
+/// The options of a run.
+pub struct PlayRequest<'a> {
     pub rested: bool,
     pub folder: Option<PathBuf>,
     pub probes: Vec<&'a str>,
@@ -25,11 +25,11 @@ pub struct Wanted<'a> {
     pub seconds: f64,
 }
 
-/// A run. Its halves exclude only those who want the same half.
+/// A run. Each half has its own lock.
 pub struct PlayerEntry {
     player: Mutex<Player>,
     session: Mutex<Session>,
-    /// As after the last call of `process`, for any thread.
+    /// The state after the last call of `process`, readable from any thread.
     state: AtomicU32,
     frames: AtomicU64,
     stop: Arc<AtomicBool>,
@@ -42,22 +42,22 @@ pub struct Setting {
     setting: usize,
 }
 
-/// Opens a player of a graph; its handle.
-pub fn open(graph: &Graph, wanted: Wanted<'_>) -> Result<u64, Failure> {
-    if !wanted.seconds.is_finite() || wanted.seconds < 0.0 {
-        let message = "`seconds` is how long the run lasts, or 0 for as long as it is processed";
+/// Opens a player of a graph and returns its handle.
+pub fn open(graph: &Graph, request: PlayRequest<'_>) -> Result<u64, Failure> {
+    if !request.seconds.is_finite() || request.seconds < 0.0 {
+        let message = "`seconds` must be a finite duration of at least 0; 0 means no end";
         return Err(Failure::new(Status::Argument, message));
     }
-    if wanted.block > 1 << 16 {
-        let message = "`block` is the driver frames of a block, at most 65536, or 0";
+    if request.block > 1 << 16 {
+        let message = "`block` must be at most 65536 driver frames; 0 means the default";
         return Err(Failure::new(Status::Argument, message));
     }
     let mut options = PlayOptions::default();
-    options.probes = wanted.probes.iter().map(|name| (*name).to_owned()).collect();
-    options.folder = wanted.folder;
-    options.live.rested = wanted.rested;
-    options.live.block = wanted.block;
-    options.live.seconds = (wanted.seconds > 0.0).then_some(wanted.seconds);
+    options.probes = request.probes.iter().map(|name| (*name).to_owned()).collect();
+    options.folder = request.folder;
+    options.live.rested = request.rested;
+    options.live.block = request.block;
+    options.live.seconds = (request.seconds > 0.0).then_some(request.seconds);
     let stop = Arc::clone(&options.live.stop);
     let (player, session) = Player::open(graph, &options)?;
     let entry = PlayerEntry {
@@ -67,18 +67,18 @@ pub fn open(graph: &Graph, wanted: Wanted<'_>) -> Result<u64, Failure> {
         frames: AtomicU64::new(0),
         stop,
     };
-    // Some systems make a lock when it is first taken.
+    // Some systems allocate a lock when it is first taken.
     drop((entry.player.lock(), entry.session.lock()));
     Ok(table::insert(Entry::Player(Box::new(entry)))?)
 }
 
 impl PlayerEntry {
-    /// Runs it on. Real-time.
+    /// Runs the next frames. Real-time.
     pub fn process(&self, frames: usize) -> Result<(), Status> {
-        if frames > MOST_FRAMES {
+        if frames > MAX_FRAMES {
             return Err(Status::Argument);
         }
-        let mut player = held(&self.player)?;
+        let mut player = try_lock(&self.player)?;
         player.process(frames);
         self.frames.store(player.frames(), Ordering::Relaxed);
         let state = match player.state() {
@@ -94,7 +94,7 @@ impl PlayerEntry {
         }
     }
 
-    /// What it was doing after the last call of `process`. Real-time.
+    /// The state after the last call of `process`. Real-time.
     pub fn state(&self) -> State {
         [State::Running, State::Stopped, State::Finished]
             .into_iter()
@@ -107,25 +107,25 @@ impl PlayerEntry {
         self.frames.load(Ordering::Relaxed)
     }
 
-    /// Fades out from the next call of `process` on. Real-time.
+    /// Fades the outputs out from the next call of `process` on. Real-time.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// The frames of a probe.
+    /// Opens the output of a probe.
     pub fn probe(&self, name: &str, components: u32) -> Result<AnyOutput, Failure> {
-        channels::probe(&mut *held(&self.player)?, name, components)
+        channels::probe(&mut *try_lock(&self.player)?, name, components)
     }
 
-    /// Where the live setting of this name is.
+    /// Finds the live setting of this name.
     pub fn setting(&self, player: u64, name: &str) -> Result<Setting, Failure> {
-        let session = held(&self.session)?;
+        let session = try_lock(&self.session)?;
         let found = session.settings().find(|live| live.name() == name);
         let Some(live) = found else {
             let names: Vec<String> = session.settings().map(|live| live.name()).collect();
-            let more = if names.len() > MOST_LISTED { ", ..." } else { "" };
-            let names = names[..names.len().min(MOST_LISTED)].join(", ");
-            let message = format_args!("the graph has no live setting `{name}`: it has {names}{more}");
+            let more = if names.len() > MAX_LISTED { ", ..." } else { "" };
+            let names = names[..names.len().min(MAX_LISTED)].join(", ");
+            let message = format_args!("the graph has no live setting `{name}`; it has {names}{more}");
             return Err(Failure::new(Status::Name, message));
         };
         Ok(Setting {
@@ -138,7 +138,7 @@ impl PlayerEntry {
     /// Sets a live setting by its name.
     pub fn set(&self, name: &str, value: f64) -> Result<(), Failure> {
         let setting = self.setting(0, name)?;
-        held(&self.session)?
+        try_lock(&self.session)?
             .set(setting.node, setting.setting, value)
             .map_err(|error| Failure::new(error.into(), format_args!("`{name}`: {error}")))
     }
@@ -166,10 +166,10 @@ impl PlayerEntry {
 }
 
 impl Setting {
-    /// Sets it. Real-time.
+    /// Sets the value. Real-time.
     pub fn set(&self, value: f64) -> Result<(), Status> {
         table::player(self.player, |player| {
-            held(&player.session)?
+            try_lock(&player.session)?
                 .set(self.node, self.setting, value)
                 .map_err(Status::from)
         })

@@ -1,10 +1,9 @@
-//! Handles: numbers that name a place in a table and the generation of what stands there. A handle that was freed, made
-//! up or given out by another copy of the library finds nothing, or something of another kind; it is never followed as a
-//! pointer.
+//! Handles: each is the number of a slot in a table and the generation of its entry. A handle that was freed, invented or
+//! made by another copy of the library finds no entry, or one of another type; it is never dereferenced as a pointer.
 //!
-//! Nobody waits: a call on an object that another thread is inside ends with [`Status::Busy`] where the two exclude each
-//! other. A look-up takes two atomic operations and neither allocates nor calls the system; that is why places are never
-//! given back to the system and a place's lock is only ever tried.
+//! Calls never wait: if another thread is using the object exclusively, the call returns [`Status::Busy`]. A look-up takes
+//! two atomic operations and neither allocates nor calls the system; therefore slots are never returned to the system and
+//! a slot's lock is only tried.
 
 use crate::border::Status;
 use crate::failure::Failure;
@@ -19,13 +18,13 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, RwLock, TryLockError};
 const CHUNKS: usize = 64;
 const CHUNK: usize = 1024;
 
-static TABLE: [OnceLock<Box<[Place]>>; CHUNKS] = [const { OnceLock::new() }; CHUNKS];
-static FREE: Mutex<Free> = Mutex::new(Free {
-    places: VecDeque::new(),
+static TABLE: [OnceLock<Box<[Slot]>>; CHUNKS] = [const { OnceLock::new() }; CHUNKS];
+static FREE: Mutex<FreeList> = Mutex::new(FreeList {
+    slots: VecDeque::new(),
     chunks: 0,
 });
 
-/// What a handle stands for.
+/// The object of a handle.
 pub enum Entry {
     Graph(Box<Graph>),
     Input(Box<Mutex<AnyInput>>),
@@ -34,9 +33,9 @@ pub enum Entry {
     Setting(Setting),
 }
 
-/// The kinds of objects, without them.
+/// The type of an object.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum What {
+pub enum ObjectKind {
     Graph,
     Input,
     Output,
@@ -45,32 +44,32 @@ pub enum What {
 }
 
 impl Entry {
-    fn what(&self) -> What {
+    fn kind(&self) -> ObjectKind {
         match self {
-            Self::Graph(_) => What::Graph,
-            Self::Input(_) => What::Input,
-            Self::Output(_) => What::Output,
-            Self::Player(_) => What::Player,
-            Self::Setting(_) => What::Setting,
+            Self::Graph(_) => ObjectKind::Graph,
+            Self::Input(_) => ObjectKind::Input,
+            Self::Output(_) => ObjectKind::Output,
+            Self::Player(_) => ObjectKind::Player,
+            Self::Setting(_) => ObjectKind::Setting,
         }
     }
 }
 
-struct Place(RwLock<Inside>);
+struct Slot(RwLock<SlotState>);
 
-struct Inside {
-    /// Never 0, so that no handle is.
+struct SlotState {
+    /// Never 0, so that no handle is 0.
     generation: u32,
     entry: Option<Entry>,
 }
 
-struct Free {
-    /// The place that has been free longest comes first: its generation comes round last.
-    places: VecDeque<usize>,
+struct FreeList {
+    /// Free slots, the longest free first, so that generations repeat as late as possible.
+    slots: VecDeque<usize>,
     chunks: usize,
 }
 
-fn place(number: usize) -> Option<&'static Place> {
+fn slot(number: usize) -> Option<&'static Slot> {
     TABLE.get(number / CHUNK)?.get()?.get(number % CHUNK)
 }
 
@@ -78,87 +77,87 @@ fn split(handle: u64) -> (usize, u32) {
     ((handle & 0xffff_ffff) as usize, (handle >> 32) as u32)
 }
 
-/// Gives an object a handle; none where the table is full. Not real-time.
+/// Stores an object and returns its handle; an error if the table is full. Not real-time.
 pub fn insert(entry: Entry) -> Result<u64, Status> {
     let number = {
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
-        if free.places.is_empty() {
+        if free.slots.is_empty() {
             grow(&mut free)?;
         }
-        free.places.pop_front().ok_or(Status::System)?
+        free.slots.pop_front().ok_or(Status::System)?
     };
-    let place = place(number).ok_or(Status::System)?;
-    // A look-up by an old handle may be inside for a moment; one that waits would hold up others.
-    let mut inside = loop {
-        match place.0.try_write() {
-            Ok(inside) => break inside,
-            Err(TryLockError::Poisoned(inside)) => break inside.into_inner(),
+    let slot = slot(number).ok_or(Status::System)?;
+    // A look-up by an old handle may hold the lock for a moment; a waiting writer would block other look-ups.
+    let mut state = loop {
+        match slot.0.try_write() {
+            Ok(state) => break state,
+            Err(TryLockError::Poisoned(state)) => break state.into_inner(),
             Err(TryLockError::WouldBlock) => std::thread::yield_now(),
         }
     };
-    inside.entry = Some(entry);
-    Ok(u64::from(inside.generation) << 32 | number as u64)
+    state.entry = Some(entry);
+    Ok(u64::from(state.generation) << 32 | number as u64)
 }
 
-fn grow(free: &mut Free) -> Result<(), Status> {
+fn grow(free: &mut FreeList) -> Result<(), Status> {
     let chunk = TABLE.get(free.chunks).ok_or(Status::System)?;
-    // Handles of another copy of the library, or of an earlier run, are not those of this one.
+    // Random first generations make handles of another copy of the library, or of an earlier run, invalid.
     let seed = RandomState::new();
     let first = |number: usize| (seed.hash_one(number) as u32).max(1);
     let fresh = |number: usize| {
-        let inside = Inside {
+        let state = SlotState {
             generation: first(number),
             entry: None,
         };
-        Place(RwLock::new(inside))
+        Slot(RwLock::new(state))
     };
     let base = free.chunks * CHUNK;
     chunk.get_or_init(|| (base..base + CHUNK).map(fresh).collect());
-    free.places.extend(base..base + CHUNK);
+    free.slots.extend(base..base + CHUNK);
     free.chunks += 1;
     Ok(())
 }
 
-/// Takes an object of this kind out of the table, unless a thread is inside it. Not real-time.
-pub fn take(handle: u64, what: What) -> Result<Entry, Status> {
+/// Removes an object of this type from the table, unless a thread is using it. Not real-time.
+pub fn take(handle: u64, kind: ObjectKind) -> Result<Entry, Status> {
     let (number, generation) = split(handle);
-    let place = place(number).ok_or(Status::Handle)?;
-    let mut inside = match place.0.try_write() {
-        Ok(inside) => inside,
-        Err(TryLockError::Poisoned(inside)) => inside.into_inner(),
+    let slot = slot(number).ok_or(Status::Handle)?;
+    let mut state = match slot.0.try_write() {
+        Ok(state) => state,
+        Err(TryLockError::Poisoned(state)) => state.into_inner(),
         Err(TryLockError::WouldBlock) => return Err(Status::Busy),
     };
-    match &inside.entry {
-        Some(entry) if inside.generation == generation && entry.what() != what => return Err(Status::Kind),
-        Some(_) if inside.generation == generation => {}
+    match &state.entry {
+        Some(entry) if state.generation == generation && entry.kind() != kind => return Err(Status::Kind),
+        Some(_) if state.generation == generation => {}
         _ => return Err(Status::Handle),
     }
-    inside.generation = inside.generation.wrapping_add(1).max(1);
-    let entry = inside.entry.take().ok_or(Status::Handle);
-    drop(inside);
+    state.generation = state.generation.wrapping_add(1).max(1);
+    let entry = state.entry.take().ok_or(Status::Handle);
+    drop(state);
     let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
-    free.places.push_back(number);
+    free.slots.push_back(number);
     entry
 }
 
-/// Frees an object of this kind, unless a thread is inside it. Not real-time.
-pub fn free(handle: u64, what: What) -> Result<(), Failure> {
-    let entry = take(handle, what)?;
+/// Frees an object of this type, unless a thread is using it. Not real-time.
+pub fn free(handle: u64, kind: ObjectKind) -> Result<(), Failure> {
+    let entry = take(handle, kind)?;
     drop(entry);
     Ok(())
 }
 
-/// Does something with the object of a handle. Real-time safe if `work` is.
+/// Calls `work` with the object of a handle. Real-time safe if `work` is.
 pub fn with<R, E: From<Status>>(handle: u64, work: impl FnOnce(&Entry) -> Result<R, E>) -> Result<R, E> {
     let (number, generation) = split(handle);
-    let place = place(number).ok_or(Status::Handle)?;
-    let inside = match place.0.try_read() {
-        Ok(inside) => inside,
-        Err(TryLockError::Poisoned(inside)) => inside.into_inner(),
+    let slot = slot(number).ok_or(Status::Handle)?;
+    let state = match slot.0.try_read() {
+        Ok(state) => state,
+        Err(TryLockError::Poisoned(state)) => state.into_inner(),
         Err(TryLockError::WouldBlock) => return Err(Status::Busy.into()),
     };
-    match &inside.entry {
-        Some(entry) if inside.generation == generation => work(entry),
+    match &state.entry {
+        Some(entry) if state.generation == generation => work(entry),
         _ => Err(Status::Handle.into()),
     }
 }
@@ -185,7 +184,7 @@ pub fn player<R, E: From<Status>>(
 /// The input of a handle, for this thread alone.
 pub fn input<R>(handle: u64, work: impl FnOnce(&mut AnyInput) -> Result<R, Status>) -> Result<R, Status> {
     with(handle, |entry| match entry {
-        Entry::Input(input) => work(&mut *held(input)?),
+        Entry::Input(input) => work(&mut *try_lock(input)?),
         _ => Err(Status::Kind),
     })
 }
@@ -193,17 +192,17 @@ pub fn input<R>(handle: u64, work: impl FnOnce(&mut AnyInput) -> Result<R, Statu
 /// The output of a handle, for this thread alone.
 pub fn output<R>(handle: u64, work: impl FnOnce(&mut AnyOutput) -> Result<R, Status>) -> Result<R, Status> {
     with(handle, |entry| match entry {
-        Entry::Output(output) => work(&mut *held(output)?),
+        Entry::Output(output) => work(&mut *try_lock(output)?),
         _ => Err(Status::Kind),
     })
 }
 
-/// What is for one thread at a time, if no other is inside.
-pub fn held<T: ?Sized>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>, Status> {
+/// Locks a mutex if no other thread holds it.
+pub fn try_lock<T: ?Sized>(mutex: &Mutex<T>) -> Result<MutexGuard<'_, T>, Status> {
     match mutex.try_lock() {
-        Ok(inside) => Ok(inside),
+        Ok(state) => Ok(state),
         Err(TryLockError::WouldBlock) => Err(Status::Busy),
-        // Half-way through something when it panicked.
+        // Its thread panicked while it changed the object.
         Err(TryLockError::Poisoned(_)) => Err(Status::Panic),
     }
 }

@@ -125,9 +125,9 @@ fn no_panic_crosses_the_border() {
     let failed = guard(|| -> Result<(), Failure> { panic!("number {}", 7) });
     assert_eq!(failed, Status::Panic);
     // SAFETY: the text is this thread's until its next call that fails.
-    let said = unsafe { CStr::from_ptr(calls::haptograph_last_error_message()) };
-    let said = said.to_string_lossy();
-    assert!(said.contains("number 7"), "{said}");
+    let message = unsafe { CStr::from_ptr(calls::haptograph_last_error_message()) };
+    let message = message.to_string_lossy();
+    assert!(message.contains("number 7"), "{message}");
     assert_eq!(
         guard_realtime(|| -> Result<(), Status> { panic!("again") }),
         Status::Panic

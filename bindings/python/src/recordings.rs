@@ -66,14 +66,8 @@ impl Import {
     }
 }
 
-fn gesture(word: &str) -> Result<Gesture, Failure> {
-    let known: Vec<&str> = Gesture::ALL.iter().map(|gesture| gesture.word()).collect();
-    Gesture::from_word(word).ok_or_else(|| {
-        Failure::Message(format!(
-            "there is no gesture {word:?}: choose of {}",
-            known.join(", ")
-        ))
-    })
+fn gesture(text: &str) -> Result<Gesture, Failure> {
+    text.parse::<Gesture>().map_err(Failure::Message)
 }
 
 /// Reads a recording of one file, or of several that share a clock.
@@ -155,12 +149,12 @@ impl Recording {
 
     #[getter]
     fn gesture(&self) -> &'static str {
-        self.recording.gesture().word()
+        self.recording.gesture().as_str()
     }
 
     #[getter]
     fn origin(&self) -> &'static str {
-        self.recording.provenance().origin.word()
+        self.recording.provenance().origin.as_str()
     }
 
     #[getter]

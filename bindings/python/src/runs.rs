@@ -6,7 +6,7 @@ use haptograph::engine::frame::Kind;
 use haptograph::engine::graph::Graph;
 use haptograph::engine::host::{AnyInput, AnyOutput, Full, PlayOptions, Player};
 use haptograph::engine::node::{FrameWriter, Stream};
-use haptograph::engine::run::{Offline, Outcome, Outlets, Probe};
+use haptograph::engine::run::{FileSinks, Offline, Outcome, Probe};
 use haptograph::report::record::{watch, watched};
 use haptograph::signal::quantity::Quantity;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -102,7 +102,7 @@ impl Signal {
         let shown = PyDict::new(py);
         shown.set_item("name", self.name)?;
         shown.set_item("kind", self.kind.to_string())?;
-        shown.set_item("components", self.kind.lane_names())?;
+        shown.set_item("components", self.kind.component_names())?;
         shown.set_item("quantity", self.quantity.name())?;
         shown.set_item("unit", self.quantity.unit())?;
         shown.set_item("rate", self.rate_hz)?;
@@ -233,7 +233,7 @@ fn alone(graph: &Graph, wanted: &Wanted, progress: &Progress) -> Result<Done, Fa
     let seconds = seconds(wanted, None)?;
     let probes = probes(graph, wanted, true)?;
     fits(&probes, seconds)?;
-    let mut outlets = Outlets::new(graph);
+    let mut outlets = FileSinks::new(graph);
     if let Some(folder) = &wanted.folder {
         outlets.open_files(folder).map_err(Failure::of)?;
     }

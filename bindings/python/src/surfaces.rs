@@ -131,7 +131,7 @@ impl Surface {
 
     #[getter]
     fn origin(&self) -> &'static str {
-        self.surface.provenance.origin.word()
+        self.surface.provenance.origin.as_str()
     }
 
     /// Friction coefficient.

@@ -29,7 +29,7 @@ pub fn render(diagnostics: &Diagnostics, colour: bool) -> String {
     }
     let more = diagnostics.list.len() - shown.count();
     if more > 0 {
-        text += &format!("{more} more are not shown; mend these first\n");
+        text += &format!("{more} more are not shown; fix these first\n");
     }
     text + &summary(&diagnostics.list)
 }

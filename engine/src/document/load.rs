@@ -330,7 +330,7 @@ impl Loader {
         if self.open.contains(&key) {
             self.report(
                 Diagnostic::error("E0109", span, format!("`{shown}` includes itself"))
-                    .label("it is being read already")
+                    .label("this file is being read")
                     .help("move what both need into a third file"),
             );
             return;

@@ -1,4 +1,4 @@
-//! A graph file as written: RON in, every value with its place, nothing yet known of its meaning.
+//! Documents: graph files as parsed, every value with its place, before any check.
 
 mod builder;
 mod dependence;
@@ -13,10 +13,10 @@ use value::{Name, Value};
 
 pub use builder::{Builder, Part, Wire, Written, average, delay, hold, linear, resample, ring};
 
-/// A graph file and the files it includes, as written.
+/// A parsed graph file with the files that it includes.
 ///
-/// Only text that is not RON at all, or no graph, prevents a document. Other errors of its structure are kept and
-/// reported by [`check`](crate::graph::check) together with the rest, so that all are seen at once.
+/// Loading fails only if the text is not RON or not a graph. Other errors of structure are kept, and
+/// [`check`](crate::graph::check) reports them together with its own.
 #[derive(Debug, Clone)]
 pub struct Document {
     pub(crate) sources: Sources,
@@ -36,7 +36,7 @@ pub struct Document {
     pub(crate) findings: Vec<Diagnostic>,
 }
 
-/// Nodes with a name, to be used as if they were one.
+/// A template: named nodes that can be used as one node.
 #[derive(Debug, Clone)]
 pub(crate) struct Template {
     pub name: Name,
@@ -46,10 +46,10 @@ pub(crate) struct Template {
     pub outputs: Vec<(Name, Value)>,
 }
 
-/// How documents are read.
+/// Options of loading.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// What a graph file and all that it includes may have together, bytes.
+    /// Largest sum of a graph file and its included files, bytes.
     pub max_bytes: u64,
 }
 
@@ -60,15 +60,15 @@ impl Default for LoadOptions {
 }
 
 impl Document {
-    /// Reads the file and all that it includes.
+    /// Loads a graph file and the files that it includes.
     ///
     /// # Errors
-    /// Files that cannot be read, are not RON, or hold no `Graph(...)`.
+    /// If a file cannot be read, is not RON, or has no `Graph(...)`.
     pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, Diagnostics> {
         load::file(path.as_ref(), options)
     }
 
-    /// Reads a text as if it stood in a file called `name`; what it includes is looked for beside that file.
+    /// Parses a text as if it were the file `name`; included files are relative to it.
     ///
     /// # Errors
     /// As [`Document::load`].
@@ -84,12 +84,12 @@ impl Document {
         }
     }
 
-    /// What the graph is about, as the file tells it.
+    /// Description of the graph.
     pub fn about(&self) -> &str {
         &self.about
     }
 
-    /// The files it was read from, the graph file first.
+    /// Its source files, the graph file first.
     pub fn sources(&self) -> &Sources {
         &self.sources
     }

@@ -1,8 +1,7 @@
-//! RON text into values that know their place.
+//! Parser of RON text into values with places.
 //!
-//! ron keeps no places of values and stops at the first error, so structure is read here: one pass over the text
-//! for tokens, one over the brackets, one for values. Every pass is linear, and reading goes on after an error at
-//! the next comma. The escapes of strings are ron's own.
+//! The ron crate keeps no places and stops at the first error. This parser has three linear passes: tokens, brackets
+//! and values. It continues after an error at the next comma. String escapes are parsed by ron.
 
 mod tokens;
 
@@ -140,7 +139,7 @@ impl Reader<'_> {
         let mut diagnostic = Diagnostic::error("E0101", self.span(), message).label(label);
         if let Some(string) = self.string_over_lines() {
             diagnostic = diagnostic
-                .also(string, "this string goes on over the end of its line")
+                .also(string, "this string continues over the end of its line")
                 .help("is the closing `\"` of that string missing?");
         }
         self.diagnostics.push(diagnostic);
@@ -426,7 +425,7 @@ impl Reader<'_> {
         match ron::from_str::<String>(raw) {
             Ok(text) => Some(text),
             Err(error) => {
-                let diagnostic = Diagnostic::error("E0106", self.span(), "this string has a bad escape")
+                let diagnostic = Diagnostic::error("E0106", self.span(), "invalid escape in this string")
                     .label(error.code.to_string())
                     .help("write `\\\\` for a backslash, or use a raw string r\"...\"");
                 self.diagnostics.push(diagnostic);

@@ -1,18 +1,18 @@
-//! A value as written in a graph file: RON's shapes with the place of each, before anything is known of its meaning.
+//! Values of a graph file: RON values with their places, before any check.
 
 use super::text;
 use crate::diagnostic::{Diagnostics, Sources, Span};
 
-/// A value and where it stands.
+/// A value and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
-    /// Where it stands.
+    /// Its place.
     pub span: Span,
-    /// What it is.
+    /// Its content.
     pub shape: Shape,
 }
 
-/// The shapes of RON.
+/// The kinds of RON values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// `()`
@@ -51,12 +51,12 @@ pub enum Body {
     Fields(Vec<(Name, Value)>),
 }
 
-/// An identifier or key and where it stands.
+/// An identifier or key and its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Name {
-    /// Where it stands.
+    /// Its place.
     pub span: Span,
-    /// The text.
+    /// Its text.
     pub text: String,
 }
 
@@ -68,8 +68,17 @@ fn brief_number(number: f64) -> String {
     }
 }
 
+/// The last part of the path of a file; any other text, such as a formula, is left whole.
+fn brief_text(text: &str) -> &str {
+    let last = text.rsplit('/').next().unwrap_or_default();
+    let extension = last.rsplit_once('.').map_or("", |(_, extension)| extension);
+    let is_file = extension.starts_with(|c: char| c.is_ascii_alphabetic())
+        && extension.chars().all(|c| c.is_ascii_alphanumeric());
+    if is_file { last } else { text }
+}
+
 impl Value {
-    /// It in a few characters: numbers to four digits, of a path its last part.
+    /// Short form for display: numbers to four digits, the last part of a path.
     pub fn brief(&self) -> String {
         let all = |values: &[Self]| values.iter().map(Self::brief).collect::<Vec<_>>().join(", ");
         match &self.shape {
@@ -77,7 +86,7 @@ impl Value {
             Shape::Bool(is_so) => is_so.to_string(),
             Shape::Number(number, text) if text.len() > 7 => brief_number(*number),
             Shape::Number(_, text) => text.clone(),
-            Shape::String(text) => text.rsplit('/').next().unwrap_or_default().into(),
+            Shape::String(text) => brief_text(text).into(),
             Shape::List(values) => format!("[{}]", all(values)),
             Shape::Map(pairs) => {
                 let pairs = pairs
@@ -101,10 +110,10 @@ impl Value {
         }
     }
 
-    /// Reads a text that is one value of RON.
+    /// Parses a text as one RON value.
     ///
     /// # Errors
-    /// Where it is not, or has brackets within more than 64 others.
+    /// If it is not RON, or brackets are nested deeper than 64.
     #[doc(hidden)]
     pub fn parse(text: &str) -> Result<Self, Diagnostics> {
         let (mut sources, mut list) = (Sources::default(), Vec::new());
@@ -112,7 +121,7 @@ impl Value {
         text::read(id, text, &mut list).ok_or(Diagnostics { sources, list })
     }
 
-    /// The name, where it is one without brackets: `synth`.
+    /// The name, if the value is a name without brackets: `synth`.
     pub(crate) fn bare_name(&self) -> Option<&str> {
         match &self.shape {
             Shape::Tagged(Tagged {
@@ -123,7 +132,7 @@ impl Value {
         }
     }
 
-    /// What it is, in a person's words: `a number`, `a list`.
+    /// Description for messages: `a number`, `a list`.
     pub fn describe(&self) -> &'static str {
         match &self.shape {
             Shape::Unit => "()",

@@ -1,4 +1,4 @@
-//! Rates: every connection stays on one clock or names the bridge by which it leaves it.
+//! Check of bridges: a connection between clocks needs one.
 
 use super::Bridge;
 use super::clocks::Clocks;
@@ -9,10 +9,10 @@ use crate::joining::least_ring_latency_s;
 use crate::node::Flow;
 use std::cmp::Ordering;
 
-/// Of a wrench half a hundred megabytes.
+/// Largest ring in frames: 50 MB for wrenches.
 const MOST_RING_FRAMES: f64 = 1e6;
 
-/// Checks every bridge; one that has nothing to do is taken away.
+/// Checks every bridge and removes unnecessary ones.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     for node in 0..draft.nodes.len() {
         for slot in 0..draft.nodes[node].inputs.len() {
@@ -55,10 +55,10 @@ fn error(
     ))
 }
 
-/// Adds where a template hands the connection on.
+/// Adds the place where a template passes the connection on.
 pub(super) fn via(diagnostic: Diagnostic, wire: &Wire) -> Diagnostic {
     match wire.via {
-        Some(span) if span != wire.span => diagnostic.also(span, "handed on here"),
+        Some(span) if span != wire.span => diagnostic.also(span, "passed on here"),
         _ => diagnostic,
     }
 }
@@ -114,10 +114,14 @@ fn crossing(
     if a == b {
         if !matches!(bridge, Bridge::Delay { .. }) {
             if !wire.general {
-                let message = format!("`{}` bridges nothing", name_of(bridge));
+                let message = format!(
+                    "`{}` is unnecessary here: both ends run on clock `{}`",
+                    name_of(bridge),
+                    source.name
+                );
                 cx.report(
                     Diagnostic::warning("W0106", form, message)
-                        .label(format!("both ends run on `{}`", source.name))
+                        .label("no clock is crossed")
                         .help("remove the bridge"),
                 );
             }
@@ -128,7 +132,7 @@ fn crossing(
     let slow_to_fast = rate_order(clocks, a, b);
     let two_drivers = source.driver != target.driver;
     if two_drivers && port.flow == Flow::Held {
-        let message = format!("`{}` reads a held signal, and no ring carries one", port.name);
+        let message = format!("a ring cannot carry the held signal that `{}` reads", port.name);
         let label = format!("`{}` and `{}` have different drivers", source.name, target.name);
         let help = format!(
             "send what it is computed from through the ring, and compute it on `{}`",
@@ -142,7 +146,7 @@ fn crossing(
             name_of(bridge),
             port.name
         );
-        let help = "a held input takes every frame as it comes, by Hold(...)";
+        let help = "a held input reads frames unchanged: use Hold(...)";
         return error("E0406", form, message, "not a held signal", help);
     }
     let choices = || choices(draft, clocks, a, b, port.flow, wire);
@@ -169,14 +173,14 @@ fn crossing(
             "E0406",
             form,
             "`Ring` goes from one driver to another".into(),
-            format!("both ends hang from `{}`", clocks.list[source.driver].name),
+            format!("both ends have driver `{}`", clocks.list[source.driver].name),
             choices(),
         ),
         Bridge::Ring { latency_s } => match least_ring_latency_s(source.rate, target.rate) {
             Err(problem) => error(
                 "E0406",
                 form,
-                "these rates cannot be joined".into(),
+                "these rates cannot be resampled".into(),
                 ends,
                 problem.to_string(),
             ),
@@ -184,26 +188,26 @@ fn crossing(
                 "E0413",
                 form,
                 format!(
-                    "a ring from {} to {} has a latency of {:.3} ms at least",
+                    "a ring from {} to {} needs a latency of at least {:.3} ms",
                     source.rate,
                     target.rate,
                     least_s * 1e3
                 ),
-                format!("{} ms are too few", latency_s * 1e3),
-                "most of it is the resampler's; live, add the longest callbacks of both drivers",
+                format!("{} ms is too short", latency_s * 1e3),
+                "most of it is the delay of the resampler; for live runs add the longest callbacks of both drivers",
             ),
             Ok(_) if latency_s * source.rate.hz() > MOST_RING_FRAMES => error(
                 "E0413",
                 form,
                 format!("a ring holds at most {MOST_RING_FRAMES} frames"),
-                format!("{} ms are too many at {}", latency_s * 1e3, source.rate),
+                format!("{} ms at {} is too long", latency_s * 1e3, source.rate),
                 "choose a shorter latency",
             ),
             Ok(_) => unmixable(
                 from,
                 wire,
                 bridge,
-                "send what it is computed from, or the lanes that you need",
+                "send what it is computed from, or the components that you need",
             ),
         },
         Bridge::Linear if slow_to_fast != Ordering::Less => error(
@@ -230,7 +234,7 @@ fn crossing(
     }
 }
 
-/// A bridge that interpolates takes numbers only.
+/// Refuses interpolation of frames that are not linear.
 fn unmixable(from: &DraftNode, wire: &Wire, bridge: Bridge, help: &str) -> Finding {
     match (from.outputs[wire.output].kind, wire.bridge) {
         (Some(kind), Some((_, form))) if !kind.is_linear() => error(
@@ -250,7 +254,7 @@ fn rate_order(clocks: &Clocks, a: usize, b: usize) -> Ordering {
     (u128::from(n) * u128::from(e)).cmp(&(u128::from(m) * u128::from(d)))
 }
 
-/// The bridges that would work, and what each does.
+/// Help: the possible bridges and their descriptions.
 fn choices(draft: &Draft, clocks: &Clocks, a: usize, b: usize, flow: Flow, wire: &Wire) -> String {
     let linear = draft.nodes[wire.from].outputs[wire.output]
         .kind

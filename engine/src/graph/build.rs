@@ -18,19 +18,19 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Driver frames that a plan never exceeds in one go.
+/// Largest block of a plan in driver frames.
 const MAX_QUANTUM: u64 = 1024;
 
-/// What nodes and devices do when they run; `None` where something was reported.
+/// Built nodes and devices; `None` after a reported error.
 pub(super) struct Built {
     works: Vec<Option<Work>>,
-    /// Paths among the settings of each node.
+    /// Paths in the settings of each node.
     files: Vec<Vec<PathBuf>>,
     devices: Vec<Option<Box<dyn Device>>>,
     simulated: Vec<bool>,
 }
 
-/// Reads all settings, and builds every node and device about which nothing was reported.
+/// Reads all settings, and builds every node and device without errors.
 pub(super) fn build(
     cx: &mut Context<'_>,
     draft: &Draft,
@@ -70,7 +70,7 @@ pub(super) fn build(
     }
 }
 
-/// Two sinks cannot write one file, nor one the note that another leaves beside its own.
+/// Refuses sinks that would write the same file or the note beside another's file.
 fn refuse_shared_files(cx: &mut Context<'_>, draft: &Draft, works: &[Option<Work>]) {
     let mut known: HashMap<PathBuf, usize> = HashMap::new();
     for (node, work) in works.iter().enumerate() {
@@ -126,15 +126,14 @@ fn simulated(draft: &Draft, devices: &[DraftDevice]) -> Vec<bool> {
     simulated
 }
 
-/// Does a field have a name that is none of its settings? What the node finds without the one that was meant would only
-/// follow from that.
+/// Whether a field has an unknown name. Errors of the node could then follow from the missing setting.
 fn misread(node: &DraftNode) -> bool {
     let settings = node.entry.settings();
     let mut fields = node.fields.remaining().iter();
     fields.any(|(name, _)| settings.iter().all(|setting| setting.name != name.text))
 }
 
-#[expect(clippy::too_many_arguments, reason = "all of the graph has a say in a node")]
+#[expect(clippy::too_many_arguments, reason = "a node depends on all of the graph")]
 fn work(
     cx: &mut Context<'_>,
     draft: &Draft,
@@ -240,10 +239,8 @@ fn no_limit(node: &DraftNode) -> Diagnostic {
         format!("actuator sink `{kind}` has no limit"),
     )
     .label("`limit` is missing")
-    .help(format!(
-        "say what the actuator may be given at most: `limit: {expected}`"
-    ))
-    .help("nothing drives an actuator without a limit")
+    .help(format!("set the limit of the actuator: `limit: {expected}`"))
+    .help("every actuator needs a limit")
 }
 
 fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<BuildContext> {
@@ -261,7 +258,7 @@ fn context(draft: &Draft, clocks: &Clocks, seed: u64, node: usize) -> Option<Bui
     })
 }
 
-/// What the outputs of a node hold at most, as if none shared its buffer with another.
+/// Largest size of the output buffers of a node, without sharing.
 fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
     let widths = target
@@ -272,7 +269,7 @@ fn buffer_bytes(draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     memory::bytes(frames as u64, widths.sum())
 }
 
-/// The most frames of a clock within one quantum of its driver.
+/// Largest number of frames of a clock in a block of its driver.
 fn max_frames(clocks: &Clocks, clock: usize) -> usize {
     let (n, d) = clocks.list[clock].rate.parts();
     let (m, e) = clocks.list[clocks.list[clock].driver].rate.parts();
@@ -326,7 +323,7 @@ fn body(cx: &mut Context<'_>, clocks: &Clocks, device: &DraftDevice, seed: u64) 
     built
 }
 
-/// Where the fields of a node or device are written.
+/// Places of the fields of a node or device.
 struct Places {
     owner: Span,
     fields: Vec<(String, Span)>,
@@ -358,8 +355,10 @@ impl Places {
             Ok(built) => Some(built),
             Err(error) => {
                 let make = |span, message| Diagnostic::error("E0304", span, message);
+                let is_part = error.part.is_some();
                 let mut diagnostic = self.finding(&cx.sources, error, make);
-                if let Some(help) = not_there(cx, &diagnostic) {
+                let parameter = || parameter_in_text(cx, &diagnostic).filter(|_| is_part);
+                if let Some(help) = not_there(cx, &diagnostic).or_else(parameter) {
                     diagnostic.help = vec![help];
                 }
                 cx.report(diagnostic);
@@ -398,6 +397,17 @@ impl Places {
     }
 }
 
+/// What to write where a word of a text, as of a formula, is the name of a parameter.
+fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
+    let span = diagnostic.primary.as_ref()?.span;
+    let word = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
+    cx.document.parameters().find(|(name, _)| *name == word)?;
+    Some(format!(
+        "`{word}` is a parameter of the graph, and this text sees its inputs only: multiply by `Gain(gain: \
+         Param(\"{word}\"))`, or make it an input, `Constant(value: Param(\"{word}\"))`"
+    ))
+}
+
 /// What to do about a path that was given by `--set`, or while the graph runs, and leads to no file.
 fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
     let span = diagnostic.primary.as_ref()?.span;
@@ -434,7 +444,7 @@ pub(super) fn part_of_text(sources: &Sources, span: Span, (first, end): (usize, 
     (start < end).then_some(Span { start, end, ..span })
 }
 
-/// Findings about values that came from a parameter or setting say where it is used.
+/// Adds the place of use to diagnostics of values of parameters and settings.
 fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
     for diagnostic in &mut cx.diagnostics[from..] {
         let Some(at) = diagnostic.primary.as_ref().map(|label| label.span) else {
@@ -448,7 +458,7 @@ fn explain(cx: &mut Context<'_>, from: usize, uses: &[(Span, Span)]) {
     }
 }
 
-/// Puts together a graph about which no error was reported.
+/// Makes the graph, after a check without errors.
 pub(super) fn assemble(
     mut cx: Context<'_>,
     draft: Draft,
@@ -531,7 +541,7 @@ pub(super) fn assemble(
     })
 }
 
-/// Lowers the limit of a sink to what its device can give, so that what it delivers is true. Says so.
+/// Lowers the limit of a sink to the largest output of its device, so that `delivered` is right; returns a warning.
 fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice]) -> Option<Diagnostic> {
     let Work::Actuator {
         device,
@@ -543,9 +553,12 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
         return None;
     };
     let device = devices.get(*device)?;
-    let most = device.device.most(*channel).filter(|most| *most < limit.peak)?;
+    let most = device
+        .device
+        .max_output_bound(*channel)
+        .filter(|most| *most < limit.peak)?;
     let message = format!(
-        "`{}` may be given {} at its peak, but `{}` gives {most} at most: that is its limit here",
+        "the peak limit of `{}` is {}, but `{}` can give at most {most}; the limit is lowered to {most}",
         node.path, limit.peak, device.name
     );
     limit.peak = most;
@@ -557,11 +570,11 @@ fn within_the_device(work: &mut Work, node: &DraftNode, devices: &[GraphDevice])
     Some(
         warning
             .also(device.span, "the device")
-            .help("lower the limit, or mend what the device states of itself"),
+            .help("lower the limit, or correct what the device states"),
     )
 }
 
-/// The live settings of a node and their values, as written or by default.
+/// The live settings of a node with their values or defaults.
 fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
     let specs = node.entry.settings().into_iter().enumerate();
     specs
@@ -579,7 +592,7 @@ fn live_values(node: &DraftNode) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// Settings as the graph writes them, computed and replaced ones by what they come to; texts without the folders of a path.
+/// The given settings with computed values; paths without their folders.
 fn written(node: &DraftNode) -> Vec<(String, String)> {
     let given = node.fields.remaining().iter();
     let is_setting = |name: &str| node.entry.settings().iter().any(|spec| spec.name == name);

@@ -1,4 +1,4 @@
-//! The one way to a graph: every check, in an order in which later ones can rely on earlier ones.
+//! The check: makes a graph from a document. Later stages rely on earlier ones.
 
 use super::draft::Context;
 use super::values::Parameters;
@@ -8,28 +8,28 @@ use crate::document::Document;
 use crate::registry::Registry;
 use std::collections::HashSet;
 
-/// What a check is given besides the document.
+/// Options of a check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CheckOptions {
-    /// Parameters by name, in place of their defaults: RON, or bare text where the default is a string.
+    /// Parameter values by name: RON, or plain text if the default is a string.
     pub set: Vec<(String, String)>,
-    /// Which set of endpoints the nodes are bound to.
+    /// The set of endpoints to which nodes are bound.
     pub endpoints: String,
-    /// Which endpoints the calling program feeds and hears, whatever the set says they are.
+    /// The endpoints that belong to the calling program, whatever the set declares.
     pub hosted: Hosted,
-    /// In place of the graph's own seed.
+    /// Seed that replaces the graph's.
     pub seed: Option<u64>,
 }
 
 /// The endpoints of a calling program.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum Hosted {
-    /// Those that are of kind `Host` in the graph.
+    /// Those of kind `Host` in the graph.
     #[default]
     AsWritten,
-    /// These too, by name.
+    /// Also these, by name.
     Also(Vec<String>),
-    /// Every one.
+    /// All endpoints.
     All,
 }
 
@@ -44,7 +44,7 @@ impl Hosted {
 }
 
 impl CheckOptions {
-    /// The graph as it is, all of its endpoints the calling program's.
+    /// Options that give all endpoints to the calling program.
     pub fn hosted() -> Self {
         let hosted = Hosted::All;
         Self {
@@ -55,7 +55,7 @@ impl CheckOptions {
 }
 
 impl Default for CheckOptions {
-    /// The graph as it is, bound to simulated devices.
+    /// Options that bind the graph to its simulated endpoints.
     fn default() -> Self {
         Self {
             set: Vec::new(),
@@ -66,10 +66,10 @@ impl Default for CheckOptions {
     }
 }
 
-/// Proves a document sound.
+/// Checks a document and makes a graph from it.
 ///
 /// # Errors
-/// All that is wrong with it, and the warnings, in the order of the files.
+/// All errors and warnings, in the order of the files.
 pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -> Result<Graph, Diagnostics> {
     let document = document.with_library(registry.library());
     let document = &*document;
@@ -108,7 +108,7 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
         clocks::refuse_none(&mut cx, &clocks);
     }
     if !has_errors(&cx) {
-        // With errors about, what seems unused may be what an error hides.
+        // Only without errors: an error can hide a use.
         unused::warn(&mut cx, &draft);
         clocks::warn_unused(&mut cx, &draft, &clocks);
         parameters.warn_unused(&mut cx);
@@ -126,18 +126,18 @@ pub fn check(document: &Document, registry: &Registry, options: &CheckOptions) -
     build::assemble(cx, draft, clocks, devices, built, seed).map_or_else(|| failed(sources, list), Ok)
 }
 
-/// An error for each name that two kinds have: it has no place in the graph.
+/// Reports names registered more than once; these errors have no place in the graph.
 fn twice(registry: &Registry) -> impl Iterator<Item = Diagnostic> {
     registry.twice().map(|name| {
         let message = format!("two kinds are registered as `{name}`");
-        let help = "rename one where this program registers it, or take the place of the other by `Registry::replace` or `replace_device`";
+        let help = "rename one where this program registers it, or replace the other by `Registry::replace` or `replace_device`";
         Diagnostic::error("E0212", Span::default(), message)
             .of_no_place()
             .help(help)
     })
 }
 
-/// In the order of the files; what a template does wrong in every use is said once.
+/// Sorts by place and removes duplicates: an error in a template is found in each of its uses.
 fn put_in_order(list: &mut Vec<Diagnostic>) {
     let place = |d: &Diagnostic| {
         d.primary
@@ -146,7 +146,7 @@ fn put_in_order(list: &mut Vec<Diagnostic>) {
     };
     list.sort_by_key(place);
     let mut seen = HashSet::new();
-    // Fields that are missing are missing at one place: their labels name them.
+    // Missing fields share a place; their labels differ.
     list.retain(|d| match &d.primary {
         Some(label) => seen.insert((
             d.code,

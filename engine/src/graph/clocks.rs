@@ -1,4 +1,4 @@
-//! Clocks as declared, and on which of them every node runs.
+//! Clocks, and their assignment to nodes.
 
 use super::draft::{Context, Draft};
 use super::expand::parts;
@@ -139,7 +139,7 @@ fn declared<'a>(
     clock
 }
 
-/// `48000`, `59.94`, or `(1000, 3)` for a third of a kilohertz.
+/// Reads a rate: `48000`, `59.94`, or `(1000, 3)` for a third of a kilohertz.
 fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     let rate = match &value.shape {
         Shape::Number(_, text) => Rate::parse(text),
@@ -161,7 +161,6 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
     match rate {
         Ok(rate) => Some(rate),
         Err(error) => {
-            // The text of a number is not news to its writer: whatever is wrong with it, it is no such rate.
             let message = match error {
                 RateError::NotANumber(text) => format!("{text} Hz is not a rate"),
                 error => error.to_string(),
@@ -169,14 +168,14 @@ fn read_rate(cx: &mut Context<'_>, value: &Value) -> Option<Rate> {
             cx.report(
                 Diagnostic::error("E0502", value.span, message)
                     .label("not a rate")
-                    .help("choose a rate from 0.001 Hz to 100 MHz, of few digits"),
+                    .help("choose a rate from 0.001 Hz to 100 MHz, such as 48000 or 59.94"),
             );
             None
         }
     }
 }
 
-/// The driver at the root of a clock; `None` where the way there was reported.
+/// The driver from which a clock derives; `None` after a reported error.
 fn driver(
     cx: &mut Context<'_>,
     declared: &[Declared<'_>],
@@ -235,7 +234,7 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     if let Ok(base) = TimeBase::new(&rates) {
         return Some(base);
     }
-    // The first clock that does not go with those before it; more clocks never help.
+    // Bisection for the first clock that has no common time unit with those before it.
     let mut fits = 0;
     let mut fails = rates.len();
     while fails - fits > 1 {
@@ -247,11 +246,11 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     }
     let culprit = fails.checked_sub(1)?;
     let message = format!(
-        "the rate of `{}` does not go with the clocks before it",
+        "the rate of `{}` has no common time unit with the clocks before it",
         clocks[culprit].name
     );
     let mut diagnostic = Diagnostic::error("E0503", spans[culprit], message).label(format!(
-        "{} has no common time unit with the others of which 64 bits hold a year",
+        "{} and the others need a time unit too short for 64 bits",
         clocks[culprit].rate
     ));
     if culprit > 0 {
@@ -261,7 +260,7 @@ fn time_base(cx: &mut Context<'_>, clocks: &[Clock], spans: &[Span]) -> Option<T
     None
 }
 
-/// Finds the clock of every node: as written, else as its connections say.
+/// Assigns a clock to every node: as written, else inferred from its connections.
 pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     for node in 0..draft.nodes.len() {
         given_clock(cx, draft, clocks, node);
@@ -270,12 +269,12 @@ pub(super) fn assign(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     report_unknown(cx, draft, clocks);
 }
 
-/// Reports that there is no clock at all: nothing would drive the graph.
+/// Reports a graph without clocks.
 pub(super) fn refuse_none(cx: &mut Context<'_>, clocks: &Clocks) {
     if clocks.list.is_empty() {
         cx.report(
             Diagnostic::error("E0506", cx.document.span, "the graph has no clock")
-                .label("nothing says when it runs")
+                .label("no clock defines when it runs")
                 .help("declare a driver: `clocks: { \"audio\": Driver(rate_hz: 48000) }`"),
         );
     }
@@ -321,21 +320,27 @@ fn keeps_clock(bridge: &Option<(Bridge, Span)>) -> bool {
     matches!(bridge, None | Some((Bridge::Delay { .. }, _)))
 }
 
-/// A node without a clock of its own runs on that of what it is connected to without a bridge: of its inputs first,
-/// else of what reads it, else of the device it shares; where the graph has one clock alone, on that.
+/// Infers clocks: a node takes the clock of an input without bridge, the fastest if they differ, so that the slower one
+/// is reported for its missing bridge; else that of a reader, else of another node of its device; else the only clock.
 fn infer(draft: &mut Draft, clocks: &Clocks) {
     let count = draft.nodes.len();
     let mut readers = draft.readers(|wire| keeps_clock(&wire.bridge));
     for readers in &mut readers {
         readers.retain(|to| !draft.nodes[*to].entry.is_file());
     }
-    let mut queue: VecDeque<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    let rate_hz = |node: &usize| {
+        let clock = draft.nodes[*node].clock;
+        clock.map_or(0.0, |clock| clocks.list[clock].rate.hz())
+    };
+    let mut given: Vec<usize> = (0..count).filter(|i| draft.nodes[*i].clock.is_some()).collect();
+    given.sort_by(|a, b| rate_hz(b).total_cmp(&rate_hz(a)));
+    let mut queue = VecDeque::from(given);
     loop {
         while let Some(from) = queue.pop_front() {
             for &to in &readers[from] {
                 if draft.nodes[to].clock.is_none() && !draft.nodes[to].broken {
                     draft.nodes[to].clock = draft.nodes[from].clock;
-                    queue.push_back(to);
+                    queue.push_front(to);
                 }
             }
         }
@@ -364,7 +369,7 @@ fn infer(draft: &mut Draft, clocks: &Clocks) {
     }
 }
 
-/// Reports the first node of every chain without a clock; those behind it wait for the same answer.
+/// Reports the first node of every chain without a clock; the others depend on it.
 fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     let unknown: Vec<usize> = (0..draft.nodes.len())
         .filter(|i| draft.nodes[*i].clock.is_none() && !draft.nodes[*i].entry.is_file())
@@ -397,12 +402,9 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
             [] => "declare one: `clocks: { \"audio\": Driver(rate_hz: 48000) }`".to_owned(),
             names => format!("add `clock: ...` to `{kind}`, one of {}", names.join(", ")),
         };
-        let message = format!(
-            "the clock of `{}` cannot be told from its connections",
-            target.path
-        );
+        let message = format!("cannot infer the clock of `{}` from its connections", target.path);
         let diagnostic = Diagnostic::error("E0504", target.fields.span, message)
-            .label("on which clock does it run?")
+            .label("its clock is unknown")
             .help(help);
         let diagnostic = draft.in_use(node, diagnostic, cx);
         cx.report(diagnostic);
@@ -412,7 +414,7 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft, clocks: &Clocks) {
     }
 }
 
-/// Reports clocks that neither a node nor a used clock needs.
+/// Reports unused clocks.
 pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
     let mut used = vec![false; clocks.list.len()];
     for node in &draft.nodes {

@@ -1,4 +1,4 @@
-//! Devices of the selected endpoints, and which nodes read and drive them.
+//! Devices of the selected endpoints, and the nodes that read and drive them.
 
 use super::check::{CheckOptions, Hosted};
 use super::clocks::Clocks;
@@ -22,11 +22,11 @@ pub(super) struct DraftDevice {
     pub entry: DeviceEntry,
     pub fields: Fields,
     pub uses: Vec<(Span, Span)>,
-    /// What nodes can read and drive; of a host endpoint, what they do.
+    /// Channels that nodes can read and drive; for a host endpoint those that they use.
     pub senses: Vec<Channel>,
     pub drives: Vec<Channel>,
     pub clock: Option<usize>,
-    /// At least one node is bound to it.
+    /// Whether a node is bound to it.
     pub bound: bool,
     pub broken: bool,
 }
@@ -35,7 +35,7 @@ pub(super) struct DraftDevice {
 #[derive(Default)]
 pub(super) struct Devices {
     pub list: Vec<DraftDevice>,
-    /// Index by name; `None` for those that were reported.
+    /// Index by name; `None` after a reported error.
     names: HashMap<String, Option<usize>>,
     set: String,
     hosted: Hosted,
@@ -62,7 +62,7 @@ pub(super) fn read(
             return Some(devices);
         }
         if document.endpoints.is_empty() || options.hosted == Hosted::All {
-            return Some(devices); // Every node that needs a device says so.
+            return Some(devices); // Every node that needs a device reports it.
         }
         let diagnostic = Diagnostic::error(
             "E0210",
@@ -74,7 +74,7 @@ pub(super) fn read(
         cx.report(diagnostic);
         return None;
     };
-    // Parameters that other sets use are used.
+    // A parameter that another set uses is not unused.
     for (_, others) in document.endpoints.iter().filter(|(name, _)| name.text != set) {
         for (_, value) in others {
             parameters.replace(cx, value, Place::Graph, &mut Vec::new());
@@ -83,7 +83,7 @@ pub(super) fn read(
     for (name, value) in declared {
         let device = match options.hosted.has(&name.text) {
             true => {
-                // What the file says of it stands for nothing here, but for the parameters that it uses.
+                // The declaration is ignored except for its parameters.
                 parameters.replace(cx, value, Place::Graph, &mut Vec::new());
                 Some(hosted(cx, &name.text, name.span))
             }
@@ -103,13 +103,13 @@ pub(super) fn read(
 pub struct DeclaredDevice {
     /// Name of the endpoint.
     pub endpoint: String,
-    /// As RON in one line, its settings in the order of their names.
+    /// Declaration as one line of RON, settings sorted by name.
     pub written: String,
-    /// Is its kind a simulation? A kind that is not registered counts as real.
+    /// Whether its kind is a simulation. An unregistered kind counts as real.
     pub is_simulated: bool,
 }
 
-/// The devices of the set that the options name, whether or not they are part of this build.
+/// The devices of the set that the options select, whether or not this build has their kinds.
 pub fn declared_devices(
     document: &Document,
     registry: &Registry,
@@ -127,7 +127,7 @@ pub fn declared_devices(
     let set = sets.find(|(name, _)| name.text == options.endpoints);
     let devices = set.map(|(_, devices)| devices.as_slice()).unwrap_or_default();
     let declared = devices.iter().map(|(name, value)| {
-        // What cannot be replaced stands as it is written; the check reports it.
+        // A value that cannot be replaced is kept; the check reports it.
         let replaced = parameters.replace(&mut cx, value, Place::Graph, &mut Vec::new());
         let value = replaced.as_ref().unwrap_or(value);
         let kind = match &value.shape {
@@ -144,7 +144,7 @@ pub fn declared_devices(
     declared.collect()
 }
 
-/// A value as RON: values that mean the same are written the same.
+/// A value as normalised RON.
 fn written(value: &Value) -> String {
     let all = |values: &[Value]| values.iter().map(written).collect::<Vec<_>>().join(", ");
     match &value.shape {
@@ -179,7 +179,7 @@ fn written(value: &Value) -> String {
     }
 }
 
-/// An endpoint of the calling program, whatever is written of it.
+/// Makes an endpoint of the calling program.
 fn hosted(cx: &mut Context<'_>, name: &str, span: Span) -> DraftDevice {
     let fields = cx.reading(|reading| Fields::new("`Host`".to_owned(), span, Vec::new(), reading));
     draft_device(name, span, DeviceEntry::host(), fields, Vec::new())
@@ -252,7 +252,7 @@ pub(super) fn bind(cx: &mut Context<'_>, draft: &mut Draft, devices: &mut Option
     }
 }
 
-/// Outputs of a source that say nothing of themselves are what the device says.
+/// Sets the undetermined types of a source's outputs from the device's channels.
 fn take_on_types(node: &mut DraftNode, device: &DraftDevice) {
     if node.entry.is_actuator() {
         return;
@@ -268,7 +268,7 @@ fn take_on_types(node: &mut DraftNode, device: &DraftDevice) {
     }
 }
 
-/// Has the device the channels that the node asks for?
+/// Whether the device has the channels of the node.
 fn fits(node: &DraftNode, device: &DraftDevice) -> bool {
     let has = |channels: &[Channel], name: &str| channels.iter().any(|channel| channel.name == name);
     let spec = node.entry.spec;

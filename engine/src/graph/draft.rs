@@ -1,4 +1,4 @@
-//! A graph on its way to being proved sound.
+//! The draft: a graph during the check.
 
 use super::Bridge;
 use crate::diagnostic::{Diagnostic, MAX_SHOWN, Severity, Sources, Span};
@@ -12,14 +12,14 @@ use haptograph_signal::quantity::Quantity;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// What every check reads and reports to.
+/// Context of all checks.
 pub(super) struct Context<'a> {
     pub document: &'a Document,
     pub registry: &'a Registry,
-    /// The files of the document, then the texts given on the command line.
+    /// The files of the document, then the texts of the command line.
     pub sources: Sources,
     pub diagnostics: Vec<Diagnostic>,
-    /// Paths among the settings read so far.
+    /// Paths in the settings read so far.
     pub files: Vec<PathBuf>,
 }
 
@@ -28,13 +28,13 @@ impl Context<'_> {
         self.diagnostics.push(diagnostic);
     }
 
-    /// Will what is found next be shown, and is it worth a search for what was meant?
+    /// Whether the next error will be shown, so that a search for suggestions is worthwhile.
     pub fn is_suggesting(&self) -> bool {
         let errors = self.diagnostics.iter().filter(|d| d.severity == Severity::Error);
         errors.take(MAX_SHOWN).count() < MAX_SHOWN
     }
 
-    /// Does something with the reader of settings, which reports here.
+    /// Calls `read` with a reader of settings that reports to this context.
     pub fn reading<T>(&mut self, read: impl FnOnce(&mut Reading<'_>) -> T) -> T {
         let Self {
             document,
@@ -57,12 +57,12 @@ impl Context<'_> {
     }
 }
 
-/// All nodes, templates expanded, and the scopes in which their names are looked up.
+/// All nodes, templates expanded, and the scopes of their names.
 pub(super) struct Draft {
     pub nodes: Vec<DraftNode>,
     /// The graph itself first, then every use of a template.
     pub scopes: Vec<Scope>,
-    /// There were too many nodes: the rest is missing, and nothing that follows can be believed.
+    /// There are too many nodes: the rest is missing, and later checks do not run.
     pub cut: bool,
 }
 
@@ -70,85 +70,85 @@ pub(super) struct Draft {
 pub(super) struct DraftNode {
     /// `texture/filter`
     pub path: String,
-    /// Its name in the file.
+    /// Place of its name.
     pub name: Span,
     pub entry: NodeEntry,
     pub fields: Fields,
-    /// Where it stands, as an index of the scopes.
+    /// Index of its scope.
     pub scope: usize,
-    /// Values that came from elsewhere: their own place, and where they are used.
+    /// Values of parameters and settings: (place of the value, place of its use).
     pub uses: Vec<(Span, Span)>,
     pub inputs: Vec<Slot>,
     pub outputs: Vec<Type>,
     pub clock: Option<usize>,
-    /// Among the devices of the selected endpoints.
+    /// Index of its device in the selected endpoints.
     pub device: Option<usize>,
-    /// It is there with another set of endpoints only.
+    /// Whether `only` leaves it out with the selected endpoints.
     pub is_left_out: bool,
-    /// Something about it was reported; what would follow from that is not.
+    /// Whether an error of it was reported. Errors that follow from it are not reported.
     pub broken: bool,
 }
 
-/// What an output carries, as far as it is known.
+/// Type of an output, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Type {
     pub kind: Option<Kind>,
     pub quantity: Option<Quantity>,
 }
 
-/// An input as the processor will see it: a connection of a `Many` port each.
+/// An input of the processor; each connection of a `Many` port is one.
 pub(super) struct Slot {
-    /// Index among the inputs of the spec.
+    /// Index of the input in the spec.
     pub port: usize,
     pub wire: Option<Wire>,
-    /// What was written there has been reported.
+    /// Whether an error of it was reported.
     pub broken: bool,
 }
 
-/// A connection, followed through inputs and outputs of templates to the node it comes from.
+/// A connection, resolved through inputs and outputs of templates to its source node.
 #[derive(Debug, Clone)]
 pub(super) struct Wire {
     pub from: usize,
     pub output: usize,
     pub bridge: Option<(Bridge, Span)>,
-    /// Was the bridge written inside a template, which cannot know the clocks it will be used with?
+    /// Whether the bridge is inside a template, which can be used with any clocks.
     pub general: bool,
-    /// The written connection.
+    /// Place of the connection.
     pub span: Span,
-    /// Where templates hand it on.
+    /// Place where a template passes it on.
     pub via: Option<Span>,
 }
 
-/// Where names of nodes are looked up: the graph, or one use of a template.
+/// A scope of node names: the graph, or one use of a template.
 #[derive(Default)]
 pub(super) struct Scope {
     /// `texture/`, or empty for the graph.
     pub prefix: String,
     pub names: HashMap<String, Target>,
-    /// Index of the template among the document's, and the place of its use.
+    /// Index of the template in the document, and the place of its use.
     pub template: Option<(usize, Span)>,
-    /// The scope in which it is used.
+    /// The scope of its use.
     pub outer: usize,
     /// Connections given to the template's inputs, to be resolved in the outer scope; `None` where reported.
     pub inputs: HashMap<String, Option<Value>>,
     /// Values of the template's settings; `None` where reported.
     pub settings: HashMap<String, Option<Value>>,
-    /// Its nodes are there with another set of endpoints only.
+    /// Whether `only` leaves its nodes out with the selected endpoints.
     pub is_left_out: bool,
 }
 
-/// What a name stands for.
+/// Target of a name.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Target {
     Node(usize),
-    /// The scope of a use of a template.
+    /// A use of a template, by its scope.
     Instance(usize),
     /// Declared, but reported.
     Broken,
 }
 
 impl DraftNode {
-    /// `` `out` of `tone` `` in messages: `tone.out`.
+    /// Name of an output in messages: `tone.out`.
     pub fn output_name(&self, output: usize) -> String {
         match self.entry.spec.outputs.get(output) {
             Some(port) => format!("{}.{}", self.path, port.name),
@@ -156,12 +156,12 @@ impl DraftNode {
         }
     }
 
-    /// Has it an input that was written but could not be understood?
+    /// Whether an input of it has a reported error.
     pub fn has_broken_input(&self) -> bool {
         self.inputs.iter().any(|slot| slot.broken)
     }
 
-    /// The connections that are there.
+    /// Its connections.
     pub fn wires(&self) -> impl Iterator<Item = (usize, &Wire)> {
         let slots = self.inputs.iter().enumerate();
         slots.filter_map(|(i, slot)| Some((i, slot.wire.as_ref()?)))
@@ -175,14 +175,14 @@ impl DraftNode {
             .filter(move |slot| spec.inputs[slot.port].name == name)
     }
 
-    /// Are these slots connections of one list?
+    /// Whether the slot is a connection of a list.
     pub fn is_many(&self, slot: &Slot) -> bool {
         self.entry.spec.inputs[slot.port].presence == Presence::Many
     }
 }
 
 impl Draft {
-    /// For each node the nodes that read it by a connection of which `follows` holds.
+    /// For each node the nodes that read it by connections for which `follows` holds.
     pub fn readers(&self, follows: impl Fn(&Wire) -> bool) -> Vec<Vec<usize>> {
         let mut readers: Vec<Vec<usize>> = vec![Vec::new(); self.nodes.len()];
         for (to, node) in self.nodes.iter().enumerate() {
@@ -193,7 +193,7 @@ impl Draft {
         readers
     }
 
-    /// Adds where the template is used to a finding about a node inside one.
+    /// Adds the place of the template's use to a diagnostic of a node inside one.
     pub fn in_use(&self, node: usize, diagnostic: Diagnostic, cx: &Context<'_>) -> Diagnostic {
         match self.scopes[self.nodes[node].scope].template {
             Some((template, span)) => {

@@ -1,4 +1,4 @@
-//! Nodes of known kinds, templates expanded in place of their uses.
+//! Expansion of templates into nodes.
 
 use super::draft::{Context, Draft, DraftNode, Scope, Target};
 use super::values::{Parameters, Place, suggest};
@@ -8,12 +8,12 @@ use crate::node::{NodeEntry, Presence};
 use crate::settings::{Fields, Setting};
 use std::collections::{HashMap, HashSet};
 
-/// More nodes than this are refused: templates that use templates can ask for any number.
+/// Largest number of nodes: nested templates can expand to any number.
 const MAX_NODES: usize = 100_000;
-/// Uses of templates within templates.
+/// Largest nesting of templates.
 const MAX_NESTING: usize = 64;
 
-/// All nodes of the graph. Nodes of unknown kinds are reported and left out.
+/// Makes the nodes of the graph. Reports and omits nodes of unknown kinds.
 pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoints: &str) -> Draft {
     let mut expansion = Expansion {
         endpoints,
@@ -31,7 +31,7 @@ pub(super) fn expand(cx: &mut Context<'_>, parameters: &mut Parameters, endpoint
             let message = format!("`{}` is the name of a kind of node", name.text);
             cx.diagnostics.push(
                 Diagnostic::error("E0211", name.span, message)
-                    .label("a template cannot take its place")
+                    .label("a template cannot replace it")
                     .help("give the template a name of its own"),
             );
         }
@@ -50,7 +50,7 @@ pub(super) fn warn_unused(cx: &mut Context<'_>, draft: &Draft) {
         .filter_map(|scope| Some(scope.template?.0))
         .collect();
     for (i, template) in cx.document.templates.iter().enumerate() {
-        // An included file is a shelf of parts: nobody has to use all of them.
+        // Templates of included files need not be used.
         if !used.contains(&i) && template.name.span.source == SourceId::default() {
             let message = format!("template `{}` is never used", template.name.text);
             cx.diagnostics.push(
@@ -82,7 +82,7 @@ impl Expansion<'_> {
                 let message = format!("the graph has more than {MAX_NODES} nodes");
                 cx.report(
                     Diagnostic::error("E0702", name.span, message)
-                        .label("here the count was reached")
+                        .label("the count is reached here")
                         .help("do templates use one another more often than was meant?"),
                 );
                 return;
@@ -137,7 +137,7 @@ impl Expansion<'_> {
                     format!("template `{}` uses itself", kind.text),
                 )
                 .label(format!("`{}`", round.join("` uses `")))
-                .help("a template is expanded in place, so it cannot hold itself"),
+                .help("a template is expanded in place, so it cannot contain itself"),
             );
             return None;
         }
@@ -214,7 +214,7 @@ impl Expansion<'_> {
         fields
     }
 
-    /// Is a node, or the use of a template, there with another set of endpoints only?
+    /// Whether `only` leaves out a node or a use of a template.
     fn is_left_out(&self, cx: &mut Context<'_>, scope: usize, fields: &mut Fields) -> bool {
         let given = fields.take("only");
         let set = given
@@ -227,7 +227,7 @@ impl Expansion<'_> {
         self.draft.scopes[scope].is_left_out || set != self.endpoints
     }
 
-    /// The scope of one use of a template, its nodes not yet in it.
+    /// Makes the scope of a use of a template, without its nodes.
     fn instance(
         &mut self,
         cx: &mut Context<'_>,
@@ -295,7 +295,7 @@ pub(super) fn refuse_unknown_set(cx: &mut Context<'_>, set: &str, span: Span) {
     }
 }
 
-/// An input that has to be connected and is not.
+/// Error of a required input that is not connected.
 pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnostic {
     Diagnostic::error(
         "E0401",
@@ -307,7 +307,7 @@ pub(super) fn missing_input(kind: &Name, input: &str, declared: Span) -> Diagnos
     .help(format!("connect it: `{input}: \"node.output\"`"))
 }
 
-/// Name and fields of `Kind(field: value)`; anything else is reported.
+/// Name and fields of `Kind(field: value)`; reports any other value.
 pub(super) fn parts<'v>(
     cx: &mut Context<'_>,
     value: &'v Value,

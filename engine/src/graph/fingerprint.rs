@@ -1,6 +1,5 @@
-//! What makes two nodes the same but for their path: what a running node's state can be handed over by, and what a
-//! replay knows the graph by. They are kept in files, so they are the same on every machine and in every version of this
-//! program that has the same [`VERSION`].
+//! Fingerprints of nodes and graphs. State transfer matches nodes by them, and a replay checks the graph by them. Files
+//! contain them, so they are equal on all machines and in all program versions with the same [`VERSION`].
 
 use super::clocks::Clocks;
 use super::devices::DraftDevice;
@@ -16,11 +15,11 @@ use petgraph::visit::EdgeRef;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Of what is fingerprinted and how: counted up whenever one of the two changes.
+/// Version of the content and the algorithm of fingerprints.
 const VERSION: u64 = 1;
 
-/// 64 bits of everything it is given, in that order: FNV-1a over bytes, whose length is said first; numbers are eight
-/// bytes, the lowest first.
+/// A 64-bit hash of a sequence of items: FNV-1a over the bytes of each item, preceded by their number; numbers are
+/// eight bytes, little-endian.
 struct Fingerprint(u64);
 
 impl Fingerprint {
@@ -53,7 +52,7 @@ impl Fingerprint {
         self.number(denominator);
     }
 
-    /// What was put in by `put`, mixed so that sums of such numbers tell their parts apart.
+    /// The hash of what `put` adds, mixed so that sums of hashes distinguish their parts.
     fn of(put: impl FnOnce(&mut Self)) -> u64 {
         let mut state = Self::new();
         put(&mut state);
@@ -65,7 +64,7 @@ impl Fingerprint {
     }
 }
 
-/// Of a node's kind, settings but for those that may change while it runs, rate, and the frames it is given.
+/// Hash of a node's kind, non-live settings, rate and input widths.
 pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: usize) -> u64 {
     let target = &draft.nodes[node];
     let settings = target.entry.settings().into_iter();
@@ -89,7 +88,7 @@ pub(super) fn of_node(cx: &Context<'_>, draft: &Draft, clocks: &Clocks, node: us
     })
 }
 
-/// Of a device's kind, settings and rate.
+/// Hash of a device's kind, settings and rate.
 pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice) -> u64 {
     Fingerprint::of(|state| {
         state.text(device.entry.spec.name);
@@ -102,7 +101,7 @@ pub(super) fn of_device(cx: &Context<'_>, clocks: &Clocks, device: &DraftDevice)
     })
 }
 
-/// Fields in any order: writing them in another one changes nothing.
+/// Hash of fields, independent of their order.
 fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str]) -> u64 {
     let counted = fields
         .remaining()
@@ -117,7 +116,7 @@ fn fields(cx: &Context<'_>, fields: &Fields, but: &[&str]) -> u64 {
     each.fold(0_u64, u64::wrapping_add)
 }
 
-/// The meaning of a value, not its place; of a string that names a file what that holds.
+/// Adds a value without its place; a string that names a file adds its contents.
 fn value(cx: &Context<'_>, given: &Value, state: &mut Fingerprint) {
     match &given.shape {
         Shape::Unit => state.number(0),
@@ -173,17 +172,15 @@ fn all(cx: &Context<'_>, values: &[Value], state: &mut Fingerprint) {
     values.iter().for_each(|inner| value(cx, inner, state));
 }
 
-/// If there is such a file: what is in it, as what a node reads from a file is part of what the node is. Where it lies
-/// is not, nor when it was written.
+/// Adds the contents of a file, if it exists, without its path and times.
 fn file(path: &Path, state: &mut Fingerprint) {
     if path.is_file() {
-        // One that cannot be read is refused by the node that needs it.
+        // The node that needs the file reports read errors.
         state.bytes(&files::read(path, files::MAX_RECORDING_BYTES).unwrap_or_default());
     }
 }
 
-/// Of everything that a graph's samples come from, live settings included, by what it is called. Nodes that only
-/// write files are left out.
+/// Hashes by name of everything that determines a graph's samples, live settings included, file sinks excluded.
 pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
     let samples = |node: &NodeIndex| !matches!(graph.nodes[*node].work, Work::File(_));
     let clocks = graph.clocks.iter().map(|clock| {
@@ -225,7 +222,7 @@ pub(crate) fn of_graph(graph: &Graph) -> BTreeMap<String, u64> {
         let hash = Fingerprint::of(|state| {
             state.number(edge.output as u64);
             state.number(edge.input as u64);
-            // As text the bridge's numbers are exact.
+            // The text has the exact numbers.
             state.text(&format!("{:?}", edge.bridge));
         });
         (name, hash)

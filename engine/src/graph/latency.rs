@@ -1,4 +1,4 @@
-//! How late what a source senses reaches a sink, from the graph alone.
+//! Latency from sources to sinks, computed from the graph.
 
 use super::{Bridge, Edge, Graph, NodeId, Work};
 use crate::device::DeviceLatency;
@@ -7,7 +7,7 @@ use crate::node::Latency;
 use petgraph::graph::{EdgeReference, NodeIndex};
 use petgraph::visit::{DfsPostOrder, EdgeFiltered, EdgeRef};
 
-/// The delay from a node without inputs to a node that nothing reads, along the slowest way.
+/// Delay from a source to a sink along the slowest path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathLatency {
     /// Path of the source.
@@ -16,16 +16,16 @@ pub struct PathLatency {
     pub sink: String,
     /// Both nodes.
     pub ends: [NodeId; 2],
-    /// Whole samples held back: bridges that wait, delays, look-ahead, buffers of devices.
+    /// Transport delay, s: bridges, look-ahead, buffers of devices.
     pub transport_s: f64,
-    /// The part of it that the graph itself holds back, between what was read and what is written.
+    /// Transport delay without the buffers of devices, s.
     pub held_s: f64,
-    /// Group delay of filters and of holding.
+    /// Group delay of filters and of holds, s.
     pub group_delay_s: f64,
 }
 
 impl Graph {
-    /// The delay of every pair of source and sink, declared feedback left out.
+    /// The latency of every pair of source and sink, without declared feedback.
     pub fn latencies(&self) -> Vec<PathLatency> {
         let mut found = Vec::new();
         let mut slowest = Slowest::of(self);
@@ -44,13 +44,13 @@ impl Graph {
         found
     }
 
-    /// Is a way's delay told where it ends here?
-    fn ends_ways(&self, node: NodeIndex) -> bool {
+    /// Whether a path ends at this node.
+    fn ends_paths(&self, node: NodeIndex) -> bool {
         let drives = matches!(self.nodes[node].work, Work::Actuator { .. });
         drives || self.nodes.edges(node).next().is_none()
     }
 
-    /// The delay of the filters behind what a source reads, the slowest of its channels.
+    /// Group delay of the slowest channel of a source.
     fn filtered(&self, node: NodeIndex) -> Latency {
         let Work::Source { device, channels } = &self.nodes[node].work else {
             return Latency::default();
@@ -63,7 +63,7 @@ impl Graph {
         }
     }
 
-    /// What the buffers of a node's device hold back.
+    /// Delay of the buffers of a node's device.
     fn buffers_of(&self, node: NodeIndex) -> DeviceLatency {
         let device = self.nodes[node].device();
         device.map_or_else(DeviceLatency::default, |device| {
@@ -94,17 +94,18 @@ impl Graph {
     }
 }
 
-/// Before any arrival: a filter that predicts has a delay below zero.
+/// Initial value of the search; a predicting filter has a negative delay.
 const EARLIEST: Latency = Latency {
     transport_s: 0.0,
     group_delay_s: f64::NEG_INFINITY,
 };
 
-/// The slowest ways from a source, by one pass over what it reaches, each node after those before it.
+/// Search for the slowest paths from a source, in one pass in topological order.
 struct Slowest<'g> {
     graph: &'g Graph,
-    /// By node: its place in the present pass, and the latest arrival at its inputs so far.
+    /// Index of each node in the present pass.
     places: Vec<usize>,
+    /// Latest arrival at the inputs of each node so far.
     before: Vec<Latency>,
 }
 
@@ -118,7 +119,7 @@ impl<'g> Slowest<'g> {
         }
     }
 
-    /// The ends of ways from `source`, in the order of the graph's nodes, each with its delay.
+    /// The ends of paths from `source` in the order of the graph's nodes, with their delays.
     fn from(&mut self, source: NodeIndex) -> Vec<(NodeIndex, Latency)> {
         let graph = self.graph;
         let order = self.order_from(source);
@@ -131,7 +132,7 @@ impl<'g> Slowest<'g> {
             let here = sum(self.before[node.index()], own);
             for edge in graph.nodes.edges(*node).filter(|edge| leads_on(*edge)) {
                 let target = edge.target();
-                // A loop through rings is followed once: what leads back in it ends there.
+                // A loop through rings is followed once.
                 if self.places[target.index()] > place {
                     let arrival = sum(here, graph.crossing(*node, target, edge.weight()));
                     let known = &mut self.before[target.index()];
@@ -140,7 +141,7 @@ impl<'g> Slowest<'g> {
                     }
                 }
             }
-            if *node != source && graph.ends_ways(*node) {
+            if *node != source && graph.ends_paths(*node) {
                 ends.push((*node, here));
             }
         }
@@ -148,7 +149,7 @@ impl<'g> Slowest<'g> {
         ends
     }
 
-    /// What the source reaches, every node after those that lead to it but for loops.
+    /// The nodes that the source reaches, in topological order except for loops.
     fn order_from(&mut self, source: NodeIndex) -> Vec<NodeIndex> {
         let forward = EdgeFiltered::from_fn(&self.graph.nodes, leads_on);
         let mut search = DfsPostOrder::new(&forward, source);
@@ -166,7 +167,7 @@ impl<'g> Slowest<'g> {
     }
 }
 
-/// Is it no declared feedback?
+/// Whether the edge is not declared feedback.
 fn leads_on(edge: EdgeReference<'_, Edge>) -> bool {
     !matches!(edge.weight().bridge, Bridge::Delay { .. })
 }

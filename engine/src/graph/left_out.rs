@@ -1,12 +1,12 @@
-//! Nodes that are there with another set of endpoints only, and what depends on them.
+//! Nodes left out by `only`, and the nodes that depend on them.
 
 use super::draft::{Context, Draft, Target, Wire};
 use crate::diagnostic::Diagnostic;
 
-/// Takes out the nodes that are left out, and those that read them. A file sink goes on with what is left of a list. An
-/// actuator sink that goes without being marked itself is warned of: nothing else would say that it is driven no more.
+/// Removes the nodes that are left out and the nodes that read them. A file sink keeps the remaining inputs of a list.
+/// Warns of an actuator sink that is removed without an `only` of its own.
 pub(super) fn remove(cx: &mut Context<'_>, draft: &mut Draft) {
-    // Each with the node by whose `only` it goes.
+    // (node, node whose `only` removes it)
     let marked = (0..draft.nodes.len()).filter(|node| draft.nodes[*node].is_left_out);
     let mut found: Vec<(usize, usize)> = marked.map(|node| (node, node)).collect();
     if found.is_empty() {
@@ -39,10 +39,10 @@ fn left_out(draft: &Draft, actuator: usize, cause: usize) -> Diagnostic {
     Diagnostic::warning("W0109", actuator.name, message)
         .label("nothing drives its device")
         .also(cause.name, "left out by `only`")
-        .help("write the same `only` on the actuator sink where that is meant, or connect it to a node that is there")
+        .help("if that is intended, write the same `only` on the actuator sink; else connect it to another node")
 }
 
-/// Is a node still what was meant without the nodes that are gone?
+/// Whether a node is kept without the removed nodes.
 fn goes_on(draft: &Draft, node: usize, gone: &[bool]) -> bool {
     let target = &draft.nodes[node];
     let is_there = |wire: &Wire| !gone[wire.from];
@@ -54,7 +54,7 @@ fn goes_on(draft: &Draft, node: usize, gone: &[bool]) -> bool {
         && (listed.is_empty() || listed.iter().any(|(_, wire)| is_there(wire)))
 }
 
-/// Keeps the nodes that are not gone, under their new numbers.
+/// Removes the nodes and renumbers the others.
 fn keep(draft: &mut Draft, gone: &[bool]) {
     let mut next = 0;
     let numbers: Vec<Option<usize>> = gone

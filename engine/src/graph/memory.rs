@@ -1,4 +1,4 @@
-//! What a graph will keep in memory while it runs, summed before any of it is asked for.
+//! Memory bound of a graph, checked before anything is allocated.
 
 use super::Bridge;
 use super::clocks::Clocks;
@@ -6,12 +6,12 @@ use super::draft::{Context, Draft};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::frame::Kind;
 
-/// What the delays, rings and buffers of a graph may have together, bytes.
+/// Largest sum of the delays, rings and buffers of a graph, bytes.
 const MAX_BYTES: u64 = 1 << 30;
-/// A ring holds its latency several times over, so that it neither runs dry nor overflows.
+/// Capacity of a ring in multiples of its latency.
 const LATENCIES_A_RING: f64 = 4.0;
 
-/// What has been asked for so far.
+/// Sum so far.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
     bytes: u64,
@@ -19,7 +19,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Counts what the delays and rings of all connections keep.
+    /// Adds the delays and rings of all connections.
     pub fn connections(&mut self, cx: &mut Context<'_>, draft: &Draft, clocks: &Clocks) {
         for node in &draft.nodes {
             for (_, wire) in node.wires() {
@@ -38,7 +38,7 @@ impl Memory {
         }
     }
 
-    /// Counts what a node keeps; whether there is room for it.
+    /// Adds memory of a node. Returns whether the sum is within the bound.
     pub fn add(&mut self, cx: &mut Context<'_>, bytes: u64, span: Span, path: &str) -> bool {
         let all = self.bytes.saturating_add(bytes);
         if all <= MAX_BYTES {
@@ -47,13 +47,13 @@ impl Memory {
         }
         if !std::mem::replace(&mut self.reported, true) {
             let message = format!(
-                "the delays, rings and buffers of the graph need more than {} MiB: `{path}` needs {} of them, those before it {}",
+                "the delays, rings and buffers of the graph exceed {} MiB: `{path}` needs {} MiB, those before it {} MiB",
                 MAX_BYTES >> 20,
                 mebibytes(bytes),
                 mebibytes(self.bytes),
             );
             let diagnostic = Diagnostic::error("E0305", span, message)
-                .label("there is no room for this")
+                .label("exceeds the memory bound")
                 .help("shorten delays, lower rates, or use fewer of these nodes");
             cx.report(diagnostic);
         }
@@ -61,7 +61,7 @@ impl Memory {
     }
 }
 
-/// Of so many frames.
+/// Size of this many frames, bytes.
 pub(super) fn bytes(frames: u64, width: usize) -> u64 {
     frames.saturating_mul((width * size_of::<f64>()) as u64)
 }

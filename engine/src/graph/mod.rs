@@ -1,6 +1,6 @@
-//! A graph that has been proved sound: every name resolved, every port matched, every clock known.
+//! The checked graph: every name is resolved, every port matches, every node has a clock.
 //!
-//! Only [`check`] makes one, so the stages after it have no errors to look for. petgraph is known here and in `plan`, and to nobody else.
+//! Only [`check`] makes one, so later stages need no error handling. Only `graph` and `plan` use petgraph.
 
 mod bridges;
 mod build;
@@ -36,54 +36,54 @@ use petgraph::graph::DiGraph;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A sound graph.
+/// A checked graph.
 pub struct Graph {
-    /// What it is about, from the file.
+    /// Description from the file.
     pub(crate) about: String,
     pub(crate) seed: u64,
     pub(crate) clocks: Vec<Clock>,
-    /// Periods of all clocks in one unit, in the order of `clocks`.
+    /// The periods of all clocks in one unit, in the order of `clocks`.
     pub(crate) base: TimeBase,
-    /// Nodes in the order of the file, templates expanded.
+    /// Nodes in file order, templates expanded.
     pub(crate) nodes: DiGraph<Node, Edge>,
     pub(crate) devices: Vec<GraphDevice>,
     pub(crate) sources: Sources,
     pub(crate) warnings: Vec<Diagnostic>,
 }
 
-/// A clock: a driver with its own crystal or timer, or an exact ratio of one.
+/// A clock: a driver with its own crystal or timer, or a clock at an exact ratio of a driver's rate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clock {
     /// Its name in the file.
     pub name: String,
     /// Its rate.
     pub rate: Rate,
-    /// Index of its driver among the clocks; its own index if it is one.
+    /// Index of its driver in the list of clocks; its own index if it is a driver.
     pub driver: usize,
 }
 
-/// A source whose data end.
+/// A source whose data are finite.
 #[derive(Debug, Clone, Copy)]
 pub struct SourceEnd<'a> {
-    /// The node.
+    /// Path of the node.
     pub path: &'a str,
     /// Rate of its clock.
     pub rate: Rate,
-    /// Where, and what follows.
+    /// Length of the data, and what follows them.
     pub end: DataEnd,
 }
 
 impl SourceEnd<'_> {
-    /// The same in seconds.
+    /// Length of the data, s.
     pub fn seconds(&self) -> f64 {
         self.end.frames as f64 * self.rate.period_s()
     }
 
-    /// The most frames that a driver can run before the source has a tick without data.
+    /// Largest number of frames that a driver can run before the source has a tick without data.
     pub fn driver_frames(&self, driver: Rate) -> u64 {
         let ((n, d), (driver_n, driver_d)) = (self.rate.parts(), driver.parts());
         let product = |a: u64, b: u64| u128::from(a) * u128::from(b);
-        // Exact but for rates whose parts have no place in 128 bits.
+        // Exact unless the product of the rates' parts overflows 128 bits.
         let exact = u128::from(self.end.frames).checked_mul(product(driver_n, d));
         let frames = match exact {
             Some(exact) => exact / product(driver_d, n).max(1),
@@ -93,7 +93,7 @@ impl SourceEnd<'_> {
     }
 }
 
-/// A node with everything decided.
+/// A checked node.
 pub struct Node {
     /// Its path: `texture/filter`.
     pub path: String,
@@ -101,23 +101,22 @@ pub struct Node {
     pub entry: NodeEntry,
     /// Its clock, as an index; `None` for file sinks, whose inputs keep their own.
     pub clock: Option<usize>,
-    /// Connections in the order of the spec, those of a `Many` port from its place on.
+    /// Inputs in the order of the spec; the connections of a `Many` port follow one another at its place.
     pub inputs: Vec<Input>,
-    /// Ports with kind and quantity decided.
+    /// Outputs in the order of the spec.
     pub outputs: Vec<Output>,
     pub(crate) work: Work,
-    /// Where it is declared.
+    /// Place of its declaration.
     pub span: Span,
-    /// Does its output depend on a simulated device?
+    /// Whether its output depends on a simulated device.
     pub simulated: bool,
-    /// Of its kind, its settings but for the live ones, its rate and its connections: equal for nodes that are the
-    /// same but for their path.
+    /// Hash of its kind, rate, connections and non-live settings. Equal for nodes that differ in their path only.
     pub fingerprint: u64,
-    /// Its live settings: their places among all settings, and their values.
+    /// Live settings: index in the list of settings, and value.
     pub live: Vec<(usize, f64)>,
-    /// Settings that the graph gives it, as it writes them.
+    /// The settings that the graph gives it, as written there.
     pub written: Vec<(String, String)>,
-    /// The files that its settings name, like the surface it renders.
+    /// Files that its settings name, such as the surface it renders.
     pub files: Vec<PathBuf>,
 }
 
@@ -126,13 +125,13 @@ pub struct Node {
 pub struct Input {
     /// Name of the port.
     pub name: &'static str,
-    /// Shape of its frames; that of the port where it is not connected.
+    /// Kind of its frames; the port's kind if it is not connected.
     pub kind: Kind,
     /// What its numbers are.
     pub quantity: Quantity,
-    /// Is it connected? The edge of the graph whose `input` is this one's index says to what.
+    /// Whether it is connected. The edge whose `input` is this index holds the connection.
     pub connected: bool,
-    /// Does it read runs?
+    /// Whether it reads runs of held frames.
     pub held: bool,
 }
 
@@ -147,10 +146,10 @@ pub struct Output {
     pub quantity: Quantity,
 }
 
-/// What a node does when it runs. Processors and devices are pristine: plans take clones.
+/// What a node does when it runs. Processors and devices are in their initial state: plans clone them.
 pub(crate) enum Work {
     Process(Box<dyn Processor>),
-    /// Output i is the device's sensed channel `channels[i]`.
+    /// Output i is channel `channels[i]` of those that the device senses.
     Source {
         device: usize,
         channels: Vec<usize>,
@@ -191,62 +190,62 @@ pub struct GraphDevice {
     /// The clock that it ticks on.
     pub clock: usize,
     pub(crate) device: Box<dyn Device>,
-    /// What nodes can read; a channel's place is its number.
+    /// Channels that nodes can read; a channel's index is its number.
     pub senses: Vec<Channel>,
-    /// Where it is declared.
+    /// Place of its declaration.
     pub span: Span,
-    /// Of its kind, its settings and its rate.
+    /// Hash of its kind, settings and rate.
     pub fingerprint: u64,
 }
 
 /// A connection from an output to an input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Edge {
-    /// Index among the outputs of the node it comes from.
+    /// Index of the output at the node it comes from.
     pub output: usize,
-    /// Index among the inputs of the node it goes to.
+    /// Index of the input at the node it goes to.
     pub input: usize,
     /// How it crosses rates or time.
     pub bridge: Bridge,
-    /// Where it is written.
+    /// Place of the connection in the text.
     pub span: Span,
 }
 
 /// How a signal crosses rates or time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bridge {
-    /// The same clock at both ends.
+    /// No bridge: both ends run on one clock.
     Direct,
-    /// The latest frame with time <= t.
+    /// Zero-order hold: the latest frame with time <= t.
     Hold,
-    /// A straight line between frames; one period of the slow clock late.
+    /// Linear interpolation between frames; delays by one period of the slow clock.
     Linear,
     /// The mean of the fast frames since the previous slow tick.
     Average,
     /// Band-limited resampling.
     Resample,
-    /// To another driver, by a ring and a steered resampler.
+    /// To another driver: a ring and an asynchronous resampler.
     Ring {
-        /// From the writer's frame to the reader's tick, the resampler's delay included.
+        /// Delay from the writer's frame to the reader's tick, the resampler's delay included, s.
         latency_s: f64,
     },
-    /// The same clock, this many frames later; `initial` before that.
+    /// Delay on one clock.
     Delay {
-        /// At least 1.
+        /// Delay in frames, at least 1.
         frames: u64,
-        /// Every lane before the first frame arrives.
+        /// Value of every component until the first frame arrives.
         initial: f64,
     },
 }
 
-/// A setting that may change while the graph runs.
+/// A setting that can change while the graph runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LiveSetting {
     /// The node.
     pub node: NodeId,
     /// The node's path.
     pub path: String,
-    /// The setting's place among the node's settings, and its name.
+    /// Index of the setting in the node's list of settings.
     pub setting: usize,
     /// Its name.
     pub field: &'static str,
@@ -254,12 +253,12 @@ pub struct LiveSetting {
     pub value: f64,
     /// Smallest and largest value.
     pub range: Option<(f64, f64)>,
-    /// Is it a whole number? Then it jumps.
+    /// Whether it is a whole number. Such a setting jumps to its new value.
     pub whole: bool,
 }
 
 impl LiveSetting {
-    /// As it is written: `out.gain`.
+    /// Path and field: `out.gain`.
     pub fn name(&self) -> String {
         format!("{}.{}", self.path, self.field)
     }
@@ -270,7 +269,7 @@ impl LiveSetting {
 }
 
 impl Graph {
-    /// The actuator sinks, by path, and what each may give.
+    /// The path and limit of every actuator sink.
     pub fn limits(&self) -> impl Iterator<Item = (&str, Limit)> {
         self.nodes.node_weights().filter_map(|node| match &node.work {
             Work::Actuator { limit, .. } => Some((&*node.path, *limit)),
@@ -278,7 +277,7 @@ impl Graph {
         })
     }
 
-    /// The actuator sinks: each with the device that it drives, and what it may give.
+    /// The node, driven device and limit of every actuator sink.
     pub fn actuators(&self) -> impl Iterator<Item = (&Node, &GraphDevice, Limit)> {
         self.nodes.node_weights().filter_map(|node| match &node.work {
             Work::Actuator { device, limit, .. } => Some((node, self.devices.get(*device)?, *limit)),
@@ -286,7 +285,7 @@ impl Graph {
         })
     }
 
-    /// The files that its sinks write in the folder of a run, by the sinks' nodes.
+    /// The files that its file sinks write in the run's folder.
     pub fn written_files(&self) -> impl Iterator<Item = (NodeId, &Path)> {
         self.nodes
             .node_indices()
@@ -296,7 +295,7 @@ impl Graph {
             })
     }
 
-    /// What its file sinks show of themselves while they are written, by the paths of their nodes.
+    /// The progress of its file sinks, by node path.
     pub fn file_progress(&self) -> impl Iterator<Item = (&str, Arc<dyn FileProgress>)> {
         self.nodes.node_weights().filter_map(|node| match &node.work {
             Work::File(sink) => Some((&*node.path, sink.progress()?)),
@@ -304,7 +303,7 @@ impl Graph {
         })
     }
 
-    /// The sources whose data end.
+    /// The sources whose data are finite.
     pub fn data_ends(&self) -> impl Iterator<Item = SourceEnd<'_>> {
         self.nodes.node_weights().filter_map(|node| match &node.work {
             Work::Process(processor) => Some(SourceEnd {
@@ -316,7 +315,7 @@ impl Graph {
         })
     }
 
-    /// Frames of a driver after which the first source has no more data and ends the run.
+    /// Driver frames after which the first source that stops the run has no more data.
     pub(crate) fn frames_of_data(&self, driver: Rate) -> Option<u64> {
         let stops = self
             .data_ends()
@@ -346,7 +345,7 @@ impl Graph {
         devices.filter(move |(at, _)| read(*at)).map(|(_, device)| device)
     }
 
-    /// The settings that may change while it runs.
+    /// The settings that can change while the graph runs.
     pub fn live_settings(&self) -> Vec<LiveSetting> {
         let mut found = Vec::new();
         for (index, node) in self.nodes.node_indices().zip(self.nodes.node_weights()) {
@@ -367,7 +366,7 @@ impl Graph {
         found
     }
 
-    /// What has to stay below half of the rate of its node does so too, as when the graph is checked.
+    /// The range of a live setting. A frequency is also bounded by half the rate of its node.
     fn live_range(&self, node: &Node, spec: &SettingSpec) -> Option<(f64, f64)> {
         let clock = node.clock.filter(|_| spec.below_nyquist);
         let Some(clock) = clock else { return spec.range };
@@ -375,11 +374,11 @@ impl Graph {
         Some((low, high.min((0.5 * self.clocks[clock].rate.hz()).next_down())))
     }
 
-    /// What the graph is about, as the file tells it.
+    /// Description from the file.
     pub fn about(&self) -> &str {
         &self.about
     }
-    /// The seed all random streams derive from.
+    /// Seed from which all random streams derive.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -387,7 +386,7 @@ impl Graph {
     pub fn clocks(&self) -> &[Clock] {
         &self.clocks
     }
-    /// The drivers that at least one node hangs from, as indices of the clocks; the first driver where there are no nodes.
+    /// The drivers that nodes use, as indices of the clocks; the first driver if there are no nodes.
     pub fn drivers(&self) -> Vec<usize> {
         let used = |driver: &usize| {
             self.nodes
@@ -402,16 +401,16 @@ impl Graph {
         }
         drivers
     }
-    /// The driver that a node hangs from, as an index of the clocks; none for a file sink.
+    /// The driver of a node's clock, as an index of the clocks; `None` for a file sink.
     pub fn driver_of(&self, node: NodeId) -> Option<usize> {
         let clock = self.nodes.node_weight(node.0)?.clock?;
         self.clocks.get(clock).map(|clock| clock.driver)
     }
-    /// Does a way lead along the connections from one node to another?
+    /// Whether connections lead from one node to another.
     pub fn reaches(&self, from: NodeId, to: NodeId) -> bool {
         petgraph::algo::has_path_connecting(&self.nodes, from.0, to.0, None)
     }
-    /// Of every node, by its index: does a way lead along the connections from it to this one?
+    /// For every node, by index: whether connections lead from it to this one.
     pub(crate) fn leading_to(&self, to: NodeId) -> Vec<bool> {
         let backwards = petgraph::visit::Reversed(&self.nodes);
         let mut found = vec![false; self.nodes.node_count()];
@@ -429,7 +428,7 @@ impl Graph {
     pub fn sources(&self) -> &Sources {
         &self.sources
     }
-    /// What is probably not meant.
+    /// Warnings of the check.
     pub fn warnings(&self) -> &[Diagnostic] {
         &self.warnings
     }
@@ -443,7 +442,7 @@ impl GraphDevice {
 }
 
 impl Node {
-    /// The device that a source reads or an actuator sink drives, as an index into [`Graph::devices`].
+    /// The device that a source reads or an actuator sink drives, as an index of [`Graph::devices`].
     pub fn device(&self) -> Option<usize> {
         self.work.source_device().or_else(|| self.work.sink_device())
     }

@@ -1,4 +1,4 @@
-//! A graph's nodes and connections as others see them, without the library that keeps them.
+//! Public access to nodes and connections, without petgraph.
 
 use super::{Edge, Graph, Node};
 use petgraph::Direction;
@@ -6,13 +6,12 @@ use petgraph::graph::{DiGraph, EdgeReference, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::ops::Index;
 
-/// A node of a graph: its place in the order of the file, templates expanded; by default the first. It means nothing
-/// in another graph.
+/// Identifier of a node: its index in file order, templates expanded. Valid in its graph only.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeId(pub(crate) NodeIndex);
 
 impl NodeId {
-    /// The place, from 0.
+    /// The index, from 0.
     pub fn index(self) -> usize {
         self.0.index()
     }
@@ -29,7 +28,7 @@ pub struct Connection<'a> {
     pub from: NodeId,
     /// The node whose input it feeds.
     pub to: NodeId,
-    /// Which output and input, and what stands between them.
+    /// Output, input and bridge.
     pub edge: &'a Edge,
 }
 
@@ -41,27 +40,27 @@ impl Graph {
 }
 
 impl<'a> Nodes<'a> {
-    /// How many.
+    /// Number of nodes.
     pub fn len(self) -> usize {
         self.0.node_count()
     }
 
-    /// Is there none?
+    /// Whether there are no nodes.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }
 
-    /// All of them, in order.
+    /// All nodes, in file order.
     pub fn iter(self) -> impl Iterator<Item = &'a Node> {
         self.0.node_weights()
     }
 
-    /// All of them as names for [`Nodes::get`], in order.
+    /// The identifiers of all nodes, in file order.
     pub fn ids(self) -> impl Iterator<Item = NodeId> + 'a {
         self.0.node_indices().map(NodeId)
     }
 
-    /// A node; `None` in a graph that has fewer.
+    /// The node with this identifier, if it exists.
     pub fn get(self, id: NodeId) -> Option<&'a Node> {
         self.0.node_weight(id.0)
     }
@@ -76,7 +75,7 @@ impl<'a> Nodes<'a> {
         self.0.edge_references().map(Connection::of)
     }
 
-    /// The connections that feed a node, by its inputs.
+    /// The connections to a node, in the order of its inputs.
     pub fn incoming(self, id: NodeId) -> Vec<Connection<'a>> {
         let edges = self.0.edges_directed(id.0, Direction::Incoming);
         let mut all: Vec<_> = edges.map(Connection::of).collect();

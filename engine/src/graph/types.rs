@@ -1,7 +1,7 @@
-//! Kinds and quantities: what every output carries, and whether every input can take it.
+//! Kinds and quantities: inference for outputs, check of inputs.
 
 use super::bridges::via;
-use super::draft::{Context, Draft, DraftNode, Slot, Type};
+use super::draft::{Context, Draft, DraftNode, Slot, Type, Wire};
 use crate::diagnostic::Diagnostic;
 use crate::document::value::{Shape, Value};
 use crate::frame::Kind;
@@ -11,10 +11,10 @@ use haptograph_signal::quantity::Quantity;
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
-/// Quantities that settings name, by node and setting; `None` where that was reported.
+/// Quantities that settings name, by node and setting; `None` after a reported error.
 type Named = HashMap<(usize, &'static str), Option<Quantity>>;
 
-/// Finds what every output carries and checks every connection.
+/// Infers the type of every output and checks every connection.
 pub(super) fn check(cx: &mut Context<'_>, draft: &mut Draft) {
     let named = quantities_by_name(cx, draft);
     infer(draft, &named);
@@ -49,7 +49,7 @@ fn quantities_by_name(cx: &mut Context<'_>, draft: &mut Draft) -> Named {
     named
 }
 
-fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &str) -> Option<Quantity> {
+fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'static str) -> Option<Quantity> {
     let names = || -> Vec<&'static str> { Quantity::NAMED.iter().map(|(_, name, _)| *name).collect() };
     let given = node
         .fields
@@ -85,12 +85,15 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &str) -
     };
     let found = Quantity::by_name(&name);
     if found.is_none() {
-        cx.reading(|reading| unknown_choice(&name, &names(), span, reading));
+        cx.reading(|reading| {
+            reading.setting = Some(setting);
+            unknown_choice(&name, &names(), span, reading);
+        });
     }
     found
 }
 
-/// Settles outputs in the order in which what they depend on becomes known.
+/// Infers the types of outputs in the order of their dependencies.
 fn infer(draft: &mut Draft, named: &Named) {
     let readers = draft.readers(|_| true);
     let mut queue: VecDeque<usize> = (0..draft.nodes.len()).collect();
@@ -113,7 +116,7 @@ fn infer(draft: &mut Draft, named: &Named) {
     }
 }
 
-/// What is connected to a slot.
+/// Type of the output that is connected to a slot.
 fn arriving(draft: &Draft, slot: &Slot) -> Option<Type> {
     let wire = slot.wire.as_ref()?;
     Some(draft.nodes[wire.from].outputs[wire.output])
@@ -124,7 +127,7 @@ fn kind_of(draft: &Draft, node: usize, rule: KindRule) -> Option<Kind> {
     let target = &draft.nodes[node];
     match rule {
         KindRule::Is(kind) => Some(kind),
-        // An output that says nothing of itself carries numbers.
+        // An output without a rule carries scalars.
         KindRule::Linear | KindRule::Any => Some(Kind::Scalar),
         KindRule::Same(input) => {
             let connected = target
@@ -176,7 +179,7 @@ fn port<'d>(node: &'d DraftNode, input: &str) -> Option<&'d InputSpec> {
     node.entry.spec.inputs.iter().find(|port| port.name == input)
 }
 
-/// Do the connections of this list have to be alike, because an output or another input follows them?
+/// Whether the connections of this list need one type, because an output or another input depends on it.
 fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     let spec = node.entry.spec;
     let inputs = spec.inputs.iter().map(|port| (port.kind, port.quantity));
@@ -192,7 +195,7 @@ fn list_is_uniform(node: &DraftNode, name: &str) -> bool {
     })
 }
 
-/// What is wrong with what arrives at a slot.
+/// The type error of a slot, if any.
 fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: usize) -> Option<Diagnostic> {
     let target = &draft.nodes[node];
     let slot = &target.inputs[slot];
@@ -269,14 +272,13 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         _ => format!("{to} takes {wanted}, but `{from}` is {quantity}"),
     };
     let diagnostic = Diagnostic::error("E0404", wire.span, message).label(format!("this is {quantity}"));
-    let source = &draft.nodes[wire.from];
-    let stated = match source.entry.spec.outputs[wire.output].quantity {
-        // What it is was left unsaid.
-        QuantityRule::Setting(setting) if quantity == Quantity::NUMBER => wanted.name().map(|name| {
-            let kind = source.entry.spec.name;
-            format!("if that is what it is, say so: `{setting}: \"{name}\"` in that `{kind}`")
-        }),
-        _ => None,
+    let stated = || {
+        let (source, setting) = stated_by(draft, wire).filter(|_| quantity == Quantity::NUMBER)?;
+        let name = wanted.name()?;
+        Some(format!(
+            "`{}` makes a plain number: give it `{setting}: \"{name}\"`, if that is what it is",
+            source.path
+        ))
     };
     let swapped = || {
         let wanted = Type {
@@ -285,22 +287,41 @@ fn mismatch(cx: &Context<'_>, draft: &Draft, named: &Named, node: usize, slot: u
         };
         swapped(draft, named, node, slot, (carried, wanted))
     };
-    // What arrives is what the node says that it takes.
-    let retold = || match (port.quantity, quantity.name()) {
+    // The node states which quantity it takes.
+    let restated = || match (port.quantity, quantity.name()) {
         (QuantityRule::Setting(setting), Some(name)) => Some(format!(
-            "write `{setting}: \"{name}\"` if that is meant, or connect {}",
+            "write `{setting}: \"{name}\"` if that is intended, or connect {}",
             word(wanted)
         )),
         _ => None,
     };
-    let help = stated
+    let help = stated()
         .or_else(swapped)
-        .or_else(retold)
+        .or_else(restated)
         .unwrap_or_else(|| conversion(cx, quantity, wanted));
     Some(via(diagnostic.help(help), wire))
 }
 
-/// Another input of the node that gets what this one takes, and takes what this one gets.
+/// The node whose setting states the quantity of a signal, and that setting. Follows nodes that pass on the quantity of an
+/// input.
+fn stated_by<'d>(draft: &'d Draft, wire: &'d Wire) -> Option<(&'d DraftNode, &'static str)> {
+    let mut wire = wire;
+    // No chain is longer than the graph; one that closes on itself ends here too.
+    for _ in 0..draft.nodes.len() {
+        let source = draft.nodes.get(wire.from)?;
+        let passed_on = match source.entry.spec.outputs[wire.output].quantity {
+            QuantityRule::Setting(setting) => return Some((source, setting)),
+            QuantityRule::Same(input) => input,
+            _ => return None,
+        };
+        let inputs = source.entry.spec.inputs;
+        let of_input = |slot: &&Slot| inputs[slot.port].name == passed_on;
+        wire = source.inputs.iter().find(of_input)?.wire.as_ref()?;
+    }
+    None
+}
+
+/// Help for two swapped inputs: another input has the type that this one needs, and needs the type that this one has.
 fn swapped(
     draft: &Draft,
     named: &Named,
@@ -339,7 +360,7 @@ fn word(quantity: Quantity) -> String {
     quantity.name().map_or_else(|| quantity.unit(), str::to_owned)
 }
 
-/// How one quantity is turned into the other.
+/// Help for converting one quantity into the other.
 fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
     let (had, wanted) = (word(from), word(to));
     let direct = converters(cx, |input, output| {
@@ -353,6 +374,8 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
         Some(format!("{wanted} is {had} {how}: {list} {does}"))
     };
     let over_time = match () {
+        // Every quantity per second is made of some number per second, which says nothing.
+        () if from == Quantity::NUMBER => None,
         () if to == from.per(Quantity::TIME) => {
             by_time("differentiates", QuantityRule::PerSecond, "per second")
         }
@@ -375,7 +398,7 @@ fn conversion(cx: &Context<'_>, from: Quantity, to: Quantity) -> String {
         .unwrap_or_else(|| format!("put a node between that turns {had} into {wanted}"))
 }
 
-/// Names of kinds that need one input only, so that their outputs are made of it, and for which `fits` holds.
+/// Names of kinds with one required input for which `fits` holds.
 fn converters(
     cx: &Context<'_>,
     fits: impl Fn(&InputSpec, (KindRule, QuantityRule)) -> bool,
@@ -401,14 +424,14 @@ fn converters(
     (!names.is_empty()).then(|| names.join(" or "))
 }
 
-/// Reports the first output whose type nothing settles: a loop that no signal enters.
+/// Reports the first output whose type cannot be inferred: a loop without input.
 fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
     let unsettled = |node: &DraftNode| {
         node.outputs
             .iter()
             .position(|output| output.kind.is_none() || output.quantity.is_none())
     };
-    // What depends on a node that was reported is not at fault.
+    // Nodes that depend on a reported one are not at fault.
     let mut excused: Vec<bool> = draft
         .nodes
         .iter()
@@ -427,10 +450,10 @@ fn report_unknown(cx: &mut Context<'_>, draft: &mut Draft) {
         (0..draft.nodes.len()).find_map(|i| Some((i, unsettled(&draft.nodes[i])?)).filter(|_| !excused[i]));
     if let Some((node, output)) = found {
         let target = &draft.nodes[node];
-        let message = format!("nothing says what `{}` carries", target.output_name(output));
+        let message = format!("cannot infer what `{}` carries", target.output_name(output));
         let diagnostic = Diagnostic::error("E0409", target.fields.span, message)
-            .label("it follows its input, which follows its output")
-            .help("feed the loop from a node whose output has a kind and quantity of its own");
+            .label("its output depends on itself")
+            .help("feed the loop from a node whose output has a fixed kind and quantity");
         let diagnostic = draft.in_use(node, diagnostic, cx);
         cx.report(diagnostic);
     }

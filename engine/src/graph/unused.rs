@@ -1,4 +1,4 @@
-//! What is declared and leads nowhere.
+//! Warnings about unused nodes.
 
 use super::draft::{Context, Draft, Target};
 use crate::diagnostic::{Diagnostic, Span};
@@ -6,7 +6,7 @@ use crate::document::Document;
 use crate::document::value::{Body, Shape, Tagged, Value};
 use std::collections::HashSet;
 
-/// Reports nodes whose outputs nobody reads; a use of a template counts as one node.
+/// Reports nodes whose outputs no node reads; a use of a template counts as one node.
 pub(super) fn warn(cx: &mut Context<'_>, draft: &Draft) {
     let readers = draft.readers(|_| true);
     let is_sink = |node: usize| draft.nodes[node].entry.is_actuator() || draft.nodes[node].entry.is_file();
@@ -54,7 +54,7 @@ pub(super) fn warn(cx: &mut Context<'_>, draft: &Draft) {
     }
 }
 
-/// Names inside a template that its outputs lead to.
+/// Names of nodes inside a template that its outputs name.
 fn exported<'a>(document: &'a Document, draft: &Draft, scope: usize) -> HashSet<&'a str> {
     let Some((template, _)) = draft.scopes[scope].template else {
         return HashSet::new();

@@ -1,4 +1,4 @@
-//! Parameters of the graph and settings of templates, put in place of their names.
+//! Replacement of parameters and template settings by their values.
 
 use super::build::part_of_text;
 use super::draft::Context;
@@ -11,11 +11,11 @@ use crate::settings::closest;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Values that replaced names may hold this many values together, so that no file grows without bound.
+/// Largest total number of replaced values: nested replacement could grow without bound.
 const MAX_REPLACED: usize = 1_000_000;
-/// Longer formulas are refused, bytes.
+/// Largest formula, bytes.
 const MAX_FORMULA: usize = 16_384;
-/// Brackets within brackets after replacement.
+/// Largest nesting of brackets after replacement.
 const MAX_DEPTH: usize = 128;
 
 /// The graph's parameters.
@@ -29,12 +29,12 @@ struct Parameter {
     used: bool,
 }
 
-/// Where a value stands, and with it what names it may use.
+/// Place of a value, which determines the names that it can use.
 #[derive(Clone, Copy)]
 pub(super) enum Place<'a> {
     /// In the graph: `Param("name")`.
     Graph,
-    /// In a template: `Setting("name")`; `None` is a setting that was reported.
+    /// In a template: `Setting("name")`; `None` is a setting with a reported error.
     Template(&'a HashMap<String, Option<Value>>),
 }
 
@@ -55,7 +55,7 @@ fn unknown(cx: &mut Context<'_>, name: &str, span: Span) {
 }
 
 impl Parameters {
-    /// The defaults, replaced by those that go with a set of endpoints, and these by what the command line sets.
+    /// Reads the defaults; those of the set of endpoints and then the command line override them.
     pub fn read(cx: &mut Context<'_>, endpoints: &str, set: &[(String, String)]) -> Self {
         let mut values: HashMap<String, Parameter> = HashMap::new();
         for (name, value) in &cx.document.parameters {
@@ -85,7 +85,7 @@ impl Parameters {
                 unknown(cx, name, at(0, name.len()));
                 continue;
             };
-            // Blanks in place of the name keep the places of what follows.
+            // Blanks instead of the name keep the places of the value.
             let blanked = " ".repeat(name.len() + 1) + written;
             let value = text::read(id, &blanked, &mut Vec::new());
             let wants_text = matches!(parameter.value.shape, Shape::String(_));
@@ -102,7 +102,7 @@ impl Parameters {
         this
     }
 
-    /// Parameters that are formulas over others, each over those that come before it.
+    /// Computes parameters that are formulas over earlier ones.
     fn compute_defaults(&mut self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
             let Some(value) = self
@@ -126,7 +126,7 @@ impl Parameters {
                 Some((formula, at)) => self.computed(cx, &value, formula, at, Place::Graph),
                 None => malformed(cx, &value, &tag.text),
             };
-            // What was reported is not reported again where the parameter is used.
+            // A placeholder avoids further errors at the uses.
             let one = Shape::Number(1.0, "1".into());
             let computed = computed.unwrap_or(Value {
                 span: value.span,
@@ -138,7 +138,7 @@ impl Parameters {
         }
     }
 
-    /// Reports parameters that nothing names.
+    /// Reports unused parameters.
     pub fn warn_unused(&self, cx: &mut Context<'_>) {
         for (name, _) in &cx.document.parameters {
             if self
@@ -149,15 +149,14 @@ impl Parameters {
                 let message = format!("parameter `{}` is never used", name.text);
                 cx.diagnostics.push(
                     Diagnostic::warning("W0102", name.span, message)
-                        .label("nothing names it")
+                        .label("nothing uses it")
                         .help(format!("use it as `Param(\"{}\")`, or remove it", name.text)),
                 );
             }
         }
     }
 
-    /// The value with every name replaced; `None` where that was reported. `uses` gets the places of what came
-    /// from elsewhere.
+    /// The value with every name replaced; `None` after a reported error. Adds to `uses` the places of replaced values.
     pub fn replace(
         &mut self,
         cx: &mut Context<'_>,
@@ -227,7 +226,7 @@ impl Parameters {
         Some(Value { span, shape })
     }
 
-    /// What a formula over numbers comes to: parameters in the graph, settings in a template.
+    /// Computes a formula over parameters in the graph or settings in a template.
     fn computed(
         &mut self,
         cx: &mut Context<'_>,
@@ -254,7 +253,7 @@ impl Parameters {
             Place::Template(settings) => settings.contains_key(name),
         };
         if let Some(word) = reserved(formula).find(|word| is_declared(word)) {
-            let message = format!("`{word}` means something of its own in a formula");
+            let message = format!("`{word}` is a reserved name in formulas");
             cx.report(
                 wrong(at, message).help(format!("give the parameter or setting `{word}` another name")),
             );
@@ -275,12 +274,12 @@ impl Parameters {
                     ..
                 })) => numbers.push(*number),
                 Some(Some(other)) => {
-                    cx.report(wrong(at, format!("`{name}` is no number")).also(other.span, "its value"));
+                    cx.report(wrong(at, format!("`{name}` is not a number")).also(other.span, "its value"));
                     return None;
                 }
-                // It was reported where it was given.
+                // Reported where it is given.
                 Some(None) => return None,
-                // Says that there is none of this name.
+                // Reports the unknown name.
                 None => {
                     match place {
                         Place::Graph => self.parameter(cx, value, name, place),
@@ -294,7 +293,7 @@ impl Parameters {
             Ok(parsed) if !parsed.is_timed() => parsed,
             Ok(_) => {
                 let help = "a value that changes with time is a signal: use the node `Expression`";
-                cx.report(wrong(at, "`t` has no meaning in a value".into()).help(help));
+                cx.report(wrong(at, "`t` cannot be used in a value".into()).help(help));
                 return None;
             }
             Err(error) => {
@@ -305,7 +304,7 @@ impl Parameters {
         };
         let result = parsed.value(&numbers);
         if !result.is_finite() {
-            let message = format!("the formula comes to `{result}`, which is no finite number");
+            let message = format!("the value of the formula is `{result}`, not a finite number");
             cx.report(wrong(at, message));
             return None;
         }
@@ -380,7 +379,7 @@ fn setting(cx: &mut Context<'_>, value: &Value, asked: &str, place: Place<'_>) -
             Diagnostic::error(
                 "E0704",
                 value.span,
-                "`Setting` has a meaning only inside a template",
+                "`Setting` can only be used inside a template",
             )
             .label("not in a template")
             .help(format!(
@@ -454,8 +453,8 @@ fn measure(value: &Value) -> (usize, usize) {
         .fold((1, 1), |(values, levels), (v, l)| (values + v, levels.max(l + 1)))
 }
 
-/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would take
-/// a minute.
+/// Of more names than these the first are compared with one that is not there: 20 000 wrong names among as many would
+/// take a minute.
 const MAX_COMPARED_NAMES: usize = 500;
 
 /// These names in order, where they are still of use to [`suggest`].

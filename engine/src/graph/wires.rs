@@ -1,4 +1,4 @@
-//! Connections as written, followed to the outputs they name.
+//! Resolution of connections to outputs.
 
 use super::Bridge;
 use super::draft::{Context, Draft, Slot, Target, Wire};
@@ -9,14 +9,14 @@ use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
 use crate::settings::{Fields, Reading, Setting, closest};
 
-/// A hundred seconds at 10 kHz: of the widest frames half a gigabyte.
+/// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
 const MOST_DELAY_FRAMES: f64 = 1e6;
 
-/// Names that bridge or hand on a connection.
+/// Names of bridges and of `Input`.
 const FORMS: [&str; 7] = ["Hold", "Linear", "Average", "Resample", "Ring", "Delay", "Input"];
-/// A second: more is a recording.
+/// Largest latency of a ring, ms.
 const MOST_RING_LATENCY_MS: f64 = 1000.0;
-/// Templates handing on connections to templates.
+/// Largest nesting of templates in a connection.
 const MAX_HANDED_ON: usize = 200;
 
 /// Resolves every input of every node.
@@ -79,22 +79,18 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
                 let wire = value
                     .as_ref()
                     .and_then(|value| resolve(cx, draft, scope, value, 0));
-                // A number in place of a connection is most likely that of the setting which stands in for it.
-                let stands_in = format!("{}_", input.name);
+                // A number in place of a connection is most likely that of the setting of the same name with a unit.
                 if let Some(Value {
                     shape: Shape::Number(_, number),
                     ..
                 }) = &value
-                    && let Some(setting) = draft.nodes[node]
-                        .entry
-                        .settings()
-                        .iter()
-                        .find(|setting| setting.name.starts_with(&stands_in))
+                    && let Some(setting) = draft.nodes[node].entry.settings().iter().find(|setting| {
+                        let unit = setting.name.strip_prefix(input.name);
+                        unit.is_some_and(|unit| unit.starts_with('_'))
+                    })
                     && let Some(found) = cx.diagnostics.get_mut(before)
                 {
-                    *found = found
-                        .clone()
-                        .help(format!("did you mean `{}: {number}`?", setting.name));
+                    found.help = vec![format!("did you mean `{}: {number}`?", setting.name)];
                 }
                 let broken = wire.is_none();
                 draft.nodes[node].inputs.push(Slot { port, wire, broken });
@@ -134,16 +130,16 @@ fn report_doubled(
     cx.report(diagnostic);
 }
 
-/// The output that a written connection names; `None` where it is reported or leads to what was reported.
+/// Resolves a connection to an output; `None` after a reported error.
 fn resolve(cx: &mut Context<'_>, draft: &Draft, scope: usize, value: &Value, depth: usize) -> Option<Wire> {
     if depth > MAX_HANDED_ON {
         cx.report(
             Diagnostic::error(
                 "E0408",
                 value.span,
-                "this connection goes round in a circle and never reaches a node",
+                "this connection leads back to itself and never reaches a node",
             )
-            .label("handed on from template to template")
+            .label("passed from template to template")
             .help("an output of a template leads back to its own input"),
         );
         return None;
@@ -265,7 +261,7 @@ fn named(
     }
 }
 
-/// The place of the named output, or of the only one.
+/// Index of the named output, or of the only one.
 fn choose(
     cx: &mut Context<'_>,
     span: Span,
@@ -277,7 +273,7 @@ fn choose(
     let diagnostic = match (port, outputs) {
         (None, [_]) => return Some(0),
         (_, []) => Diagnostic::error("E0203", span, format!("`{node}` has no outputs"))
-            .label(format!("`{kind}` only takes signals in")),
+            .label(format!("`{kind}` has inputs only")),
         (None, several) => {
             let diagnostic = Diagnostic::error(
                 "E0410",
@@ -352,7 +348,7 @@ fn handed_in(
     let place = &draft.scopes[scope];
     let Some((template, _)) = place.template else {
         cx.report(
-            Diagnostic::error("E0704", span, "`Input` has a meaning only inside a template")
+            Diagnostic::error("E0704", span, "`Input` can only be used inside a template")
                 .label("not in a template")
                 .help("connect to a node: \"node.output\""),
         );
@@ -401,7 +397,7 @@ fn bridged(
         );
         return None;
     }
-    // A connection handed into a template is shown where it was given, unless the bridge is inside.
+    // A connection passed into a template is shown where it is given, unless the bridge is inside.
     let general = draft.scopes[scope].template.is_some();
     Some(Wire {
         bridge: Some((bridge, form)),
@@ -411,7 +407,7 @@ fn bridged(
     })
 }
 
-/// A bridge as written.
+/// Name of a bridge in graph files.
 pub(super) fn name_of(bridge: Bridge) -> &'static str {
     match bridge {
         Bridge::Direct => "Direct",
@@ -424,7 +420,7 @@ pub(super) fn name_of(bridge: Bridge) -> &'static str {
     }
 }
 
-/// Where a bridge with fields comes from.
+/// Takes the field `from` of a bridge.
 fn take_from(
     fields: &mut Fields,
     form: &Name,

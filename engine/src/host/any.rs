@@ -1,5 +1,4 @@
-//! Ends of channels whose shape is known when the program runs: what typed handles are made of, and what bindings to other
-//! languages hold.
+//! Untyped handles, whose kind of frame is checked at run time: the base of typed handles and of language bindings.
 
 use super::handles::{Full, HostError};
 use super::queue::{Due, Queue};
@@ -11,21 +10,21 @@ use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// The caller's end of a channel that nodes read, of any shape.
+/// Handle of a channel that nodes read, of any kind.
 #[derive(Debug)]
 pub struct AnyInput {
     about: About,
-    queue: Held,
+    queue: ClaimedQueue,
 }
 
-/// The caller's end of a channel that nodes drive, or of a probe, of any shape.
+/// Handle of a channel that nodes drive, or of a probe, of any kind.
 #[derive(Debug)]
 pub struct AnyOutput {
     about: About,
     from: From,
 }
 
-/// What is known of a channel.
+/// Description of a channel.
 #[derive(Debug)]
 pub(super) struct About {
     pub name: String,
@@ -36,15 +35,15 @@ pub(super) struct About {
 
 #[derive(Debug)]
 enum From {
-    Queue(Held),
+    Queue(ClaimedQueue),
     Ring(Consumer<f64>),
 }
 
-/// A queue while its handle is out.
+/// A queue claimed by a handle.
 #[derive(Debug)]
-struct Held(Arc<Queue>);
+struct ClaimedQueue(Arc<Queue>);
 
-impl Held {
+impl ClaimedQueue {
     fn of(about: &About, queue: &Arc<Queue>) -> Result<Self, HostError> {
         if queue.held.swap(true, Ordering::AcqRel) {
             let name = about.name.clone();
@@ -54,7 +53,7 @@ impl Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for ClaimedQueue {
     fn drop(&mut self) {
         self.0.held.store(false, Ordering::Release);
     }
@@ -72,58 +71,58 @@ impl About {
 
 impl AnyInput {
     pub(super) fn new(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
-        let queue = Held::of(&about, queue)?;
+        let queue = ClaimedQueue::of(&about, queue)?;
         Ok(Self { about, queue })
     }
 
-    /// From the next tick on the channel has these lanes, as many as its shape has. Real-time safe.
+    /// Sets the value of the channel from the next tick on. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where they cannot be queued.
-    pub fn set(&mut self, lanes: &[f64]) -> Result<(), Full> {
-        self.put(Due::Now, lanes)
+    /// [`Full`] if it cannot be queued.
+    pub fn set(&mut self, components: &[f64]) -> Result<(), Full> {
+        self.put(Due::Now, components)
     }
 
-    /// The same from `seconds` of the run on. Values come in the order of their times. Real-time safe.
+    /// Sets the value from `seconds` of the run on. Call it in the order of times. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where they cannot be queued.
-    pub fn set_at(&mut self, seconds: f64, lanes: &[f64]) -> Result<(), Full> {
+    /// [`Full`] if it cannot be queued.
+    pub fn set_at(&mut self, seconds: f64, components: &[f64]) -> Result<(), Full> {
         if !seconds.is_finite() {
             return Err(Full::NotFinite);
         }
-        // A time that falls on a tick is that tick's, in spite of the last bit.
+        // A time on a tick belongs to that tick, despite rounding.
         let tick = (seconds.max(0.0) * self.about.rate.hz() - 1e-6).ceil().max(0.0);
-        self.put(Due::Tick(tick as u64), lanes)
+        self.put(Due::Tick(tick as u64), components)
     }
 
-    /// The frame of the next tick that has none yet. Real-time safe.
+    /// Queues the frame of the next tick that has none yet. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where it cannot be queued.
-    pub fn push(&mut self, lanes: &[f64]) -> Result<(), Full> {
-        self.put(Due::Next, lanes)
+    /// [`Full`] if it cannot be queued.
+    pub fn push(&mut self, components: &[f64]) -> Result<(), Full> {
+        self.put(Due::Next, components)
     }
 
-    fn put(&mut self, due: Due, lanes: &[f64]) -> Result<(), Full> {
-        if lanes.len() != self.about.kind.width() {
+    fn put(&mut self, due: Due, components: &[f64]) -> Result<(), Full> {
+        if components.len() != self.about.kind.width() {
             return Err(Full::Shape);
         }
-        if !lanes.iter().all(|lane| lane.is_finite()) {
+        if !components.iter().all(|component| component.is_finite()) {
             return Err(Full::NotFinite);
         }
-        match self.queue.0.put(due, lanes) {
+        match self.queue.0.put(due, components) {
             true => Ok(()),
             false => Err(Full::Full),
         }
     }
 
-    /// Frames that wait for their tick.
+    /// Number of frames that wait for their tick.
     pub fn waiting(&self) -> usize {
         self.queue.0.len()
     }
 
-    /// Shape of a frame.
+    /// Kind of its frames.
     pub fn kind(&self) -> Kind {
         self.about.kind
     }
@@ -138,16 +137,16 @@ impl AnyInput {
         self.about.quantity
     }
 
-    /// Endpoint and channel.
+    /// Name of endpoint and channel.
     pub fn name(&self) -> &str {
         &self.about.name
     }
 }
 
 impl AnyOutput {
-    /// Of a queue, from now on: what nobody read is of the handle before.
+    /// Makes the handle of a queue and drops the frames of an earlier handle.
     pub(super) fn of_queue(about: About, queue: &Arc<Queue>) -> Result<Self, HostError> {
-        let from = From::Queue(Held::of(&about, queue)?);
+        let from = From::Queue(ClaimedQueue::of(&about, queue)?);
         while queue.take_if(|_| true, &mut []).is_some() {}
         Ok(Self { about, from })
     }
@@ -163,20 +162,19 @@ impl AnyOutput {
         Self { about, from }
     }
 
-    /// Fills `lanes`, as many as the shape has, with the next frame that has not been read, if there is one. Real-time
-    /// safe.
-    pub fn take(&mut self, lanes: &mut [f64]) -> bool {
-        if lanes.len() != self.about.kind.width() {
+    /// Fills `components` with the oldest unread frame. Returns whether there was one. Real-time safe.
+    pub fn take(&mut self, components: &mut [f64]) -> bool {
+        if components.len() != self.about.kind.width() {
             return false;
         }
         match &mut self.from {
-            From::Queue(queue) => queue.0.take_if(|_| true, lanes).is_some(),
-            // Whole frames were put in.
-            From::Ring(ring) => ring.pop_entire_slice(lanes).is_ok(),
+            From::Queue(queue) => queue.0.take_if(|_| true, components).is_some(),
+            // The ring has whole frames only.
+            From::Ring(ring) => ring.pop_entire_slice(components).is_ok(),
         }
     }
 
-    /// Frames that wait to be read; what comes while a second's worth waits is lost.
+    /// Number of unread frames. Frames beyond a second are lost.
     pub fn waiting(&self) -> usize {
         match &self.from {
             From::Queue(queue) => queue.0.len(),
@@ -184,7 +182,7 @@ impl AnyOutput {
         }
     }
 
-    /// Shape of a frame.
+    /// Kind of its frames.
     pub fn kind(&self) -> Kind {
         self.about.kind
     }
@@ -199,7 +197,7 @@ impl AnyOutput {
         self.about.quantity
     }
 
-    /// Endpoint and channel, or the probed output.
+    /// Name of endpoint and channel, or of the probed output.
     pub fn name(&self) -> &str {
         &self.about.name
     }

@@ -1,4 +1,4 @@
-//! The endpoint as a device: what the caller queued is read, what is driven is queued for the caller.
+//! The device of a host endpoint: it reads the caller's queues and queues driven frames for the caller.
 
 use super::queue::{Due, Queue};
 use crate::device::{Channel, Device, DeviceKind, DeviceSpec};
@@ -8,8 +8,9 @@ use haptograph_signal::time::Rate;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What a queue holds, in seconds of its channel; and in frames at least.
+/// Capacity of a queue, s.
 const QUEUE_S: f64 = 1.0;
+/// Smallest capacity of a queue, frames.
 const LEAST_FRAMES: usize = 1024;
 
 crate::settings! {
@@ -75,10 +76,10 @@ pub(crate) struct HostEndpoint {
     pub(super) senses: Vec<(HostChannel, [f64; 6])>,
     pub(super) drives: Vec<HostChannel>,
     tick: u64,
-    /// Ticks since anything came.
+    /// Ticks since the last new value.
     age: u64,
     is_heard: bool,
-    /// Does a player run it?
+    /// Whether a player runs it.
     pub(super) playing: Arc<AtomicBool>,
 }
 
@@ -115,7 +116,7 @@ impl Device for HostEndpoint {
     }
 
     fn begin(&mut self) {
-        // Tick 0 is not advanced to: what was fed before it is taken here.
+        // `advance` is not called for tick 0: values queued before it are taken here.
         if !self.is_heard {
             self.take();
         }
@@ -126,7 +127,7 @@ impl Device for HostEndpoint {
             frame
                 .iter_mut()
                 .zip(value)
-                .for_each(|(lane, value)| *lane = *value);
+                .for_each(|(component, value)| *component = *value);
         }
     }
 

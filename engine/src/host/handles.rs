@@ -1,4 +1,4 @@
-//! What the caller holds: typed ends of an endpoint's channels.
+//! Typed handles of the channels of host endpoints.
 
 use super::any::{About, AnyInput, AnyOutput};
 use super::endpoint::{HostChannel, HostEndpoint};
@@ -12,14 +12,14 @@ use haptograph_signal::time::Rate;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// A frame as the caller has it: numbers in SI units.
+/// A frame of the caller, in SI units.
 pub trait HostFrame: Copy + Default + Send + 'static {
-    /// Its shape.
+    /// Kind of the frame.
     const KIND: Kind;
-    /// Its lanes.
-    fn lanes(&self) -> &[f64];
-    /// Its lanes, to be filled.
-    fn lanes_mut(&mut self) -> &mut [f64];
+    /// Its components.
+    fn components(&self) -> &[f64];
+    /// Its components, mutable.
+    fn components_mut(&mut self) -> &mut [f64];
 }
 
 /// One number.
@@ -31,118 +31,118 @@ pub type Wrench = [f64; 6];
 
 impl HostFrame for Scalar {
     const KIND: Kind = Kind::Scalar;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         std::slice::from_ref(self)
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         std::slice::from_mut(self)
     }
 }
 
 impl HostFrame for Vector {
     const KIND: Kind = Kind::Vector;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         self
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         self
     }
 }
 
 impl HostFrame for Wrench {
     const KIND: Kind = Kind::Wrench;
-    fn lanes(&self) -> &[f64] {
+    fn components(&self) -> &[f64] {
         self
     }
-    fn lanes_mut(&mut self) -> &mut [f64] {
+    fn components_mut(&mut self) -> &mut [f64] {
         self
     }
 }
 
-/// Why there is no such handle, or no player.
+/// Error of a handle or player.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {
     /// The graph has no such channel.
     #[error("the graph has no {what} `{name}`: {known}")]
     Unknown {
-        /// What was looked for.
+        /// `host input`, `host output`, `probe` or `output`.
         what: &'static str,
-        /// By which name.
+        /// The unknown name.
         name: String,
-        /// What there is, or what was probably meant.
+        /// The existing names, or the closest one.
         known: String,
     },
-    /// An endpoint has several channels.
-    #[error("`{name}` has several channels: say which, `{name}.{}`", channels.join(&format!("`, `{name}.")))]
+    /// The name does not select a channel of the endpoint.
+    #[error("`{name}` has several channels; choose one: `{name}.{}`", channels.join(&format!("`, `{name}.")))]
     Several {
         /// The endpoint.
         name: String,
         /// Its channels.
         channels: Vec<&'static str>,
     },
-    /// The channel's frames have another shape.
+    /// The channel's frames are of another kind.
     #[error("a frame of `{name}` is a {kind}, not a {asked}")]
     Kind {
         /// The channel.
         name: String,
-        /// Its shape.
+        /// Its kind.
         kind: Kind,
-        /// The shape that was asked for.
+        /// The requested kind.
         asked: Kind,
     },
-    /// Somebody has that handle already.
-    #[error("`{name}` has been taken: a channel has one handle; drop the other first")]
+    /// The handle has been taken.
+    #[error("`{name}` has been taken: a channel has one handle; drop it first")]
     Taken {
         /// The channel.
         name: String,
     },
     /// Another player runs the graph.
     #[error(
-        "the graph is being played: the queues of `{name}` are for one player; check the document again for another"
+        "another player runs this graph: the queues of `{name}` serve one player; check the document again for a second one"
     )]
     Playing {
-        /// An endpoint.
+        /// A host endpoint of the graph.
         name: String,
     },
     /// A player needs a graph with one driver.
-    #[error("the graph has {count} drivers ({}), a player is the driver of one", drivers.join(", "))]
+    #[error("the graph has {count} drivers ({}); a player can drive only one", drivers.join(", "))]
     Drivers {
-        /// How many.
+        /// Number of drivers.
         count: usize,
         /// Their names.
         drivers: Vec<String>,
     },
-    /// No thread for the files.
-    #[error("a player cannot be made: {reason}")]
+    /// A file or the writer thread could not be opened.
+    #[error("cannot make a player: {reason}")]
     System {
-        /// What the system says.
+        /// Error of the system.
         reason: String,
     },
 }
 
-/// What was given found no room, or was no number; nothing was queued.
+/// Why a frame was not queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Full {
-    /// A second's worth of frames waits already: nobody calls [`Player::process`](super::Player::process).
-    #[error("the queue is full: nobody processes")]
+    /// The queue holds a second of frames: [`Player::process`](super::Player::process) is not called.
+    #[error("the queue is full: `Player::process` is not called")]
     Full,
-    /// A lane, or the time that it was set for, was infinite or no number.
-    #[error("a lane or its time is infinite or no number")]
+    /// A component or the time is NaN or infinite.
+    #[error("a component or its time is NaN or infinite")]
     NotFinite,
-    /// There were more or fewer lanes than the channel's shape has.
-    #[error("a frame of this channel has another number of lanes")]
+    /// The number of components is not that of the channel's kind.
+    #[error("a frame of this channel has another number of components")]
     Shape,
 }
 
-/// The caller's end of a channel that nodes read.
+/// Handle of a channel that nodes read.
 #[derive(Debug)]
 pub struct Input<V> {
     any: AnyInput,
     frame: PhantomData<fn(V)>,
 }
 
-/// The caller's end of a channel that nodes drive, or of a probe.
+/// Handle of a channel that nodes drive, or of a probe.
 #[derive(Debug)]
 pub struct Output<V> {
     any: AnyOutput,
@@ -150,36 +150,36 @@ pub struct Output<V> {
 }
 
 impl<V: HostFrame> Input<V> {
-    /// From the next tick on the channel has this value. Real-time safe.
+    /// Sets the value of the channel from the next tick on. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where it cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn set(&mut self, value: V) -> Result<(), Full> {
-        self.any.set(value.lanes())
+        self.any.set(value.components())
     }
 
-    /// From `seconds` of the run on the channel has this value. Values come in the order of their times. Real-time safe.
+    /// Sets the value from `seconds` of the run on. Call it in the order of times. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where it cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn set_at(&mut self, seconds: f64, value: V) -> Result<(), Full> {
-        self.any.set_at(seconds, value.lanes())
+        self.any.set_at(seconds, value.components())
     }
 
-    /// The frame of the next tick that has none yet: a signal, frame by frame. Real-time safe.
+    /// Queues the frame of the next tick that has none yet. Real-time safe.
     ///
     /// # Errors
-    /// [`Full`] where it cannot be queued.
+    /// [`Full`] if it cannot be queued.
     pub fn push(&mut self, value: V) -> Result<(), Full> {
-        self.any.push(value.lanes())
+        self.any.push(value.components())
     }
 
-    /// The same without its shape.
+    /// Converts it to an untyped handle.
     pub fn into_any(self) -> AnyInput {
         self.any
     }
 
-    /// Frames that wait for their tick.
+    /// Number of frames that wait for their tick.
     pub fn waiting(&self) -> usize {
         self.any.waiting()
     }
@@ -194,15 +194,15 @@ impl<V: HostFrame> Input<V> {
         self.any.quantity()
     }
 
-    /// Endpoint and channel.
+    /// Name of endpoint and channel.
     pub fn name(&self) -> &str {
         self.any.name()
     }
 }
 
 impl<V: HostFrame> Output<V> {
-    /// Fills `frames` with the oldest frames that have not been read, and with neutral ones where there are no more; says
-    /// how many there were. Real-time safe.
+    /// Fills `frames` with the oldest unread frames, and the rest with zeros. Returns the number of unread frames.
+    /// Real-time safe.
     pub fn read(&mut self, frames: &mut [V]) -> usize {
         let mut count = 0;
         for frame in frames {
@@ -213,18 +213,18 @@ impl<V: HostFrame> Output<V> {
         count
     }
 
-    /// The next frame that has not been read. Real-time safe.
+    /// Takes the oldest unread frame. Real-time safe.
     pub fn take(&mut self) -> Option<V> {
         let mut frame = V::default();
-        self.any.take(frame.lanes_mut()).then_some(frame)
+        self.any.take(frame.components_mut()).then_some(frame)
     }
 
-    /// The same without its shape.
+    /// Converts it to an untyped handle.
     pub fn into_any(self) -> AnyOutput {
         self.any
     }
 
-    /// Frames that wait to be read; what comes while a second's worth waits is lost.
+    /// Number of unread frames. Frames beyond a second are lost.
     pub fn waiting(&self) -> usize {
         self.any.waiting()
     }
@@ -239,7 +239,7 @@ impl<V: HostFrame> Output<V> {
         self.any.quantity()
     }
 
-    /// Endpoint and channel, or the probed output.
+    /// Name of endpoint and channel, or of the probed output.
     pub fn name(&self) -> &str {
         self.any.name()
     }
@@ -253,11 +253,10 @@ impl<V: HostFrame> Output<V> {
 }
 
 impl Graph {
-    /// The caller's end of a channel that nodes read from a host endpoint: `"stylus.position"`, or `"hand"` where the
-    /// endpoint has one channel.
+    /// Takes the handle of a channel that nodes read: `"stylus.position"`, or `"hand"` if the endpoint has one channel.
     ///
     /// # Errors
-    /// [`HostError`]: there is no such channel, its frames are of another shape, or its handle has been taken.
+    /// [`HostError`] if there is no such channel, its frames are of another kind, or its handle has been taken.
     pub fn input<V: HostFrame>(&self, name: &str) -> Result<Input<V>, HostError> {
         let (about, queue) = self.host_input(name)?;
         about.expect(V::KIND)?;
@@ -267,16 +266,16 @@ impl Graph {
         })
     }
 
-    /// The same for a channel of any shape.
+    /// As [`input`](Self::input), for a channel of any kind.
     ///
     /// # Errors
-    /// [`HostError`]: there is no such channel, or its handle has been taken.
+    /// [`HostError`] if there is no such channel, or its handle has been taken.
     pub fn any_input(&self, name: &str) -> Result<AnyInput, HostError> {
         let (about, queue) = self.host_input(name)?;
         AnyInput::new(about, &queue)
     }
 
-    /// The caller's end of a channel that nodes drive: what it gets has passed the sink's limits.
+    /// Takes the handle of a channel that nodes drive. Its frames have passed the sink's limiter.
     ///
     /// # Errors
     /// As [`Self::input`].
@@ -286,7 +285,7 @@ impl Graph {
         AnyOutput::of_queue(about, &queue).map(Output::of)
     }
 
-    /// The same for a channel of any shape.
+    /// As [`output`](Self::output), for a channel of any kind.
     ///
     /// # Errors
     /// As [`Self::any_input`].
@@ -305,12 +304,12 @@ impl Graph {
         self.host_end("host output", name, &|endpoint| endpoint.drives.clone())
     }
 
-    /// The channels that [`Self::input`] finds, by their full names.
+    /// The channels that [`Self::input`] accepts, by full name.
     pub fn host_inputs(&self) -> impl Iterator<Item = (String, Channel)> {
         self.host_channels(|endpoint| endpoint.senses.iter().map(|(known, _)| known.channel).collect())
     }
 
-    /// The channels that [`Self::output`] finds, by their full names.
+    /// The channels that [`Self::output`] accepts, by full name.
     pub fn host_outputs(&self) -> impl Iterator<Item = (String, Channel)> {
         self.host_channels(|endpoint| endpoint.drives.iter().map(|known| known.channel).collect())
     }
@@ -371,7 +370,7 @@ impl Graph {
     }
 }
 
-/// There is none of this name: what there is.
+/// Error for an unknown name, with the closest name or all names.
 pub(super) fn unknown(what: &'static str, name: &str, all: &[String]) -> HostError {
     let known = match (closest(name, all.iter().map(String::as_str)), all) {
         (Some(near), _) => format!("did you mean `{near}`?"),

@@ -1,38 +1,39 @@
-//! A graph in the caller's own callback.
+//! The player: runs a graph in the caller's callback.
 
 use super::any::AnyOutput;
 use super::handles::{HostError, HostFrame, Output, host, unknown};
 use crate::frame::Kind;
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
-use crate::run::{ChangeError, Changed, Faults, Live, LiveOptions, LiveOutcome, LiveState, Outlets, Session};
+use crate::run::{
+    ChangeError, Changed, Faults, FileSinks, Live, LiveOptions, LiveOutcome, LiveState, Session,
+};
 use rtrb::Consumer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How a graph is played.
+/// Options of a player.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct PlayOptions {
-    /// Outputs of nodes whose frames the caller wants as they are, past no limiter: `"texture.output"`.
+    /// Outputs of nodes whose frames the caller reads, without a limiter: `"texture.output"`.
     pub probes: Vec<String>,
-    /// The folder that the graph's file sinks write in; none: they write nothing.
+    /// Folder of the graph's file sinks; without one they write nothing.
     pub folder: Option<PathBuf>,
-    /// As of any live run. An actuator of which nobody knows whether it is cold begins as warm as its limit allows, unless
-    /// `rested` says that it is.
+    /// Options of the live run.
     pub live: LiveOptions,
 }
 
 impl PlayOptions {
-    /// Also hands this output's frames to the caller.
+    /// Adds a probe.
     #[must_use]
     pub fn probe(mut self, output: &str) -> Self {
         self.probes.push(output.to_owned());
         self
     }
 
-    /// The actuators are known to be cold.
+    /// Declares the actuators cold.
     #[must_use]
     pub fn rested(mut self) -> Self {
         self.live.rested = true;
@@ -40,21 +41,21 @@ impl PlayOptions {
     }
 }
 
-/// The real-time side of a graph whose clock is the caller: each call of [`process`](Self::process) runs it on.
+/// The real-time side of a graph whose driver is the caller: each call of [`process`](Self::process) runs it further.
 pub struct Player {
     live: Live,
-    /// Frames between two looks at whether the endpoints are heard: whatever the calls, at the same frames.
-    quantum: u64,
+    /// Interval of the checks for silent endpoints, frames. It makes them independent of the calls.
+    check_interval: u64,
     probes: Probes,
     _playing: Playing,
 }
 
 impl Player {
-    /// Both sides of a run of a graph with one driver: the player for the caller's callback, and the session, which sets
-    /// parameters, puts another graph in its place and tells what happened, from any other thread.
+    /// Opens a run of a graph with one driver: the player for the caller's callback, and the session, which sets
+    /// parameters, replaces the graph and reports, from any other thread.
     ///
     /// # Errors
-    /// [`HostError`]: the graph has several drivers, is being played already, or has no such probe.
+    /// [`HostError`] if the graph has several drivers, another player runs it, or it has no such probe.
     pub fn open(graph: &Graph, options: &PlayOptions) -> Result<(Self, Session), HostError> {
         let drivers = graph.drivers();
         if drivers.len() != 1 {
@@ -62,84 +63,82 @@ impl Player {
             let (count, drivers) = (drivers.len(), drivers.collect());
             return Err(HostError::Drivers { count, drivers });
         }
-        let mut outlets = Outlets::new(graph);
+        let mut sinks = FileSinks::new(graph);
         let mut names = Vec::new();
         for name in &options.probes {
             let (node, output) = graph.find_output(name)?;
-            names.push((name.clone(), outlets.hand_over(node, output)));
+            names.push((name.clone(), sinks.hand_over(node, output)));
         }
         let system = |reason: &dyn std::fmt::Display| HostError::System {
             reason: reason.to_string(),
         };
         if let Some(folder) = &options.folder {
-            outlets.open_files(folder).map_err(|error| system(&error))?;
+            sinks.open_files(folder).map_err(|error| system(&error))?;
         }
         let playing = claim(graph)?;
-        let (mut live, mut session) =
-            Session::open(outlets, &options.live).map_err(|error| system(&error))?;
-        let quantum = live.block() as u64;
-        live.follow_inputs_every(quantum);
+        let (mut live, mut session) = Session::open(sinks, &options.live).map_err(|error| system(&error))?;
+        let check_interval = live.block() as u64;
+        live.follow_inputs_every(check_interval);
         let probes = Probes::new(names, session.handed());
         let player = Self {
             live,
-            quantum,
+            check_interval,
             probes,
             _playing: playing,
         };
         Ok((player, session))
     }
 
-    /// The frames of a probe, from the first on; handed out once.
+    /// Takes the handle of a probe. Its frames start with the first of the run.
     ///
     /// # Errors
-    /// [`HostError`]: the probe was not asked for, its frames are of another shape, or it was handed out.
+    /// [`HostError`] if there is no such probe, its frames are of another kind, or its handle has been taken.
     pub fn probe<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
         self.probes.take(name)
     }
 
-    /// The same for frames of any shape.
+    /// As [`probe`](Self::probe), for frames of any kind.
     ///
     /// # Errors
-    /// [`HostError`]: the probe was not asked for, or was handed out.
+    /// [`HostError`] if there is no such probe, or its handle has been taken.
     pub fn any_probe(&mut self, name: &str) -> Result<AnyOutput, HostError> {
         self.probes.take_any(name)
     }
 
-    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, call the system or panic. What has
-    /// been queued for the inputs is taken at the ticks that it is due at; outputs and probes have their frames
-    /// afterwards.
+    /// Runs `frames` frames of the driver. Real-time code: it does not allocate, lock, make system calls or panic.
+    /// Queued inputs are taken at the ticks at which they are due; outputs and probes have their frames afterwards.
     pub fn process(&mut self, frames: usize) {
         let mut left = frames as u64;
         while left > 0 {
-            let to_boundary = self.quantum - self.live.frames() % self.quantum;
+            let to_boundary = self.check_interval - self.live.frames() % self.check_interval;
             let part = left.min(to_boundary);
             self.live.callback(part as usize, |_, _| {});
             left -= part;
         }
     }
 
-    /// Frames run so far.
+    /// Number of frames run.
     pub fn frames(&self) -> u64 {
         self.live.frames()
     }
 
-    /// What the run is doing.
+    /// State of the run.
     pub fn state(&self) -> LiveState {
         self.live.state()
     }
 
-    /// What was seen so far of signals that are not numbers.
+    /// NaN and infinity at actuators so far.
     pub fn faults(&self) -> Faults {
         self.live.faults()
     }
 
-    /// Ends the run: completes the files and tells what it did. Lets go of the real-time side.
+    /// Ends the run: completes the files, drops the real-time side and returns the outcome.
     pub fn finish(self, session: Session) -> LiveOutcome {
         session.finish(self.live)
     }
 }
 
-/// Probes whose frames nobody reads yet, by their names.
+/// Probes by name, whose handles can be taken.
 #[derive(Debug, Default)]
 pub struct Probes(Vec<(String, Stream, Option<Consumer<f64>>)>);
 
@@ -152,18 +151,18 @@ impl Probes {
         Self(probes.collect())
     }
 
-    /// The frames of a probe, from the first on; handed out once.
+    /// Takes the handle of a probe.
     ///
     /// # Errors
-    /// [`HostError`]: there is no such probe, its frames are of another shape, or it was handed out.
+    /// [`HostError`] if there is no such probe, its frames are of another kind, or its handle has been taken.
     pub fn take<V: HostFrame>(&mut self, name: &str) -> Result<Output<V>, HostError> {
         self.find(name, Some(V::KIND)).map(Output::of)
     }
 
-    /// The same for frames of any shape.
+    /// As [`take`](Self::take), for frames of any kind.
     ///
     /// # Errors
-    /// [`HostError`]: there is no such probe, or it was handed out.
+    /// [`HostError`] if there is no such probe, or its handle has been taken.
     pub fn take_any(&mut self, name: &str) -> Result<AnyOutput, HostError> {
         self.find(name, None)
     }
@@ -187,12 +186,12 @@ impl Probes {
 }
 
 impl Session {
-    /// As [`change`](Self::change), and hands over the frames of outputs of the new graph. Probes that were there and are
-    /// still named go on in the hands of their readers, the others end; those that are new are returned. Without a folder
-    /// the graph's file sinks write nothing.
+    /// As [`change`](Self::change), with probes of the new graph. Existing probes that are named continue with their
+    /// handles, the others end; new ones are returned. Unknown outputs are ignored. Without a folder the graph's file
+    /// sinks write nothing.
     ///
     /// # Errors
-    /// [`ChangeError`]; the graph that runs goes on. What the graph has no output for is left out.
+    /// [`ChangeError`]; the running graph continues.
     pub fn change_and_probe(
         &mut self,
         graph: &Graph,
@@ -214,7 +213,7 @@ impl Session {
     }
 }
 
-/// The queues of a graph's host endpoints, which are for one run.
+/// The claim of a player on the host endpoints of a graph.
 struct Playing(Vec<Arc<AtomicBool>>);
 
 impl Drop for Playing {
@@ -239,11 +238,11 @@ fn claim(graph: &Graph) -> Result<Playing, HostError> {
 }
 
 impl Graph {
-    /// The output of a node by its name, `"texture.output"`, or `"texture"` where it has one: the node, and the output's
-    /// place among its outputs.
+    /// Finds an output by name, `"texture.output"`, or `"texture"` if the node has one output. Returns the node and the
+    /// index of the output.
     ///
     /// # Errors
-    /// [`HostError::Unknown`] says what there is.
+    /// [`HostError::Unknown`] with the existing outputs.
     pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
         let nodes = || self.nodes().ids().zip(self.nodes().iter());
         let mut found = nodes().flat_map(|(index, node)| {

@@ -5,16 +5,16 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 /// When a queued frame takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Due {
-    /// At the first tick that comes, with everything else that is due then.
+    /// At the next tick, with all other frames that are due then.
     Now,
-    /// At a tick of its own: the next that has not taken one yet.
+    /// At the next tick that has no frame yet.
     Next,
-    /// At this tick, or the first that comes after.
+    /// At this tick or the first one after it.
     Tick(u64),
 }
 
 impl Due {
-    fn to_word(self) -> u64 {
+    fn to_bits(self) -> u64 {
         match self {
             Self::Now => 0,
             Self::Next => u64::MAX,
@@ -22,8 +22,8 @@ impl Due {
         }
     }
 
-    fn of_word(word: u64) -> Self {
-        match word {
+    fn from_bits(bits: u64) -> Self {
+        match bits {
             0 => Self::Now,
             u64::MAX => Self::Next,
             tick => Self::Tick(tick - 1),
@@ -31,18 +31,18 @@ impl Due {
     }
 }
 
-/// Frames of `width` lanes from one thread to one other.
+/// A bounded queue of frames of `width` components between two threads.
 ///
-/// Only the side that puts moves `put`, only the side that takes moves `taken`: a frame's words are written before `put`
-/// says so, and not written again before `taken` says so.
+/// Only the producer increments `put` and only the consumer increments `taken`. The words of a frame are written before
+/// `put` covers them, and not overwritten before `taken` does.
 #[derive(Debug)]
 pub(super) struct Queue {
     width: usize,
-    /// When each is due, then its lanes.
+    /// For each frame its due time, then its components.
     words: Box<[AtomicU64]>,
     put: AtomicU64,
     taken: AtomicU64,
-    /// Does somebody have the caller's end of it?
+    /// Whether a handle has claimed the caller's end.
     pub held: AtomicBool,
 }
 
@@ -72,24 +72,24 @@ impl Queue {
         &self.words[at..at + self.width + 1]
     }
 
-    /// Adds a frame, if there is room. Only ever called by one thread.
-    pub fn put(&self, due: Due, lanes: &[f64]) -> bool {
+    /// Adds a frame, if there is room. Only the producer calls it.
+    pub fn put(&self, due: Due, components: &[f64]) -> bool {
         let number = self.put.load(Ordering::Relaxed);
         if number - self.taken.load(Ordering::Acquire) >= self.capacity() as u64 {
             return false;
         }
         if let [stamp, words @ ..] = self.place(number) {
-            stamp.store(due.to_word(), Ordering::Relaxed);
-            for (word, lane) in words.iter().zip(lanes) {
-                word.store(lane.to_bits(), Ordering::Relaxed);
+            stamp.store(due.to_bits(), Ordering::Relaxed);
+            for (word, component) in words.iter().zip(components) {
+                word.store(component.to_bits(), Ordering::Relaxed);
             }
         }
         self.put.store(number + 1, Ordering::Release);
         true
     }
 
-    /// Takes the oldest frame if `wanted` says so of when it is due. Only ever called by one thread.
-    pub fn take_if(&self, wanted: impl FnOnce(Due) -> bool, lanes: &mut [f64]) -> Option<Due> {
+    /// Takes the oldest frame if `wanted` holds for its due time. Only the consumer calls it.
+    pub fn take_if(&self, wanted: impl FnOnce(Due) -> bool, components: &mut [f64]) -> Option<Due> {
         let number = self.taken.load(Ordering::Relaxed);
         if number == self.put.load(Ordering::Acquire) {
             return None;
@@ -97,25 +97,25 @@ impl Queue {
         let [stamp, words @ ..] = self.place(number) else {
             return None;
         };
-        let due = Due::of_word(stamp.load(Ordering::Relaxed));
+        let due = Due::from_bits(stamp.load(Ordering::Relaxed));
         if !wanted(due) {
             return None;
         }
-        for (lane, word) in lanes.iter_mut().zip(words) {
-            *lane = f64::from_bits(word.load(Ordering::Relaxed));
+        for (component, word) in components.iter_mut().zip(words) {
+            *component = f64::from_bits(word.load(Ordering::Relaxed));
         }
         self.taken.store(number + 1, Ordering::Release);
         Some(due)
     }
 
-    /// Takes all that is due at a tick; is told of the last. Did anything come?
-    pub fn take_due(&self, tick: u64, lanes: &mut [f64]) -> bool {
+    /// Takes all frames that are due at a tick into `components`, which keeps the last. Returns whether there was one.
+    pub fn take_due(&self, tick: u64, components: &mut [f64]) -> bool {
         let mut came = false;
         let is_due = |due| match due {
             Due::Now | Due::Next => true,
             Due::Tick(at) => at <= tick,
         };
-        while let Some(due) = self.take_if(is_due, lanes) {
+        while let Some(due) = self.take_if(is_due, components) {
             came = true;
             if due == Due::Next {
                 break;
@@ -142,18 +142,18 @@ mod tests {
         let (mut got, mut last) = (0, -1.0);
         loop {
             let done = putting.is_finished();
-            let mut lanes = [0.0; 3];
-            if queue.take_if(|_| true, &mut lanes).is_none() {
+            let mut components = [0.0; 3];
+            if queue.take_if(|_| true, &mut components).is_none() {
                 if done {
                     break;
                 }
                 continue;
             }
             assert!(
-                lanes[0] > last && lanes == [lanes[0]; 3],
-                "{lanes:?} after {last}"
+                components[0] > last && components == [components[0]; 3],
+                "{components:?} after {last}"
             );
-            (last, got) = (lanes[0], got + 1);
+            (last, got) = (components[0], got + 1);
         }
         assert_eq!(putting.join().expect("puts"), got);
     }
@@ -161,19 +161,19 @@ mod tests {
     #[test]
     fn a_tick_takes_all_that_was_set_and_one_that_was_pushed() {
         let queue = Queue::new(1, 8);
-        let mut lane = [0.0];
+        let mut component = [0.0];
         for k in 1..=3 {
             queue.put(Due::Now, &[f64::from(k)]);
         }
-        assert!(queue.take_due(0, &mut lane) && lane == [3.0] && queue.len() == 0);
+        assert!(queue.take_due(0, &mut component) && component == [3.0] && queue.len() == 0);
         queue.put(Due::Next, &[4.0]);
         queue.put(Due::Next, &[5.0]);
-        assert!(queue.take_due(1, &mut lane) && lane == [4.0]);
-        assert!(queue.take_due(2, &mut lane) && lane == [5.0]);
-        assert!(!queue.take_due(3, &mut lane) && lane == [5.0]);
+        assert!(queue.take_due(1, &mut component) && component == [4.0]);
+        assert!(queue.take_due(2, &mut component) && component == [5.0]);
+        assert!(!queue.take_due(3, &mut component) && component == [5.0]);
         queue.put(Due::Tick(5), &[6.0]);
         queue.put(Due::Tick(6), &[7.0]);
-        assert!(!queue.take_due(4, &mut lane));
-        assert!(queue.take_due(7, &mut lane) && lane == [7.0]);
+        assert!(!queue.take_due(4, &mut component));
+        assert!(queue.take_due(7, &mut component) && component == [7.0]);
     }
 }

@@ -1,4 +1,4 @@
-//! What an actuator was given, remembered so that the mean square of any window can be bounded later.
+//! Heat of an actuator: bounds the mean square of its output for any window.
 //!
 //! A limit may change its window while the actuator is warm, and the mean square of one window does not tell that of
 //! another. So the energy `E_b` = sum of y^2 exp(-age / b), in unit^2 s, is kept for windows b of 1 ms, 2 ms, 4 ms to
@@ -15,22 +15,22 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Windows that are kept.
+/// Number of windows.
 const WINDOWS: usize = 31;
-/// The first of them; each is twice the one before.
+/// The first window, s; each is twice the one before.
 const FIRST_S: f64 = 1e-3;
-/// How long squares are collected before they are counted.
+/// Interval after which collected squares are counted, s.
 const CHUNK_S: f64 = 0.25e-3;
 
-/// What one actuator was given, in the unit of its drive.
+/// Heat of an actuator, in the unit of its output.
 #[derive(Debug, Clone)]
 pub(crate) struct Heat {
     known: Known,
-    /// Since when it is known what it was given, s; infinite where it was at rest before.
+    /// Time since when the output is known, s; infinite if it was zero before.
     known_for_s: f64,
     rate_hz: f64,
-    /// What is left of each energy after a chunk.
-    keep: [f64; WINDOWS],
+    /// Decay of each energy over a chunk.
+    decay: [f64; WINDOWS],
     chunk_ticks: u32,
     /// Squares and ticks of the present chunk.
     pending: f64,
@@ -48,7 +48,7 @@ fn window_s(place: usize) -> f64 {
 }
 
 impl Heat {
-    /// At rest for ever, at ticks of `rate_hz`.
+    /// A cold actuator, at ticks of `rate_hz`.
     pub(super) fn cold(rate_hz: f64) -> Self {
         let chunk_ticks = (CHUNK_S * rate_hz).clamp(1.0, 1e6) as u32;
         let chunk_s = f64::from(chunk_ticks) / rate_hz;
@@ -59,14 +59,14 @@ impl Heat {
             },
             known_for_s: f64::INFINITY,
             rate_hz,
-            keep: std::array::from_fn(|place| (-chunk_s / window_s(place)).exp()),
+            decay: std::array::from_fn(|place| (-chunk_s / window_s(place)).exp()),
             chunk_ticks,
             pending: 0.0,
             ticks: 0,
         }
     }
 
-    /// It was given an output of this square for a tick.
+    /// Adds a tick with an output of this square.
     pub(super) fn note(&mut self, square: f64) {
         self.pending += square;
         self.known.largest_square = self.known.largest_square.max(square);
@@ -78,14 +78,14 @@ impl Heat {
 
     fn count_chunk(&mut self) {
         let energy = self.pending / self.rate_hz;
-        for (known, keep) in self.known.energies.iter_mut().zip(&self.keep) {
-            *known = *known * keep + energy;
+        for (known, decay) in self.known.energies.iter_mut().zip(&self.decay) {
+            *known = *known * decay + energy;
         }
         self.known_for_s += f64::from(self.ticks) / self.rate_hz;
         (self.pending, self.ticks) = (0.0, 0);
     }
 
-    /// At least the mean square over a window of what is known, as a limiter of that window counts it at its rate.
+    /// Upper bound of the mean square of the known output over a window, as a limiter of that window counts it.
     pub(super) fn mean_square(&self, window: f64) -> f64 {
         let largest = self.known.largest_square;
         let weight = -(-1.0 / (window * self.rate_hz)).exp_m1();
@@ -103,18 +103,18 @@ impl Heat {
         (weight * (self.rate_hz * energy + self.pending)).min(largest)
     }
 
-    /// The weight, in the mean over a window, of the time before anything is known.
+    /// Weight of the time of unknown output in the mean over a window.
     pub(super) fn unknown_part(&self, window: f64) -> f64 {
         let known_for_s = self.known_for_s + f64::from(self.ticks) / self.rate_hz;
         (-known_for_s / window).exp()
     }
 
-    /// Is there a time of which nobody knows what it was given?
+    /// Whether the heat includes a time of unknown output.
     pub(super) fn is_partly_unknown(&self) -> bool {
         self.known_for_s.is_finite()
     }
 
-    /// Nobody knows what it was given before now, or at most what `hottest` says.
+    /// Marks the output before now as unknown, but with at least the heat of `hottest`.
     pub(super) fn begin_unknown(&mut self, hottest: Option<&Hottest>) {
         self.known_for_s = 0.0;
         (self.pending, self.ticks) = (0.0, 0);
@@ -123,7 +123,7 @@ impl Heat {
         }
     }
 
-    /// Goes on for another one of the same actuator.
+    /// Continues the heat of the same actuator at another rate.
     pub(super) fn go_on_for(&mut self, other: &Self) {
         self.known = other.known;
         let energy = other.pending / other.rate_hz;
@@ -133,17 +133,17 @@ impl Heat {
     }
 }
 
-/// At least the heat of every actuator that left a run, as it left: which of them comes back under another name nobody
-/// knows. Shared by all drivers of a run without a lock.
+/// Upper bound of the heat of all removed actuators of a run, any of which may come back under another name. Shared by
+/// all drivers without a lock.
 #[derive(Debug, Default)]
 pub(crate) struct Hottest {
-    /// Bits of numbers that are not negative, which are ordered as the numbers are.
+    /// Bits of non-negative numbers, which have the order of the numbers.
     energies: [AtomicU64; WINDOWS],
     largest_square: AtomicU64,
 }
 
 impl Hottest {
-    /// An actuator leaves.
+    /// Adds a removed actuator.
     pub(super) fn take_in(&self, heat: &Heat) {
         let raise = |to: &AtomicU64, value: f64| to.fetch_max(value.to_bits(), Ordering::AcqRel);
         let pending = heat.pending / heat.rate_hz;

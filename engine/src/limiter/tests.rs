@@ -292,8 +292,8 @@ fn no_limit_is_more_than_spent_by_raising_it_where_rest_is_not_known() {
             slew_per_s: None,
         };
         let mut limiter = Limiter::<1>::new(&limit(1.0), 1000.0).unwrap();
-        limiter.begin_unrested();
-        assert!(limiter.is_unrested());
+        limiter.assume_thermally_saturated();
+        assert!(limiter.has_unknown_history());
         limiter.apply([0.0]);
         let mut next = Limiter::<1>::new(&limit(raised), 1000.0).unwrap();
         next.go_on_for(&limiter);

@@ -1,4 +1,4 @@
-//! From a sound graph to a plan.
+//! Planning: makes a plan from a graph.
 
 mod rings;
 
@@ -17,7 +17,7 @@ use petgraph::visit::EdgeRef;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A port before buffers have their places: the demand it lies in, and where.
+/// A port before buffers are placed: its demand, and its place in it.
 #[derive(Debug, Clone, Copy)]
 struct Port {
     demand: usize,
@@ -25,7 +25,7 @@ struct Port {
     clock: u32,
 }
 
-/// What makes two crossings of rates the same.
+/// Key of a bridge, for sharing between readers.
 type Crossing = (NodeIndex, usize, &'static str, usize, bool, usize);
 
 struct Builder<'a> {
@@ -34,25 +34,25 @@ struct Builder<'a> {
     demands: Vec<Demand>,
     /// Ports of each node.
     ports: Vec<Vec<Port>>,
-    /// What a reader of a crossing reads.
+    /// Output ports of shared bridges.
     crossings: HashMap<Crossing, Port>,
-    /// Delays of loops: by edge, the delay and what its reader reads.
+    /// Delays of loops by edge: the delay and the port of its reader.
     loops: HashMap<EdgeIndex, (u32, Port)>,
-    /// What comes from other drivers, by edge.
+    /// Ports of rings from other drivers, by edge.
     rings: HashMap<EdgeIndex, Port>,
     sinks_left: Vec<usize>,
-    /// How far live inputs reach.
+    /// The nodes that depend on each live input.
     reaches: Vec<Reach>,
 }
 
 const NO_SLOT: u32 = u32::MAX;
-/// What an input without a connection reads.
+/// Port of an input that is not connected.
 const ABSENT: Port = Port {
     demand: usize::MAX,
     placing: Placing { start: 0, width: 0 },
     clock: 0,
 };
-/// The island of nodes that are in none; a crossing is shared only within one island.
+/// Group number of nodes outside islands; bridges are shared only within a group.
 const OUTSIDE: usize = usize::MAX;
 
 pub(super) fn build(graph: &Graph, driver: usize, options: &PlanOptions) -> Plan {
@@ -333,7 +333,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Where each input of a node lies, with the crossings it needs planned before it.
+    /// Ports of a node's inputs. Plans the bridges that they need.
     fn inputs(&mut self, index: NodeIndex, group: usize) -> Vec<(Port, Form)> {
         let graph = self.graph;
         let node = &graph.nodes[index];
@@ -374,7 +374,7 @@ impl<'a> Builder<'a> {
             },
             Bridge::Ring { .. } => match self.rings.get(&id) {
                 Some(port) => return (*port, Form::Sampled),
-                // Never so: a ring is read ahead of its reader's group.
+                // Unreachable: a ring is read ahead of its reader's group.
                 None => return (ABSENT, Form::Absent),
             },
             Bridge::Hold if held => (BridgeKind::HoldRuns, "hold"),
@@ -451,7 +451,7 @@ impl<'a> Builder<'a> {
             self.demands[port.demand].to = self.demands[port.demand].to.max(step);
         }
         self.plan.bindings.push(Binding {
-            // The demand for now; `finish` puts the slot here.
+            // The demand; `finish` replaces it by the slot.
             slot: port.demand as u32,
             start: port.placing.start,
             width: port.placing.width,
@@ -512,7 +512,7 @@ impl<'a> Builder<'a> {
         ports
     }
 
-    /// The most ticks of a clock that a block can hold, wherever it begins.
+    /// Largest number of ticks of a clock in a block.
     fn most_frames(&self, clock: usize) -> usize {
         let block = self
             .plan

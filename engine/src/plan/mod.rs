@@ -1,9 +1,8 @@
-//! The plan of a graph: a flat list of steps over a few reused buffers, with no name left to look up.
+//! The plan of a graph: a flat list of steps over a few reused buffers.
 //!
-//! A plan is pure data and pristine state; [`Run`](crate::run::Run) clones what moves. Time is cut into windows of
-//! whole driver frames; every clock fires the ticks that fall into the window, so that samples do not depend on how
-//! it is cut. Loops closed by a delay or a device are **islands**: their steps run in sub-windows that begin at the
-//! loop's own ticks.
+//! A plan has the initial state; [`Run`](crate::run::Run) clones it. Time is divided into windows of whole driver
+//! frames, and every clock runs the ticks of the window, so that samples do not depend on the block size. Loops
+//! closed by a delay or a device are **islands**: their steps run in sub-windows that begin at the loop's own ticks.
 
 mod build;
 mod order;
@@ -24,19 +23,19 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 /// The longest block, in driver frames.
 pub const MAX_BLOCK: usize = 1024;
 
-/// How a graph is planned.
+/// Options of planning.
 #[derive(Debug, Clone, Default)]
 pub struct PlanOptions {
-    /// Driver frames of a block, cut to 1 ..= [`MAX_BLOCK`]; 0 stands for 64.
+    /// Block length in driver frames, clamped to 1 ..= [`MAX_BLOCK`]; 0 means 64.
     pub block: usize,
-    /// Outputs whose frames are wanted after every block.
+    /// Outputs whose frames are read after every block.
     pub taps: Vec<(NodeId, usize)>,
 }
 
-/// A graph laid out to run, or of a graph with several drivers what hangs from one of them.
+/// The execution plan of a graph, or of one driver of a graph with several.
 pub struct Plan {
     pub(crate) block: usize,
-    /// The clock whose frames a block counts.
+    /// Index of the driver's clock.
     pub(crate) driver: usize,
     pub(crate) base: TimeBase,
     pub(crate) rates: Vec<Rate>,
@@ -44,48 +43,49 @@ pub struct Plan {
     pub(crate) steps: Vec<Step>,
     pub(crate) bindings: Vec<Binding>,
     pub(crate) placings: Vec<Placing>,
-    /// f64s of each buffer.
+    /// Length of each buffer in f64.
     pub(crate) slots: Vec<usize>,
     pub(crate) pacings: Vec<u64>,
     pub(crate) processors: Vec<Box<dyn Processor>>,
-    /// What each processor is, to find it again in another plan.
+    /// Key of each processor, to match it with another plan.
     pub(crate) processor_keys: Vec<NodeKey>,
     pub(crate) devices: Vec<DevicePlan>,
     pub(crate) actuators: Vec<ActuatorPlan>,
-    /// What each actuator is given while the plan runs, for whoever asks.
+    /// Published output of each actuator.
     pub(crate) delivered: Arc<[Delivered]>,
     pub(crate) bridges: Vec<BridgePlan>,
     pub(crate) delays: Vec<DelayPlan>,
     pub(crate) taps: Vec<Tap>,
-    /// Which of the outputs asked for each tap is; the others belong to other drivers.
+    /// Index of each tap in the requested taps; the others belong to other drivers.
     pub(crate) tap_places: Vec<usize>,
-    /// What leaves for other drivers, and what comes from them.
+    /// Rings to other drivers.
     pub(crate) ring_writes: Vec<RingPlan>,
+    /// Rings from other drivers.
     pub(crate) ring_reads: Vec<RingPlan>,
-    /// First and last step that need each slot's present content, by step: what lives across a cut of the list.
+    /// Lifetimes of the contents of slots.
     pub(crate) lives: Vec<Life>,
-    /// The settings that may change while it runs.
+    /// The live settings.
     pub(crate) live: Vec<LiveSetting>,
 }
 
-/// One line of the plan.
+/// A step of the plan.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Step {
     pub work: StepWork,
     /// Clock whose ticks it runs at.
     pub clock: u32,
-    /// Buffer it writes, `u32::MAX` for none.
+    /// Buffer that it writes; `u32::MAX` for none.
     pub out: u32,
     pub inputs: Range<u32>,
     pub outputs: Range<u32>,
     /// The node it belongs to.
     pub node: NodeId,
-    /// For people: `speed`, `hold stylus.force`.
+    /// Label for display: `speed`, `hold stylus.force`.
     pub label: Arc<str>,
 }
 
 impl Step {
-    /// Does it do the same to the same, whatever its node's number is?
+    /// Whether the steps are equal except for the node's number.
     fn is_same_as(&self, other: &Self) -> bool {
         let node = other.node;
         Self { node, ..self.clone() } == *other
@@ -96,23 +96,23 @@ impl Step {
 pub(crate) enum StepWork {
     /// Runs a processor.
     Process(u32),
-    /// Limits what a device will be given.
+    /// Runs an actuator sink.
     Actuator(u32),
     /// Advances a device and fills its sources.
     DeviceRead(u32),
-    /// Hands a device what its sinks delivered.
+    /// Writes the outputs of a device's sinks to the device.
     DeviceWrite(u32),
-    /// Crosses a rate, or delays outside of any loop.
+    /// Runs a bridge, or a delay outside of any loop.
     Bridge(u32),
-    /// Gives what a loop's delay held back.
+    /// Reads the delay of a loop.
     DelayRead(u32),
-    /// Takes what a loop's delay will hold back.
+    /// Writes the delay of a loop.
     DelayWrite(u32),
-    /// Gives what another driver sent.
+    /// Reads a ring from another driver.
     RingRead(u32),
-    /// Sends to another driver.
+    /// Writes a ring to another driver.
     RingWrite(u32),
-    /// The next `steps` steps run in windows that end at multiples of the pacings.
+    /// Runs the next `steps` steps in windows that end at multiples of the pacings.
     Island {
         steps: u32,
         first_pacing: u32,
@@ -120,23 +120,23 @@ pub(crate) enum StepWork {
     },
 }
 
-/// What makes a node of one plan the same as a node of another.
+/// Identity of a node across plans.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct NodeKey {
     pub path: Arc<str>,
     pub kind: &'static str,
-    /// Of its settings, rate and connected widths.
+    /// Hash of its settings, rate and connected widths.
     pub fingerprint: u64,
 }
 
-/// A device in a plan. Only `DeviceRead` moves a device that has sources; else `DeviceWrite` does.
+/// A device in a plan. `DeviceRead` advances a device with sources, `DeviceWrite` any other.
 pub(crate) struct DevicePlan {
     pub name: String,
     pub key: NodeKey,
     /// The clock it ticks on.
     pub clock: usize,
     pub device: Box<dyn Device>,
-    /// Of a device that can fall silent; shared by the plans of all drivers.
+    /// Live input of a device that can fall silent; shared by the plans of all drivers.
     pub input: Option<LiveInput>,
     /// (actuator, channel, clock) of its sinks.
     pub driven_by: Vec<(usize, usize, u32)>,
@@ -153,16 +153,16 @@ pub(crate) struct ActuatorPlan {
     pub limit: Limit,
     pub width: usize,
     pub rate: Rate,
-    /// Does it drive a body that begins as it is built?
+    /// Whether its device is simulated.
     pub simulated: bool,
-    /// Unit of what it is given.
+    /// Unit of its output.
     pub unit: String,
-    /// The live inputs that it depends on: their places among the devices, and whether it is a drive of that device.
+    /// The live inputs that it depends on: (device, whether the actuator belongs to that device).
     pub silenced_by: Vec<(usize, bool)>,
 }
 
 impl ActuatorPlan {
-    /// Is every live input that it depends on heard, or held?
+    /// Whether every live input that it depends on is heard or held.
     pub(crate) fn is_let_through(&self, input: impl Fn(usize) -> Option<LiveInput>) -> bool {
         let mut inputs = self
             .silenced_by
@@ -171,14 +171,14 @@ impl ActuatorPlan {
         inputs.all(|(input, own)| input.is_none_or(|input| input.lets_through(own)))
     }
 
-    /// Is it the same but for its gain, which is a live setting?
+    /// Whether they are equal except for the gain, which is a live setting.
     fn is_same_as(&self, other: &Self) -> bool {
         let gain = other.gain;
         Self { gain, ..self.clone() } == *other
     }
 }
 
-/// What an actuator was given last, written by the driver and read by whoever says so.
+/// Published output of an actuator: the driver writes it, any thread reads it.
 #[derive(Debug, Default)]
 pub(crate) struct Delivered {
     largest: AtomicU64,
@@ -194,35 +194,36 @@ impl Delivered {
         self.at_zero.store(at_zero, Relaxed);
     }
 
-    /// What was written last.
+    /// Reads the largest magnitude and whether it is kept at zero.
     pub fn get(&self) -> (f64, bool) {
         let largest = f64::from_bits(self.largest.load(Relaxed));
         (largest, self.at_zero.load(Relaxed))
     }
 
-    /// Writes the present level, and the largest magnitude since it was written before.
+    /// Writes the present level and the largest magnitude since the last write.
     pub fn put_level(&self, level: f64, peak: f64) {
         self.level.store(level.to_bits(), Relaxed);
-        // Numbers that are not negative are in the order of their bits.
+        // Non-negative numbers have the order of their bits.
         self.peak.fetch_max(peak.to_bits(), Relaxed);
     }
 
-    /// The present level, and the largest magnitude since this was asked before.
+    /// Reads the present level, and the largest magnitude since the last call.
     pub fn take_level(&self) -> (f64, f64) {
         let level = f64::from_bits(self.level.load(Relaxed));
         (level, f64::from_bits(self.peak.swap(0, Relaxed)))
     }
 }
 
-/// A crossing of rates in a plan; the reader's clock is its step's.
+/// A bridge in a plan; the reader's clock is that of its step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BridgePlan {
     pub kind: BridgeKind,
-    /// Clock it reads.
+    /// Clock of the writer.
     pub from: u32,
     pub width: usize,
-    /// Most frames of its two clocks in a block.
+    /// Largest number of the writer's frames in a block.
     pub max_from: usize,
+    /// Largest number of the reader's frames in a block.
     pub max_to: usize,
 }
 
@@ -244,32 +245,32 @@ pub(crate) struct DelayPlan {
     pub width: usize,
 }
 
-/// What a ring joins.
+/// Specification of a ring.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RingSpec {
-    /// For people: `force.output to drive.current`.
+    /// Name for display: `force.output to drive.current`.
     pub name: String,
-    /// Lanes of a frame, at most those of a wrench.
+    /// Components of a frame, at most those of a wrench.
     pub width: usize,
-    /// Frames a second at the end that is written.
+    /// Rate of the writer.
     pub from: Rate,
-    /// And at the end that is read.
+    /// Rate of the reader.
     pub to: Rate,
-    /// What the delay is kept at, s.
+    /// Target of the delay, s.
     pub latency_s: f64,
-    /// Most frames that are read at once.
+    /// Largest number of frames read at once.
     pub max_to: usize,
 }
 
 /// An end of a connection between two drivers.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct RingPlan {
-    /// The connection: both ends have it in common.
+    /// The connection, the same at both ends.
     pub edge: EdgeIndex,
     pub ring: RingSpec,
 }
 
-/// Where the frames of a tapped output lie.
+/// Place of a tapped output's frames.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Tap {
     pub slot: u32,
@@ -287,7 +288,7 @@ pub(crate) struct Life {
 }
 
 impl Plan {
-    /// Lays out a graph: a plan for each driver, in the order of [`Graph::drivers`]; there is at least one.
+    /// Plans a graph: at least one plan, one for each driver in the order of [`Graph::drivers`].
     pub fn of(graph: &Graph, options: &PlanOptions) -> Vec<Self> {
         let drivers = graph.drivers().into_iter();
         drivers
@@ -295,23 +296,23 @@ impl Plan {
             .collect()
     }
 
-    /// Name of the driver whose frames a block counts.
+    /// Name of the driver.
     pub fn driver_name(&self) -> &str {
         &self.clock_names[self.driver]
     }
 
-    /// Driver frames of a block.
+    /// Block length in driver frames.
     pub fn block(&self) -> usize {
         self.block
     }
 
-    /// Rate of the driver whose frames a block counts.
+    /// Rate of the driver.
     pub fn driver_rate(&self) -> Rate {
         self.rates[self.driver]
     }
 
-    /// Is the other plan of the same graph but for live settings, laid out in the same way? Nodes and connections may have
-    /// other numbers, as such of other drivers come and go.
+    /// Whether both plans are of the same graph except for live settings. Nodes and connections may have other numbers,
+    /// because those of other drivers can change.
     pub(crate) fn is_same_as(&self, other: &Self) -> bool {
         let rings = |plans: &[RingPlan], others: &[RingPlan]| {
             plans.len() == others.len() && plans.iter().zip(others).all(|(a, b)| a.ring == b.ring)
@@ -349,7 +350,7 @@ impl Plan {
             && device_keys(self) == device_keys(other)
     }
 
-    /// Devices that go on keep the cells that they are known to be heard by.
+    /// Shares the live inputs of devices that continue.
     pub(crate) fn keep_inputs(&mut self, running: &Self) {
         for device in &mut self.devices {
             let known = running.devices.iter().find(|known| known.key == device.key);
@@ -359,13 +360,13 @@ impl Plan {
         }
     }
 
-    /// The devices that its nodes read or drive; it lists those of all drivers.
+    /// Names of the devices that its nodes read or drive. `devices` lists those of all drivers.
     pub(crate) fn used_devices(&self) -> impl Iterator<Item = &str> {
         let used = |device: &&DevicePlan| !device.reads.is_empty() || !device.driven_by.is_empty();
         self.devices.iter().filter(used).map(|device| &*device.name)
     }
 
-    /// A device that it drives and another plan does not.
+    /// Name of a device that this plan drives and `other` does not.
     pub(crate) fn drives_beyond(&self, other: &Self) -> Option<&str> {
         let driven = |plan: &Self, key: &NodeKey| {
             let mut devices = plan.devices.iter();
@@ -394,7 +395,7 @@ impl Plan {
         self.slots.iter().sum::<usize>() * size_of::<f64>()
     }
 
-    /// What each tap carries, in the order asked for.
+    /// Description of each tap's signal, in the order of the taps.
     pub fn tap_streams(&self) -> impl Iterator<Item = &Stream> {
         self.taps.iter().map(|tap| &tap.stream)
     }

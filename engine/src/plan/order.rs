@@ -1,4 +1,4 @@
-//! The order in which nodes run, and the islands that have to run in small windows.
+//! The order in which nodes run, and the islands that run in sub-windows.
 
 use crate::graph::{Bridge, Edge, Graph, Work};
 use petgraph::algo::kosaraju_scc;

@@ -1,37 +1,37 @@
-//! What stands between a plan and its actuators: the sinks' gains, the fade, and the limiters that nothing gets around.
+//! Actuator sinks: gain, fade, silence gate and limiter. Every output to a device passes them.
 
-use super::drive::Drive;
+use super::fade::FadeGate;
 use super::silence::SilenceGate;
 use crate::limiter::{ClipCounts, Hottest, Limiter};
 use crate::plan::ActuatorPlan;
 
-/// What an actuator sink held back.
+/// Limiter counts of an actuator sink.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorReport {
     /// Path of the sink.
     pub path: String,
-    /// How often each limit held something back.
+    /// Ticks in which each limit acted.
     pub clipped: ClipCounts,
 }
 
-/// A gain and the limiter that every drive of a device goes through.
+/// State of an actuator sink.
 pub(super) struct ActuatorState {
     pub gain: f64,
     pub limiter: AnyLimiter,
-    /// Closes while a live input that it depends on is silent.
+    /// Gate that closes while a live input upstream is silent.
     pub gate: SilenceGate,
-    pub role: Role,
-    /// What it is given, for whoever watches.
+    pub role: CrossFadeRole,
+    /// Level of its output, for display.
     pub level: Level,
 }
 
-/// How much an actuator is given: a moving mean square, and the largest magnitude since it was published.
+/// Level of an actuator's output: a moving mean square, and the largest magnitude since the last reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Level {
     mean_square: f64,
     largest_square: f64,
-    /// The share of the mean that a frame renews.
-    a_frame: f64,
+    /// Weight of a frame in the mean.
+    weight: f64,
 }
 
 /// Time constant of the moving mean, s.
@@ -42,13 +42,13 @@ impl Level {
         Self {
             mean_square: 0.0,
             largest_square: 0.0,
-            a_frame: 1.0 / (LEVEL_S * rate_hz),
+            weight: 1.0 / (LEVEL_S * rate_hz),
         }
     }
 
-    /// Takes frames that were given.
-    pub(super) fn take(&mut self, given: &[f64], width: usize) {
-        let frames = given.chunks_exact(width.max(1));
+    /// Measures frames of the output.
+    pub(super) fn measure(&mut self, output: &[f64], width: usize) {
+        let frames = output.chunks_exact(width.max(1));
         let count = frames.len() as f64;
         let (mut sum, mut largest) = (0.0, self.largest_square);
         for frame in frames {
@@ -58,40 +58,40 @@ impl Level {
         }
         self.largest_square = largest;
         if count > 0.0 {
-            self.mean_square += (sum / count - self.mean_square) * (count * self.a_frame).min(1.0);
+            self.mean_square += (sum / count - self.mean_square) * (count * self.weight).min(1.0);
         }
     }
 
-    /// The root of the mean, and the largest magnitude since this was asked before.
+    /// Root mean square, and the largest magnitude since the last call.
     pub(super) fn read(&mut self) -> (f64, f64) {
         let largest = std::mem::take(&mut self.largest_square);
         (self.mean_square.sqrt(), largest.sqrt())
     }
 }
 
-/// Whose wish the limiter is given.
+/// Role of an actuator sink in a cross-fade.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Role {
-    /// The plan's own.
-    Alone,
-    /// None: what the plan asked for last is given to the plan that fades it out.
-    Asks([f64; 6]),
-    /// The plan's own while it rises, with what is left of what another plan asks for.
-    Mixes([f64; 6], Drive),
+pub(super) enum CrossFadeRole {
+    /// No cross-fade: the limiter receives the plan's own request.
+    Single,
+    /// The plan fades out: its last request goes to the mixer of the new plan.
+    Outgoing([f64; 6]),
+    /// The plan fades in: the limiter receives the mix of its own request and the old plan's.
+    Mixer([f64; 6], FadeGate),
 }
 
-/// A limiter of as many axes as a drive can have.
+/// A limiter of one, three or six axes.
 pub(super) enum AnyLimiter {
     One(Limiter<1>),
     Three(Limiter<3>),
     Six(Limiter<6>),
-    /// A limit that could not be made: nothing passes.
+    /// The limiter could not be built: the output is zero.
     Closed,
 }
 
-/// The fade, and the time of the frames it is applied to.
+/// The fade, and the time of the frames to which it applies.
 pub(super) struct When {
-    pub drive: Drive,
+    pub fade: FadeGate,
     pub first: u64,
     pub period: u64,
 }
@@ -102,62 +102,62 @@ impl When {
     }
 }
 
-impl Role {
-    /// What the plan asked for last.
-    pub(super) fn asked(&self) -> [f64; 6] {
+impl CrossFadeRole {
+    /// The last request of an outgoing sink; zero in other roles.
+    pub(super) fn outgoing(&self) -> [f64; 6] {
         match self {
-            Self::Asks(asked) => *asked,
-            Self::Alone | Self::Mixes(..) => [0.0; 6],
+            Self::Outgoing(request) => *request,
+            Self::Single | Self::Mixer(..) => [0.0; 6],
         }
     }
 
-    /// Takes what the other plan asks for; what is no number is nothing. Was it one?
-    pub(super) fn mix_in(&mut self, asked: [f64; 6]) -> bool {
-        if let Self::Mixes(other, _) = self {
-            *other = asked.map(|x| if x.is_finite() { x } else { 0.0 });
+    /// Sets the old plan's request, NaN and infinity replaced by zero. Returns whether it was finite.
+    pub(super) fn mix_in(&mut self, outgoing: [f64; 6]) -> bool {
+        if let Self::Mixer(other, _) = self {
+            *other = outgoing.map(|x| if x.is_finite() { x } else { 0.0 });
         }
-        asked.iter().all(|x| x.is_finite())
+        outgoing.iter().all(|x| x.is_finite())
     }
 
-    /// From `time` on, does the plan have the actuator to itself?
+    /// Whether the cross-fade is over at `time`.
     pub(super) fn is_over(&self, time: u64) -> bool {
         match self {
-            Self::Mixes(_, rise) => rise.factor(time) >= 1.0,
-            Self::Alone | Self::Asks(_) => true,
+            Self::Mixer(_, rise) => rise.factor(time) >= 1.0,
+            Self::Single | Self::Outgoing(_) => true,
         }
     }
 }
 
 impl ActuatorState {
-    /// Open, until it is known what its live inputs are like.
+    /// Makes the initial state. The gate is open until the live inputs are polled.
     pub(super) fn new(plan: &ActuatorPlan) -> Self {
         Self {
             gain: plan.gain,
             limiter: AnyLimiter::new(plan),
             gate: SilenceGate::new(true),
-            role: Role::Alone,
+            role: CrossFadeRole::Single,
             level: Level::new(plan.rate.hz()),
         }
     }
 
-    /// Frames of a request to frames that keep the limit. How many of them were no numbers?
+    /// Computes the limited output of a request. Returns the number of frames with NaN or infinity.
     pub(super) fn apply(&mut self, when: &When, x: &[f64], y: &mut [f64]) -> u64 {
         let faults = self.limiter.counts().fault;
         let (gain, gate) = (self.gain, self.gate);
         match &mut self.role {
-            Role::Alone => self.limiter.apply(x, y, |frame| {
+            CrossFadeRole::Single => self.limiter.apply(x, y, |frame| {
                 let time = when.time(frame);
-                gain * when.drive.factor(time) * gate.factor(time)
+                gain * when.fade.factor(time) * gate.factor(time)
             }),
-            // While two plans run together there is one frame at most.
-            Role::Asks(asked) => {
+            // In a cross-fade a call has one frame at most.
+            CrossFadeRole::Outgoing(request) => {
                 let time = when.time(0);
-                let factor = gain * when.drive.factor(time) * gate.factor(time);
-                asked.iter_mut().zip(x).for_each(|(asked, x)| *asked = x * factor);
-                // Who reads what is delivered does not see the change.
-                y.iter_mut().zip(asked).for_each(|(y, asked)| *y = *asked);
+                let factor = gain * when.fade.factor(time) * gate.factor(time);
+                request.iter_mut().zip(x).for_each(|(to, x)| *to = x * factor);
+                // Readers of `delivered` see no step.
+                y.iter_mut().zip(request).for_each(|(y, x)| *y = *x);
             }
-            Role::Mixes(other, rise) => {
+            CrossFadeRole::Mixer(other, rise) => {
                 let (share, own) = (rise.factor(when.time(0)), gate.factor(when.time(0)));
                 let mut mixed = other.map(|other| other * (1.0 - share));
                 mixed
@@ -166,15 +166,15 @@ impl ActuatorState {
                     .for_each(|(mixed, x)| *mixed += x * gain * own * share);
                 let width = x.len().min(mixed.len());
                 self.limiter
-                    .apply(&mixed[..width], y, |_| when.drive.factor(when.time(0)));
+                    .apply(&mixed[..width], y, |_| when.fade.factor(when.time(0)));
             }
         }
-        self.level.take(y, self.limiter.width());
+        self.level.measure(y, self.limiter.width());
         self.limiter.counts().fault - faults
     }
 }
 
-/// The same work for a limiter of any width.
+/// Runs the same code for a limiter of any width.
 macro_rules! any {
     ($any:expr, $limiter:ident => $work:expr, closed: $closed:expr) => {
         match $any {
@@ -198,12 +198,12 @@ impl AnyLimiter {
         .unwrap_or(Self::Closed)
     }
 
-    /// Frames of a request, each times a factor, to frames that keep the limit.
+    /// Computes the limited output of a request times a factor for each frame.
     fn apply(&mut self, x: &[f64], y: &mut [f64], factor: impl Fn(usize) -> f64) {
         any!(self, limiter => limit_frames(limiter, x, y, factor), closed: y.fill(0.0));
     }
 
-    /// Axes of a frame.
+    /// Number of axes.
     fn width(&self) -> usize {
         match self {
             Self::One(_) | Self::Closed => 1,
@@ -212,62 +212,62 @@ impl AnyLimiter {
         }
     }
 
-    /// Goes on for another limiter of the same actuator.
+    /// Continues the state of another limiter of the same actuator.
     pub(super) fn go_on_for(&mut self, other: &Self) {
         match (self, other) {
             (Self::One(this), Self::One(other)) => this.go_on_for(other),
             (Self::Three(this), Self::Three(other)) => this.go_on_for(other),
             (Self::Six(this), Self::Six(other)) => this.go_on_for(other),
-            // A channel of a device has one kind.
+            // Unreachable: a channel of a device has one kind.
             _ => {}
         }
     }
 
-    /// The latest output; zero beyond the drive's axes.
+    /// The last output; zero beyond its axes.
     pub(super) fn output(&self) -> [f64; 6] {
         let mut output = [0.0; 6];
         any!(self, limiter => output.iter_mut().zip(limiter.output()).for_each(|(to, y)| *to = y), closed: ());
         output
     }
 
-    pub(super) fn rests(&self) -> bool {
+    pub(super) fn is_idle(&self) -> bool {
         self.output() == [0.0; 6]
     }
 
-    /// Its counts go on from those of another one.
+    /// Continues the counts of another limiter.
     pub(super) fn count_on_from(&mut self, counts: ClipCounts) {
         any!(self, limiter => limiter.count_on_from(counts), closed: ());
     }
 
-    /// Begins as warm as the limit allows: nobody knows what its actuator was given before.
-    pub(super) fn begin_unrested(&mut self) {
-        any!(self, limiter => limiter.begin_unrested(), closed: ());
+    /// Starts without heat reserve: the earlier output of the actuator is unknown.
+    pub(super) fn assume_thermally_saturated(&mut self) {
+        any!(self, limiter => limiter.assume_thermally_saturated(), closed: ());
     }
 
-    /// The same for one that may be any of those that left the run.
+    /// Starts with the heat of the hottest removed actuator: the hardware may be the same.
     pub(super) fn begin_as_any_of(&mut self, hottest: &Hottest) {
         any!(self, limiter => limiter.begin_as_any_of(hottest), closed: ());
     }
 
-    pub(super) fn is_unrested(&self) -> bool {
-        any!(self, limiter => limiter.is_unrested(), closed: false)
+    pub(super) fn has_unknown_history(&self) -> bool {
+        any!(self, limiter => limiter.has_unknown_history(), closed: false)
     }
 
-    /// Its actuator leaves the run.
+    /// Records the heat of a removed actuator.
     pub(super) fn leave_to(&self, hottest: &Hottest) {
         any!(self, limiter => limiter.leave_to(hottest), closed: ());
     }
 
-    /// Begins from what the actuator was really given last.
+    /// Sets the last output.
     pub(super) fn begin_from(&mut self, given: &[f64; 6]) {
         any!(self, limiter => limiter.begin_from(std::array::from_fn(|axis| given[axis])), closed: ());
     }
 
-    /// The next frame of the way from the latest output down to zero, by a factor on it.
+    /// Computes the next frame of a ramp to zero: the last output times `factor`, limited. Returns the number of axes.
     pub(super) fn ramp(&mut self, factor: f64, frame: &mut [f64; 6]) -> usize {
-        let mut put = |lanes: &[f64]| {
-            frame[..lanes.len()].copy_from_slice(lanes);
-            lanes.len()
+        let mut put = |components: &[f64]| {
+            frame[..components.len()].copy_from_slice(components);
+            components.len()
         };
         any!(self, limiter => put(&limiter.apply(limiter.output().map(|x| x * factor))), closed: 0)
     }

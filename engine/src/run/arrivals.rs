@@ -1,28 +1,28 @@
-//! What the drivers of a live run saw of their rings, kept so that the run can be repeated bit for bit.
+//! The replay log of a live run, from which the run can be repeated bit for bit.
 //!
-//! All that clocks and threads decide is how many frames a callback runs and what it then sees of its rings. A file a
-//! driver holds just that, one callback a line:
+//! Clocks and threads decide only how many frames a callback runs and what has arrived in its rings. Each driver has a
+//! file of this, one line per callback:
 //!
 //! ```text
 //! audio frames,fade,open out,arrived moves.output to moving.input,sent torque.output to arm.torque
 //! 48,0,1,1,48
 //! ```
 //!
-//! The frames it ran; 1 from where it was stopped and faded out; of each actuator that depends on live inputs 1 where
-//! these let it be driven, and 0 from the callback on that found one of them silent; of each ring that it reads the frames
-//! that had arrived since the line before; of each that it fills the frames that found room. A last line with a 2 in place
-//! of that first 1 says that another graph took over, which nothing is kept of. What the live inputs sensed is in files of
-//! their own, see [`inputs`]. A second file a driver holds what was set meanwhile:
+//! The columns are: the frames run; 1 from the start of the fade-out of a stop; for each actuator downstream of live
+//! inputs, 1 if its gate is open and 0 if an input is silent; for each ring that it reads, the frames that arrived
+//! since the line before; for each ring that it writes, the frames that fitted. A last line with a 2 in the second
+//! column marks a change of graph, where the log ends. The live inputs have files of their own, see [`inputs`]. A
+//! second file of each driver has the setting changes:
 //!
 //! ```text
 //! frame,from,to,glide frames,setting
 //! 48000,1,0.5,960,out.gain
 //! ```
 //!
-//! Beside these stands `graph.txt`: a fingerprint of everything that the samples come from, so that no other graph is
-//! taken for this one, and whether real actuators began with their heat spent.
+//! `graph.txt` has a fingerprint of everything that determines the samples, to detect another graph, and whether real
+//! actuators started without heat reserve.
 //!
-//! A replay reads each file twice, line by line: first all of it, to see whether a run of that length can have written it.
+//! A replay reads each file twice, line by line: the first pass checks that a run of that length can have written it.
 
 mod inputs;
 mod log;
@@ -41,9 +41,9 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The folder of a run that holds what its drivers saw.
+/// Folder of the replay log in a run's folder.
 pub const ARRIVALS: &str = "arrivals";
-/// What stands in a callback's second column.
+/// Values of a callback's second column.
 const RUNNING: f64 = 0.0;
 const FADING: f64 = 1.0;
 const REPLACED: f64 = 2.0;
@@ -52,7 +52,7 @@ const SETTINGS_HEADER: &str = "frame,from,to,glide frames,setting";
 /// Why a run cannot be repeated.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// A file is not there or cannot be read.
+    /// A file is missing or cannot be read.
     #[error("cannot read {}: {error}; a live run writes it", path.display())]
     Read {
         /// Which.
@@ -60,35 +60,35 @@ pub enum ReplayError {
         /// What the system says.
         error: std::io::Error,
     },
-    /// The file was written by another graph.
-    #[error("{} is of another graph: it begins `{found}`, and this graph's would begin `{wanted}`", path.display())]
+    /// The columns belong to another graph.
+    #[error("{} belongs to another graph: its first line is `{found}`, expected `{wanted}`", path.display())]
     OtherGraph {
         /// Which.
         path: PathBuf,
         /// Its first line.
         found: String,
-        /// What it would be.
+        /// The expected line.
         wanted: String,
     },
-    /// The run was of another graph, though its rings and drivers are called the same.
-    #[error("{} is of another graph: {differences}; give the graph, its files and --set as they were", path.display())]
+    /// The run was of another graph with the same rings and drivers.
+    #[error("{} belongs to another graph: {differences}; use the graph, files and --set of that run", path.display())]
     Changed {
-        /// Where the run's graph is kept.
+        /// The file of fingerprints.
         path: PathBuf,
-        /// What is not as it was.
+        /// The differences.
         differences: String,
     },
-    /// A line holds something else.
+    /// A line is malformed.
     #[error("{} line {line}: expected {columns} whole numbers", path.display())]
     Line {
         /// Which.
         path: PathBuf,
         /// Where, from 1.
         line: usize,
-        /// How many numbers a line has.
+        /// Number of columns of a line.
         columns: usize,
     },
-    /// A line is no change of a setting that the graph has.
+    /// A line is not a change of a live setting of the graph.
     #[error("{} line {line}: expected `{SETTINGS_HEADER}`, four numbers and a live setting of this graph", path.display())]
     Setting {
         /// Which.
@@ -96,18 +96,18 @@ pub enum ReplayError {
         /// Where, from 1.
         line: usize,
     },
-    /// A line is not what a run of that length can have written.
-    #[error("{} line {line}: {why}; the file is damaged, or of another run", path.display())]
+    /// A run of that length cannot have written the line.
+    #[error("{} line {line}: {why}; the file is damaged or belongs to another run", path.display())]
     Implausible {
         /// Which.
         path: PathBuf,
         /// Where, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The contradiction.
         why: String,
     },
-    /// A callback saw what nobody had sent by then.
-    #[error("{} does not go with the files of the other drivers: line {line} waits for ever", path.display())]
+    /// A callback read frames that no driver had sent by then.
+    #[error("{} contradicts the files of the other drivers: line {line} waits for frames that they never send", path.display())]
     Contradiction {
         /// Which.
         path: PathBuf,
@@ -116,17 +116,17 @@ pub enum ReplayError {
     },
 }
 
-/// What is known of the run whose logs are read, for telling whether they can be its own.
+/// Bounds of the run, for checking its logs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReplayBounds {
-    /// No driver ran for longer, s.
+    /// Longest possible duration of a driver, s.
     pub longest_s: f64,
-    /// Frames of the first driver at most, and whether they are exactly so many.
+    /// Largest number of frames of the first driver, and whether it is exact.
     pub frames: Option<(u64, bool)>,
 }
 
 impl Default for ReplayBounds {
-    /// Of a run that nothing is known of: 10^7 s.
+    /// Bounds of an unknown run: 10^7 s.
     fn default() -> Self {
         Self {
             longest_s: 1e7,
@@ -135,17 +135,17 @@ impl Default for ReplayBounds {
     }
 }
 
-/// The file of the driver with this number, in a run's folder.
+/// File of a driver's callbacks.
 pub(super) fn file(folder: &Path, driver: usize) -> PathBuf {
     folder.join(ARRIVALS).join(format!("{driver}.csv"))
 }
 
-/// The file of what was set of it.
+/// File of a driver's setting changes.
 pub(super) fn settings_file(folder: &Path, driver: usize) -> PathBuf {
     folder.join(ARRIVALS).join(format!("{driver}.settings.csv"))
 }
 
-/// The file of what a live input sensed that this driver reads.
+/// File of a live input that a driver reads.
 pub(super) fn input_file(folder: &Path, driver: usize, device: usize) -> PathBuf {
     folder.join(ARRIVALS).join(format!("{driver}.input-{device}.csv"))
 }
@@ -154,12 +154,12 @@ fn graph_file(folder: &Path) -> PathBuf {
     folder.join(ARRIVALS).join("graph.txt")
 }
 
-/// The longest list of fingerprints that is read, bytes: a hundred thousand nodes.
+/// Largest list of fingerprints that is read, bytes: a hundred thousand nodes.
 const MAX_GRAPH_BYTES: u64 = 16 << 20;
-/// In the file of a run whose real actuators began as warm as their limits allow.
+/// Line of a run whose real actuators started without heat reserve.
 const UNRESTED: &str = "unrested actuators";
 
-/// Keeps what a run's graph is known by, and how its actuators began.
+/// Writes the fingerprints of a run's graph, and whether its actuators started rested.
 pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io::Result<()> {
     let heat = match rested {
         true => String::new(),
@@ -172,7 +172,7 @@ pub(super) fn keep_graph(graph: &Graph, rested: bool, folder: &Path) -> std::io:
     std::fs::write(graph_file(folder), lines.collect::<String>() + &heat)
 }
 
-/// Refuses a graph that is not the one of the run; did its actuators begin rested?
+/// Refuses a graph that is not that of the run. Returns whether its actuators started rested.
 pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayError> {
     const NAMED: usize = 4;
     let path = graph_file(folder);
@@ -189,14 +189,14 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayEr
     let mut differences = Vec::new();
     for (name, fingerprint) in of_graph(graph) {
         match then.remove(name.as_str()) {
-            None => differences.push(format!("`{name}` was not in it")),
+            None => differences.push(format!("`{name}` is new")),
             Some(kept) if kept != format!("{fingerprint:016x}") => {
-                differences.push(format!("`{name}` is not as it was"));
+                differences.push(format!("`{name}` differs"));
             }
             Some(_) => {}
         }
     }
-    differences.extend(then.into_keys().map(|name| format!("`{name}` is gone")));
+    differences.extend(then.into_keys().map(|name| format!("`{name}` is missing")));
     if differences.is_empty() {
         return Ok(rested);
     }
@@ -209,7 +209,7 @@ pub(super) fn check_graph(graph: &Graph, folder: &Path) -> Result<bool, ReplayEr
     Err(ReplayError::Changed { path, differences })
 }
 
-/// A cell of a line.
+/// A cell of CSV.
 fn quoted(text: String) -> String {
     match text.contains([',', '"']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
@@ -217,7 +217,7 @@ fn quoted(text: String) -> String {
     }
 }
 
-/// A setting's name in a line.
+/// The cell of a setting's name.
 fn cell(live: &LiveSetting) -> String {
     quoted(live.name())
 }
@@ -241,7 +241,7 @@ fn columns(plan: &Plan) -> usize {
     2 + gated(plan).count() + plan.ring_reads.len() + plan.ring_writes.len()
 }
 
-/// The places of the actuators that depend on live inputs.
+/// Indices of the actuators downstream of live inputs.
 fn gated(plan: &Plan) -> impl Iterator<Item = usize> {
     let actuators = plan.actuators.iter().enumerate();
     actuators
@@ -249,7 +249,7 @@ fn gated(plan: &Plan) -> impl Iterator<Item = usize> {
         .map(|(place, _)| place)
 }
 
-/// Writes a line of numbers, each in as many digits as make the same bits again.
+/// Writes a line of numbers with enough digits to restore their bits.
 fn write_row(to: &mut impl Write, row: &[f64]) -> std::io::Result<()> {
     for (place, number) in row.iter().enumerate() {
         let comma = if place > 0 { "," } else { "" };

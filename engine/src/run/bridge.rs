@@ -1,5 +1,5 @@
-//! Signals that cross rates. Alignment is exact: a reader's tick at time t sees the writer's frames with time <= t,
-//! found by whole-number arithmetic, so that it does not matter how time is cut into blocks.
+//! Bridges between clocks of one driver, and delays. Alignment is exact: a reader's tick at time t reads the writer's
+//! frames with time <= t, by integer arithmetic, so that the result does not depend on the block size.
 
 use super::window::Window;
 use crate::io::touched;
@@ -8,22 +8,23 @@ use crate::plan::{BridgeKind, BridgePlan, DelayPlan};
 use haptograph_signal::resample::Resampler;
 use haptograph_signal::time::Rate;
 
-/// The state of one crossing.
+/// State of a bridge.
 #[derive(Debug, Clone)]
 pub(crate) struct BridgeState {
     kind: BridgeKind,
     width: usize,
-    /// The latest frame, and for linear the one before it (older first).
+    /// The last frame; for linear interpolation the last two, older first.
     held: Vec<f64>,
-    /// Sums of the frames since the last mean, and how many.
+    /// Sum of the frames since the last mean.
     sum: Vec<f64>,
+    /// Number of frames in the sum.
     summed: u32,
     resamplers: Vec<Resampler>,
     gathered: Vec<f64>,
     resampled: Vec<f64>,
 }
 
-/// Both ends of a crossing in the present window.
+/// Both ends of a bridge in the present window.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ends {
     pub from: Window,
@@ -33,13 +34,13 @@ pub(crate) struct Ends {
 }
 
 impl Ends {
-    /// The number, within the present window, of the first reader's tick at or after the writer's frame `k`.
+    /// Index in the present window of the reader's first tick at or after the writer's frame `k`.
     fn reader_at(&self, k: u64) -> usize {
         let tick = (k * self.from_period).div_ceil(self.to_period);
         (tick.saturating_sub(self.to.first) as usize).min(self.to.count)
     }
 
-    /// Number of the latest writer's frame at the reader's tick `j` of this window.
+    /// Number of the writer's latest frame at the reader's tick `j` of this window.
     fn writer_at(&self, j: usize) -> u64 {
         (self.to.first + j as u64) * self.to_period / self.from_period
     }
@@ -49,7 +50,7 @@ impl BridgeState {
     pub(crate) fn new(plan: &BridgePlan, from: Rate, to: Rate) -> Self {
         let width = plan.width;
         let resamplers = match plan.kind {
-            // A checked graph has no rates that cannot be joined.
+            // The check refuses rates that cannot be resampled.
             BridgeKind::Resample => (0..width).filter_map(|_| resampler(from, to).ok()).collect(),
             _ => Vec::new(),
         };
@@ -70,7 +71,7 @@ impl BridgeState {
         }
     }
 
-    /// Goes on for another crossing of the same kind, width and rates.
+    /// Copies the state of a bridge of the same kind, width and rates.
     pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.held.copy_from_slice(&other.held);
         self.sum.copy_from_slice(&other.sum);
@@ -80,7 +81,8 @@ impl BridgeState {
         }
     }
 
-    /// Frames `x` of the writer's window to frames `y` of the reader's; for runs, `y` is the whole list.
+    /// Converts the frames `x` of the writer's window to the frames `y` of the reader's; for runs, `y` is the whole
+    /// list.
     pub(crate) fn cross(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
         match self.kind {
             BridgeKind::Hold => self.hold(ends, x, y),
@@ -142,24 +144,24 @@ impl BridgeState {
 
     fn linear(&mut self, ends: &Ends, x: &[f64], y: &mut [f64]) {
         let width = self.width;
-        // The frames before this window, older first, then those of the window; frame -1 is taken as frame 0.
-        let frame = |held: &[f64], lane: usize, k: i64| -> f64 {
+        // Frame `k`, from this window or the two frames before it. Before the start, frame -1 equals frame 0.
+        let frame = |held: &[f64], component: usize, k: i64| -> f64 {
             let local = k - ends.from.first as i64;
             match local {
-                0.. => x[local as usize * width + lane],
-                _ if ends.from.first == 0 => x.get(lane).copied().unwrap_or(0.0),
-                -1 => held[width + lane],
-                _ => held[lane],
+                0.. => x[local as usize * width + component],
+                _ if ends.from.first == 0 => x.get(component).copied().unwrap_or(0.0),
+                -1 => held[width + component],
+                _ => held[component],
             }
         };
         for (j, out) in y.chunks_exact_mut(width).enumerate() {
             let k = ends.writer_at(j);
             let since = (ends.to.first + j as u64) * ends.to_period - k * ends.from_period;
             let fraction = since as f64 / ends.from_period as f64;
-            for (lane, out) in out.iter_mut().enumerate() {
+            for (component, out) in out.iter_mut().enumerate() {
                 let (a, b) = (
-                    frame(&self.held, lane, k as i64 - 1),
-                    frame(&self.held, lane, k as i64),
+                    frame(&self.held, component, k as i64 - 1),
+                    frame(&self.held, component, k as i64),
                 );
                 *out = a + (b - a) * fraction;
             }
@@ -214,13 +216,13 @@ impl BridgeState {
             return;
         }
         let (frames_in, frames_out) = (x.len() / width, y.len() / width);
-        for (lane, resampler) in self.resamplers.iter_mut().enumerate() {
+        for (component, resampler) in self.resamplers.iter_mut().enumerate() {
             for (gathered, frame) in self.gathered.iter_mut().zip(x.chunks_exact(width)) {
-                *gathered = frame[lane];
+                *gathered = frame[component];
             }
             resampler.process(&self.gathered[..frames_in], &mut self.resampled[..frames_out]);
             for (resampled, frame) in self.resampled.iter().zip(y.chunks_exact_mut(width)) {
-                frame[lane] = *resampled;
+                frame[component] = *resampled;
             }
         }
     }
@@ -241,7 +243,7 @@ fn fill(frames: &mut [f64], frame: &[f64]) {
     }
 }
 
-/// A declared delay: a ring of as many frames as it holds back.
+/// A declared delay: a ring buffer of its length.
 #[derive(Debug, Clone)]
 pub(crate) struct DelayState {
     pub(super) ring: Vec<f64>,
@@ -251,29 +253,29 @@ pub(crate) struct DelayState {
 
 impl DelayState {
     pub(crate) fn new(plan: &DelayPlan) -> Self {
-        let lanes = usize::try_from(plan.frames)
+        let components = usize::try_from(plan.frames)
             .unwrap_or(usize::MAX)
             .saturating_mul(plan.width);
         Self {
-            ring: touched(vec![plan.initial; lanes]),
+            ring: touched(vec![plan.initial; components]),
             width: plan.width,
             frames: plan.frames,
         }
     }
 
-    /// Goes on for another delay of as many frames of the same width.
+    /// Copies the state of a delay of the same length and width.
     pub(crate) fn copy_state_from(&mut self, other: &Self) {
         self.ring.copy_from_slice(&other.ring);
     }
 
-    /// The frames of `window`, late; at most as many as it holds back.
+    /// Reads the delayed frames of `window`, at most the length of the delay.
     pub(crate) fn read(&self, window: Window, y: &mut [f64]) {
         for (j, out) in y.chunks_exact_mut(self.width).enumerate() {
             out.copy_from_slice(&self.ring[self.at(window.first + j as u64)..][..self.width]);
         }
     }
 
-    /// Takes the frames of `window`.
+    /// Writes the frames of `window`.
     pub(crate) fn write(&mut self, window: Window, x: &[f64]) {
         for (j, frame) in x.chunks_exact(self.width).enumerate() {
             let at = self.at(window.first + j as u64);
@@ -281,7 +283,7 @@ impl DelayState {
         }
     }
 
-    /// Both at once, for a delay outside of any loop; windows of any length.
+    /// Reads and writes, for a delay outside of any loop and windows of any length.
     pub(crate) fn pass(&mut self, window: Window, x: &[f64], y: &mut [f64]) {
         for (j, (frame, out)) in x
             .chunks_exact(self.width)

@@ -1,9 +1,9 @@
-//! The side of a live run from which it is changed.
+//! The control side of a live run.
 
-use super::glide::{GLIDE_S, Glide};
 use super::meter::{Meters, Wake};
+use super::ramp::{PARAM_RAMP_S, ParamRamp};
 use super::rings::TapRings;
-use super::swap::{Change, Next};
+use super::swap::{Change, PlanSwap};
 use crate::graph::{LiveSetting, NodeId};
 use crate::plan::Plan;
 use rtrb::{Consumer, Producer};
@@ -11,66 +11,66 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Commands that may wait for the real-time side.
+/// Capacity of the command ring.
 pub(super) const COMMANDS: usize = 4096;
-/// How much more work a plan is frame by frame, as two run together, than in blocks of 64: the most of the shipped graphs
-/// (`haptograph bench --block 1` against `--block 64`). Steps count as alike.
+/// Cost of a plan frame by frame, as in a cross-fade, relative to blocks of 64: the largest ratio of the shipped graphs
+/// (`haptograph bench --block 1` against `--block 64`). All steps count as equal.
 const FRAME_BY_FRAME: f64 = 6.5;
 
-/// What the real-time side is told.
+/// A command to the real-time side.
 pub(super) enum Command {
-    Set(Glide),
-    Swap(Box<Next>),
+    Set(ParamRamp),
+    Swap(Box<PlanSwap>),
 }
 
-/// What the real-time side sends back.
+/// A report of the real-time side.
 pub(super) enum Report {
     Wake(Wake),
-    /// An old plan, to be freed where freeing is allowed.
-    Old(Box<Next>),
+    /// An old plan, for the control side to free.
+    Old(Box<PlanSwap>),
 }
 
-/// The other side of a live run.
+/// The control side of a live run.
 pub struct Control {
     stop: Arc<AtomicBool>,
     commands: Producer<Command>,
     reports: Consumer<Report>,
-    /// The plan that runs, or will when the last swap is done.
+    /// The running plan, or the one that will run after the last swap.
     plan: Arc<Plan>,
-    /// Its live settings as they were set last.
+    /// Its live settings with their last set values.
     settings: Vec<LiveSetting>,
     meters: Meters,
-    /// The plans that were put out of their places, and are not home yet: they may still drive what they drove.
+    /// Replaced plans that have not been returned yet: they may still drive their actuators.
     leaving: VecDeque<Arc<Plan>>,
-    /// Old plans that came home.
+    /// Number of replaced plans that have been freed.
     freed: u64,
 }
 
 /// Why a command was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ControlError {
-    /// The real-time side has not read its commands for a while.
-    #[error("the real-time side does not take commands: {COMMANDS} are waiting")]
+    /// The command ring is full.
+    #[error("the real-time side does not read its commands: {COMMANDS} are waiting")]
     Full,
     /// The new graph has another driver rate.
-    #[error("the driver's rate changed; that needs a restart of the run")]
+    #[error("the rate of the driver changed; start a new run")]
     OtherRate,
-    /// The node has no such setting, or it cannot change while the graph runs.
-    #[error("there is no live setting of that name")]
+    /// The node does not have the setting, or it is not live.
+    #[error("no live setting has that name")]
     NotLive,
-    /// The value is not one that the setting can have.
+    /// The value is out of the setting's range.
     #[error("choose a value from {0} to {1}")]
     OutOfRange(f64, f64),
-    /// It is NaN or infinite.
+    /// The value is NaN or infinite.
     #[error("choose a finite number")]
     NotFinite,
 }
 
-/// A plan that is ready to take over.
+/// A plan that is ready to replace the running one.
 pub(super) struct Prepared {
-    pub next: Box<Next>,
+    pub next: Box<PlanSwap>,
     plan: Arc<Plan>,
-    /// Its live settings as they will be, and those that glide there: their places, and where to.
+    /// Its live settings after the swap, and those that ramp: index and new value.
     settings: Vec<LiveSetting>,
     changes: Vec<(usize, f64)>,
 }
@@ -94,10 +94,10 @@ impl Control {
         }
     }
 
-    /// Sets a live setting of a node; it glides there within [`GLIDE_S`].
+    /// Sets a live setting of a node; it ramps to the value within [`PARAM_RAMP_S`].
     ///
     /// # Errors
-    /// [`ControlError`] if it is no live setting, cannot have that value, or the real-time side does not read.
+    /// [`ControlError`] if the setting is not live, the value is invalid, or the command ring is full.
     pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
         let place = self
             .settings
@@ -115,7 +115,7 @@ impl Control {
         self.set_at(place.ok_or(ControlError::NotLive)?, value)
     }
 
-    /// The live settings of the graph that runs, as they were set last.
+    /// The live settings of the running graph with their last set values.
     pub fn settings(&self) -> &[LiveSetting] {
         &self.settings
     }
@@ -130,38 +130,39 @@ impl Control {
         {
             return Err(ControlError::OutOfRange(low, high));
         }
-        let glide_s = if live.whole { 0.0 } else { GLIDE_S };
-        let glide = Glide {
+        let ramp_s = if live.whole { 0.0 } else { PARAM_RAMP_S };
+        let ramp = ParamRamp {
             place,
             from: live.value,
             to: value,
             begin: 0,
-            frames: (glide_s * self.plan.driver_rate().hz()).round() as u64,
+            frames: (ramp_s * self.plan.driver_rate().hz()).round() as u64,
         };
-        self.send(Command::Set(glide))?;
+        self.send(Command::Set(ramp))?;
         self.settings[place].value = value;
         Ok(())
     }
 
-    /// Fades out and stops, whatever else is under way.
+    /// Fades out and stops, also during a swap.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Puts a new plan in the place of the one that runs. The same graph goes on without changing a bit, and where
-    /// only live settings differ they glide to their new values. Into another graph it fades while both run, or where
-    /// they cannot, it falls to zero and the other rises from there; the state of the nodes that stayed is carried over.
-    /// What was set by hand stays set where the file still says the same.
+    /// Replaces the running plan.
+    ///
+    /// A plan of the same graph continues without changing a bit; live settings that differ ramp to their new values.
+    /// A plan of another graph cross-fades with the old one, or fades through zero if they cannot run together; nodes
+    /// that both have keep their state. Settings that were changed live keep their values unless the file changes
+    /// them too.
     ///
     /// # Errors
-    /// [`ControlError`] if the driver's rate differs or the real-time side does not read.
+    /// [`ControlError`] if the driver's rate differs or the command ring is full.
     pub fn swap(&mut self, plan: Arc<Plan>) -> Result<Change, ControlError> {
         let prepared = self.prepare(plan, TapRings::default())?;
         self.put(prepared)
     }
 
-    /// Lays out how a plan takes over. Nothing that runs knows of it yet; until something else is sent, [`Control::put`]
-    /// finds room for it.
+    /// Prepares a swap without starting it. [`Control::put`] finds room for its commands unless others are sent before.
     pub(super) fn prepare(&self, plan: Arc<Plan>, rings: TapRings) -> Result<Prepared, ControlError> {
         if plan.driver_rate() != self.plan.driver_rate() {
             return Err(ControlError::OtherRate);
@@ -169,7 +170,7 @@ impl Control {
         let mut settings = plan.live.clone();
         let mut changes = Vec::new();
         let name = |live: &LiveSetting| (live.path.clone(), live.field);
-        // As they were set, and as the file said before.
+        // The value set last, and the value in the old file.
         let both = self.settings.iter().zip(&self.plan.live);
         let known: HashMap<_, _> = both.map(|(was, written)| (name(was), (was, written))).collect();
         for (place, live) in settings.iter_mut().enumerate() {
@@ -196,8 +197,8 @@ impl Control {
         let load = self.meters.load(plan.driver_rate().hz());
         let more = plan.step_count() as f64 / self.plan.step_count().max(1) as f64;
         let has_time = FRAME_BY_FRAME * load * (1.0 + more) <= 1.0;
-        let mut next = Box::new(Next::new(&self.plan, Arc::clone(&plan), rings, has_time));
-        // It begins with what was set by hand, and what the file says otherwise glides from there.
+        let mut next = Box::new(PlanSwap::new(&self.plan, Arc::clone(&plan), rings, has_time));
+        // The new plan starts with the values set last; values that the file changes ramp from there.
         for (place, live) in settings.iter().enumerate() {
             next.run.set_live(place, live.value);
         }
@@ -209,7 +210,7 @@ impl Control {
         })
     }
 
-    /// Puts what was prepared in the place of the plan that runs.
+    /// Starts a prepared swap.
     pub(super) fn put(&mut self, prepared: Prepared) -> Result<Change, ControlError> {
         let Prepared {
             next,
@@ -229,26 +230,26 @@ impl Control {
         Ok(Change::of(mode, changes.len(), drives))
     }
 
-    /// The plan that runs, or will when the last swap is done.
+    /// The running plan, or the one that will run after the last swap.
     pub fn plan(&self) -> &Arc<Plan> {
         &self.plan
     }
 
-    /// The plans that may drive something now: the one that runs, or will, and those on their way out.
+    /// The plans that may drive actuators now: [`plan`](Self::plan) and those not returned yet.
     pub(super) fn plans(&self) -> impl Iterator<Item = &Plan> {
         std::iter::once(&self.plan)
             .chain(&self.leaving)
             .map(|plan| &**plan)
     }
 
-    /// Takes in what the real-time side reported since, frees what came home, and returns what was counted so far.
+    /// Receives the reports of the real-time side, frees replaced plans and returns the meters.
     pub fn poll(&mut self) -> &Meters {
         while let Ok(report) = self.reports.pop() {
             match report {
                 Report::Wake(wake) => self.meters.record(&wake),
                 Report::Old(old) => {
                     drop(old);
-                    // They come in the order in which they were put out of their places.
+                    // Plans return in the order in which they were replaced.
                     self.leaving.pop_front();
                     self.freed += 1;
                 }
@@ -257,12 +258,12 @@ impl Control {
         &self.meters
     }
 
-    /// What was counted by the last [`Control::poll`].
+    /// The meters as of the last [`Control::poll`].
     pub fn meters(&self) -> &Meters {
         &self.meters
     }
 
-    /// Old plans that came home to be freed.
+    /// Number of replaced plans that have been freed.
     pub fn freed(&self) -> u64 {
         self.freed
     }

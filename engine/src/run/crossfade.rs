@@ -1,38 +1,38 @@
-//! One plan that fades into another while both run, frame by frame of their driver.
+//! Cross-fade of two plans that run together frame by frame.
 //!
-//! The devices belong to the new plan from the beginning: each is moved once a tick, and both plans are given what it
-//! senses. What the old plan asks of an actuator is handed to the new one's sink, which mixes both ahead of the one
-//! limiter. So nothing is driven twice, and a loop through a body is closed by the mix.
+//! The new plan owns the devices from the start: each advances once per tick, and both plans read the same sensed
+//! values. The request of the old plan to an actuator goes to the new plan's sink, which mixes both before the one
+//! limiter. So no actuator is driven twice, and the mix closes loops through a body.
 
 use super::Run;
-use super::actuator::Role;
-use super::device::Part;
-use super::drive::Drive;
-use super::swap::Next;
+use super::actuator::CrossFadeRole;
+use super::device::Ownership;
+use super::fade::FadeGate;
+use super::swap::PlanSwap;
 use crate::limiter::Hottest;
 
-impl Next {
-    /// Puts the new plan in the place of the running one, to rise over it within `seconds`.
+impl PlanSwap {
+    /// Replaces the running plan; the new plan fades in within `seconds`.
     pub(super) fn cross_fade(&mut self, running: &mut Run, seconds: f64, hottest: &Hottest) {
         self.take_over(running, hottest);
         let (begin, end) = running.fade_span(seconds);
         let (old, new) = (&mut self.run.state, &mut running.state);
         for (from, to) in &self.devices {
-            old.devices[*from].part = Part::Follows;
-            new.devices[*to].part = Part::Leads;
+            old.devices[*from].ownership = Ownership::Shadow;
+            new.devices[*to].ownership = Ownership::Primary;
         }
-        let rise = Drive::Rising { begin, end };
+        let rise = FadeGate::Rising { begin, end };
         for actuator in &mut new.actuators {
-            actuator.role = Role::Mixes([0.0; 6], rise);
+            actuator.role = CrossFadeRole::Mixer([0.0; 6], rise);
         }
         for (from, to) in &self.drives {
             let (from, to) = (&mut old.actuators[*from], &mut new.actuators[*to]);
             to.limiter.begin_from(&from.limiter.output());
-            from.role = Role::Asks([0.0; 6]);
+            from.role = CrossFadeRole::Outgoing([0.0; 6]);
         }
     }
 
-    /// Runs both plans for a driver frame; is the old one done?
+    /// Runs both plans for a driver frame. Returns whether the cross-fade is over.
     pub(super) fn run_together(&mut self, new: &mut Run) -> bool {
         let old = &mut self.run;
         old.state.windows.next_block(1);
@@ -46,9 +46,9 @@ impl Next {
         }
         old.steps(0..old.plan.steps.len());
         for (from, to) in &self.drives {
-            let asked = old.state.actuators[*from].role.asked();
-            let is_number = new.state.actuators[*to].role.mix_in(asked);
-            new.state.faults.ticks += u64::from(!is_number);
+            let outgoing = old.state.actuators[*from].role.outgoing();
+            let is_finite = new.state.actuators[*to].role.mix_in(outgoing);
+            new.state.faults.ticks += u64::from(!is_finite);
         }
         new.steps(0..new.plan.steps.len());
         let time = new.state.windows.block().1;
@@ -61,11 +61,11 @@ impl Next {
             new.state
                 .actuators
                 .iter_mut()
-                .for_each(|actuator| actuator.role = Role::Alone);
+                .for_each(|actuator| actuator.role = CrossFadeRole::Single);
             new.state
                 .devices
                 .iter_mut()
-                .for_each(|device| device.part = Part::Alone);
+                .for_each(|device| device.ownership = Ownership::Exclusive);
         }
         over
     }

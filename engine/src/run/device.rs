@@ -5,32 +5,32 @@ use crate::device::Device;
 use crate::plan::DevicePlan;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// A device as it is, and what it was given.
+/// State of a device in a run.
 pub(super) struct DeviceState {
     pub device: Box<dyn Device>,
     started: bool,
-    /// What each of the plan's writes gave it last.
+    /// Last frame of each of the plan's writes.
     pub written: Vec<[f64; 6]>,
-    /// It panicked on the way down, and is driven no more.
+    /// Whether it panicked during the ramp to zero. It then receives no further output.
     pub lost: bool,
-    pub part: Part,
-    /// What each of the plan's reads is given at this tick, where the device is not this plan's alone.
+    pub ownership: Ownership,
+    /// Frame of each of the plan's reads at this tick, while two plans share the device.
     sensed: Vec<Box<[f64]>>,
-    /// Where what it senses is kept, of a live input.
+    /// Replay log of a live input.
     pub log: Option<InputLog>,
-    /// What it senses in its place, in a replay.
+    /// Replayed values of a live input.
     pub script: Option<InputScript>,
 }
 
-/// Whose the device is.
+/// Which plan owns a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
-    /// Its one plan's.
-    Alone,
-    /// This plan's, but it was moved and read beforehand, for another plan too.
-    Leads,
-    /// Another plan's: this one is given what it senses, and does not drive it.
-    Follows,
+pub(super) enum Ownership {
+    /// This plan, which is the only one.
+    Exclusive,
+    /// This plan, which shares the sensed values with another plan.
+    Primary,
+    /// Another plan: this one reads the shared values and does not drive the device.
+    Shadow,
 }
 
 impl DeviceState {
@@ -40,7 +40,7 @@ impl DeviceState {
             started: false,
             written: vec![[0.0; 6]; plan.writes.len()],
             lost: false,
-            part: Part::Alone,
+            ownership: Ownership::Exclusive,
             sensed: plan
                 .reads
                 .iter()
@@ -51,7 +51,7 @@ impl DeviceState {
         }
     }
 
-    /// The device goes on here, with what it was given last. Which place is which channel's is the plan's.
+    /// Takes over the device and its last frames, matched by channel.
     pub(super) fn take_over(&mut self, other: &mut Self, other_plan: &DevicePlan, plan: &DevicePlan) {
         std::mem::swap(&mut self.device, &mut other.device);
         (self.started, self.lost) = (other.started, other.lost);
@@ -63,53 +63,48 @@ impl DeviceState {
         }
     }
 
-    /// Moves the device to its next tick and keeps what it senses, for this plan and for the one that follows.
-    pub(super) fn sense_for_both(
-        &mut self,
-        plan: &DevicePlan,
-        follower: &mut Self,
-        follower_plan: &DevicePlan,
-    ) {
+    /// Advances the device by a tick and reads it for this plan and for the shadow plan.
+    pub(super) fn sense_for_both(&mut self, plan: &DevicePlan, shadow: &mut Self, shadow_plan: &DevicePlan) {
         self.advance();
-        for ((.., channel), lanes) in plan.reads.iter().zip(&mut self.sensed) {
-            self.device.read(*channel, lanes);
+        for ((.., channel), components) in plan.reads.iter().zip(&mut self.sensed) {
+            self.device.read(*channel, components);
         }
-        for ((.., channel), lanes) in follower_plan.reads.iter().zip(&mut follower.sensed) {
+        for ((.., channel), components) in shadow_plan.reads.iter().zip(&mut shadow.sensed) {
             match plan.reads.iter().position(|(.., known)| known == channel) {
-                // Read once: to read may be to take.
-                Some(known) => lanes.copy_from_slice(&self.sensed[known]),
-                None => self.device.read(*channel, lanes),
+                // Read once: reading can consume a value.
+                Some(known) => components.copy_from_slice(&self.sensed[known]),
+                None => self.device.read(*channel, components),
             }
         }
     }
 
-    /// Fills one frame of the plan's read number `read`, of `channel`.
+    /// Fills a frame of the plan's read number `read`, of `channel`.
     pub(super) fn read(&mut self, read: usize, channel: usize, frame: &mut [f64]) {
-        match (&mut self.script, self.part) {
+        match (&mut self.script, self.ownership) {
             (Some(script), _) => script.read(frame),
-            (None, Part::Alone) => self.device.read(channel, frame),
-            (None, Part::Leads | Part::Follows) => frame.copy_from_slice(&self.sensed[read]),
+            (None, Ownership::Exclusive) => self.device.read(channel, frame),
+            (None, Ownership::Primary | Ownership::Shadow) => frame.copy_from_slice(&self.sensed[read]),
         }
         if let Some(log) = &mut self.log {
             log.note(frame);
         }
     }
 
-    /// All that the plan reads at this tick was read.
+    /// Ends the reads of a tick.
     pub(super) fn end_tick(&mut self) {
         if let Some(log) = &mut self.log {
             log.end_tick();
         }
     }
 
-    /// Moves the body to the plan's next tick, if nobody else did.
-    pub(super) fn advance_alone(&mut self) {
-        if self.part == Part::Alone {
+    /// Advances the device by a tick, unless two plans share it.
+    pub(super) fn advance_unless_shared(&mut self) {
+        if self.ownership == Ownership::Exclusive {
             self.advance();
         }
     }
 
-    /// Moves the body to the next tick; at tick 0 it is where it was built.
+    /// Advances the device by a tick; the first call leaves it in its initial state.
     pub(super) fn advance(&mut self) {
         match &mut self.script {
             Some(script) => script.advance(),
@@ -119,7 +114,7 @@ impl DeviceState {
         self.started = true;
     }
 
-    /// Does something with the device, outside the plan, unless it has panicked at that.
+    /// Calls `work` with the device and catches panics; skips a lost device.
     pub(super) fn unless_lost(&mut self, work: impl FnOnce(&mut Self)) {
         if !self.lost {
             self.lost = catch_unwind(AssertUnwindSafe(|| work(self))).is_err();

@@ -1,33 +1,33 @@
-//! Signals that are not numbers, and the nodes that they come from.
+//! NaN and infinity in signals, and the nodes that they come from.
 
 use super::program::Line;
 use super::window::{Window, range_of};
 use crate::io::Placing;
 use std::sync::Arc;
 
-/// What was seen of signals that are not numbers.
+/// NaN and infinity at actuators.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Faults {
-    /// Ticks at which an actuator was given NaN or infinity, which asks for zero.
+    /// Ticks in which an actuator received NaN or infinity. Its request is then zero.
     pub ticks: u64,
-    /// Path of the first node found to put one out. It may be gone from the graph by now.
+    /// Path of the first node whose output was NaN or infinite. The graph may not have it any more.
     pub origin: Option<Arc<str>>,
-    /// The next steps are watched to find the origin.
-    pub(super) watching: bool,
+    /// Whether the outputs of steps are checked to find the origin.
+    pub(super) tracing: bool,
 }
 
 impl Faults {
-    /// Of several drivers.
+    /// Combines the faults of several drivers.
     pub(super) fn of(all: impl Iterator<Item = Self>) -> Self {
         all.fold(Self::default(), |sum, one| Self {
             ticks: sum.ticks + one.ticks,
             origin: sum.origin.or(one.origin),
-            watching: false,
+            tracing: false,
         })
     }
 
-    /// After an actuator was given something that is not a number: is this step where it comes from?
-    pub(super) fn watch(&mut self, line: &Line, out: &[f64], window: Window) {
+    /// Records this step as the origin if its output is NaN or infinite.
+    pub(super) fn trace_origin(&mut self, line: &Line, out: &[f64], window: Window) {
         let bad = |placing: &Placing| {
             !out[range_of(placing.start, placing.width, window)]
                 .iter()
@@ -35,7 +35,7 @@ impl Faults {
         };
         if self.origin.is_none() && line.outputs.iter().any(bad) {
             self.origin = Some(Arc::clone(&line.path));
-            self.watching = false;
+            self.tracing = false;
         }
     }
 }

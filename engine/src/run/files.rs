@@ -1,18 +1,18 @@
-//! The files of an offline run, written as its drivers go.
+//! The files of an offline run.
 
 use super::Run;
-use super::outlets::{WriteError, Written};
+use super::file_sinks::{WriteError, WrittenFile};
 use crate::plan::Plan;
 
-/// The writers of a run, and where each of their streams is tapped.
+/// The writers of a run and the taps of their streams.
 pub(super) struct Files {
-    written: Vec<Written>,
-    /// By driver and by tap: its place in that driver's plan.
+    written: Vec<WrittenFile>,
+    /// By driver and tap: index of the tap in that driver's plan.
     places: Vec<Vec<Option<usize>>>,
 }
 
 impl Files {
-    pub(super) fn new<'p>(written: Vec<Written>, plans: impl Iterator<Item = &'p Plan>) -> Self {
+    pub(super) fn new<'p>(written: Vec<WrittenFile>, plans: impl Iterator<Item = &'p Plan>) -> Self {
         let taps = written.iter().flat_map(|written| &written.taps).max();
         let count = taps.map_or(0, |last| last + 1);
         let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
@@ -23,7 +23,7 @@ impl Files {
         }
     }
 
-    /// Writes the block that a driver ran last.
+    /// Writes the last block of a driver.
     pub(super) fn write(&mut self, driver: usize, run: &Run) -> Result<(), WriteError> {
         for written in &mut self.written {
             let Some(writer) = &mut written.writer else {

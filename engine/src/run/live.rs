@@ -1,16 +1,16 @@
-//! A plan that runs against a clock, and is changed while it runs.
+//! Live runs: plans that run against a clock and can be changed while they run.
 //!
 //! The real-time side is [`Live`]: a driver calls [`Live::callback`] with the frames that are due. The other side is
-//! [`Control`]. Between them are rings only: commands one way, reports and what is to be freed the other. Architecture
-//! invariant: nothing is allocated, freed or locked in a callback.
+//! [`Control`]. Rings connect them: commands one way; reports and plans to be freed the other. Invariant: a callback
+//! does not allocate, free or lock.
 
 use super::arrivals::ArrivalLog;
 use super::control::{COMMANDS, Command, Control, Report};
-use super::drive::Drive;
-use super::glide::Glides;
+use super::fade::FadeGate;
 use super::meter::Wake;
+use super::ramp::ParamRamps;
 use super::rings::TapRings;
-use super::swap::{Next, SwapMode};
+use super::swap::{PlanSwap, SwapMode};
 use super::{ActuatorReport, Faults, Run};
 use crate::device::Device;
 use crate::limiter::Hottest;
@@ -20,55 +20,55 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// How long outputs take from nothing to everything and back, unless told otherwise.
+/// Duration of a fade in or out, s.
 pub const FADE_S: f64 = 0.01;
 const REPORTS: usize = 4096;
 /// The real-time side of a live run.
 pub struct Live {
     run: Run,
-    /// Takes over when no setting is on its way, or when the fade has reached zero.
-    next: Option<Box<Next>>,
-    /// The plan before, while this one rises over it.
-    former: Option<Box<Next>>,
-    /// Looked at in every callback: a stop waits for nobody.
+    /// The next plan. It takes over when no setting ramps, or when the fade has reached zero.
+    next: Option<Box<PlanSwap>>,
+    /// The former plan during a cross-fade.
+    former: Option<Box<PlanSwap>>,
+    /// Polled in every callback, so that a stop takes effect at once.
     stop: Arc<AtomicBool>,
     stopping: bool,
     state: LiveState,
     /// Driver frames run by the plan, and after how many it ends.
     frames: u64,
     ends_after: Option<u64>,
-    /// Of those, after how many it looks again whether its live inputs are heard; 0: in every callback.
+    /// Interval in driver frames at which it checks whether its live inputs are silent; 0: in every callback.
     follows_every: u64,
-    glides: Glides,
+    ramps: ParamRamps,
     rings: TapRings,
-    /// Where what it sees of its rings is kept.
+    /// Replay log of the callbacks.
     log: Option<ArrivalLog>,
     commands: Consumer<Command>,
     reports: Producer<Report>,
     unreported: u64,
-    /// What the actuators that left the run were given.
+    /// Heat of the actuators that left the run.
     hottest: Arc<Hottest>,
 }
 
-/// What a live run is doing.
+/// State of a live run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LiveState {
     /// Running.
     Running,
-    /// Faded out after a stop; nothing more will come.
+    /// Stopped after the fade-out.
     Stopped,
-    /// Its time is over; the actuators were taken to zero and stay there.
+    /// Its duration is over; the actuators ramp to zero and stay there.
     Finished,
-    /// A node panicked; the actuators were taken to zero and stay there.
+    /// A node panicked; the actuators ramp to zero and stay there.
     Panicked,
 }
 
-/// Both sides of a live run of `plan`. It begins as it does offline, so that the samples are the same.
+/// Makes both sides of a live run of `plan`. It starts without a fade, so that its samples equal an offline run's.
 pub fn live(plan: Arc<Plan>) -> (Live, Control) {
     live_until(plan, Arc::default())
 }
 
-/// The same, with the flag that stops it.
+/// As [`live`], with the flag that stops it.
 pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Control) {
     let (command_in, command_out) = RingBuffer::new(COMMANDS);
     let (report_in, report_out) = RingBuffer::new(REPORTS);
@@ -82,7 +82,7 @@ pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Contr
         frames: 0,
         ends_after: None,
         follows_every: 0,
-        glides: Glides::with_room_for(COMMANDS),
+        ramps: ParamRamps::with_room_for(COMMANDS),
         rings: TapRings::default(),
         log: None,
         commands: command_out,
@@ -95,13 +95,13 @@ pub(super) fn live_until(plan: Arc<Plan>, stop: Arc<AtomicBool>) -> (Live, Contr
 }
 
 impl Live {
-    /// Runs `frames` driver frames, in blocks of at most the plan's; `each` sees every block when it is done.
+    /// Runs `frames` driver frames in blocks of at most the plan's block; calls `each` after every block.
     ///
-    /// A panic in a node ends here, in whatever it was asked to do: the actuators are taken to zero by the engine
-    /// itself, outside the plan. A device that panics even then is driven no more.
+    /// Catches a panic of a node: the engine then ramps the actuators to zero, outside the plan. A device that panics
+    /// during this ramp receives no further output.
     pub fn callback(&mut self, frames: usize, mut each: impl FnMut(&mut Run, usize)) {
         let done = self.frames;
-        // The plan's state may be half-way through a tick afterwards; it is never run again.
+        // A panic can leave the plan's state inconsistent: the plan does not run again.
         if catch_unwind(AssertUnwindSafe(|| self.run_plan(frames, &mut each))).is_err() {
             self.state = LiveState::Panicked;
         }
@@ -109,7 +109,7 @@ impl Live {
             let left = frames - (self.frames - done) as usize;
             self.run.ramp_down(left, FADE_S);
         } else if self.state == LiveState::Stopped && self.frames > done {
-            // It stopped within this callback: the rest of it is zeros, so that nothing is shifted.
+            // It stopped within this callback: the rest is zeros, so that the frame count stays right.
             self.run.ramp_down(frames - (self.frames - done) as usize, FADE_S);
         }
         self.run.publish_delivered();
@@ -124,14 +124,14 @@ impl Live {
         if self.state != LiveState::Running {
             return;
         }
-        self.run.look();
-        // A page has neither devices of a system nor its clock.
+        self.run.poll_rings();
+        // WebAssembly has neither system devices nor a system clock.
         #[cfg(not(target_family = "wasm"))]
-        self.run.look_at_devices(std::time::Instant::now());
+        self.run.poll_devices(std::time::Instant::now());
         if self.frames == 0 {
             self.run.begin_devices();
-            // What was heard before the first frame is let through at once.
-            self.run.meet_inputs();
+            // Inputs heard before the first frame open their gates at once.
+            self.run.init_gates();
         }
         if self.follows_every == 0 || self.frames.is_multiple_of(self.follows_every) {
             self.run.follow_inputs(FADE_S);
@@ -154,7 +154,7 @@ impl Live {
         }
     }
 
-    /// Runs up to `block` frames, and says how many.
+    /// Runs up to `block` frames and returns how many.
     fn advance(&mut self, block: usize) -> usize {
         let Some(former) = &mut self.former else {
             self.run.advance(block);
@@ -168,10 +168,10 @@ impl Live {
         1
     }
 
-    /// Frames that may be run now; none when the time is over.
+    /// Frames that may run now; 0 at the end of the run.
     fn block_now(&mut self) -> usize {
         let rate_hz = self.run.plan.driver_rate().hz();
-        let block = self.run.plan.block.min(self.glides.step(&mut self.run, rate_hz));
+        let block = self.run.plan.block.min(self.ramps.step(&mut self.run, rate_hz));
         let left = self
             .ends_after
             .map_or(u64::MAX, |end| end.saturating_sub(self.frames));
@@ -181,17 +181,17 @@ impl Live {
         block.min(usize::try_from(left).unwrap_or(usize::MAX))
     }
 
-    /// Looks whether its live inputs are heard at every multiple of so many driver frames, not in every callback.
+    /// Checks for silent live inputs at multiples of `frames` driver frames instead of in every callback.
     pub(crate) fn follow_inputs_every(&mut self, frames: u64) {
         self.follows_every = frames;
     }
 
-    /// Ends after so many driver frames from the start.
+    /// Sets the end of the run, in driver frames from the start.
     pub fn end_after(&mut self, frames: u64) {
         self.ends_after = Some(frames);
     }
 
-    /// Of several drivers: an actuator may leave one and come to another.
+    /// Shares the heat of removed actuators with the other drivers: an actuator can move between drivers.
     pub(super) fn share_heat(&mut self, hottest: Arc<Hottest>) {
         self.hottest = hottest;
     }
@@ -204,7 +204,7 @@ impl Live {
         self.log = Some(log);
     }
 
-    /// Callbacks at the end that are missing in what a replay goes by.
+    /// Callbacks missing at the end of the replay log.
     pub fn lost_arrivals(&self) -> u64 {
         self.log.as_ref().map_or(0, ArrivalLog::lost)
     }
@@ -213,7 +213,7 @@ impl Live {
         &mut self.run
     }
 
-    /// Numbers of tapped outputs that found no room on their way to the files.
+    /// Numbers of tapped outputs lost because their rings were full.
     pub fn lost_numbers(&self) -> u64 {
         self.rings.lost()
     }
@@ -223,8 +223,8 @@ impl Live {
         self.frames
     }
 
-    /// Has everything ended, and is nothing driven any more?
-    pub fn is_at_rest(&self) -> bool {
+    /// Whether the run has ended and every actuator is at zero.
+    pub fn is_idle(&self) -> bool {
         match self.state {
             LiveState::Running => false,
             LiveState::Stopped => true,
@@ -232,68 +232,68 @@ impl Live {
         }
     }
 
-    /// Reports a wake-up; what finds no room is counted.
+    /// Reports a wake-up; counts it as unreported if the ring is full.
     pub fn report(&mut self, wake: Wake) {
         self.unreported += u64::from(self.reports.push(Report::Wake(wake)).is_err());
     }
 
-    /// What the run is doing.
+    /// State of the run.
     pub fn state(&self) -> LiveState {
         self.state
     }
 
-    /// Reports that found no room.
+    /// Number of reports lost because the ring was full.
     pub fn unreported(&self) -> u64 {
         self.unreported
     }
 
-    /// Driver frames of the longest block.
+    /// Length of the longest block in driver frames.
     pub fn block(&self) -> usize {
         self.run.plan.block
     }
 
-    /// The devices, for the driver that some of them belong to.
+    /// The devices, for the driver that owns some of them.
     pub fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
         self.run.devices_mut()
     }
 
-    /// Lets the outputs rise from nothing again: time stood still, as the driver was away.
+    /// Fades in again after an interruption of the driver, during which time stood still.
     pub fn resume(&mut self) {
         if self.state == LiveState::Running {
-            self.run.go_on_from_nothing(FADE_S);
+            self.run.restart_from_zero(FADE_S);
         }
     }
 
-    /// The run, for what is asked when it is over.
+    /// The run.
     pub fn run(&self) -> &Run {
         &self.run
     }
 
-    /// What was seen of signals that are not numbers.
+    /// NaN and infinity at actuators so far.
     pub fn faults(&self) -> Faults {
         self.run.faults()
     }
 
-    /// What each actuator sink held back.
+    /// Limiter counts of each actuator sink.
     pub fn actuators(&self) -> impl Iterator<Item = ActuatorReport> {
         self.run.actuators()
     }
 
     fn take_commands(&mut self) {
-        // A swap waits for the one before it, and so do the commands after it.
+        // A swap and the commands after it wait for the swap before.
         while self.next.is_none() {
             if self.former.is_some() && matches!(self.commands.peek(), Ok(Command::Swap(_))) {
                 break;
             }
             match self.commands.pop() {
-                Ok(Command::Set(glide)) => {
+                Ok(Command::Set(ramp)) => {
                     if let Some(log) = &mut self.log {
-                        log.set(self.run.driver_frames(), &glide);
+                        log.set(self.run.driver_frames(), &ramp);
                     }
-                    self.glides.start(glide, &mut self.run);
+                    self.ramps.start(ramp, &mut self.run);
                 }
                 Ok(Command::Swap(mut next)) if next.mode == SwapMode::InPlace => {
-                    next.take_over_everything(&mut self.run);
+                    next.take_over_in_place(&mut self.run);
                     next.rings.take_over(&mut self.rings);
                     self.retire(next);
                 }
@@ -311,10 +311,10 @@ impl Live {
         }
     }
 
-    /// Puts the next plan in the place of this one, or stops, when it is time to.
+    /// Starts the pending swap or stops, when the present ramps and fades have ended.
     fn change_over(&mut self) {
         if !self.stopping
-            && self.glides.is_empty()
+            && self.ramps.is_empty()
             && let Some(mut next) = self.next.take_if(|next| next.mode == SwapMode::CrossFade)
         {
             next.cross_fade(&mut self.run, FADE_S, &self.hottest);
@@ -327,7 +327,7 @@ impl Live {
         if self.stopping {
             self.state = LiveState::Stopped;
         } else if let Some(mut next) = self.next.take() {
-            self.glides.arrive(&mut self.run);
+            self.ramps.finish(&mut self.run);
             next.take_over(&mut self.run, &self.hottest);
             next.rings.take_over(&mut self.rings);
             self.run.fade_in(FADE_S);
@@ -335,10 +335,10 @@ impl Live {
         }
     }
 
-    /// Sends an old plan home. The ring has room for many more than can be under way.
-    fn retire(&mut self, old: Box<Next>) {
+    /// Returns an old plan to the control side, which frees it. The ring has room for more than can be pending.
+    fn retire(&mut self, old: Box<PlanSwap>) {
         if let Err(rtrb::PushError::Full(Report::Old(old))) = self.reports.push(Report::Old(old)) {
-            // Not freed here: freeing is not for this thread. It is leaked, once, and counted.
+            // This thread must not free: the plan is leaked and counted.
             std::mem::forget(old);
             self.unreported += 1;
         }
@@ -346,27 +346,27 @@ impl Live {
 }
 
 impl Run {
-    /// Lets the outputs rise from nothing, from now on.
+    /// Starts a fade-in from zero.
     pub(crate) fn fade_in(&mut self, seconds: f64) {
         let (begin, end) = self.fade_span(seconds);
-        self.state.drive = Drive::Rising { begin, end };
+        self.state.fade = FadeGate::Rising { begin, end };
     }
 
-    /// Lets the outputs fall to nothing, from now on and from where they are.
+    /// Starts a fade-out from the present factor.
     pub(crate) fn fade_out(&mut self, seconds: f64) {
-        if !matches!(self.state.drive, Drive::Falling { .. }) {
+        if !matches!(self.state.fade, FadeGate::Falling { .. }) {
             let (begin, end) = self.fade_span(seconds);
-            let from = self.state.drive.factor(begin);
-            self.state.drive = Drive::Falling { begin, end, from };
+            let from = self.state.fade.factor(begin);
+            self.state.fade = FadeGate::Falling { begin, end, from };
         }
     }
 
-    /// After time stood still and nothing was driven: the outputs rise again, or stay at nothing if they were falling.
-    pub(crate) fn go_on_from_nothing(&mut self, seconds: f64) {
-        self.begin_at_rest();
-        if let Drive::Falling { .. } = self.state.drive {
+    /// Fades in after an interruption without output; if the outputs were fading out, they stay at zero.
+    pub(crate) fn restart_from_zero(&mut self, seconds: f64) {
+        self.reset_limiters();
+        if let FadeGate::Falling { .. } = self.state.fade {
             let (begin, end) = self.fade_span(0.0);
-            self.state.drive = Drive::Falling {
+            self.state.fade = FadeGate::Falling {
                 begin,
                 end,
                 from: 0.0,
@@ -376,9 +376,9 @@ impl Run {
         }
     }
 
-    /// Has a fade-out come to its end, as fast as the limits let it?
+    /// Whether a fade-out has ended. The limits may make it longer.
     pub(crate) fn is_silent(&self) -> bool {
-        self.state.drive.is_zero_from(self.state.windows.block().1) && self.rests()
+        self.state.fade.is_zero_from(self.state.windows.block().1) && self.is_idle()
     }
 
     pub(super) fn fade_span(&self, seconds: f64) -> (u64, u64) {

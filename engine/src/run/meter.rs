@@ -1,41 +1,41 @@
-//! How a live run keeps time: what each wake-up reports, and what is counted of it.
+//! Timing of a live run: reports of wake-ups, and counters of them.
 
 use crate::histogram::Histogram;
 use std::fmt;
 
-/// One wake-up of a driver, as the real-time thread reports it.
+/// Report of the real-time thread about a wake-up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Wake {
-    /// How late it began, ns.
+    /// Lateness of its start, ns.
     pub late_ns: u64,
-    /// How long its work took, ns.
+    /// Duration of its work, ns.
     pub work_ns: u64,
-    /// Driver frames it ran.
+    /// Driver frames that it ran.
     pub frames: u32,
-    /// Wake-ups that were lost before it because the machine stalled.
+    /// Wake-ups lost in a stall of the machine before it.
     pub lost: u32,
-    /// Did its work take longer than its frames last?
+    /// Whether its work took longer than its frames last.
     pub overrun: bool,
 }
 
-/// Everything that was counted of a live run.
+/// Timing counters of a live run.
 #[derive(Debug, Clone, Default)]
 pub struct Meters {
-    /// How late wake-ups began.
+    /// Lateness of wake-ups.
     pub lateness: Histogram,
-    /// How long their work took.
+    /// Duration of their work.
     pub work: Histogram,
-    /// Wake-ups.
+    /// Number of wake-ups.
     pub wakes: u64,
-    /// Driver frames.
+    /// Number of driver frames.
     pub frames: u64,
     /// Wake-ups whose work took longer than their frames last.
     pub overruns: u64,
-    /// Stalls of the machine, and the wake-ups lost in them.
+    /// Stalls of the machine.
     pub stalls: u64,
     /// Wake-ups lost in stalls.
     pub lost_wakes: u64,
-    /// Reports that found no room on their way here.
+    /// Reports lost because the report ring was full.
     pub unreported: u64,
 }
 
@@ -53,7 +53,7 @@ impl Meters {
 }
 
 impl Meters {
-    /// The part of the time between wake-ups that work took, exceeded by one in a hundred; 0 while nothing was counted.
+    /// Load: the 99 % quantile of the work as a fraction of the mean time between wake-ups; 0 before the first.
     pub fn load(&self, rate_hz: f64) -> f64 {
         let between_ns = self.frames as f64 / rate_hz / self.wakes.max(1) as f64 * 1e9;
         if between_ns > 0.0 {
@@ -63,7 +63,7 @@ impl Meters {
         }
     }
 
-    /// Counts what another driver's have counted.
+    /// Adds the counters of another driver.
     pub fn add(&mut self, other: &Self) {
         self.lateness.add(&other.lateness);
         self.work.add(&other.work);

@@ -1,24 +1,24 @@
-//! A plan that runs. [`Run::advance`] is real-time code: it does not allocate, lock, call the system or panic.
+//! Running plans. [`Run::advance`] is real-time code: it does not allocate, lock, make system calls or panic.
 
 mod actuator;
 mod arrivals;
+mod async_resampler;
 mod bridge;
 mod control;
 mod crossfade;
 mod device;
-mod drive;
+mod fade;
 mod fault;
+mod file_sinks;
 mod files;
-mod fleet;
-mod glide;
-mod link;
 mod live;
 mod meter;
 mod offline;
-mod outlets;
 mod profile;
 mod program;
+mod ramp;
 mod rings;
+mod runner;
 mod session;
 mod silence;
 mod swap;
@@ -31,16 +31,18 @@ pub use crate::joining::least_ring_latency_s;
 pub use crate::plan::RingSpec;
 pub use actuator::ActuatorReport;
 pub use arrivals::{ARRIVALS, ReplayBounds, ReplayError};
+pub use async_resampler::{
+    AsyncResamplerReader, AsyncResamplerWriter, DRY_FADE_S, RingCounts, RingMeter, async_resampler,
+};
 pub use control::{Control, ControlError};
 pub use fault::Faults;
-pub use fleet::Fleet;
-pub use glide::GLIDE_S;
-pub use link::{DRY_FADE_S, LinkReader, LinkWriter, RingCounts, RingMeter, link};
+pub use file_sinks::{FileSinks, Probe, WriteError};
 pub use live::{FADE_S, Live, LiveState, live};
 pub use meter::{Meters, Wake};
 pub use offline::{Offline, OfflineError, Outcome, RingReport};
-pub use outlets::{Outlets, Probe, WriteError};
 pub use profile::{Profile, StepCost};
+pub use ramp::PARAM_RAMP_S;
+pub use runner::Runner;
 pub use session::{ChangeError, Changed, LiveOptions, LiveOutcome, Session};
 pub use silence::{ActuatorLevel, ActuatorStatus, InputStatus};
 pub use swap::{Change, NoCrossFade};
@@ -54,8 +56,8 @@ use crate::plan::{Plan, StepWork};
 use actuator::ActuatorState;
 use bridge::{BridgeState, DelayState};
 use device::DeviceState;
-use drive::Drive;
-use profile::{Unwatched, Watch};
+use fade::FadeGate;
+use profile::{NoObserver, StepObserver};
 use program::{Program, SingleStep};
 use std::ops::Range;
 use std::sync::Arc;
@@ -73,39 +75,39 @@ pub struct Run {
     state: State,
 }
 
-/// Everything that moves; apart from the program, so that steps can borrow both.
+/// The mutable state. It is separate from the program so that steps can borrow both.
 struct State {
     windows: Windows,
-    /// The block's windows while an island narrows them.
+    /// Copy of the block's windows while an island narrows them.
     whole: Vec<Window>,
     memory: Memory,
     processors: Vec<Box<dyn Processor>>,
-    /// Of each processor, with its present settings.
+    /// Single-frame form of each processor with its present settings.
     singles: Vec<SingleStep>,
     devices: Vec<DeviceState>,
     actuators: Vec<ActuatorState>,
     bridges: Vec<BridgeState>,
     delays: Vec<DelayState>,
-    links: Links,
+    ring_ends: RingEnds,
     faults: Faults,
-    /// The sink that was given no number first.
-    struck: Option<NodeId>,
-    /// Which nodes may be blamed for that, by their indices; any, if it is empty.
-    suspects: Vec<bool>,
-    drive: Drive,
-    /// Driver frames since a panic, for the ramp to zero.
+    /// The first actuator sink that received NaN or infinity.
+    first_faulted_sink: Option<NodeId>,
+    /// Whether each node, by index, can be the origin of that fault; all can if it is empty.
+    upstream_candidates: Vec<bool>,
+    fade: FadeGate,
+    /// Driver frames of the ramp to zero after a panic.
     ramped: u64,
 }
 
-/// This run's ends of the rings that join it to others; none before they are joined.
+/// This run's ends of the rings to other drivers; `None` until they are connected.
 #[derive(Default)]
-struct Links {
-    writers: Vec<Option<LinkWriter>>,
-    readers: Vec<Option<LinkReader>>,
+struct RingEnds {
+    writers: Vec<Option<AsyncResamplerWriter>>,
+    readers: Vec<Option<AsyncResamplerReader>>,
 }
 
 impl Run {
-    /// Clones the plan's pristine state and allocates everything that running needs.
+    /// Clones the plan's initial state and allocates all memory that running needs.
     pub fn new(plan: Arc<Plan>) -> Self {
         let program = Program::new(&plan);
         let rate = |clock: u32| plan.rates[clock as usize];
@@ -130,18 +132,18 @@ impl Run {
             actuators: plan.actuators.iter().map(ActuatorState::new).collect(),
             bridges,
             delays: plan.delays.iter().map(DelayState::new).collect(),
-            links: Links {
+            ring_ends: RingEnds {
                 writers: plan.ring_writes.iter().map(|_| None).collect(),
                 readers: plan.ring_reads.iter().map(|_| None).collect(),
             },
             faults: Faults::default(),
-            struck: None,
-            suspects: Vec::new(),
-            drive: Drive::Full,
+            first_faulted_sink: None,
+            upstream_candidates: Vec::new(),
+            fade: FadeGate::Full,
             ramped: 0,
         };
         let mut run = Self { plan, program, state };
-        run.meet_inputs();
+        run.init_gates();
         run
     }
 
@@ -151,41 +153,41 @@ impl Run {
         self.steps(0..self.plan.steps.len());
     }
 
-    /// Looks at its rings: what has arrived by now is what the frames until the next look go by, however they are cut into
-    /// blocks.
-    pub fn look(&mut self) {
-        for writer in self.state.links.writers.iter_mut().flatten() {
-            writer.look();
+    /// Polls its rings. The frames until the next poll use what has arrived by now, whatever the block size.
+    pub fn poll_rings(&mut self) {
+        for writer in self.state.ring_ends.writers.iter_mut().flatten() {
+            writer.poll();
         }
-        for reader in self.state.links.readers.iter_mut().flatten() {
-            reader.look(reader.arrivals());
+        for reader in self.state.ring_ends.readers.iter_mut().flatten() {
+            reader.poll(reader.arrivals());
         }
     }
 
-    /// Lets its devices take what was queued for them before the first frame.
+    /// Lets the devices read what was queued before the first frame.
     pub(crate) fn begin_devices(&mut self) {
         for device in self.devices_mut() {
             device.begin();
         }
     }
 
-    /// Lets its devices look at what has arrived for them by `now`, which the frames until the next look go by.
+    /// Polls its devices. The frames until the next poll use what has arrived by `now`.
     #[cfg(not(target_family = "wasm"))]
-    pub(crate) fn look_at_devices(&mut self, now: Instant) {
+    pub(crate) fn poll_devices(&mut self, now: Instant) {
         for device in self.devices_mut() {
-            device.look(now);
+            device.poll(now);
         }
     }
 
-    /// The same as [`advance`](Self::advance), every step by itself, each told to `watch`.
-    fn advance_watched(&mut self, frames: usize, watch: &mut impl Watch) {
+    /// As [`advance`](Self::advance), but runs every step by itself and reports it to `observer`.
+    fn advance_observed(&mut self, frames: usize, observer: &mut impl StepObserver) {
         self.state.windows.next_block(frames.min(self.plan.block));
         self.state
-            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), watch);
+            .steps(&self.plan, &self.program, 0..self.plan.steps.len(), observer);
     }
 
     fn steps(&mut self, range: Range<usize>) {
-        self.state.steps(&self.plan, &self.program, range, &mut Unwatched);
+        self.state
+            .steps(&self.plan, &self.program, range, &mut NoObserver);
     }
 
     /// Driver frames run so far.
@@ -193,7 +195,7 @@ impl Run {
         self.state.windows.driver_frames()
     }
 
-    /// The frames of tap `index` in the block that was run last, lane by lane.
+    /// The frames of tap `index` in the last block, components interleaved.
     pub fn tap(&self, index: usize) -> &[f64] {
         let Some(tap) = self.program.taps.get(index) else {
             return &[];
@@ -211,7 +213,7 @@ impl Run {
         &mut self.state.memory.all_mut()[self.program.range(slot)]
     }
 
-    /// Sets one of the plan's live settings, by its place among them.
+    /// Sets a live setting by its index in the plan's list.
     fn set_live(&mut self, place: usize, value: f64) {
         let (Some(live), Some(works)) = (self.plan.live.get(place), self.program.of_live.get(place)) else {
             return;
@@ -221,19 +223,20 @@ impl Run {
         }
     }
 
-    /// Sets a live setting of a node, by the setting's place in the node's list.
+    /// Sets a live setting of a node by its index in the node's list of settings.
     pub fn set(&mut self, node: NodeId, setting: usize, value: f64) {
         for step in self.plan.steps.iter().filter(|step| step.node == node) {
             self.state.set(step.work, setting, value);
         }
     }
 
-    /// After a panic in a node: takes every actuator from what it was given last to zero within `seconds`, through its
-    /// limiter, without the plan. A device that panics now is driven no more; the others are.
+    /// Ramps every actuator from its last output to zero within `seconds`, through its limiter and without the plan.
+    ///
+    /// Used after a panic in a node. A device that panics here receives no further output; the others do.
     pub(crate) fn ramp_down(&mut self, frames: usize, seconds: f64) {
         let Self { plan, state, .. } = self;
         if state.ramped == 0 {
-            // The block that was not finished got as far as the limiters, perhaps, but not to the device.
+            // The limiters may have run in the unfinished block, but the device did not receive their output.
             for (plan_device, device) in plan.devices.iter().zip(&state.devices) {
                 for ((.., channel), written) in plan_device.writes.iter().zip(&device.written) {
                     let mut sinks = plan_device.driven_by.iter();
@@ -252,7 +255,7 @@ impl Run {
                 let Some((_, _, clock)) = plan_device.driven_by.first() else {
                     continue;
                 };
-                // Each tick takes the same part of what is left, and the last one before the end all of it.
+                // A straight line: each tick takes an equal share, the last one all that is left.
                 let tick_frames =
                     state.windows.period(*clock) as f64 / state.windows.period(plan.driver as u32) as f64;
                 let factor = if left < tick_frames {
@@ -265,7 +268,7 @@ impl Run {
                         let mut frame = [0.0; 6];
                         let actuator = &mut state.actuators[*actuator];
                         let width = actuator.limiter.ramp(factor, &mut frame);
-                        actuator.level.take(&frame[..width], width);
+                        actuator.level.measure(&frame[..width], width);
                         device.unless_lost(|device| device.device.write(*channel, &frame[..width]));
                     }
                     device.unless_lost(DeviceState::advance);
@@ -274,7 +277,7 @@ impl Run {
         }
     }
 
-    /// The devices that panicked when they were taken to zero.
+    /// Names of the devices that panicked during the ramp to zero.
     pub fn lost_devices(&self) -> impl Iterator<Item = &str> {
         let devices = self.plan.devices.iter().zip(&self.state.devices);
         devices
@@ -282,63 +285,63 @@ impl Run {
             .map(|(device, _)| &*device.name)
     }
 
-    /// Has that ramp come to its end, as fast as the limits let it?
+    /// Whether that ramp has ended. The limits may make it longer.
     pub(crate) fn is_ramped_down(&self, seconds: f64) -> bool {
-        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.rests()
+        self.state.ramped as f64 >= seconds * self.plan.driver_rate().hz() && self.is_idle()
     }
 
-    /// Was every actuator given zero last?
-    pub fn rests(&self) -> bool {
+    /// Whether the last output of every actuator was zero.
+    pub fn is_idle(&self) -> bool {
         self.state
             .actuators
             .iter()
-            .all(|actuator| actuator.limiter.rests())
+            .all(|actuator| actuator.limiter.is_idle())
     }
 
-    /// Lets the limiters of real actuators begin as warm as they allow: what drove these before is not known.
-    pub(crate) fn begin_unrested(&mut self) {
+    /// Starts the limiters of real actuators without heat reserve: what drove them before is unknown.
+    pub(crate) fn assume_thermally_saturated(&mut self) {
         let actuators = self.plan.actuators.iter().zip(&mut self.state.actuators);
         for (_, actuator) in actuators.filter(|(plan, _)| !plan.simulated) {
-            actuator.limiter.begin_unrested();
+            actuator.limiter.assume_thermally_saturated();
         }
     }
 
-    /// Paths of the actuator sinks that count a time of which nobody knows what drove their actuators.
+    /// Paths of the actuator sinks whose heat includes a time before the run, of unknown output.
     pub fn unrested(&self) -> impl Iterator<Item = &str> {
         let actuators = self.plan.actuators.iter().zip(&self.state.actuators);
-        let unrested = actuators.filter(|(_, actuator)| actuator.limiter.is_unrested());
+        let unrested = actuators.filter(|(_, actuator)| actuator.limiter.has_unknown_history());
         unrested.map(|(plan, _)| &*plan.path)
     }
 
-    /// Lets every limiter begin from zero, as nothing is driven.
-    pub(crate) fn begin_at_rest(&mut self) {
+    /// Sets the last output of every limiter to zero.
+    pub(crate) fn reset_limiters(&mut self) {
         for actuator in &mut self.state.actuators {
             actuator.limiter.begin_from(&[0.0; 6]);
         }
     }
 
-    /// The devices, in the order of the graph's.
+    /// The devices, in the order of the graph.
     pub fn devices_mut(&mut self) -> impl Iterator<Item = &mut (dyn Device + 'static)> {
         self.state.devices.iter_mut().map(|state| state.device.as_mut())
     }
 
-    /// Watches the processors of these nodes from now on for an output that is no number.
-    fn watch(&mut self, suspects: &[bool]) {
-        self.state.suspects = suspects.to_vec();
-        self.state.faults.watching = true;
+    /// Checks the outputs of these nodes' processors for NaN and infinity from now on.
+    fn trace_fault(&mut self, upstream_candidates: &[bool]) {
+        self.state.upstream_candidates = upstream_candidates.to_vec();
+        self.state.faults.tracing = true;
     }
 
-    /// The actuator sink that was given no number first.
-    fn struck(&self) -> Option<NodeId> {
-        self.state.struck
+    /// The first actuator sink that received NaN or infinity.
+    fn first_faulted_sink(&self) -> Option<NodeId> {
+        self.state.first_faulted_sink
     }
 
-    /// What was seen of signals that are not numbers.
+    /// NaN and infinity at actuators so far.
     pub fn faults(&self) -> Faults {
         self.state.faults.clone()
     }
 
-    /// What each actuator sink held back so far.
+    /// Limiter counts of each actuator sink so far.
     pub fn actuators(&self) -> impl Iterator<Item = ActuatorReport> {
         self.plan
             .actuators

@@ -1,9 +1,9 @@
-//! Running a plan as fast as the processor allows, its signals written to files.
+//! Offline runs: as fast as the processor allows, signals written to files.
 
 use super::arrivals::{Arrivals, ReplayBounds, ReplayError, check_graph, check_logs};
+use super::file_sinks::{FileSinks, WriteError};
 use super::files::Files;
-use super::fleet::Fleet;
-use super::outlets::{Outlets, WriteError};
+use super::runner::Runner;
 use super::{ActuatorReport, Faults, RingCounts, RingMeter, Run};
 use crate::graph::Graph;
 use crate::plan::{Life, Plan, PlanOptions, StepWork};
@@ -15,41 +15,41 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// An offline run that is being set up.
 pub struct Offline<'a> {
-    outlets: Outlets<'a>,
+    sinks: FileSinks<'a>,
     block: usize,
     threads: usize,
 }
 
-/// What a run did.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Driver frames run, by the first driver.
+    /// Frames of the first driver.
     pub driver_frames: u64,
-    /// The same in seconds.
+    /// Duration by the first driver, s.
     pub seconds: f64,
-    /// Was it stopped before its end?
+    /// Whether it was stopped before its end.
     pub stopped: bool,
-    /// What was seen of signals that are not numbers.
+    /// NaN and infinity at actuators.
     pub faults: Faults,
-    /// What each actuator sink held back.
+    /// Limiter counts of each actuator sink.
     pub actuators: Vec<ActuatorReport>,
-    /// What happened to the rings between its drivers.
+    /// Counters of the rings between its drivers.
     pub rings: Vec<RingReport>,
 }
 
-/// A ring between two drivers.
+/// Report of a ring between two drivers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RingReport {
     /// Output and input.
     pub name: String,
     /// The declared latency, s.
     pub latency_s: f64,
-    /// What was counted.
+    /// Its counters.
     pub counts: RingCounts,
 }
 
 impl RingReport {
-    /// What is known of it now.
+    /// Snapshot of a ring.
     pub fn of(meter: &RingMeter) -> Self {
         Self {
             name: meter.name.clone(),
@@ -65,37 +65,37 @@ pub enum OfflineError {
     /// A file could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// What is to be repeated cannot be.
+    /// The run cannot be replayed.
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    /// A worker thread ended early; only a panic in a node can do that.
+    /// A worker thread ended early: a node panicked.
     #[error("a worker thread ended early: a node panicked")]
     Worker,
 }
 
 impl<'a> Offline<'a> {
-    /// A run of a graph in blocks of `block` driver frames (0: the default), its outlets written.
-    pub fn new(outlets: Outlets<'a>, block: usize) -> Self {
+    /// A run of a graph in blocks of `block` driver frames (0: the default), its files written.
+    pub fn new(sinks: FileSinks<'a>, block: usize) -> Self {
         Self {
-            outlets,
+            sinks,
             block,
             threads: 1,
         }
     }
 
-    /// Spreads the plan over this many threads, a stretch of its steps each; the samples stay the same. A graph with
-    /// several drivers runs on one.
+    /// Spreads the steps of the plan over this many threads; the samples stay the same. A graph with several drivers
+    /// runs on one.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads.max(1);
         self
     }
 
-    /// Runs for `seconds`, until the data of a source end that ends the run, or until `stop` is set; `progress` is told the seconds done, now and then. All files are
-    /// complete afterwards, also when it was stopped.
+    /// Runs for `seconds`, until a source that stops the run has no more data, or until `stop` is set. Calls `progress`
+    /// with the seconds done. Completes all files, also when stopped.
     ///
     /// # Errors
-    /// [`OfflineError`] where a file cannot be written or a worker ended.
+    /// [`OfflineError`] if a file cannot be written or a node panicked.
     pub fn run(
         self,
         seconds: f64,
@@ -104,32 +104,31 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.outlets.taps,
+            taps: self.sinks.taps,
         };
-        let mut plans = Plan::of(self.outlets.graph, &options);
-        let mut files = Files::new(self.outlets.written, plans.iter());
-        let asked = Asked {
-            graph: self.outlets.graph,
+        let mut plans = Plan::of(self.sinks.graph, &options);
+        let mut files = Files::new(self.sinks.written, plans.iter());
+        let request = Request {
+            graph: self.sinks.graph,
             seconds,
             stop,
         };
         let outcome = match plans.len() {
-            1 => alone(plans.remove(0), self.threads, asked, &mut files, progress),
-            _ => together(plans, asked, &mut files, progress),
+            1 => run_single(plans.remove(0), self.threads, request, &mut files, progress),
+            _ => run_several(plans, request, &mut files, progress),
         };
-        // Also after a failure, such as a full disk: what was written stays and is complete up to there.
+        // Also after a failure, such as a full disk: the files are complete up to there.
         let finished = files.finish();
         let outcome = outcome?;
         finished?;
         Ok(outcome)
     }
 
-    /// Repeats a live run from what its drivers saw of their rings then, and what was set meanwhile, as it stands in
-    /// `folder`, with what its live inputs sensed: the same bits, up to where it ended or another graph took over. What
-    /// stands there is checked against `bounds` before anything runs.
+    /// Replays a live run from the log in `folder`, bit for bit, up to its end or a change of graph. Checks the log
+    /// against `bounds` first.
     ///
     /// # Errors
-    /// [`OfflineError`] where a file cannot be written, or what is in the folder is not of such a run of this graph.
+    /// [`OfflineError`] if a file cannot be written, or the log is not of a run of this graph within the bounds.
     pub fn replay(
         self,
         (folder, bounds): (&Path, &ReplayBounds),
@@ -138,14 +137,14 @@ impl<'a> Offline<'a> {
     ) -> Result<Outcome, OfflineError> {
         let options = PlanOptions {
             block: self.block,
-            taps: self.outlets.taps,
+            taps: self.sinks.taps,
         };
-        let plans: Vec<Arc<Plan>> = Plan::of(self.outlets.graph, &options)
+        let plans: Vec<Arc<Plan>> = Plan::of(self.sinks.graph, &options)
             .into_iter()
             .map(Arc::new)
             .collect();
-        let rested = check_graph(self.outlets.graph, folder)?;
-        let graph = self.outlets.graph;
+        let rested = check_graph(self.sinks.graph, folder)?;
+        let graph = self.sinks.graph;
         let goes_on = || !stop.load(Ordering::Relaxed);
         check_logs((graph, &plans), folder, bounds, &goes_on)?;
         let open = |(driver, plan): (usize, &Arc<Plan>)| Arrivals::open(plan, (folder, driver), bounds);
@@ -154,13 +153,16 @@ impl<'a> Offline<'a> {
             .enumerate()
             .map(open)
             .collect::<Result<Vec<_>, _>>()?;
-        let mut files = Files::new(self.outlets.written, plans.iter().map(Arc::as_ref));
-        let mut fleet = Fleet::new(&plans);
-        fleet.repeat_inputs((graph, &plans), folder, bounds)?;
+        let mut files = Files::new(self.sinks.written, plans.iter().map(Arc::as_ref));
+        let mut runner = Runner::new(&plans);
+        runner.repeat_inputs((graph, &plans), folder, bounds)?;
         if !rested {
-            fleet.runs_mut().iter_mut().for_each(Run::begin_unrested);
+            runner
+                .runs_mut()
+                .iter_mut()
+                .for_each(Run::assume_thermally_saturated);
         }
-        let played = fleet.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
+        let played = runner.replay(&mut scripts, goes_on, |driver, run| -> Result<(), OfflineError> {
             files.write(driver, run)?;
             if driver == 0 {
                 progress(run.driver_frames() as f64 / run.rate_hz());
@@ -171,27 +173,27 @@ impl<'a> Offline<'a> {
         played?;
         finished?;
         let stopped = stop.load(Ordering::Relaxed) && !scripts.iter().all(Arrivals::is_over);
-        Ok(outcome_of(&fleet, stopped))
+        Ok(outcome_of(&runner, stopped))
     }
 }
 
-/// What is run, for how long.
+/// A run of a graph for some time.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct Request<'a> {
     graph: &'a Graph,
     seconds: f64,
     stop: &'a AtomicBool,
 }
 
 /// Runs a graph with one driver.
-fn alone(
+fn run_single(
     plan: Plan,
     threads: usize,
-    asked: Asked<'_>,
+    request: Request<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
-    let Asked { graph, seconds, stop } = asked;
+    let Request { graph, seconds, stop } = request;
     let plan = Arc::new(plan);
     let rate_hz = plan.driver_rate().hz();
     let data = graph.frames_of_data(plan.driver_rate());
@@ -219,7 +221,7 @@ fn alone(
         _ => pipeline(&plan, &stages, &blocks, &mut after_block)?,
     };
     if faults.ticks > 0 {
-        faults.origin = Fleet::origin(graph, &[plan], seconds, stop);
+        faults.origin = Runner::origin(graph, &[plan], seconds, stop);
     }
     Ok(Outcome {
         driver_frames,
@@ -232,37 +234,37 @@ fn alone(
 }
 
 /// Runs a graph with several drivers.
-fn together(
+fn run_several(
     plans: Vec<Plan>,
-    asked: Asked<'_>,
+    request: Request<'_>,
     files: &mut Files,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Outcome, OfflineError> {
-    let Asked { graph, seconds, stop } = asked;
+    let Request { graph, seconds, stop } = request;
     let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
-    let mut fleet = Fleet::new(&plans)
+    let mut runner = Runner::new(&plans)
         .ending_after(seconds)
         .ending_with_data_of(graph);
-    while !fleet.is_over() && !stop.load(Ordering::Relaxed) {
-        fleet.round(|driver, run| files.write(driver, run))?;
-        progress(fleet.runs()[0].driver_frames() as f64 / fleet.runs()[0].rate_hz());
+    while !runner.is_over() && !stop.load(Ordering::Relaxed) {
+        runner.run_quantum(|driver, run| files.write(driver, run))?;
+        progress(runner.runs()[0].driver_frames() as f64 / runner.runs()[0].rate_hz());
     }
-    let mut outcome = outcome_of(&fleet, !fleet.is_over());
+    let mut outcome = outcome_of(&runner, !runner.is_over());
     if outcome.faults.ticks > 0 {
-        outcome.faults.origin = Fleet::origin(graph, &plans, seconds, stop);
+        outcome.faults.origin = Runner::origin(graph, &plans, seconds, stop);
     }
     Ok(outcome)
 }
 
-fn outcome_of(fleet: &Fleet, stopped: bool) -> Outcome {
-    let first = &fleet.runs()[0];
+fn outcome_of(runner: &Runner, stopped: bool) -> Outcome {
+    let first = &runner.runs()[0];
     Outcome {
         driver_frames: first.driver_frames(),
         seconds: first.driver_frames() as f64 / first.rate_hz(),
         stopped,
-        faults: Faults::of(fleet.runs().iter().map(Run::faults)),
-        actuators: fleet.runs().iter().flat_map(Run::actuators).collect(),
-        rings: fleet.rings().iter().map(|meter| RingReport::of(meter)).collect(),
+        faults: Faults::of(runner.runs().iter().map(Run::faults)),
+        actuators: runner.runs().iter().flat_map(Run::actuators).collect(),
+        rings: runner.rings().iter().map(|meter| RingReport::of(meter)).collect(),
     }
 }
 
@@ -273,14 +275,14 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Frames of the block that begins at `done`; none at the end or when stopped.
+    /// Length of the block that begins at `done`; `None` at the end or when stopped.
     fn after(&self, done: u64) -> Option<usize> {
         let left = self.total.saturating_sub(done);
         (left > 0 && !self.stop.load(Ordering::Relaxed)).then(|| left.min(self.block) as usize)
     }
 }
 
-/// The plan's steps in as many stretches of equal length as asked for, never through an island.
+/// Cuts the plan's steps into `threads` stages of equal length, never within an island.
 fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
     let mut starts = Vec::new();
     let mut number = 0;
@@ -297,13 +299,13 @@ fn cut(plan: &Plan, threads: usize) -> Vec<Range<usize>> {
     cuts.windows(2).map(|pair| pair[0]..pair[1]).collect()
 }
 
-/// A block on its way from one stage to the next: its frames, and the buffers that live across the cut.
-struct Parcel {
+/// A block between two stages: its length, and the buffers that live across the cut.
+struct StageBlock {
     frames: usize,
     buffers: Vec<Vec<f64>>,
 }
 
-/// Runs each stretch of steps on a thread of its own, blocks passing from one to the next.
+/// Runs each stage on a thread of its own; blocks pass from one stage to the next.
 fn pipeline(
     plan: &Arc<Plan>,
     stages: &[Range<usize>],
@@ -311,7 +313,7 @@ fn pipeline(
     after_block: &mut dyn FnMut(&Run) -> Result<(), OfflineError>,
 ) -> Result<(u64, Faults, Vec<ActuatorReport>), OfflineError> {
     std::thread::scope(|scope| {
-        let (first, mut incoming) = sync_channel::<Parcel>(2);
+        let (first, mut incoming) = sync_channel::<StageBlock>(2);
         let mut workers = Vec::new();
         let (last, earlier) = stages.split_last().ok_or(OfflineError::Worker)?;
         for stage in earlier {
@@ -323,7 +325,7 @@ fn pipeline(
             let mut done = 0;
             while let Some(frames) = blocks.after(done) {
                 if first
-                    .send(Parcel {
+                    .send(StageBlock {
                         frames,
                         buffers: Vec::new(),
                     })
@@ -336,8 +338,8 @@ fn pipeline(
         });
         let mut run = Run::new(Arc::clone(plan));
         let mut result = Ok(());
-        for parcel in incoming.iter() {
-            stage_block(&mut run, last, &parcel);
+        for block in incoming.iter() {
+            stage_block(&mut run, last, &block);
             result = after_block(&run);
             if result.is_err() {
                 break;
@@ -357,16 +359,16 @@ fn pipeline(
 fn work(
     plan: &Arc<Plan>,
     stage: &Range<usize>,
-    incoming: &Receiver<Parcel>,
-    outgoing: &SyncSender<Parcel>,
+    incoming: &Receiver<StageBlock>,
+    outgoing: &SyncSender<StageBlock>,
 ) -> Run {
     let mut run = Run::new(Arc::clone(plan));
-    for parcel in incoming {
-        stage_block(&mut run, stage, &parcel);
+    for block in incoming {
+        stage_block(&mut run, stage, &block);
         let buffers = crossing(plan, stage.end).map(|life| run.buffer(life.slot).to_vec());
         if outgoing
-            .send(Parcel {
-                frames: parcel.frames,
+            .send(StageBlock {
+                frames: block.frames,
                 buffers: buffers.collect(),
             })
             .is_err()
@@ -377,23 +379,23 @@ fn work(
     run
 }
 
-fn stage_block(run: &mut Run, stage: &Range<usize>, parcel: &Parcel) {
+fn stage_block(run: &mut Run, stage: &Range<usize>, block: &StageBlock) {
     let plan = Arc::clone(&run.plan);
-    for (life, content) in crossing(&plan, stage.start).zip(&parcel.buffers) {
+    for (life, content) in crossing(&plan, stage.start).zip(&block.buffers) {
         run.buffer_mut(life.slot).copy_from_slice(content);
     }
-    run.state.windows.next_block(parcel.frames);
+    run.state.windows.next_block(block.frames);
     run.steps(stage.clone());
 }
 
-/// The buffers that are written before a cut of the list and needed after it.
+/// The buffers that are written before a cut and needed after it.
 fn crossing(plan: &Plan, cut: usize) -> impl Iterator<Item = &Life> {
     plan.lives
         .iter()
         .filter(move |life| life.from < cut && life.to >= cut)
 }
 
-/// The whole run's outcome: of every actuator what its own stage saw.
+/// Merges the outcomes of the stages; each actuator's report comes from its own stage.
 fn merge(plan: &Plan, stages: &[Range<usize>], runs: &[Run]) -> (u64, Faults, Vec<ActuatorReport>) {
     let mut faults = Faults::default();
     let mut actuators: Vec<ActuatorReport> = Vec::new();

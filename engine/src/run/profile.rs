@@ -1,6 +1,6 @@
-//! What each step of running plans costs, by timing one round of theirs in many step by step.
+//! Cost of each step of running plans: of every so many quanta, one is timed step by step.
 
-use super::fleet::{Fleet, Work};
+use super::runner::{DriverTask, Runner};
 use crate::graph::NodeId;
 use crate::plan::{Plan, Step};
 use haptograph_signal::statistics::median;
@@ -8,79 +8,78 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Somebody who is told when a step is done.
-pub(super) trait Watch {
-    /// Is every step run by itself, and told of?
-    const APART: bool;
+/// Observer of finished steps.
+pub(super) trait StepObserver {
+    /// Whether every step runs by itself and is reported.
+    const STEPWISE: bool;
 
-    /// Step `number` has run `ticks` of its clock.
-    fn done(&mut self, number: usize, ticks: usize);
+    /// Called after step `number` has run `ticks` of its clock.
+    fn step_done(&mut self, number: usize, ticks: usize);
 }
 
-/// Nobody.
-pub(super) struct Unwatched;
+/// Observes nothing.
+pub(super) struct NoObserver;
 
-impl Watch for Unwatched {
-    const APART: bool = false;
+impl StepObserver for NoObserver {
+    const STEPWISE: bool = false;
 
-    fn done(&mut self, _: usize, _: usize) {}
+    fn step_done(&mut self, _: usize, _: usize) {}
 }
 
-/// The most samples kept of a step; beyond them each new one takes the place of an old one.
-const KEPT: usize = 4096;
-/// Stretches of rounds, with one that is timed and with none, by which the price of timing is found: what comes after a
-/// timed round is dearer too.
+/// Largest number of samples kept for a step; further samples replace the oldest.
+const MAX_SAMPLES: usize = 4096;
+/// Number of trials, with and without a timed quantum, that measure the cost of timing.
 const TRIALS: usize = 256;
-const TRIAL_ROUNDS: u64 = 7;
-/// What timing may cost, as a part of the run.
-const PRICE: f64 = 0.01;
-/// The part of a stretch by which the timed round lies further along than in the stretch before: so it falls in with
-/// no rhythm of the graph's clocks.
+/// Quanta of a trial: those after a timed one cost more too.
+const TRIAL_QUANTA: u64 = 7;
+/// Largest cost of timing, as a fraction of the run.
+const MAX_COST: f64 = 0.01;
+/// Shift of the timed quantum from period to period, as a fraction of the period: it avoids aliasing with the clocks.
 const STRIDE: f64 = 0.618_033_988_749_894_8;
 
-/// The runs of all drivers of a graph, measured.
+/// Profiled runs of all drivers of a graph.
 pub struct Profile {
-    fleet: Fleet,
-    /// Of each driver.
-    books: Vec<Book>,
-    /// What looking at the clock itself takes, ns.
-    look_ns: f64,
-    /// One round in so many is timed.
+    runner: Runner,
+    /// One for each driver.
+    drivers: Vec<DriverProfile>,
+    /// Cost of reading the clock, ns.
+    clock_ns: f64,
+    /// One quantum of this many is timed.
     every: u64,
-    rounds: u64,
+    quanta: u64,
     timed: u64,
 }
 
-/// What was seen of a driver.
-struct Book {
+/// Samples of a driver.
+struct DriverProfile {
     stopwatch: Stopwatch,
     samples: Vec<Samples>,
 }
 
-/// What a step costs.
+/// Cost of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepCost {
-    /// What the step does: the node's path, or for what stands between nodes words like `hold stylus.force`.
+    /// Label of the step: the node's path, or a description such as `hold stylus.force`.
     pub label: String,
     /// The node it belongs to.
     pub node: NodeId,
-    /// Its clock, as an index of the graph's.
+    /// Index of its clock in the graph.
     pub clock: usize,
-    /// Median over the timed rounds, ns a tick of its clock.
+    /// Median over the timed quanta, ns per tick of its clock.
     pub median_ns: f64,
-    /// What 99 of 100 timed rounds stayed below, ns a tick.
+    /// 99 % quantile, ns per tick.
     pub p99_ns: f64,
-    /// The worst, interruptions by the system included, ns a tick.
+    /// Maximum, interruptions by the system included, ns per tick.
     pub worst_ns: f64,
-    /// Timed rounds in which it ran.
+    /// Number of timed quanta in which it ran.
     pub samples: usize,
 }
 
 struct Stopwatch {
     latest: Instant,
-    /// What looking at the clock itself takes, ns.
-    look_ns: f64,
-    /// Of each step in the present round: ns, ticks.
+    /// Cost of reading the clock, ns.
+    clock_ns: f64,
+    /// (ns, ticks) of each step in the present quantum.
     steps: Vec<(f64, usize)>,
 }
 
@@ -90,13 +89,13 @@ struct Samples {
     seen: usize,
 }
 
-impl Watch for Stopwatch {
-    const APART: bool = true;
+impl StepObserver for Stopwatch {
+    const STEPWISE: bool = true;
 
-    fn done(&mut self, number: usize, ticks: usize) {
+    fn step_done(&mut self, number: usize, ticks: usize) {
         let now = Instant::now();
         if let Some((ns, all)) = self.steps.get_mut(number) {
-            *ns += now.duration_since(self.latest).as_nanos() as f64 - self.look_ns;
+            *ns += now.duration_since(self.latest).as_nanos() as f64 - self.clock_ns;
             *all += ticks;
         }
         self.latest = now;
@@ -104,91 +103,90 @@ impl Watch for Stopwatch {
 }
 
 impl Profile {
-    /// Of the plans of [`Plan::of`]: runs some rounds to find how many of them can be timed at a hundredth of the whole
-    /// cost, then starts anew.
+    /// Profiles the plans of [`Plan::of`]. Measures first which fraction of quanta can be timed at 1 % of the cost.
     pub fn new(plans: &[Arc<Plan>]) -> Self {
         let mut this = Self::timing_every(plans, u64::MAX);
-        // The first one is timed.
-        this.round();
+        // The first quantum is timed.
+        this.run_quantum();
         let mut took = [Vec::new(), Vec::new()];
         for trial in 0..2 * TRIALS {
             let before = Instant::now();
-            for round in 0..TRIAL_ROUNDS {
-                if trial % 2 == 1 && round == 0 {
-                    this.timed_round();
+            for quantum in 0..TRIAL_QUANTA {
+                if trial % 2 == 1 && quantum == 0 {
+                    this.timed_quantum();
                 } else {
-                    this.round();
+                    this.run_quantum();
                 }
             }
             took[trial % 2].push(before.elapsed().as_nanos() as f64);
         }
         let [plain, timed] = took.map(|took| median(&took));
-        let a_round = (plain / TRIAL_ROUNDS as f64).max(1.0);
-        let every = ((timed - plain).max(0.0) / (PRICE * a_round)).ceil() as u64;
+        let quantum_ns = (plain / TRIAL_QUANTA as f64).max(1.0);
+        let every = ((timed - plain).max(0.0) / (MAX_COST * quantum_ns)).ceil() as u64;
         Self::timing_every(plans, every.max(1))
     }
 
-    /// Measured runs of which one round in `every` is timed.
+    /// Profiles the plans by timing one quantum of `every`.
     pub fn timing_every(plans: &[Arc<Plan>], every: u64) -> Self {
-        let look_ns = look_ns();
-        let book = |plan: &Arc<Plan>| Book {
+        let clock_ns = clock_ns();
+        let driver = |plan: &Arc<Plan>| DriverProfile {
             stopwatch: Stopwatch {
                 latest: Instant::now(),
-                look_ns,
+                clock_ns,
                 steps: vec![(0.0, 0); plan.step_count()],
             },
             samples: vec![Samples::default(); plan.step_count()],
         };
         Self {
-            fleet: Fleet::new(plans),
-            books: plans.iter().map(book).collect(),
-            look_ns,
+            runner: Runner::new(plans),
+            drivers: plans.iter().map(driver).collect(),
+            clock_ns,
             every,
-            rounds: 0,
+            quanta: 0,
             timed: 0,
         }
     }
 
-    /// One round in so many is timed.
+    /// One quantum of this many is timed.
     pub fn every(&self) -> u64 {
         self.every
     }
 
-    /// How many were.
-    pub fn timed_rounds(&self) -> u64 {
+    /// Number of timed quanta.
+    pub fn timed_quanta(&self) -> u64 {
         self.timed
     }
 
-    /// Runs a round; the samples are those of [`Fleet::round`].
-    pub fn round(&mut self) {
-        let (stretch, at) = (self.rounds / self.every, self.rounds % self.every);
+    /// Runs a quantum; gives the same samples as [`Runner::run_quantum`].
+    pub fn run_quantum(&mut self) {
+        let (stretch, at) = (self.quanta / self.every, self.quanta % self.every);
         let turn = (STRIDE * stretch as f64).fract() * self.every as f64;
-        self.rounds += 1;
+        self.quanta += 1;
         if at != turn as u64 {
-            let Ok(()) = self.fleet.round(|_, _| Ok::<(), Infallible>(()));
+            let Ok(()) = self.runner.run_quantum(|_, _| Ok::<(), Infallible>(()));
         } else {
-            self.timed_round();
+            self.timed_quantum();
         }
     }
 
-    fn timed_round(&mut self) {
+    fn timed_quantum(&mut self) {
         self.timed += 1;
-        let books = &mut self.books;
-        let Ok(()) = self.fleet.round_by(|driver, run, work| {
-            let stopwatch = &mut books[driver].stopwatch;
-            match work {
-                Work::Look => {
-                    run.look();
+        let drivers = &mut self.drivers;
+        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
+            let stopwatch = &mut drivers[driver].stopwatch;
+            match task {
+                DriverTask::Poll => {
+                    run.poll_rings();
                     stopwatch.steps.fill((0.0, 0));
                 }
-                Work::Advance(frames) => {
+                DriverTask::Advance(frames) => {
                     stopwatch.latest = Instant::now();
-                    run.advance_watched(frames, stopwatch);
+                    run.advance_observed(frames, stopwatch);
                 }
             }
             Ok::<(), Infallible>(())
         });
-        for Book { stopwatch, samples } in books {
+        for DriverProfile { stopwatch, samples } in drivers {
             for (samples, (ns, ticks)) in samples.iter_mut().zip(&stopwatch.steps) {
                 if *ticks > 0 {
                     samples.push((ns / *ticks as f64).max(0.0) as f32);
@@ -197,28 +195,28 @@ impl Profile {
         }
     }
 
-    /// Runs a round and adds to `took_ns` what each driver took for it, as a whole.
-    pub fn round_by_driver(&mut self, took_ns: &mut [f64]) {
-        let look_ns = self.look_ns;
-        let Ok(()) = self.fleet.round_by(|driver, run, work| {
+    /// Runs a quantum and adds the time of each driver to `took_ns`.
+    pub fn run_quantum_by_driver(&mut self, took_ns: &mut [f64]) {
+        let clock_ns = self.clock_ns;
+        let Ok(()) = self.runner.run_quantum_by(|driver, run, task| {
             let begun = Instant::now();
-            match work {
-                Work::Look => run.look(),
-                Work::Advance(frames) => run.advance(frames),
+            match task {
+                DriverTask::Poll => run.poll_rings(),
+                DriverTask::Advance(frames) => run.advance(frames),
             }
-            took_ns[driver] += begun.elapsed().as_nanos() as f64 - look_ns;
+            took_ns[driver] += begun.elapsed().as_nanos() as f64 - clock_ns;
             Ok::<(), Infallible>(())
         });
     }
 
-    /// The runs themselves.
-    pub fn fleet(&self) -> &Fleet {
-        &self.fleet
+    /// The runs.
+    pub fn runner(&self) -> &Runner {
+        &self.runner
     }
 
-    /// Of every step of a driver that ran, in the order of its plan.
+    /// Cost of every step of a driver that ran, in the order of its plan.
     pub fn costs(&self, driver: usize) -> Vec<StepCost> {
-        let steps = self.fleet.runs()[driver].plan.steps.iter();
+        let steps = self.runner.runs()[driver].plan.steps.iter();
         let cost = |(step, samples): (&Step, &Samples)| {
             let mut sorted = samples.ns_a_tick.clone();
             sorted.sort_by(f32::total_cmp);
@@ -233,23 +231,26 @@ impl Profile {
                 samples: samples.seen,
             })
         };
-        steps.zip(&self.books[driver].samples).filter_map(cost).collect()
+        steps
+            .zip(&self.drivers[driver].samples)
+            .filter_map(cost)
+            .collect()
     }
 }
 
 impl Samples {
     fn push(&mut self, ns_a_tick: f32) {
-        if self.ns_a_tick.len() < KEPT {
+        if self.ns_a_tick.len() < MAX_SAMPLES {
             self.ns_a_tick.push(ns_a_tick);
         } else {
-            self.ns_a_tick[self.seen % KEPT] = ns_a_tick;
+            self.ns_a_tick[self.seen % MAX_SAMPLES] = ns_a_tick;
         }
         self.seen += 1;
     }
 }
 
-/// What lies between two looks at the clock, ns.
-fn look_ns() -> f64 {
+/// Time between two readings of the clock, ns.
+fn clock_ns() -> f64 {
     let gaps: Vec<f64> = (0..1000)
         .map(|_| {
             let before = Instant::now();

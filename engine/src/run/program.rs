@@ -1,47 +1,47 @@
-//! The plan as the real-time loop walks it: every input and output at its place in the memory.
+//! The executable form of a plan: every input and output resolved to its place in memory.
 
 use crate::graph::NodeId;
-use crate::io::{Binding, Extent, Form, Placing, Wire};
+use crate::io::{Binding, Extent, Form, Placing, ResolvedInput};
 use crate::node::Single;
 use crate::plan::{Plan, Step, StepWork, Tap};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A plan with everything looked up that can be looked up before it runs.
+/// A plan with all lookups resolved.
 pub(super) struct Program {
-    /// One a step of the plan.
+    /// One for each step of the plan.
     pub lines: Vec<Line>,
-    /// One a processor, meant where its line says so; a run's own follow what is set live.
+    /// One for each processor, valid if its line has `singles`. A run updates its own copy when settings change.
     pub singles: Vec<SingleStep>,
     pub taps: Vec<TapAt>,
-    /// Where each slot of the plan lies.
+    /// Place of each slot in memory.
     pub extents: Vec<Extent>,
-    /// f64s of all slots.
+    /// Length of all slots in f64.
     pub len: usize,
-    /// Seconds a frame, by clock.
+    /// Period of each clock, s.
     pub periods_s: Vec<f64>,
-    /// The work of each live setting's node.
+    /// Works of the node of each live setting.
     pub of_live: Vec<Box<[StepWork]>>,
 }
 
-/// What the loop has to know of a step; its label and the like stay in the plan.
+/// The executable form of a step.
 pub(super) struct Line {
     pub work: StepWork,
     pub clock: u32,
-    /// Processors of the same clock that follow one another from here on: one look at the window serves them all.
+    /// Number of successive processors of this clock from here on; they share one lookup of the window.
     pub streak: u32,
-    /// How many of them, from this one on, take single frames.
+    /// Number of them, from this one on, that have a single-frame form.
     pub singles: u32,
     pub out: Extent,
-    pub inputs: Box<[Wire]>,
+    pub inputs: Box<[ResolvedInput]>,
     pub outputs: Box<[Placing]>,
     pub node: NodeId,
-    /// Of a processor: its node's.
+    /// Path of a processor's node.
     pub path: Arc<str>,
 }
 
-/// How a processor computes a single frame, and where the one scalar input and the one scalar output lie.
+/// The single-frame form of a processor, and the places of its scalar input and output.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SingleStep {
     pub single: Single,
@@ -49,7 +49,7 @@ pub(super) struct SingleStep {
     pub to: u32,
 }
 
-/// Where a tapped output lies in the memory.
+/// Place of a tapped output in memory.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TapAt {
     pub start: u32,
@@ -96,7 +96,7 @@ impl Program {
         }
     }
 
-    /// Where a slot lies.
+    /// Place of a slot in memory.
     pub(super) fn range(&self, slot: u32) -> Range<usize> {
         let Extent { start, len } = self.extents.get(slot as usize).copied().unwrap_or_default();
         start as usize..(start + len) as usize
@@ -104,7 +104,7 @@ impl Program {
 }
 
 impl SingleStep {
-    /// Of a processor that has to be run by its ports; never run.
+    /// Placeholder for a processor without single-frame form.
     const NONE: Self = Self {
         single: Single::Call,
         from: 0,
@@ -112,7 +112,7 @@ impl SingleStep {
     };
 }
 
-/// Counts, from the last line to the first, how many processors each can be run together with.
+/// Computes `streak` and `singles` of each line, from the last to the first.
 fn join_streaks(lines: &mut [Line]) {
     for number in (1..lines.len()).rev() {
         let (earlier, later) = (&lines[number - 1], &lines[number]);
@@ -161,7 +161,7 @@ fn single_step(plan: &Plan, step: &Step, processor: usize, extents: &[Extent]) -
     let [output] = plan.outputs(step) else { return None };
     let to = extents.get(step.out as usize)?.start + output.start;
     let (from, scalar) = match plan.inputs(step) {
-        // A source does not look at what it is given.
+        // A source ignores its input.
         [] => (to, output.width == 1),
         [input, others @ ..] if others.iter().all(|other| other.form == Form::Absent) => (
             extents.get(input.slot as usize)?.start + input.start,
@@ -173,9 +173,9 @@ fn single_step(plan: &Plan, step: &Step, processor: usize, extents: &[Extent]) -
     Some(SingleStep { single, from, to })
 }
 
-/// No two slots overlap and none is both read and written by a step, so that an input lies wholly before the step's
-/// own buffer or wholly behind it.
-fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> Wire {
+/// Resolves an input. Slots do not overlap and no step reads the slot that it writes, so an input lies wholly before or
+/// wholly behind the step's own buffer.
+fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> ResolvedInput {
     let Binding { width, form, .. } = *binding;
     let from = extents.get(binding.slot as usize).copied().unwrap_or_default();
     let behind = form != Form::Absent && from.start >= out.start + out.len;
@@ -184,7 +184,7 @@ fn wire(binding: &Binding, extents: &[Extent], out: Extent) -> Wire {
         Form::Absent => 0,
         _ => from.start + binding.start - origin,
     };
-    Wire {
+    ResolvedInput {
         at,
         width,
         behind,

@@ -1,7 +1,7 @@
-//! How tapped frames leave the real-time thread: a ring for each tap, and a thread that writes what comes out.
+//! Tap rings carry tapped frames from the real-time threads to the writer thread.
 
 use super::Run;
-use super::outlets::{WriteError, Written};
+use super::file_sinks::{WriteError, WrittenFile};
 use crate::io::touched_ring;
 use crate::node::FrameWriter;
 use crate::plan::Plan;
@@ -11,35 +11,35 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What a ring holds, in seconds of its signal: the writer may be away for so long.
+/// Capacity of a ring, s: the writer thread may stall for so long.
 const RING_S: f64 = 1.0;
-/// How often the writer looks.
+/// Interval at which the writer thread polls the rings.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// The real-time ends of the rings, in the order of the plan's taps.
 #[derive(Default)]
 pub(super) struct TapRings {
     taps: Vec<TapRing>,
-    /// Places in the old plan and in this one of the taps that go on after a swap.
+    /// (old, new) index of the taps that continue after a swap.
     pub kept: Vec<(usize, usize)>,
 }
 
 #[derive(Default)]
 struct TapRing {
-    /// None where it is still with the old plan.
+    /// `None` while the old plan has it.
     ring: Option<Producer<f64>>,
-    /// Numbers that found no room.
+    /// Numbers lost because the ring was full.
     lost: u64,
 }
 
 impl TapRings {
-    /// Rings for the taps of a plan for which `wanted` says so; the others will come with a swap.
+    /// Makes rings for the taps of a plan for which `wanted` is true; a swap brings the others.
     pub fn new(plan: &Plan, wanted: impl Fn(usize) -> bool) -> (Self, Vec<Option<Consumer<f64>>>) {
         let (mut taps, mut outs) = (Vec::new(), Vec::new());
         for (place, stream) in plan.tap_streams().enumerate() {
             let (ring, out) = wanted(place)
                 .then(|| {
-                    // Whole frames, so that none is torn where the ring ends.
+                    // A multiple of the frame size: a frame never wraps around.
                     let frames = (RING_S * stream.rate.hz()).ceil() as usize + plan.block();
                     touched_ring(frames * stream.kind.width())
                 })
@@ -51,7 +51,7 @@ impl TapRings {
         (Self { taps, kept }, outs)
     }
 
-    /// Sends the frames of the block that was run last. A block that finds no room is lost and counted.
+    /// Pushes the frames of the last block. A block that does not fit is lost and counted.
     pub fn send(&mut self, run: &Run) {
         for (place, tap) in self.taps.iter_mut().enumerate() {
             let frames = run.tap(place);
@@ -62,7 +62,7 @@ impl TapRings {
         }
     }
 
-    /// Changes places with the rings of the old plan; what goes on goes on.
+    /// Swaps with the rings of the old plan; rings of taps that continue are moved.
     pub fn take_over(&mut self, running: &mut Self) {
         for (from, to) in &self.kept {
             std::mem::swap(&mut running.taps[*from], &mut self.taps[*to]);
@@ -70,17 +70,17 @@ impl TapRings {
         std::mem::swap(self, running);
     }
 
-    /// Numbers that found no room.
+    /// Numbers lost because a ring was full.
     pub fn lost(&self) -> u64 {
         self.taps.iter().map(|tap| tap.lost).sum()
     }
 }
 
-/// The thread that writes files, beside the real-time threads; there is none while there is nothing to write.
+/// The writer thread. It starts with the first file.
 #[derive(Default)]
 pub(super) struct WriterThread {
     running: Option<RunningWriter>,
-    /// What there was no thread for.
+    /// Files for which no thread could be started.
     failed: Vec<WriteError>,
 }
 
@@ -90,7 +90,7 @@ struct RunningWriter {
     failing: Receiver<String>,
 }
 
-/// A writer and the rings of its streams; it is finished when they have been let go of.
+/// A writer and the rings of its streams. It is finished when the write ends of all rings are dropped.
 struct Job {
     writer: Option<Box<dyn FrameWriter>>,
     what: PathBuf,
@@ -113,10 +113,10 @@ impl RunningWriter {
 }
 
 impl WriterThread {
-    /// Starts it before there is anything to write.
+    /// Starts the thread, if it does not run.
     ///
     /// # Errors
-    /// What the system says where it gives no thread.
+    /// System errors if no thread can be started.
     pub fn start(&mut self) -> std::io::Result<()> {
         if self.running.is_none() {
             self.running = Some(RunningWriter::start()?);
@@ -124,19 +124,19 @@ impl WriterThread {
         Ok(())
     }
 
-    /// The files that could not be written on since this was asked last, each with the reason.
+    /// Messages about files that failed since the last call.
     pub fn failing(&self) -> impl Iterator<Item = String> {
         self.running.iter().flat_map(|running| running.failing.try_iter())
     }
 
-    /// Also writes this.
-    pub fn add(&mut self, written: Written, rings: Vec<Consumer<f64>>) {
+    /// Adds a file.
+    pub fn add(&mut self, written: WrittenFile, rings: Vec<Consumer<f64>>) {
         let path = written.what.clone();
         if let Err(error) = self.start() {
             return self.failed.push(WriteError { path, error });
         }
         if let Some(running) = &self.running {
-            // It only stops listening when this end is dropped.
+            // Cannot fail: the thread receives until this end is dropped.
             let _ = running.jobs.send(Job {
                 writer: written.writer,
                 what: written.what,
@@ -146,7 +146,7 @@ impl WriterThread {
         }
     }
 
-    /// Waits until everything is written. The real-time ends of all rings have to be gone.
+    /// Waits until everything is written. The write ends of all rings must be dropped before.
     pub fn finish(mut self) -> Vec<WriteError> {
         let Some(RunningWriter { jobs, thread, .. }) = self.running else {
             return self.failed;
@@ -178,12 +178,12 @@ fn write_all(jobs: &Receiver<Job>, failing: &Sender<String>) -> Vec<WriteError> 
             }
         }
         open.retain_mut(|job: &mut Job| {
-            // Asked first: what is pushed before a ring is let go of is then seen.
+            // Read before draining: frames pushed before the write end was dropped are then drained.
             let ended = job.rings.iter().all(Consumer::is_abandoned);
             let failed_before = job.failed.is_some();
             job.drain();
             if let (false, Some(error)) = (failed_before, &job.failed) {
-                // Nobody may listen any more.
+                // The receiver may be gone.
                 let _ = failing.send(error.to_string());
             }
             if ended {

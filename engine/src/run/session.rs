@@ -1,5 +1,4 @@
-//! A live run as a whole but for its driver: what it is controlled by, the files it writes, and what is known of it at
-//! the end.
+//! A live run without its drivers: its controls, its files and its outcome.
 
 mod change;
 
@@ -7,11 +6,11 @@ pub use change::{ChangeError, Changed};
 
 use super::arrivals::{self, ArrivalLog, ArrivalWriter, Input, InputLog, InputWriter, SettingWriter};
 use super::control::{Control, ControlError};
-use super::fleet::join;
+use super::file_sinks::{FileSinks, WriteError, WrittenFile, stream};
 use super::live::{Live, LiveState, live_until};
 use super::meter::Meters;
-use super::outlets::{Outlets, WriteError, Written, stream};
 use super::rings::{TapRings, WriterThread};
+use super::runner::connect;
 use super::silence::{self, ActuatorLevel, InputStatus};
 use super::{Faults, Outcome, RingMeter, RingReport, Run};
 use crate::graph::{Graph, LiveSetting, NodeId};
@@ -25,31 +24,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// How a graph runs live.
 #[derive(Debug, Clone, Default)]
 pub struct LiveOptions {
-    /// Driver frames of a block at most; 0 stands for the default.
+    /// Largest block in driver frames; 0 means the default.
     pub block: usize,
-    /// When it ends; if there is none, when it is stopped. Where the data of a source end before, as that source says.
+    /// Duration, s; `None` runs until it is stopped. A source whose data end earlier can end the run.
     pub seconds: Option<f64>,
-    /// Are the actuators known to be cold? Unless they are, those that are not simulated begin as warm as their limits
-    /// allow.
+    /// Whether the actuators are known to be cold. Otherwise real actuators start without heat reserve.
     pub rested: bool,
-    /// Once it is set, the outputs fade out and the run stops. The real-time sides look at it themselves.
+    /// When set, the outputs fade out and the run stops. The real-time sides poll it.
     pub stop: Arc<AtomicBool>,
 }
 
 /// A live run.
 pub struct Session {
     stop: Arc<AtomicBool>,
-    /// One a driver, in the order of the graph's.
+    /// One for each driver, in the order of the graph.
     controls: Vec<Control>,
-    /// What is known of the rings between them.
+    /// Meters of the rings between the drivers.
     rings: Vec<Arc<RingMeter>>,
     writer: WriterThread,
     block: usize,
-    /// Everything that was ever written.
+    /// All files and probes of the run, ended ones included.
     entries: Vec<Entry>,
-    /// Which stream of which entry each tap of the present plan is.
+    /// (entry, stream) of each tap of the present plan.
     taps: Vec<(usize, usize)>,
-    /// Rings that the caller reads, in the order in which they were asked for, until they are taken.
+    /// Probe rings for the caller, in the order of the requests, until [`handed`](Self::handed) returns them.
     handed: Vec<Consumer<f64>>,
 }
 
@@ -57,58 +55,60 @@ struct Entry {
     what: PathBuf,
     sink: Option<PathBuf>,
     streams: Vec<Stream>,
-    /// Does the caller read it?
+    /// Whether the caller reads it.
     is_handed: bool,
     running: bool,
 }
 
-/// What a live run did.
+/// Outcome of a live run.
 #[derive(Debug)]
 pub struct LiveOutcome {
-    /// As of an offline run.
+    /// The part that offline runs also have.
     pub outcome: Outcome,
-    /// How it kept time: all drivers together, and each by its name.
+    /// Timing of all drivers together.
     pub meters: Meters,
-    /// Of each driver by its name.
+    /// Timing of each driver, by name.
     pub drivers: Vec<(String, Meters)>,
-    /// Did a node panic?
+    /// Whether a node panicked.
     pub panicked: bool,
-    /// Devices that panicked as well when they were taken to zero: nobody knows what they do.
+    /// Devices that also panicked during the ramp to zero: their output is unknown.
     pub lost_devices: Vec<String>,
-    /// What could not be written; the run went on.
+    /// Files that could not be written; the run continued.
     pub failed: Vec<WriteError>,
-    /// Numbers that the writer was too slow for.
+    /// Numbers lost because the writer thread was too slow.
     pub lost_numbers: u64,
-    /// Callbacks at the end that a replay will not have: the writer was too slow for them.
+    /// Callbacks missing at the end of the replay log because the writer thread was too slow.
     pub lost_arrivals: u64,
 }
 
 impl Session {
-    /// Both sides of a live run of a graph with one driver; the real-time one is for that driver.
+    /// Opens a live run of a graph with one driver and returns both sides.
     ///
     /// # Errors
-    /// What the system says where it gives no thread, or that the graph has several drivers.
-    pub fn open(outlets: Outlets<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
-        let (mut lives, session) = Self::open_all(outlets, options, None)?;
+    /// System errors if no thread can be started; an error if the graph has several drivers.
+    pub fn open(sinks: FileSinks<'_>, options: &LiveOptions) -> std::io::Result<(Live, Self)> {
+        let (mut lives, session) = Self::open_all(sinks, options, None)?;
         match (lives.pop(), lives.is_empty()) {
             (Some(live), true) => Ok((live, session)),
             _ => Err(std::io::Error::other("this graph has several drivers")),
         }
     }
 
-    /// Both sides of a live run: of the real-time ones each is for one driver of the graph, in their order, and rings
-    /// join them. What the drivers see of these, and what is set while they run, is kept in `folder`, for a replay.
+    /// Opens a live run and returns its real-time sides, one for each driver in the order of the graph, and the
+    /// session.
+    ///
+    /// With a `folder`, the run writes its replay log there.
     ///
     /// # Errors
-    /// What the system says where it gives no thread or no file.
+    /// System errors if a thread cannot be started or a file cannot be written.
     pub fn open_all(
-        outlets: Outlets<'_>,
+        sinks: FileSinks<'_>,
         options: &LiveOptions,
         folder: Option<&Path>,
     ) -> std::io::Result<(Vec<Live>, Self)> {
         let plan_options = PlanOptions {
             block: options.block,
-            taps: outlets.taps.clone(),
+            taps: sinks.taps.clone(),
         };
         let mut session = Self {
             stop: Arc::clone(&options.stop),
@@ -117,59 +117,59 @@ impl Session {
             writer: WriterThread::default(),
             block: options.block,
             entries: Vec::new(),
-            taps: vec![(0, 0); outlets.taps.len()],
+            taps: vec![(0, 0); sinks.taps.len()],
             handed: Vec::new(),
         };
-        if folder.is_some() || outlets.written.iter().any(|written| written.writer.is_some()) {
+        if folder.is_some() || sinks.written.iter().any(|written| written.writer.is_some()) {
             session.writer.start()?;
         }
-        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut lives = Vec::new();
         let hottest = Arc::default();
-        for plan in Plan::of(outlets.graph, &plan_options) {
+        for plan in Plan::of(sinks.graph, &plan_options) {
             let plan = Arc::new(plan);
             let rings = tap_rings(&plan, Vec::new(), &mut outs);
             let (mut live, control) = live_until(Arc::clone(&plan), Arc::clone(&options.stop));
             live.send_taps_through(rings);
             live.share_heat(Arc::clone(&hottest));
             if !options.rested {
-                live.run_mut().begin_unrested();
+                live.run_mut().assume_thermally_saturated();
             }
             let frames = |seconds: f64| (seconds * plan.driver_rate().hz()).round().max(0.0) as u64;
-            let data = outlets.graph.frames_of_data(plan.driver_rate());
+            let data = sinks.graph.frames_of_data(plan.driver_rate());
             if let Some(frames) = options.seconds.map(frames).into_iter().chain(data).min() {
                 live.end_after(frames);
             }
             session.controls.push(control);
             lives.push(live);
         }
-        session.rings = join(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
+        session.rings = connect(&mut lives.iter_mut().map(Live::run_mut).collect::<Vec<_>>());
         if let Some(folder) = folder {
-            arrivals::keep_graph(outlets.graph, options.rested, folder)?;
+            arrivals::keep_graph(sinks.graph, options.rested, folder)?;
             for (driver, live) in lives.iter_mut().enumerate() {
                 session.log(driver, live, folder)?;
-                session.log_inputs(outlets.graph, (driver, live), folder)?;
+                session.log_inputs(sinks.graph, (driver, live), folder)?;
             }
         }
-        session.write(outlets, outs);
+        session.write(sinks, outs);
         Ok((lives, session))
     }
 
-    /// Keeps what a driver sees of its rings, and what is set.
+    /// Logs a driver's callbacks and setting changes for a replay.
     fn log(&mut self, driver: usize, live: &mut Live, folder: &Path) -> std::io::Result<()> {
         let plan = self.controls[driver].plan();
         let (log, kept) = ArrivalLog::new(plan);
         live.log_through(log);
         let what = arrivals::file(folder, driver);
-        let callbacks = Written::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
+        let callbacks = WrittenFile::apart(Box::new(ArrivalWriter::create(&what, plan)?), what);
         let what = arrivals::settings_file(folder, driver);
-        let settings = Written::apart(Box::new(SettingWriter::create(&what, plan)?), what);
+        let settings = WrittenFile::apart(Box::new(SettingWriter::create(&what, plan)?), what);
         self.writer.add(callbacks, vec![kept.callbacks]);
         self.writer.add(settings, vec![kept.settings]);
         Ok(())
     }
 
-    /// Keeps what the live inputs sense that a driver reads.
+    /// Logs the live inputs that a driver reads for a replay.
     fn log_inputs(
         &mut self,
         graph: &Graph,
@@ -180,13 +180,13 @@ impl Session {
             let (log, kept) = InputLog::new(&input);
             live.run_mut().log_input(input.place, log);
             let what = arrivals::input_file(folder, driver, input.place);
-            let sensed = Written::apart(Box::new(InputWriter::create(&what, &input)?), what);
+            let sensed = WrittenFile::apart(Box::new(InputWriter::create(&what, &input)?), what);
             self.writer.add(sensed, vec![kept]);
         }
         Ok(())
     }
 
-    /// Takes in what the real-time sides reported since; what was counted so far, by driver.
+    /// Receives the reports of the real-time sides and returns the meters of each driver.
     pub fn poll(&mut self) -> Vec<(&str, &Meters)> {
         let mut all = Vec::new();
         for control in &mut self.controls {
@@ -198,50 +198,50 @@ impl Session {
         all
     }
 
-    /// The files that could not be written on since this was asked last, each with the reason. The run goes on.
+    /// Messages about files that failed since the last call. The run continues.
     pub fn failing_files(&self) -> impl Iterator<Item = String> {
         self.writer.failing()
     }
 
-    /// Old plans that came home to be freed.
+    /// Number of replaced plans that have been freed.
     pub fn freed(&self) -> u64 {
         self.controls.iter().map(Control::freed).sum()
     }
 
-    /// What is known of the rings between its drivers now.
+    /// Present state of the rings between its drivers.
     pub fn rings(&self) -> impl Iterator<Item = RingReport> {
         self.rings.iter().map(|meter| RingReport::of(meter))
     }
 
-    /// The live inputs and the actuators that depend on them, as they are now.
+    /// Present state of the live inputs and of the actuators that depend on them.
     pub fn live_inputs(&self) -> Vec<InputStatus> {
         silence::statuses(self.controls.iter().map(|control| &**control.plan()))
     }
 
-    /// How much each actuator is given now, and at most since this was asked before.
+    /// Present level of each actuator, and its peak since the last call.
     pub fn actuator_levels(&self) -> Vec<ActuatorLevel> {
         let plans = self.controls.iter().map(|control| &**control.plan());
         plans.flat_map(silence::levels).collect()
     }
 
-    /// Fades out and stops, whatever else is under way.
+    /// Fades out and stops, also during a swap.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// The live settings, as they were set last.
+    /// The live settings with their last set values.
     pub fn settings(&self) -> impl Iterator<Item = &LiveSetting> {
         self.controls.iter().flat_map(Control::settings)
     }
 
-    /// Sets a live setting of a node, as [`LiveSetting`] has both. Real-time safe, unlike [`Session::set_by_name`].
+    /// Sets a live setting by node and index, as in [`LiveSetting`]. Real-time safe, unlike [`Session::set_by_name`].
     ///
     /// # Errors
     /// As [`Control::set`].
     pub fn set(&mut self, node: NodeId, setting: usize, value: f64) -> Result<(), ControlError> {
         let is_it = |live: &LiveSetting| (live.node, live.setting) == (node, setting);
-        let knows = |control: &&mut Control| control.settings().iter().any(is_it);
-        let control = self.controls.iter_mut().find(knows);
+        let has_it = |control: &&mut Control| control.settings().iter().any(is_it);
+        let control = self.controls.iter_mut().find(has_it);
         control.ok_or(ControlError::NotLive)?.set(node, setting, value)
     }
 
@@ -250,20 +250,20 @@ impl Session {
     /// # Errors
     /// As [`Control::set`].
     pub fn set_by_name(&mut self, name: &str, value: f64) -> Result<(), ControlError> {
-        let knows = |control: &&mut Control| control.settings().iter().any(|live| live.name() == name);
-        let control = self.controls.iter_mut().find(knows);
+        let has_it = |control: &&mut Control| control.settings().iter().any(|live| live.name() == name);
+        let control = self.controls.iter_mut().find(has_it);
         control.ok_or(ControlError::NotLive)?.set_by_name(name, value)
     }
 
-    /// Hands writers and the far ends of their rings to the writing thread.
-    fn write(&mut self, outlets: Outlets<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
-        for written in outlets.written {
+    /// Passes the writers and the read ends of their rings to the writer thread.
+    fn write(&mut self, sinks: FileSinks<'_>, mut rings: Vec<Option<Consumer<f64>>>) {
+        for written in sinks.written {
             let number = self.entries.len();
             let mut streams = Vec::new();
             let mut ends = Vec::new();
             for (place, tap) in written.taps.iter().enumerate() {
                 self.taps[*tap] = (number, place);
-                streams.push(stream(outlets.graph, outlets.taps[*tap]));
+                streams.push(stream(sinks.graph, sinks.taps[*tap]));
                 ends.extend(rings[*tap].take());
             }
             self.entries.push(Entry {
@@ -280,17 +280,17 @@ impl Session {
         }
     }
 
-    /// The rings that the caller reads.
+    /// Takes the probe rings for the caller.
     pub(crate) fn handed(&mut self) -> Vec<Consumer<f64>> {
         std::mem::take(&mut self.handed)
     }
 
-    /// Completes all files. `live` is what the driver gave back when it was done.
+    /// Completes all files. `live` is the real-time side that the driver returned.
     pub fn finish(self, live: Live) -> LiveOutcome {
         self.finish_all(vec![live])
     }
 
-    /// Completes all files. `lives` are what the drivers gave back when they were done, in the graph's order.
+    /// Completes all files. `lives` are the real-time sides that the drivers returned, in the order of the graph.
     pub fn finish_all(mut self, lives: Vec<Live>) -> LiveOutcome {
         let meters = self.poll().into_iter();
         let drivers: Vec<(String, Meters)> = meters
@@ -318,7 +318,7 @@ impl Session {
             lives.iter().map(Live::lost_numbers).sum(),
             lives.iter().map(Live::lost_arrivals).sum(),
         );
-        // The rings end when both sides are gone: an old plan may still be on its way between them.
+        // A replaced plan may still be in the report ring: the tap rings end when both sides are dropped.
         drop(lives);
         drop(self.controls);
         LiveOutcome {
@@ -334,8 +334,8 @@ impl Session {
     }
 }
 
-/// The rings of a plan's taps, but for those that are kept from an old one; their far ends go to `outs`, by the place of
-/// each tap among all drivers' taps.
+/// Makes the rings of a plan's taps, except those kept from the old plan. Puts their read ends into `outs` by tap
+/// index.
 fn tap_rings(plan: &Plan, kept: Vec<(usize, usize)>, outs: &mut [Option<Consumer<f64>>]) -> TapRings {
     let (mut rings, far) = TapRings::new(plan, |place| kept.iter().all(|(_, new)| *new != place));
     for (place, far) in plan.tap_places.iter().zip(far) {
@@ -350,7 +350,7 @@ impl Run {
         self.state.devices[device].log = Some(log);
     }
 
-    /// Rate of the driver whose frames it counts, Hz.
+    /// Rate of its driver, Hz.
     pub fn rate_hz(&self) -> f64 {
         self.plan.driver_rate().hz()
     }

@@ -1,4 +1,4 @@
-//! What the silence of live inputs does to actuators: the gate in front of each limiter, and what is known of it outside.
+//! Silence of live inputs: the gate in front of each limiter, and its status.
 
 use super::Run;
 use super::device::DeviceState;
@@ -6,7 +6,7 @@ use crate::limiter::Limit;
 use crate::plan::{ActuatorPlan, Plan};
 use crate::silence::InputState;
 
-/// The factor on an actuator's request: a straight line from what it was when the inputs changed to 0 or 1.
+/// Factor on an actuator's request: a linear ramp to 0 or 1 from its value when the inputs changed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SilenceGate {
     from: f64,
@@ -25,7 +25,7 @@ impl SilenceGate {
         }
     }
 
-    /// Opens or closes between two times, from where it is.
+    /// Opens or closes between two times, from the present factor.
     pub fn turn(&mut self, open: bool, (begin, end): (u64, u64)) {
         if open != self.is_open {
             self.from = self.factor(begin);
@@ -43,59 +43,59 @@ impl SilenceGate {
         self.from + (to - self.from) * along
     }
 
-    /// Is it open, or opening?
+    /// Whether it is open or opening.
     pub fn is_open(&self) -> bool {
         self.is_open
     }
 
-    /// Is nothing let through at `time` and after, until an input changes?
+    /// Whether the factor is 0 from `time` until an input changes.
     fn is_closed_from(self, time: u64) -> bool {
         !self.is_open && time >= self.end
     }
 }
 
-/// A live input of a run, as it is now.
+/// Status of a live input.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputStatus {
     /// Name of the endpoint.
     pub device: String,
-    /// Is it heard?
+    /// Its state.
     pub state: InputState,
-    /// Do its actuators go on while it is silent?
+    /// Whether its actuators continue while it is silent.
     pub holds: bool,
-    /// Silence after which it counts as gone, s.
+    /// Time without new data after which it is silent, s.
     pub timeout_s: f64,
     /// The actuators that depend on it.
     pub actuators: Vec<ActuatorStatus>,
 }
 
-/// An actuator of a run, as it is now.
+/// Status of an actuator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorStatus {
     /// Path of the sink.
     pub path: String,
-    /// The largest magnitude over its axes that it was given last.
+    /// Largest magnitude over the axes of its last output.
     pub delivered: f64,
-    /// Unit of that.
+    /// Unit of `delivered`.
     pub unit: String,
-    /// Does a silent input close it?
+    /// Whether a silent input closes its gate.
     pub is_closed: bool,
-    /// Is it closed, and has it come to zero?
+    /// Whether its gate is closed and its output is zero.
     pub at_zero: bool,
 }
 
-/// How much an actuator of a run is given, beside its limit.
+/// Level of an actuator's output, and its limit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuatorLevel {
     /// Path of the sink.
     pub path: String,
-    /// Unit of what follows.
+    /// Unit of the level and of the limit.
     pub unit: String,
-    /// Root mean square over the last third of a second or so; of a vector, of its length.
+    /// Moving root mean square of the magnitude, time constant 0.3 s.
     pub rms: f64,
-    /// The largest magnitude since this was asked before.
+    /// Largest magnitude since the last call.
     pub peak: f64,
-    /// What it is never given more than.
+    /// Its limit.
     pub limit: Limit,
 }
 
@@ -147,14 +147,14 @@ fn silenced(plan: &Plan, device: usize) -> impl Iterator<Item = ActuatorStatus> 
     })
 }
 
-/// Is every live input that an actuator depends on heard, or held? As the devices themselves say.
+/// Whether every live input upstream of an actuator is heard or held, by the state of the devices.
 fn lets_through(plan: &ActuatorPlan, devices: &[DeviceState]) -> bool {
     plan.is_let_through(|device| devices.get(device)?.device.live_input())
 }
 
 impl Run {
-    /// Closes the gates of actuators whose live inputs are silent, and opens them when these are heard, in `seconds`.
-    /// The frames until the next call go by that, however they are cut into blocks.
+    /// Closes the gates of actuators whose live inputs are silent and opens the others, within `seconds`.
+    /// The gates do not change until the next call, whatever the block size.
     pub(crate) fn follow_inputs(&mut self, seconds: f64) {
         let span = self.fade_span(seconds);
         let (devices, actuators) = (&self.state.devices, &mut self.state.actuators);
@@ -164,25 +164,25 @@ impl Run {
         }
     }
 
-    /// Opens and closes the gates as the devices are that it has by now: those of another run, where they went on.
-    pub(super) fn meet_inputs(&mut self) {
+    /// Sets the gates at once by the present state of the devices.
+    pub(super) fn init_gates(&mut self) {
         for (plan, actuator) in self.plan.actuators.iter().zip(&mut self.state.actuators) {
             actuator.gate = SilenceGate::new(lets_through(plan, &self.state.devices));
         }
     }
 
-    /// Does with an actuator's gate what a live run did at this point of time.
+    /// Replays a change of an actuator's gate.
     pub(super) fn turn_gate(&mut self, actuator: usize, open: bool, seconds: f64) {
         let span = self.fade_span(seconds);
         let gate = &mut self.state.actuators[actuator].gate;
         match span.0 {
-            // What was heard before the first frame was let through at once.
+            // Inputs heard before the first frame opened the gate at once.
             0 => *gate = SilenceGate::new(open),
             _ => gate.turn(open, span),
         }
     }
 
-    /// Lets others know what each actuator was given last.
+    /// Publishes the level and the last output of each actuator.
     pub(crate) fn publish_delivered(&mut self) {
         let time = self.state.windows.block().1;
         for (actuator, delivered) in self.state.actuators.iter_mut().zip(&*self.plan.delivered) {

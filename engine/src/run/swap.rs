@@ -1,5 +1,5 @@
-//! Putting one plan in the place of another: the table of what is carried over is made beforehand, elsewhere; in the
-//! real-time thread things only change places or are copied. Which way is decided in `decide.rs`.
+//! Swapping plans. The tables of state to transfer are made beforehand, outside the real-time thread, which only swaps
+//! and copies. `decide.rs` chooses the mode of the swap.
 
 mod decide;
 
@@ -16,40 +16,41 @@ use haptograph_signal::time::Rate;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-/// A plan ready to take over, and afterwards the old one on its way home.
-pub(super) struct Next {
+/// A plan that is ready to replace the running one; after the swap it holds the old plan, to be freed.
+pub(super) struct PlanSwap {
     pub(super) run: Run,
     pub mode: SwapMode,
     facts: Facts,
-    /// Where its taps go.
+    /// Rings of its taps.
     pub rings: TapRings,
     processors: Vec<(usize, usize, StateTransfer)>,
     bridges: Vec<(usize, usize)>,
     delays: Vec<(usize, usize, StateTransfer)>,
     pub(super) devices: Vec<(usize, usize)>,
-    /// Whose counts go on as whose.
+    /// (old, new) index of actuators whose counts continue.
     actuators: Vec<(usize, usize)>,
-    /// Those of them that are the same channel of the same device: their heat goes on too.
+    /// Those of them that drive the same channel of the same device: their heat continues too.
     pub(super) drives: Vec<(usize, usize)>,
-    /// Those of the old plan that the new one does not drive, and of the new one that the old did not.
-    leaving: Vec<usize>,
-    strangers: Vec<usize>,
-    /// Ends of rings to other drivers that go on; the other ends are the new plan's own.
+    /// Actuators of the old plan that the new one does not drive.
+    removed_actuators: Vec<usize>,
+    /// Actuators of the new plan that the old one did not drive.
+    new_actuators: Vec<usize>,
+    /// (old, new) index of ends of rings to other drivers that continue.
     pub(super) readers: Vec<(usize, usize)>,
     pub(super) writers: Vec<(usize, usize)>,
 }
 
-/// How state is carried over where the two plans do not run together; where they do, it is copied.
+/// How state is transferred if the two plans do not run together. In a cross-fade all state is copied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum StateTransfer {
-    /// It changes places with the new one's, whatever it holds: nobody needs the old one's any more.
+    /// Old and new state are swapped.
     Moved,
-    /// The new one copies what it can: it has other settings, or others need the old one's too.
+    /// The old state is copied: the settings differ, or several new states continue it.
     Copied,
 }
 
-impl Next {
-    /// `has_time` tells whether there is time for both plans to run in a tick.
+impl PlanSwap {
+    /// Prepares the swap. `has_time`: there is time for both plans to run in a tick.
     pub(super) fn new(old: &Plan, plan: Arc<Plan>, rings: TapRings, has_time: bool) -> Self {
         let places = old.processor_keys.iter().enumerate();
         let places: HashMap<&str, usize> = places.map(|(at, key)| (&*key.path, at)).collect();
@@ -75,7 +76,7 @@ impl Next {
         };
         let actuators = plan.actuators.iter().enumerate();
         let actuators = actuators.filter_map(|(new_at, actuator)| {
-            // The device's, whatever the sink is called; or the sink's, if its device is gone.
+            // Matched by device and channel; by the sink's path only if the old device is gone.
             let driven = driven_by(&plan, new_at);
             let same = |old_at: &usize| driven.is_some() && driven_by(old, *old_at) == driven;
             let renamed = |old_at: &usize| old.actuators[*old_at].path == actuator.path && gone(old_at);
@@ -99,8 +100,8 @@ impl Next {
         };
         let facts = Facts::of(old, &plan, common, has_time);
         Self {
-            leaving: (0..old.actuators.len()).filter(leaves).collect(),
-            strangers: (0..plan.actuators.len()).filter(is_new).collect(),
+            removed_actuators: (0..old.actuators.len()).filter(leaves).collect(),
+            new_actuators: (0..plan.actuators.len()).filter(is_new).collect(),
             bridges: pairs(old, &plan, bridge),
             delays: with_transfers(delays),
             devices,
@@ -116,31 +117,31 @@ impl Next {
         }
     }
 
-    /// It has ends of rings that the old plan had not.
-    pub(super) fn gets_new_rings(&mut self) {
+    /// Notes that the new plan has ring ends that the old plan does not have.
+    pub(super) fn add_new_rings(&mut self) {
         self.facts.gets_rings = true;
         self.mode = decide(&self.facts);
     }
 
-    /// The new plan's graph is the old one's: its state changes places with the old one's as a whole.
-    pub(super) fn take_over_everything(&mut self, running: &mut Run) {
+    /// Takes over the whole state: both plans have the same graph.
+    pub(super) fn take_over_in_place(&mut self, running: &mut Run) {
         std::mem::swap(&mut self.run.state, &mut running.state);
         std::mem::swap(&mut self.run, running);
     }
 
-    /// Carries over what matches, at the time that the old plan has reached, and changes places with it.
+    /// Transfers matching state at the time that the old plan has reached, and swaps the plans.
     pub(super) fn take_over(&mut self, running: &mut Run, hottest: &Hottest) {
         let together = self.mode == SwapMode::CrossFade;
-        self.carry_heat(running, hottest);
+        self.transfer_heat(running, hottest);
         let (old, new) = (&mut running.state, &mut self.run.state);
-        for (from, to, carry) in &self.processors {
-            match carry {
+        for (from, to, transfer) in &self.processors {
+            match transfer {
                 StateTransfer::Moved if !together => {
                     std::mem::swap(&mut old.processors[*from], &mut new.processors[*to]);
                 }
                 _ => old.processors[*from].copy_state_into(new.processors[*to].as_mut()),
             }
-            new.renew_single(*to);
+            new.update_single(*to);
         }
         for (from, to) in &self.bridges {
             new.bridges[*to].copy_state_from(&old.bridges[*from]);
@@ -158,12 +159,12 @@ impl Next {
             new.devices[*to].take_over(&mut old.devices[*from], from_plan, to_plan);
         }
         for (from, to) in &self.readers {
-            std::mem::swap(&mut old.links.readers[*from], &mut new.links.readers[*to]);
+            std::mem::swap(&mut old.ring_ends.readers[*from], &mut new.ring_ends.readers[*to]);
         }
         for (from, to) in &self.writers {
-            std::mem::swap(&mut old.links.writers[*from], &mut new.links.writers[*to]);
+            std::mem::swap(&mut old.ring_ends.writers[*from], &mut new.ring_ends.writers[*to]);
         }
-        self.run.meet_inputs();
+        self.run.init_gates();
         let (old, new) = (&mut running.state, &mut self.run.state);
         let frames = old.windows.driver_frames();
         new.windows.start_at(frames);
@@ -172,9 +173,9 @@ impl Next {
     }
 }
 
-impl Next {
-    /// Heat is the device's: what a channel was given goes on with the same channel of the same device.
-    fn carry_heat(&mut self, running: &Run, hottest: &Hottest) {
+impl PlanSwap {
+    /// Transfers limiter state. Heat belongs to the device: it continues for the same channel of the same device.
+    fn transfer_heat(&mut self, running: &Run, hottest: &Hottest) {
         let (old, new) = (&running.state.actuators, &mut self.run.state.actuators);
         for (from, to) in &self.actuators {
             new[*to].limiter.count_on_from(old[*from].limiter.counts());
@@ -182,17 +183,17 @@ impl Next {
         for (from, to) in &self.drives {
             new[*to].limiter.go_on_for(&old[*from].limiter);
         }
-        for old_at in &self.leaving {
+        for old_at in &self.removed_actuators {
             old[*old_at].limiter.leave_to(hottest);
         }
-        for new_at in &self.strangers {
-            // It may be one that left, by another name, now or long ago.
+        for new_at in &self.new_actuators {
+            // It may be the same hardware as a removed actuator, under another name.
             new[*new_at].limiter.begin_as_any_of(hottest);
         }
     }
 }
 
-/// The places in both plans of what `of` finds at steps that do the same.
+/// (old, new) indices of the items that `of` finds at matching steps of both plans.
 fn pairs<K: PartialEq>(
     old: &Plan,
     new: &Plan,
@@ -212,14 +213,14 @@ fn pairs<K: PartialEq>(
     for (label, found) in all(new) {
         for (to, key) in found {
             let mut same = old.get(&label).into_iter().flatten();
-            // Of several that hold the same, any will do.
+            // Several matches hold the same state.
             pairs.extend(same.find(|(_, was)| *was == key).map(|(from, _)| (*from, to)));
         }
     }
     pairs
 }
 
-/// The last of those that go on as the same one gets its state itself, the others before it a copy.
+/// Moves each old state to the last new state that continues it; the others get copies.
 fn with_transfers(pairs: Vec<(usize, usize)>) -> Vec<(usize, usize, StateTransfer)> {
     let mut moved = HashSet::new();
     let transfer = |(from, to)| match moved.insert(from) {
@@ -256,7 +257,7 @@ fn delay(plan: &Plan, step: &Step) -> Option<(usize, DelayPlan)> {
     Some((index, plan.delays[index]))
 }
 
-/// The device that an actuator sink drives, with all its settings, and the channel.
+/// Key of the device that an actuator sink drives, and the channel.
 fn driven_by(plan: &Plan, actuator: usize) -> Option<(&NodeKey, usize)> {
     plan.devices.iter().find_map(|device| {
         let mut sinks = device.driven_by.iter();

@@ -3,14 +3,14 @@
 mod arrivals;
 mod change;
 mod edits;
-mod fleet;
 mod heat;
 mod live;
 mod naive;
+mod runner;
 mod swap;
 mod world;
 
-use super::{Fleet, Offline, Outlets, Probe, Profile, Run, StepCost};
+use super::{FileSinks, Offline, Probe, Profile, Run, Runner, StepCost};
 use crate::graph::Graph;
 use crate::graph::NodeId;
 use crate::node::FrameWriter;
@@ -118,18 +118,18 @@ fn any_number_of_threads_gives_the_same_bits() {
             .hz();
         let alone = play(&graph, 1000, &[64]);
         for threads in [1, 2, 3, 8, 100] {
-            let mut outlets = Outlets::new(&graph);
+            let mut file_sinks = FileSinks::new(&graph);
             let mut heard = Vec::new();
             for node in graph.nodes().ids() {
                 heard.push(Heard::default());
                 let writer = Box::new(heard[node.index()].clone());
-                outlets.probe(Probe {
+                file_sinks.probe(Probe {
                     node,
                     output: 0,
                     writer,
                 });
             }
-            let outcome = Offline::new(outlets, 50)
+            let outcome = Offline::new(file_sinks, 50)
                 .threads(threads)
                 .run(1000.0 / rate_hz, &AtomicBool::new(false), &mut |_| {})
                 .unwrap();
@@ -147,7 +147,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn a_stop_ends_the_run_with_complete_blocks() {
     let graph = random_graph(3, 3);
     let stop = AtomicBool::new(false);
-    let offline = Offline::new(Outlets::new(&graph), 10);
+    let offline = Offline::new(FileSinks::new(&graph), 10);
     let mut calls = 0;
     let outcome = offline
         .run(1e6, &stop, &mut |_| {
@@ -161,21 +161,21 @@ fn a_stop_ends_the_run_with_complete_blocks() {
 #[test]
 fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
     let alone = (0..30).map(|seed| (seed, random_graph(seed, seed)));
-    for (seed, graph) in alone.chain(fleet::graphs().take(12)) {
+    for (seed, graph) in alone.chain(runner::graphs().take(12)) {
         let taps: Vec<(NodeId, usize)> = graph.nodes().ids().map(|node| (node, 0)).collect();
         let plans = Plan::of(&graph, &PlanOptions { block: 50, taps });
         let plans: Vec<Arc<Plan>> = plans.into_iter().map(Arc::new).collect();
-        let (mut plain, mut measured) = (Fleet::new(&plans), Profile::timing_every(&plans, 3));
+        let (mut plain, mut measured) = (Runner::new(&plans), Profile::timing_every(&plans, 3));
         let mut took_ns = vec![0.0; plans.len()];
         let rounds = 30 * plans.len() as u64;
         for round in 0..rounds * 2 {
-            let Ok(()) = plain.round(|_, _| Ok::<(), std::convert::Infallible>(()));
+            let Ok(()) = plain.run_quantum(|_, _| Ok::<(), std::convert::Infallible>(()));
             if round < rounds {
-                measured.round();
+                measured.run_quantum();
             } else {
-                measured.round_by_driver(&mut took_ns);
+                measured.run_quantum_by_driver(&mut took_ns);
             }
-            for (plain, measured) in plain.runs().iter().zip(measured.fleet().runs()) {
+            for (plain, measured) in plain.runs().iter().zip(measured.runner().runs()) {
                 assert_eq!(plain.driver_frames(), measured.driver_frames());
                 for tap in 0..plain.plan.tap_streams().count() {
                     let bits = |frames: &[f64]| frames.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -183,7 +183,7 @@ fn a_measured_run_gives_the_same_bits_and_sees_every_step() {
                 }
             }
         }
-        assert_eq!(measured.timed_rounds(), rounds / 3);
+        assert_eq!(measured.timed_quanta(), rounds / 3);
         assert!(took_ns.iter().all(|ns| *ns > 0.0), "seed {seed}: {took_ns:?}");
         let costs: Vec<StepCost> = (0..plans.len())
             .flat_map(|driver| measured.costs(driver))

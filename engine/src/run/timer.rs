@@ -1,8 +1,8 @@
 //! The timer driver: a thread that wakes at absolute deadlines and runs the driver frames that are due.
 //!
-//! Deadlines are computed from the start, so that nothing drifts. The thread sleeps to shortly before a deadline and
-//! spins the rest. A stall of the machine is not made up for by a burst: the frames lost in it are counted, and time
-//! goes on from there; a burst would push a force loop through many ticks with the hand standing still.
+//! Deadlines are computed from the start, so that they do not drift. The thread sleeps until shortly before a deadline
+//! and spins for the rest. After a stall of the machine the lost frames are counted and time continues from there: to
+//! catch up in a burst would run a force loop through many ticks with the same hand position.
 
 use super::live::Live;
 use super::meter::Wake;
@@ -10,14 +10,14 @@ use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How a timer wakes.
+/// Settings of the timer driver.
 #[derive(Debug, Clone, Copy)]
 pub struct Timer {
-    /// Wake-ups a second; frames of faster drivers run several at a time.
+    /// Wake-ups per second; a faster driver runs several frames at a time.
     pub wakes_hz: f64,
-    /// How long before a deadline sleeping ends and spinning begins.
+    /// Time before a deadline at which sleeping ends and spinning begins.
     pub spin: Duration,
-    /// A delay beyond this is a stall of the machine, not to be made up for.
+    /// A delay beyond this is a stall of the machine: its frames are skipped.
     pub stall: Duration,
 }
 
@@ -32,27 +32,27 @@ impl Default for Timer {
     }
 }
 
-/// What the system allowed the timer's thread.
+/// Real-time privileges of the timer's thread.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TimerNotes {
-    /// What was not allowed, and how to allow it; one sentence each.
+    /// The refused privileges and how to grant them, one sentence each.
     pub refused: Vec<String>,
 }
 
 /// A thread that drives a live run.
 pub struct TimerThread {
-    /// What the system allowed it.
+    /// Real-time privileges of the thread.
     pub notes: TimerNotes,
     thread: JoinHandle<Live>,
 }
 
 impl TimerThread {
-    /// Is the run over?
+    /// Whether the run is over.
     pub fn is_finished(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// Waits for the end of the run; none if the thread itself failed.
+    /// Waits for the end of the run; `None` if the thread panicked.
     pub fn join(self) -> Option<Live> {
         self.thread.join().ok()
     }
@@ -62,14 +62,14 @@ impl Timer {
     /// Starts a real-time thread that runs until the run is over.
     ///
     /// # Errors
-    /// What the system says where it gives no thread.
+    /// System errors if no thread can be started.
     pub fn start(self, mut live: Live) -> std::io::Result<TimerThread> {
-        let (told, notes) = channel();
+        let (notes_in, notes) = channel();
         let thread = std::thread::Builder::new()
             .name("haptograph-timer".into())
             .spawn(move || {
-                // Nobody listens where the thread that started this one has gone.
-                let _ = told.send(self.prepare_thread());
+                // The receiver may be gone.
+                let _ = notes_in.send(self.prepare_thread());
                 self.run(&mut live);
                 live
             })?;
@@ -77,12 +77,12 @@ impl Timer {
         Ok(TimerThread { notes, thread })
     }
 
-    /// Asks the system for real-time scheduling and locked memory for the calling thread.
+    /// Requests real-time scheduling and locked memory for the calling thread.
     pub fn prepare_thread(&self) -> TimerNotes {
         let mut notes = TimerNotes::default();
         #[cfg(not(target_os = "linux"))]
         notes.refused.push(
-            "no real-time scheduling, which haptograph asks for on Linux only: expect jitter while the machine is busy"
+            "no real-time scheduling (haptograph supports it on Linux only): expect jitter while the machine is busy"
                 .to_owned(),
         );
         #[cfg(target_os = "linux")]
@@ -101,7 +101,7 @@ impl Timer {
                      /etc/security/limits.d/"
                 ));
             }
-            // Under a limit, locking what will be allocated would make later allocations fail.
+            // With a finite limit, locking future memory would make later allocations fail.
             let unlimited = getrlimit(Resource::RLIMIT_MEMLOCK).is_ok_and(|(soft, _)| soft == RLIM_INFINITY);
             let flags = match unlimited {
                 true => MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE,
@@ -117,13 +117,13 @@ impl Timer {
         notes
     }
 
-    /// Runs until the run is over and nothing is driven any more. Runs on the calling thread.
+    /// Runs on the calling thread until the run is over and every actuator is at zero.
     pub fn run(&self, live: &mut Live) {
         let rate_hz = live.run().rate_hz();
         let mut start = Instant::now();
         let period = Duration::from_secs_f64(1.0 / self.wakes_hz);
         let (mut wake, mut done, mut lost) = (0_u64, 0_u64, 0_u32);
-        while !live.is_at_rest() {
+        while !live.is_idle() {
             wake += 1;
             let deadline = start + Duration::from_secs_f64(wake as f64 / self.wakes_hz);
             let due = (wake as f64 / self.wakes_hz * rate_hz).floor() as u64;
@@ -131,7 +131,7 @@ impl Timer {
             let began = Instant::now();
             let late = began.saturating_duration_since(deadline);
             if late > self.stall {
-                // Time is moved on as if the stall had not been.
+                // Skip the time of the stall.
                 start += late;
                 lost = (late.as_secs_f64() * self.wakes_hz) as u32;
             }

@@ -1,31 +1,31 @@
-//! One walk through the steps of a plan: real-time code.
+//! Runs the steps of a plan: real-time code.
 
 use super::State;
 use super::actuator::When;
 use super::bridge::Ends;
-use super::device::Part;
-use super::profile::Watch;
+use super::device::Ownership;
+use super::profile::StepObserver;
 use super::program::{Line, Program};
 use super::window::{Window, range_of};
-use crate::io::{Form, Io, Wire};
+use crate::io::{Form, Io, ResolvedInput};
 use crate::node::Tick;
 use crate::plan::{BridgeKind, Plan, StepWork};
 use std::ops::Range;
 
 impl State {
-    /// After a processor was changed or replaced by another of its kind.
-    pub(super) fn renew_single(&mut self, processor: usize) {
+    /// Updates the single-frame form of a processor after a change of its settings or state.
+    pub(super) fn update_single(&mut self, processor: usize) {
         if let Some(single) = self.processors[processor].single() {
             self.singles[processor].single = single;
         }
     }
 
-    /// Sets a live setting of what does this work.
+    /// Sets a live setting of the processor or actuator of this work.
     pub(super) fn set(&mut self, work: StepWork, setting: usize, value: f64) {
         match work {
             StepWork::Process(index) => {
                 self.processors[index as usize].set(setting, value);
-                self.renew_single(index as usize);
+                self.update_single(index as usize);
             }
             StepWork::Actuator(index) if value.is_finite() => {
                 self.actuators[index as usize].gain = value;
@@ -34,12 +34,12 @@ impl State {
         }
     }
 
-    pub(super) fn steps<W: Watch>(
+    pub(super) fn steps<W: StepObserver>(
         &mut self,
         plan: &Plan,
         program: &Program,
         range: Range<usize>,
-        watch: &mut W,
+        observer: &mut W,
     ) {
         let mut number = range.start;
         while number < range.end {
@@ -47,9 +47,9 @@ impl State {
             let count = match line.work {
                 StepWork::Process(first) => {
                     let first = first as usize;
-                    let most = if W::APART { 1 } else { range.end - number };
+                    let most = if W::STEPWISE { 1 } else { range.end - number };
                     let (count, offset) = self.windows.frames(line.clock);
-                    if count == 1 && line.singles > 0 && !self.faults.watching {
+                    if count == 1 && line.singles > 0 && !self.faults.tracing {
                         let singles = (line.singles as usize).min(most);
                         self.without_ports(first..first + singles, offset);
                         singles
@@ -66,7 +66,7 @@ impl State {
                 } => {
                     let steps = steps as usize;
                     let pacings = &plan.pacings[first_pacing as usize..][..pacings as usize];
-                    self.island(plan, program, number + 1..number + 1 + steps, pacings, watch);
+                    self.island(plan, program, number + 1..number + 1 + steps, pacings, observer);
                     1 + steps
                 }
                 _ => {
@@ -74,8 +74,8 @@ impl State {
                     1
                 }
             };
-            if W::APART {
-                watch.done(number, self.windows.of(line.clock).count);
+            if W::STEPWISE {
+                observer.step_done(number, self.windows.of(line.clock).count);
             }
             number += count;
         }
@@ -83,13 +83,13 @@ impl State {
 
     /// Runs the steps of an island over the block, window by window.
     #[inline(never)]
-    fn island<W: Watch>(
+    fn island<W: StepObserver>(
         &mut self,
         plan: &Plan,
         program: &Program,
         range: Range<usize>,
         pacings: &[u64],
-        watch: &mut W,
+        observer: &mut W,
     ) {
         self.whole.copy_from_slice(self.windows.all());
         self.windows.rewind();
@@ -97,7 +97,7 @@ impl State {
         while begin < end {
             begin = self.windows.boundary_after(begin, pacings);
             self.windows.narrow_to(begin);
-            self.steps(plan, program, range.clone(), watch);
+            self.steps(plan, program, range.clone(), observer);
         }
         self.windows.restore(&self.whole);
     }
@@ -109,7 +109,7 @@ impl State {
         let processors = &mut self.processors[range.clone()];
         let (mut latest, mut latest_at) = (0.0, u32::MAX);
         for (step, processor) in self.singles[range].iter().zip(processors) {
-            // In a chain the frame stays in a register: a load has to wait for the store before it.
+            // In a chain the frame stays in a register: a load would wait for the preceding store.
             let x = match step.from == latest_at {
                 true => latest,
                 false => memory[step.from as usize],
@@ -120,8 +120,7 @@ impl State {
         }
     }
 
-    /// Runs processors that follow one another at one clock, up to one that can do without ports in this window;
-    /// returns how many.
+    /// Runs successive processors of a clock, up to one that needs no ports in this window. Returns how many.
     #[inline(never)]
     fn with_ports(&mut self, lines: &[Line], first: usize, period_s: f64) -> usize {
         let window = self.windows.of(lines[0].clock);
@@ -133,8 +132,8 @@ impl State {
             frames: window.count,
             period_s,
         };
-        let watching = self.faults.watching;
-        let single = window.count == 1 && !watching;
+        let tracing = self.faults.tracing;
+        let single = window.count == 1 && !tracing;
         let memory = self.memory.all_mut();
         for (done, (line, processor)) in lines.iter().zip(&mut self.processors[first..]).enumerate() {
             if single && line.singles > 0 {
@@ -151,13 +150,13 @@ impl State {
                 behind,
             };
             processor.process(&tick, &mut io);
-            if watching
+            if tracing
                 && self
-                    .suspects
+                    .upstream_candidates
                     .get(line.node.index())
-                    .is_none_or(|suspect| *suspect)
+                    .is_none_or(|is_candidate| *is_candidate)
             {
-                self.faults.watch(line, out, window);
+                self.faults.trace_origin(line, out, window);
             }
         }
         lines.len()
@@ -192,15 +191,15 @@ impl State {
             StepWork::Actuator(index) => {
                 let x = input(around, &line.inputs[0], window);
                 let when = When {
-                    drive: self.drive,
+                    fade: self.fade,
                     first: window.first,
                     period: self.windows.period(line.clock),
                 };
                 let faults = self.actuators[index as usize].apply(&when, x, output(out, line, window));
                 if faults > 0 {
                     self.faults.ticks += faults;
-                    self.struck = self.struck.or(Some(line.node));
-                    self.faults.watching = self.faults.origin.is_none();
+                    self.first_faulted_sink = self.first_faulted_sink.or(Some(line.node));
+                    self.faults.tracing = self.faults.origin.is_none();
                 }
             }
             StepWork::DelayRead(index) => {
@@ -212,14 +211,14 @@ impl State {
             }
             StepWork::RingRead(index) => {
                 let y = output(out, line, window);
-                match &mut self.links.readers[index as usize] {
+                match &mut self.ring_ends.readers[index as usize] {
                     Some(reader) => reader.read(y),
                     None => y.fill(0.0),
                 }
             }
             StepWork::RingWrite(index) => {
                 let x = input(around, &line.inputs[0], window);
-                if let Some(writer) = &mut self.links.writers[index as usize] {
+                if let Some(writer) = &mut self.ring_ends.writers[index as usize] {
                     writer.write(x);
                 }
             }
@@ -232,7 +231,7 @@ impl State {
     fn device_read(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let state = &mut self.devices[index];
         for frame in 0..window.count {
-            state.advance_alone();
+            state.advance_unless_shared();
             for (read, (slot, placing, channel)) in plan.devices[index].reads.iter().enumerate() {
                 let range = range_of(placing.start, placing.width, window.one(frame));
                 let buffer = &mut self.memory.all_mut()[program.range(*slot)];
@@ -245,12 +244,12 @@ impl State {
     fn device_write(&mut self, plan: &Plan, program: &Program, index: usize, window: Window) {
         let device = &plan.devices[index];
         let state = &mut self.devices[index];
-        if state.part == Part::Follows {
+        if state.ownership == Ownership::Shadow {
             return;
         }
         for frame in 0..window.count {
             if device.reads.is_empty() {
-                state.advance_alone();
+                state.advance_unless_shared();
             }
             for (slot, placing, channel) in &device.writes {
                 let range = range_of(placing.start, placing.width, window.one(frame));
@@ -269,7 +268,7 @@ impl State {
 }
 
 /// The frames of a sampled input in the memory before and behind the step's own buffer.
-fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &Wire, window: Window) -> &'a [f64] {
+fn input<'a>([before, behind]: [&'a [f64]; 2], wire: &ResolvedInput, window: Window) -> &'a [f64] {
     match wire.form {
         Form::Sampled => {
             let side = if wire.behind { behind } else { before };

@@ -1,17 +1,17 @@
-//! Which ticks of every clock fall into a stretch of time.
+//! Windows: the ticks of every clock in an interval of time.
 
 use crate::plan::Plan;
 use haptograph_signal::time::{TimeBase, ticks_before};
 use std::ops::Range;
 
-/// The ticks of one clock in the present stretch of time.
+/// The ticks of a clock in the present interval.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Window {
     /// Number of the first tick.
     pub first: u64,
-    /// How many.
+    /// Number of ticks.
     pub count: usize,
-    /// Where the first one lies in the block's buffers.
+    /// Index of the first tick in the block's buffers.
     pub offset: usize,
 }
 
@@ -25,12 +25,12 @@ impl Window {
         }
     }
 
-    /// Goes on to the ticks that follow, before the time `end`.
+    /// Moves on to the following ticks before the time `end`.
     #[inline]
     fn go_on(&mut self, period: u64, end: u64) {
         self.first += self.count as u64;
         let next = self.first.saturating_mul(period);
-        // Most often a slow clock has no tick, and needs no division to find that out.
+        // A slow clock mostly has no tick: avoid the division.
         self.count = if next < end {
             (end - next).div_ceil(period) as usize
         } else {
@@ -44,8 +44,9 @@ impl Window {
 pub(crate) struct Windows {
     base: TimeBase,
     driver: usize,
-    /// Time at which the present block begins and ends, in units.
+    /// Start of the present block, in units of the time base.
     begin: u64,
+    /// Its end.
     end: u64,
     clocks: Vec<Window>,
 }
@@ -67,7 +68,7 @@ impl Windows {
         self.clocks[clock as usize]
     }
 
-    /// How many frames a clock has in the present stretch, and where they begin in its buffers.
+    /// Number of frames of a clock in the present interval, and the index of the first in its buffers.
     #[inline]
     pub(crate) fn frames(&self, clock: u32) -> (usize, usize) {
         let window = &self.clocks[clock as usize];
@@ -95,7 +96,7 @@ impl Windows {
         }
     }
 
-    /// As if `frames` driver frames had been run.
+    /// Sets the time to that after `frames` driver frames.
     pub(crate) fn start_at(&mut self, frames: u64) {
         self.end = frames.saturating_mul(self.base.period(self.driver));
         self.begin = self.end;
@@ -113,25 +114,25 @@ impl Windows {
         self.end / self.base.period(self.driver)
     }
 
-    /// The block as a stretch of time, in units.
+    /// Start and end of the block, in units of the time base.
     pub(crate) fn block(&self) -> (u64, u64) {
         (self.begin, self.end)
     }
 
-    /// The first time after `time` at which one of the pacings begins a new sub-window, at most the block's end.
+    /// The next boundary of a sub-window after `time`, at most the end of the block.
     pub(crate) fn boundary_after(&self, time: u64, pacings: &[u64]) -> u64 {
         let next = |pacing: &u64| (time / pacing + 1).saturating_mul(*pacing);
         pacings.iter().map(next).min().unwrap_or(self.end).min(self.end)
     }
 
-    /// Narrows every window to nothing at the beginning of the block.
+    /// Narrows every window to an empty one at the start of the block.
     pub(crate) fn rewind(&mut self) {
         for window in &mut self.clocks {
             window.count = 0;
         }
     }
 
-    /// Narrows every window to what follows its present ticks, up to the time `end`.
+    /// Narrows every window to the ticks that follow its present ones, before the time `end`.
     pub(crate) fn narrow_to(&mut self, end: u64) {
         for (clock, window) in self.clocks.iter_mut().enumerate() {
             window.offset += window.count;
@@ -148,7 +149,7 @@ impl Windows {
     }
 }
 
-/// Where the frames of a window lie among lanes that begin at `start`.
+/// Range of a window's components in a buffer that begins at `start`.
 pub(crate) fn range_of(start: u32, width: u32, window: Window) -> Range<usize> {
     let begin = start as usize + window.offset * width as usize;
     begin..begin + window.count * width as usize

@@ -1,4 +1,4 @@
-//! What somebody may have meant who wrote a name that is not there.
+//! Suggestions for misspelt names.
 
 /// Longer words, in bytes, are not compared.
 const MAX_COMPARED: usize = 64;
@@ -6,8 +6,8 @@ const MAX_COMPARED: usize = 64;
 /// Shorter words are the beginning of too many others.
 const LEAST_BEGINNING: usize = 3;
 
-/// The candidate that was meant by `word`: one that lacks only its unit (`low` for `low_hz`), the nearest by edit distance if
-/// it is near enough, or the only one that begins with it (`low` for `lowest`).
+/// The candidate that was meant by `word`: one that lacks only its unit (`low` for `low_hz`), the nearest by edit
+/// distance if it is near enough, or the only one that begins with it (`low` for `lowest`).
 pub fn closest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_COMPARED {
         return None; // Comparing costs the product of the lengths, and such words are no slips of a finger.

@@ -417,7 +417,7 @@ impl Device for Still {
     fn advance(&mut self) {}
     fn read(&mut self, _: usize, _: &mut [f64]) {}
     fn write(&mut self, _: usize, _: &[f64]) {}
-    fn most(&self, _: usize) -> Option<f64> {
+    fn max_output_bound(&self, _: usize) -> Option<f64> {
         Some(5.0)
     }
 }

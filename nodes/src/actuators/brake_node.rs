@@ -157,7 +157,7 @@ struct Braking {
 
 impl Processor for Braking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (loads, frictions, speeds) = (io.lanes(0), io.frames_of::<3>(1), io.lanes(2));
+        let (loads, frictions, speeds) = (io.components(0), io.frames_of::<3>(1), io.components(2));
         let [current, measured, trim, reach, coil] = io.outs();
         for (frame, ((load, friction), speed)) in loads.iter().zip(frictions).zip(speeds).enumerate() {
             let dragging = Dragging {

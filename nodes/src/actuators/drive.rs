@@ -101,7 +101,7 @@ struct Compensating {
 
 impl Processor for Compensating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let acceleration = io.lanes(0);
+        let acceleration = io.components(0);
         let current = io.out(0);
         current.copy_from_slice(acceleration);
         self.compensator.process(current);

@@ -144,12 +144,12 @@ mod tests {
         };
         let mut bench = Bench::new::<NormalForce>(settings(0.25, 0.0), 1000.0, &[Kind::Contact]).unwrap();
         assert_eq!(
-            bench.run(&[&contact.to_lanes()]),
+            bench.run(&[&contact.to_components()]),
             vec![vec![0.0, 0.0, 1.0], vec![1.0]]
         );
         bench.processor().set(0, 0.5);
-        assert_eq!(bench.run(&[&contact.to_lanes()])[1], [2.0]);
-        let free = frame::Contact::default().to_lanes();
+        assert_eq!(bench.run(&[&contact.to_components()])[1], [2.0]);
+        let free = frame::Contact::default().to_components();
         assert_eq!(bench.run(&[&free]), vec![vec![0.0; 3], vec![0.0]]);
     }
 

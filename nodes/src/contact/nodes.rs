@@ -169,7 +169,7 @@ impl Processor for Toucher {
         let mut solid = solid.iter_mut();
         for (lanes, hip_m) in contact.as_chunks_mut().0.iter_mut().zip(positions) {
             let (touch, which): (Contact, usize) = self.scene.update(*hip_m);
-            *lanes = frame::Contact::from(touch).to_lanes();
+            *lanes = frame::Contact::from(touch).to_components();
             if let Some(solid) = solid.next() {
                 *solid = which as f64;
             }
@@ -461,8 +461,12 @@ mod tests {
         let out = bench
             .run(&[&[0.0, 0.0, 0.0506, 0.0, 0.03, 0.04, 0.0, 0.0, 0.06]])
             .remove(0);
-        let contacts: Vec<frame::Contact> =
-            out.as_chunks().0.iter().map(frame::Contact::from_lanes).collect();
+        let contacts: Vec<frame::Contact> = out
+            .as_chunks()
+            .0
+            .iter()
+            .map(frame::Contact::from_components)
+            .collect();
         assert!(contacts[0].touching && contacts[1].touching && !contacts[2].touching);
         assert!((contacts[0].penetration_m - 0.001).abs() < 1e-12);
         assert!((norm(contacts[1].ihip_m) - 0.0516).abs() < 1e-12);

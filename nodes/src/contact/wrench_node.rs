@@ -136,7 +136,7 @@ impl Processor for Locating {
                 penetration_m: 0.0,
                 face: at.face,
             }
-            .to_lanes();
+            .to_components();
             load[frame] = at.normal_force_n;
             friction[frame] = at.friction_n;
             residual[frame] = at.residual_m;
@@ -230,7 +230,7 @@ struct Following {
 
 impl Processor for Following {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, uncertainties) = (io.contacts(0), io.lanes(1));
+        let (contacts, uncertainties) = (io.contacts(0), io.components(1));
         let [speed, along, way] = io.outs();
         let along = along.as_chunks_mut().0;
         for (frame, contact) in contacts.enumerate() {
@@ -298,7 +298,7 @@ mod tests {
             .as_chunks()
             .0
             .iter()
-            .map(frame::Contact::from_lanes)
+            .map(frame::Contact::from_components)
             .collect();
         assert!(crate::vector::distance(contacts[0].ihip_m, point) < 1e-9);
         assert_eq!(contacts[0].normal, [0.0, 0.0, 1.0]);
@@ -348,7 +348,7 @@ mod tests {
                     normal,
                     ..frame::Contact::default()
                 }
-                .to_lanes()
+                .to_components()
             })
             .collect();
         let out = bench().run(&[&contacts]);
@@ -374,7 +374,7 @@ mod tests {
                     normal: [0.0, 0.0, 1.0],
                     ..frame::Contact::default()
                 }
-                .to_lanes()
+                .to_components()
             })
             .collect();
         let speed_m_s = bench.run(&[&contacts])[0][599];

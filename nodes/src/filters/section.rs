@@ -203,7 +203,7 @@ impl StateVariable {
 
 impl Processor for StateVariable {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
-        let (width, x, frequency) = (io.width(0).clamp(1, WIDEST), io.lanes(0), io.lanes(1));
+        let (width, x, frequency) = (io.width(0).clamp(1, WIDEST), io.components(0), io.components(1));
         let (y, mut from) = (io.out(0), 0);
         while from < tick.frames {
             let end = next_change(&[frequency], from, tick.frames);

@@ -104,7 +104,7 @@ struct Sticking {
 
 impl Processor for Sticking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, loads) = (io.contacts(0), io.lanes(1));
+        let (contacts, loads) = (io.contacts(0), io.components(1));
         for ((force, contact), load) in io.out_frames::<3>(0).iter_mut().zip(contacts).zip(loads) {
             *force = self.dahl.update(&Contact::from(contact), *load, self.mu);
         }
@@ -177,7 +177,7 @@ struct Dragging {
 
 impl Processor for Dragging {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (contacts, loads, velocities) = (io.contacts(0), io.lanes(1), io.frames_of::<3>(2));
+        let (contacts, loads, velocities) = (io.contacts(0), io.components(1), io.frames_of::<3>(2));
         let frames = io
             .out_frames::<3>(0)
             .iter_mut()
@@ -216,7 +216,7 @@ mod tests {
                 normal: [0.0, 0.0, 1.0],
                 ..frame::Contact::default()
             }
-            .to_lanes()
+            .to_components()
         });
         let n = frames as usize;
         (contacts.collect(), vec![1.0; n], [0.1, 0.0, 0.0].repeat(n))

@@ -51,7 +51,7 @@ struct Difference {
 
 impl Processor for Difference {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+        let (width, x) = (io.width(0).clamp(1, WIDEST), io.components(0));
         for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
             if !self.started {
                 self.previous[..width].copy_from_slice(x);
@@ -152,13 +152,13 @@ struct Integral {
 
 impl Processor for Integral {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, WIDEST), io.lanes(0));
+        let (width, x) = (io.width(0).clamp(1, WIDEST), io.components(0));
         let resets = io.frames_of::<{ Event::WIDTH }>(1);
         let frames = io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width));
         for (frame, (y, x)) in frames.enumerate() {
             if resets
                 .get(frame)
-                .is_some_and(|lanes| Event::from_lanes(lanes).fired)
+                .is_some_and(|lanes| Event::from_components(lanes).fired)
             {
                 self.sum = [self.start; WIDEST];
                 self.started = false;

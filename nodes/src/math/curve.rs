@@ -151,7 +151,7 @@ impl Table {
 
 impl Processor for Table {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
             // No value is that of no place.
             let value = if x.is_finite() { self.at(*x) } else { 0.0 };

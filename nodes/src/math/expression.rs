@@ -107,7 +107,7 @@ struct Computer {
 impl Processor for Computer {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         let time_s = |frame: usize| (tick.first + frame as u64) as f64 * self.tick_s;
-        let inputs = |input| io.lanes(input);
+        let inputs = |input| io.components(input);
         self.formula.compute(tick.frames, inputs, time_s, &mut self.work);
         io.out(0).copy_from_slice(&self.work[..tick.frames]);
     }

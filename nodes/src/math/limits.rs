@@ -50,7 +50,7 @@ struct Clamping {
 
 impl Processor for Clamping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
             *y = self.frame(*x);
         }
@@ -116,7 +116,7 @@ struct SoftClipping {
 
 impl Processor for SoftClipping {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
             *y = self.frame(*x);
         }
@@ -186,7 +186,7 @@ struct SlewLimiting {
 
 impl Processor for SlewLimiting {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).clamp(1, 6), io.lanes(0));
+        let (width, x) = (io.width(0).clamp(1, 6), io.components(0));
         let step = self.most_per_s * self.period_s;
         for (y, x) in io.out(0).chunks_exact_mut(width).zip(x.chunks_exact(width)) {
             let previous = &mut self.previous[..width];

@@ -47,7 +47,7 @@ struct Multiplier;
 
 impl Processor for Multiplier {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x, by) = (io.width(0), io.lanes(0), io.lanes(1));
+        let (width, x, by) = (io.width(0), io.components(0), io.components(1));
         if width == 1 {
             for ((y, x), by) in io.out(0).iter_mut().zip(x).zip(by) {
                 *y = x * by;
@@ -97,7 +97,7 @@ struct Divider;
 
 impl Processor for Divider {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x, by) = (io.width(0).max(1), io.lanes(0), io.lanes(1));
+        let (width, x, by) = (io.width(0).max(1), io.components(0), io.components(1));
         let frames = io.out(0).chunks_exact_mut(width);
         for ((y, x), by) in frames.zip(x.chunks_exact(width)).zip(by) {
             for (y, x) in y.iter_mut().zip(x) {

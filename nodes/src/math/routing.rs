@@ -68,14 +68,14 @@ impl Processor for Switching {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let last = io.input_count().saturating_sub(2);
         if !io.connected(0) {
-            let x = io.lanes(1 + self.select.min(last));
+            let x = io.components(1 + self.select.min(last));
             io.out(0).copy_from_slice(x);
             return;
         }
-        let (selector, width) = (io.lanes(0), io.width(1).max(1));
+        let (selector, width) = (io.components(0), io.width(1).max(1));
         for (frame, selected) in selector.iter().enumerate() {
             // The conversion saturates, and what is not a number is 0.
-            let x = io.lanes(1 + (selected.round() as usize).min(last));
+            let x = io.components(1 + (selected.round() as usize).min(last));
             let lanes = frame * width..(frame + 1) * width;
             io.out(0)[lanes.clone()].copy_from_slice(&x[lanes]);
         }
@@ -138,7 +138,7 @@ struct Later {
 
 impl Processor for Later {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         if self.ring.is_empty() {
             io.out(0).copy_from_slice(x);
             return;

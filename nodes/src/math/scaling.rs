@@ -93,7 +93,7 @@ struct Scaler {
 
 impl Processor for Scaler {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         elementwise::scale(self.factor, x, io.out(0));
     }
 
@@ -148,7 +148,7 @@ struct Shifter {
 
 impl Processor for Shifter {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         elementwise::offset(self.offset, x, io.out(0));
     }
 
@@ -188,7 +188,7 @@ struct Rectifier;
 
 impl Processor for Rectifier {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         for (y, x) in io.out(0).iter_mut().zip(x) {
             *y = self.frame(*x);
         }

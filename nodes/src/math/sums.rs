@@ -46,17 +46,17 @@ struct Adder;
 impl Processor for Adder {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let terms = io.input_count();
-        let first = io.lanes(0);
+        let first = io.components(0);
         if terms < 2 {
             io.out(0).copy_from_slice(first);
             return;
         }
-        let second = io.lanes(1);
+        let second = io.components(1);
         for ((y, a), b) in io.out(0).iter_mut().zip(first).zip(second) {
             *y = a + b;
         }
         for term in 2..terms {
-            let x = io.lanes(term);
+            let x = io.components(term);
             for (y, x) in io.out(0).iter_mut().zip(x) {
                 *y += x;
             }
@@ -96,7 +96,7 @@ struct Subtractor;
 
 impl Processor for Subtractor {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (a, b) = (io.lanes(0), io.lanes(1));
+        let (a, b) = (io.components(0), io.components(1));
         for ((y, a), b) in io.out(0).iter_mut().zip(a).zip(b) {
             *y = a - b;
         }
@@ -158,7 +158,7 @@ impl Processor for Mixing {
         // The first two at once: most mixes have no more.
         let done = match *self.gains {
             [a, b, ..] => {
-                let (x, z) = (io.lanes(0), io.lanes(1));
+                let (x, z) = (io.components(0), io.components(1));
                 elementwise::mix([a * self.master, b * self.master], x, z, io.out(0));
                 2
             }
@@ -168,7 +168,7 @@ impl Processor for Mixing {
             }
         };
         for (term, gain) in self.gains.iter().enumerate().skip(done) {
-            let (x, gain) = (io.lanes(term), gain * self.master);
+            let (x, gain) = (io.components(term), gain * self.master);
             for (y, x) in io.out(0).iter_mut().zip(x) {
                 *y += gain * x;
             }

@@ -73,11 +73,11 @@ impl Rising {
 
 impl Processor for Rising {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let x = io.lanes(0);
+        let x = io.components(0);
         for (event, x) in io.out_frames::<{ Event::WIDTH }>(0).iter_mut().zip(x) {
             let fired = self.fires(*x);
             let value = if fired { *x } else { 0.0 };
-            *event = Event { fired, value }.to_lanes();
+            *event = Event { fired, value }.to_components();
         }
     }
 
@@ -107,7 +107,7 @@ mod tests {
         let mut bench = Bench::new::<Threshold>(settings, 1000.0, &[Kind::Scalar]).unwrap();
         let events = bench.run_in_blocks(&[x], &[1, 3, 64]);
         let frames = events[0].as_chunks::<{ Event::WIDTH }>().0.iter().enumerate();
-        let fired = frames.filter(|(_, lanes)| Event::from_lanes(lanes).fired);
+        let fired = frames.filter(|(_, lanes)| Event::from_components(lanes).fired);
         fired.map(|(tick, _)| tick).collect()
     }
 

@@ -220,7 +220,7 @@ struct Packing;
 
 impl Processor for Packing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (x, y, z) = (io.lanes(0), io.lanes(1), io.lanes(2));
+        let (x, y, z) = (io.components(0), io.components(1), io.components(2));
         for (((vector, x), y), z) in io.out_frames::<3>(0).iter_mut().zip(x).zip(y).zip(z) {
             *vector = [*x, *y, *z];
         }

@@ -149,7 +149,7 @@ impl Device for NumberInput {
 
     fn write(&mut self, _: usize, _: &[f64]) {}
 
-    fn look(&mut self, now: Instant) {
+    fn poll(&mut self, now: Instant) {
         self.reader.woke = Some(now);
     }
 

@@ -326,7 +326,7 @@ impl Device for Remote {
         }
     }
 
-    fn look(&mut self, now: Instant) {
+    fn poll(&mut self, now: Instant) {
         self.reader.woke = Some(now);
     }
 
@@ -414,7 +414,7 @@ mod tests {
         let another = |ms: u64| {
             let mut another = remote(false);
             another.reader.link = Arc::clone(&first.reader.link);
-            another.look(told + Duration::from_millis(ms));
+            another.poll(told + Duration::from_millis(ms));
             another.advance();
             another
         };
@@ -439,11 +439,11 @@ mod tests {
     #[test]
     fn ages_are_measured_while_it_speaks() {
         let mut remote = remote(false);
-        remote.look(Instant::now());
+        remote.poll(Instant::now());
         remote.advance();
         assert_eq!(remote.ages().unwrap().ages().total(), 0);
         news(&mut remote, 0.0);
-        remote.look(Instant::now() + Duration::from_millis(8));
+        remote.poll(Instant::now() + Duration::from_millis(8));
         remote.advance();
         let ages = remote.ages().unwrap().ages();
         assert!(

@@ -130,7 +130,7 @@ mod tests {
                     normal: [0.0, 0.0, 1.0],
                     ..Contact::default()
                 }
-                .to_lanes()
+                .to_components()
             })
             .collect();
         let out = bench.run(&[&contacts]);

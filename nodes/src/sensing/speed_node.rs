@@ -103,7 +103,7 @@ struct Estimating {
 
 impl Processor for Estimating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (positions, touching) = (io.frames_of::<3>(0), io.lanes(1));
+        let (positions, touching) = (io.frames_of::<3>(0), io.components(1));
         let [speed, velocity] = io.outs();
         let frames = speed.iter_mut().zip(velocity.as_chunks_mut().0).zip(positions);
         for (frame, ((speed, velocity), position)) in frames.enumerate() {

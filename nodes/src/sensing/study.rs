@@ -89,7 +89,7 @@ struct Responding {
 
 impl Processor for Responding {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speeds, forces) = (io.lanes(0), io.lanes(1));
+        let (speeds, forces) = (io.components(0), io.components(1));
         let [speed, force] = io.outs();
         for (((speed, force), &v), &f) in speed.iter_mut().zip(force).zip(speeds).zip(forces) {
             *speed = match self.speed_m_s {
@@ -165,7 +165,7 @@ struct Warning {
 
 impl Processor for Warning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let forces = io.lanes(0);
+        let forces = io.components(0);
         for (warning, force) in io.out(0).iter_mut().zip(forces) {
             let over = *force > self.above_n;
             self.left = if over {
@@ -248,7 +248,7 @@ struct Dwelling {
 
 impl Processor for Dwelling {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speeds, forces) = (io.lanes(0), io.lanes(1));
+        let (speeds, forces) = (io.components(0), io.components(1));
         let outs: [&mut [f64]; 4] = io.outs();
         for (frame, (speed, force)) in speeds.iter().zip(forces).enumerate() {
             if *speed >= self.rest_m_s && *force > 0.0 {

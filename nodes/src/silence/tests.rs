@@ -5,7 +5,7 @@ use haptograph_engine::document::Document;
 use haptograph_engine::graph::{CheckOptions, Graph, check};
 use haptograph_engine::node::FrameWriter;
 use haptograph_engine::run::{
-    LiveOptions, Offline, OfflineError, Outlets, Probe, ReplayBounds, ReplayError, Session,
+    FileSinks, LiveOptions, Offline, OfflineError, Probe, ReplayBounds, ReplayError, Session,
 };
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -51,8 +51,8 @@ fn graph(listen: &str, two: bool) -> Graph {
 }
 
 /// What the stylus felt and what the actuator was given.
-fn listening(graph: &Graph) -> (Outlets<'_>, [Bits; 2]) {
-    let mut outlets = Outlets::new(graph);
+fn listening(graph: &Graph) -> (FileSinks<'_>, [Bits; 2]) {
+    let mut outlets = FileSinks::new(graph);
     let bits: [Bits; 2] = [Bits::default(), Bits::default()];
     for (path, bits) in ["felt", "out"].iter().zip(&bits) {
         let node = graph.nodes().find(path).unwrap();

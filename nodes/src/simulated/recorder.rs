@@ -136,7 +136,7 @@ impl DeviceKind for SimulatedRecordingTool {
         };
         let seed = stream_seed(
             cx.seed,
-            &format!("{}/{person}/{}", name.word(), motion.gesture().word()),
+            &format!("{}/{person}/{}", name.word(), motion.gesture().as_str()),
         );
         let mut tool = SimulatedTool::new(&Material::of(name), grip, &habit(&motion, person), SUBSTEPS, seed)
             .map_err(|error| BuildError::at("motion", error.to_string()))?;

@@ -129,7 +129,7 @@ fn columns_of(stream: &Stream) -> Vec<String> {
         }
         (_, lane) => format!("{}_{lane}{unit}", stream.name),
     };
-    stream.kind.lane_names().into_iter().map(named).collect()
+    stream.kind.component_names().into_iter().map(named).collect()
 }
 
 struct Rows {

@@ -63,7 +63,7 @@ struct Level {
 
 impl Processor for Level {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (width, x) = (io.width(0).max(1), io.lanes(0));
+        let (width, x) = (io.width(0).max(1), io.components(0));
         let [rms, peak] = io.outs();
         for ((rms, peak), x) in rms.iter_mut().zip(peak).zip(x.chunks_exact(width)) {
             let square = x.iter().map(|x| x * x).sum::<f64>();

@@ -4,7 +4,7 @@ use super::Request;
 use haptograph_engine::device::{Device, DeviceLatency};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::plan::MAX_BLOCK;
-use haptograph_engine::run::{AgeMeter, LinkReader, RingSpec, least_ring_latency_s};
+use haptograph_engine::run::{AgeMeter, AsyncResamplerReader, RingSpec, least_ring_latency_s};
 use haptograph_engine::silence::{InputCell, InputState, LiveInput};
 use haptograph_signal::time::Rate;
 use std::sync::{Arc, Mutex};
@@ -53,9 +53,9 @@ impl Device for Card {
         }
     }
 
-    fn look(&mut self, now: Instant) {
+    fn poll(&mut self, now: Instant) {
         if let Some(input) = &mut self.input {
-            input.look(now);
+            input.poll(now);
         }
     }
 
@@ -67,7 +67,7 @@ impl Device for Card {
         }
     }
 
-    fn most(&self, _: usize) -> Option<f64> {
+    fn max_output_bound(&self, _: usize) -> Option<f64> {
         self.output.as_ref().map(|output| output.full_scale)
     }
 
@@ -187,7 +187,7 @@ pub(crate) struct Input {
 
 /// The end of a ring that a running device holds. Its copies hold none: only one may.
 #[derive(Default)]
-pub(super) struct Reader(pub Option<Box<Mutex<LinkReader>>>);
+pub(super) struct Reader(pub Option<Box<Mutex<AsyncResamplerReader>>>);
 
 impl Clone for Reader {
     fn clone(&self) -> Self {
@@ -203,7 +203,7 @@ impl std::fmt::Debug for Reader {
 
 impl Reader {
     /// Nothing is locked: who holds it holds it alone.
-    fn get(&mut self) -> Option<&mut LinkReader> {
+    fn get(&mut self) -> Option<&mut AsyncResamplerReader> {
         self.0.as_mut()?.get_mut().ok()
     }
 }
@@ -268,9 +268,9 @@ impl Input {
         })
     }
 
-    fn look(&mut self, now: Instant) {
+    fn poll(&mut self, now: Instant) {
         if let Some(reader) = self.reader.get() {
-            reader.look(reader.arrivals());
+            reader.poll(reader.arrivals());
             if reader.is_running() {
                 self.ages.read(now, reader.fill_s());
             }

@@ -30,7 +30,7 @@ impl Filler {
         data.fill(silence);
         let Some(live) = self.live.get() else { return };
         // What a card has too many of when a panic cut a block short it plays in the next buffer.
-        let at_rest = live.is_at_rest();
+        let at_rest = live.is_idle();
         let mut clipped = 0;
         for part in data.chunks_mut(live.block() * channels) {
             live.callback(part.len() / channels, |_, _| {});
@@ -87,7 +87,7 @@ mod tests {
     use haptograph_engine::node::{
         BuildContext, BuildError, Io, NodeEntry, NodeKind, NodeSpec, Processor, Tick, output,
     };
-    use haptograph_engine::run::{LiveOptions, Outlets, Session};
+    use haptograph_engine::run::{FileSinks, LiveOptions, Session};
     use haptograph_engine::settings::NoSettings;
     use haptograph_signal::quantity::Quantity;
 
@@ -116,7 +116,7 @@ mod tests {
             rested: true,
             ..LiveOptions::default()
         };
-        Session::open(Outlets::new(graph), &options).unwrap()
+        Session::open(FileSinks::new(graph), &options).unwrap()
     }
 
     fn filler(graph: &Graph, seconds: f64) -> (Filler, Arc<Shared>, Session) {
@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn a_run_outlives_its_stream() {
         let graph = graph();
-        let (live, _session) = Session::open(Outlets::new(&graph), &LiveOptions::default()).unwrap();
+        let (live, _session) = Session::open(FileSinks::new(&graph), &LiveOptions::default()).unwrap();
         let home = Home::of(live);
         let shared = Arc::default();
         for expected in [10, 20] {

@@ -3,7 +3,7 @@
 use super::card::{Card, Input, Reader};
 use super::shared::{Away, Due, Home, Shared};
 use haptograph_engine::graph::Graph;
-use haptograph_engine::run::{AgeMeter, LinkWriter, Live, link};
+use haptograph_engine::run::{AgeMeter, AsyncResamplerWriter, Live, async_resampler};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ const FULL: f64 = 1.0 - 1.0 / 32_768.0;
 impl Input {
     /// Begins to listen; returns where the card's stream puts what it hears.
     pub fn listen(&mut self) -> Ear {
-        let (writer, reader) = link(&self.ring);
+        let (writer, reader) = async_resampler(&self.ring);
         self.reader = Reader(Some(Box::new(Mutex::new(reader))));
         Ear {
             channel: self.channel as usize - 1,
@@ -48,7 +48,7 @@ pub(super) struct Ear {
     /// Counted from 0.
     pub channel: usize,
     pub full_scale: f64,
-    pub writer: LinkWriter,
+    pub writer: AsyncResamplerWriter,
     pub ages: Arc<AgeMeter>,
 }
 
@@ -74,7 +74,7 @@ impl Listener {
         let began = Instant::now();
         let mut clipped = 0;
         for ear in self.ears.get().into_iter().flatten() {
-            ear.writer.look();
+            ear.writer.poll();
             for frames in data.chunks(AT_ONCE * channels) {
                 let mut heard = [0.0; AT_ONCE];
                 let samples = frames.chunks_exact(channels).zip(&mut heard);
@@ -104,7 +104,7 @@ mod tests {
     use haptograph_engine::document::Document;
     use haptograph_engine::graph::{CheckOptions, check};
     use haptograph_engine::node::{BuildContext, BuildError};
-    use haptograph_engine::run::{LiveOptions, Outlets, Session};
+    use haptograph_engine::run::{FileSinks, LiveOptions, Session};
     use haptograph_engine::silence::OnSilence;
     use haptograph_signal::time::Rate;
     use std::f64::consts::TAU;
@@ -179,7 +179,7 @@ mod tests {
                 self.listener.hear(&data, 3, Duration::ZERO, f64::from);
             }
             self.heard += FRAMES;
-            self.device.look(Instant::now());
+            self.device.poll(Instant::now());
             let mut read = Vec::new();
             while (self.read as f64) < self.heard as f64 * self.ticks {
                 let mut frame = [9.0];
@@ -331,7 +331,7 @@ mod tests {
             let allocated = crate::realtime::allocations(|| {
                 let heard = &data[..3 * frames];
                 world.listener.hear(heard, 3, Duration::ZERO, f64::from);
-                world.device.look(Instant::now());
+                world.device.poll(Instant::now());
                 for _ in 0..ticks {
                     world.device.advance();
                     world.device.read(0, &mut frame);
@@ -384,7 +384,7 @@ mod tests {
         let graph = check(&document, &crate::registry(), &CheckOptions::default())
             .unwrap_or_else(|wrong| panic!("{wrong}"));
         let options = LiveOptions::default();
-        let (mut lives, _session) = Session::open_all(Outlets::new(&graph), &options, None).unwrap();
+        let (mut lives, _session) = Session::open_all(FileSinks::new(&graph), &options, None).unwrap();
         let ears: Vec<Ear> = heard(&graph, &mut lives).map(Input::listen).collect();
         let mut channels: Vec<usize> = ears.iter().map(|ear| ear.channel).collect();
         channels.sort_unstable();

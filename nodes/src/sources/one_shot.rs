@@ -70,7 +70,7 @@ impl Processor for Playing {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
         let events = io.frames_of::<{ Event::WIDTH }>(0);
         for (y, event) in io.out(0).iter_mut().zip(events) {
-            let event = Event::from_lanes(event);
+            let event = Event::from_components(event);
             if event.fired {
                 let factor = self.per_value.map_or(1.0, |unit| event.value / unit);
                 self.factor = if factor.is_finite() { factor } else { 0.0 };

@@ -253,7 +253,7 @@ impl Scanning {
 
 impl Processor for Scanning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (positions, speeds) = (io.lanes(0), io.lanes(1));
+        let (positions, speeds) = (io.components(0), io.components(1));
         for (frame, y) in io.out(0).iter_mut().enumerate() {
             let position_m = match self.axis {
                 None => positions.get(frame).copied(),

@@ -58,7 +58,7 @@ struct Turning {
 
 impl Processor for Turning {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let frequency_hz = io.lanes(0);
+        let frequency_hz = io.components(0);
         for (phase, hz) in io.out(0).iter_mut().zip(frequency_hz) {
             *phase = self.turns;
             let next = self.turns + hz * self.tick_s;
@@ -165,7 +165,7 @@ impl Envelope {
 
 impl Processor for Envelope {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let gate = io.lanes(0);
+        let gate = io.components(0);
         for (y, gate) in io.out(0).iter_mut().zip(gate) {
             *y = self.next(*gate > 0.0);
         }

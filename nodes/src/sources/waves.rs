@@ -114,7 +114,7 @@ impl Processor for Oscillator {
     fn process(&mut self, tick: &Tick, io: &mut Io<'_>) {
         self.next = tick.first + tick.frames as u64;
         if self.follows {
-            return self.follow(io.lanes(0), io.out(0));
+            return self.follow(io.components(0), io.out(0));
         }
         for (y, now) in io.out(0).iter_mut().zip(tick.first..) {
             let turns = self.turns_at(now);

@@ -127,7 +127,7 @@ impl Processor for Striking {
                 fired: struck.is_some(),
                 value: struck.unwrap_or(0.0),
             }
-            .to_lanes();
+            .to_components();
         }
     }
 
@@ -174,7 +174,7 @@ mod tests {
             normal: [0.0, 0.0, f64::from(u8::from(height(k) < 0.0))],
             ..frame::Contact::default()
         };
-        (0..200).flat_map(|k| contact(k).to_lanes()).collect()
+        (0..200).flat_map(|k| contact(k).to_components()).collect()
     }
 
     #[test]

@@ -82,7 +82,7 @@ impl Processor for Exciting {
             let Some(lanes) = lanes.first_chunk() else {
                 continue;
             };
-            let variance = Coefficients::from_lanes(lanes).variance;
+            let variance = Coefficients::from_components(lanes).variance;
             let run = &mut out[frames];
             if variance > 0.0 {
                 let deviation = variance.sqrt();

@@ -229,13 +229,13 @@ impl Synthesis {
             return;
         }
         self.lanes = *lanes;
-        self.maker.take(Coefficients::from_lanes(&self.lanes));
+        self.maker.take(Coefficients::from_components(&self.lanes));
     }
 }
 
 impl Processor for Synthesis {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (runs, excitation, places) = (io.held(0), io.lanes(1), io.held(0));
+        let (runs, excitation, places) = (io.held(0), io.components(1), io.held(0));
         let out = io.out(0);
         for (frames, lanes) in runs {
             if let Some(lanes) = lanes.first_chunk() {
@@ -258,7 +258,7 @@ impl Processor for Synthesis {
         let Some(lines) = &mut self.lines else { return };
         for (frames, lanes) in places {
             if let Some(lanes) = lanes.first_chunk() {
-                let at = LinesAt::from_lanes(lanes);
+                let at = LinesAt::from_components(lanes);
                 lines.set(at.speed_m_s, at.powers_m2_s4);
             }
             lines.add_to(&mut out[frames]);

@@ -73,7 +73,7 @@ struct Shaking {
 
 impl Processor for Shaking {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (accelerations, contacts, frictions) = (io.lanes(0), io.contacts(1), io.frames_of::<3>(2));
+        let (accelerations, contacts, frictions) = (io.components(0), io.contacts(1), io.frames_of::<3>(2));
         let frames = io
             .out_frames::<3>(0)
             .iter_mut()
@@ -122,7 +122,7 @@ mod tests {
                 normal,
                 ..Contact::default()
             }
-            .to_lanes()
+            .to_components()
         };
         let friction = [0.3, -0.4, 0.3];
         let out = bench.run(&[

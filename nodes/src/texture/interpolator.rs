@@ -115,7 +115,7 @@ mod tests {
         let mut wanted = Coefficients::SILENCE;
         for (k, lanes) in filters.as_chunks().0.iter().enumerate() {
             whole.interpolate(speed[k], force[k], &mut wanted);
-            let got = frame::Coefficients::from_lanes(lanes);
+            let got = frame::Coefficients::from_components(lanes);
             assert_eq!((got.ar, got.ma), (wanted.ar(), wanted.ma()));
             assert_eq!((got.gain, got.variance), (wanted.gain, wanted.variance));
         }
@@ -127,7 +127,7 @@ mod tests {
         let mut mixer = Bench::new::<LsfInterpolator>(settings, 240.0, &[Kind::Weights]).unwrap();
         let nowhere = [1e9, f64::NAN, 2.0, 0.3, 0.3, 0.4, 0.1, 1.0];
         let filter = mixer.run(&[&nowhere]).remove(0);
-        let got = frame::Coefficients::from_lanes(filter.as_chunks().0.first().unwrap());
+        let got = frame::Coefficients::from_components(filter.as_chunks().0.first().unwrap());
         assert_eq!((got.ar.len(), got.variance), (0, 0.0));
     }
 }

@@ -64,7 +64,7 @@ struct Saturating {
 
 impl Processor for Saturating {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speed_in, force_in) = (io.lanes(0), io.lanes(1));
+        let (speed_in, force_in) = (io.components(0), io.components(1));
         let [speed, force] = io.outs();
         for (((speed, force), v), f) in speed.iter_mut().zip(force).zip(speed_in).zip(force_in) {
             (*speed, *force) = self.texture.map().saturate(*v, *f);
@@ -110,7 +110,7 @@ struct Walker {
 
 impl Processor for Walker {
     fn process(&mut self, _: &Tick, io: &mut Io<'_>) {
-        let (speed, force) = (io.lanes(0), io.lanes(1));
+        let (speed, force) = (io.components(0), io.components(1));
         for ((lanes, v), f) in io.out_frames(0).iter_mut().zip(speed).zip(force) {
             let spot = self.texture.locate(*v, *f);
             *lanes = Weights {
@@ -119,7 +119,7 @@ impl Processor for Walker {
                 speed_m_s: spot.speed_m_s,
                 force_n: spot.force_n,
             }
-            .to_lanes();
+            .to_components();
         }
     }
 }
@@ -148,7 +148,7 @@ mod tests {
         let found = locator.run_in_blocks(&[&speed, &force], &[1, 9]).remove(0);
         let kept = within.run(&[&speed, &force]);
         for (k, lanes) in found.as_chunks().0.iter().enumerate() {
-            let at = Weights::from_lanes(lanes);
+            let at = Weights::from_components(lanes);
             let mean = |f: &dyn Fn(usize) -> f64| -> f64 {
                 (0..3).map(|i| at.weights[i] * f(at.models[i] as usize)).sum()
             };

@@ -233,7 +233,7 @@ fn drive(
         .collect();
     let mut frame = [0.0; 64];
     for tick in 0..FRAMES {
-        device.look(Instant::now());
+        device.poll(Instant::now());
         device.advance();
         for (index, channel) in entry.spec.senses.iter().enumerate() {
             let frame = &mut frame[..channel.kind.width()];

@@ -1,6 +1,5 @@
-//! Is a stretch of code fit for real time? Allocations are counted; built with `--cfg rtsan` and RealtimeSanitizer's
-//! library linked in, a lock that waits, or a call into the system that it knows, ends
-//! the test at the spot.
+//! Checks that code is fit for real time. Allocations are counted; with RealtimeSanitizer's library preloaded
+//! (`.ci/run` does so), a lock that waits, or a call into the system that the sanitizer knows, ends the test there.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -36,25 +35,56 @@ pub fn allocations(work: impl FnOnce()) -> usize {
     ALLOCATIONS.get() - before
 }
 
-#[cfg(rtsan)]
+/// RealtimeSanitizer, where it is loaded before the program.
 mod sanitizer {
-    unsafe extern "C" {
-        fn __rtsan_realtime_enter();
-        fn __rtsan_realtime_exit();
+    use std::ffi::{CStr, c_char, c_void};
+    use std::ptr::null_mut;
+    use std::sync::LazyLock;
+
+    type Call = unsafe extern "C" fn();
+
+    struct Sanitizer {
+        enter: Call,
+        exit: Call,
+    }
+
+    static LOADED: LazyLock<Option<Sanitizer>> = LazyLock::new(|| {
+        let found = symbol(c"__rtsan_realtime_enter").zip(symbol(c"__rtsan_realtime_exit"));
+        let is_preloaded = std::env::var("LD_PRELOAD").is_ok_and(|list| list.contains("rtsan"));
+        assert!(
+            found.is_some() || !is_preloaded,
+            "RealtimeSanitizer is not what was preloaded"
+        );
+        let (enter, exit) = found?;
+        // SAFETY: it takes nothing, and may be called any number of times.
+        unsafe { symbol(c"__rtsan_ensure_initialized")?() };
+        Some(Sanitizer { enter, exit })
+    });
+
+    #[cfg(target_os = "linux")]
+    fn symbol(name: &CStr) -> Option<Call> {
+        unsafe extern "C" {
+            fn dlsym(handle: *mut c_void, name: *const c_char) -> *mut c_void;
+        }
+        // SAFETY: a null handle means every library that is loaded, and the name ends in zero.
+        let found = unsafe { dlsym(null_mut(), name.as_ptr()) };
+        // SAFETY: these names are the sanitizer's, whose functions take and return nothing.
+        (!found.is_null()).then(|| unsafe { std::mem::transmute::<*mut c_void, Call>(found) })
+    }
+
+    #[cfg(not(target_os = "linux"))]
+    fn symbol(_: &CStr) -> Option<Call> {
+        None
     }
 
     pub fn watched(work: impl FnOnce()) {
+        let Some(Sanitizer { enter, exit }) = LOADED.as_ref() else {
+            return work();
+        };
         // SAFETY: the two only move a counter of the thread, and are called in pairs: a panic ends the test anyway.
-        unsafe { __rtsan_realtime_enter() };
+        unsafe { enter() };
         work();
         // SAFETY: as above.
-        unsafe { __rtsan_realtime_exit() };
-    }
-}
-
-#[cfg(not(rtsan))]
-mod sanitizer {
-    pub fn watched(work: impl FnOnce()) {
-        work();
+        unsafe { exit() };
     }
 }

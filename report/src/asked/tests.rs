@@ -59,7 +59,7 @@ fn a_way_keeps_its_shape_and_is_interrupted_in_the_air() {
             ihip_m: [x, y, 0.0],
             ..Contact::default()
         };
-        contact.to_lanes()
+        contact.to_components()
     };
     let frames = [
         touching(0.0, 0.0, true),

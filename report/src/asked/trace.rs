@@ -91,11 +91,11 @@ fn size(frame: &[f64]) -> f64 {
 fn point(form: Form, kind: Kind, time_s: f64, frame: &[f64]) -> Option<(f64, f64)> {
     match (kind, form) {
         (Kind::Event, _) => {
-            let event = frame.as_chunks().0.first().map(Event::from_lanes)?;
+            let event = frame.as_chunks().0.first().map(Event::from_components)?;
             event.fired.then_some((time_s, event.value))
         }
         (Kind::Contact, _) => {
-            let contact = frame.as_chunks().0.first().map(Contact::from_lanes)?;
+            let contact = frame.as_chunks().0.first().map(Contact::from_components)?;
             let [x, y, _] = if contact.touching {
                 contact.ihip_m
             } else {

@@ -107,7 +107,10 @@ pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
     if !split.methods.iter().all(complete) {
         return None;
     }
-    let words = split.methods.iter().map(|method| method.method.word().to_owned());
+    let words = split
+        .methods
+        .iter()
+        .map(|method| method.method.as_str().to_owned());
     let rows = found.materials.iter().enumerate().map(|(material, name)| {
         let best = best_plain(split, material);
         let cells = split.methods.iter().map(|method| {

@@ -53,7 +53,7 @@ fn signals(seconds: u64) -> Vec<Recorded> {
             force_n,
             ..Weights::default()
         }
-        .to_lanes()
+        .to_components()
     });
     let position = (0..seconds * 125).flat_map(|i| {
         let t = i as f64 / 125.0;

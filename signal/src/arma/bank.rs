@@ -10,7 +10,7 @@ use lattice::LatticeGroup;
 use pulp::{Arch, Simd, WithSimd};
 use warped::WarpedGroup;
 
-/// Frames a group of voices works on before the next group has its turn, so that its state stays in the cache.
+/// Frames that a group of voices computes before the next group, so that its state stays in the cache.
 const RUN: usize = 64;
 
 /// Synthesis filters side by side in SIMD lanes; each gives the samples it would give alone, to the bit.
@@ -23,8 +23,8 @@ enum Plain {
     Lattice(Bank<LatticeGroup>),
 }
 
-/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give as a `WarpedLattice`, but for
-/// rounding, and the same bits whatever the blocks, and whatever the other voices of its order.
+/// [`WarpedLattice`](super::WarpedLattice)s side by side in SIMD lanes; each gives the samples it would give as a
+/// `WarpedLattice`, but for rounding, and the same bits for all block sizes and all other voices of its order.
 #[derive(Debug, Clone)]
 pub struct WarpedBank(Bank<WarpedGroup>);
 
@@ -42,16 +42,16 @@ trait Group: Clone {
     /// How many.
     const LANES: usize;
 
-    /// Voices at rest.
+    /// Makes voices with zero state.
     fn new() -> Self;
 
     /// Filters up to [`RUN`] frames.
     fn run(&mut self, frames: Frames<'_>);
 
-    /// Puts voices to rest that have died away or are no longer finite.
+    /// Clears the state of voices that are silent, NaN or infinite.
     fn settle(&mut self);
 
-    /// Puts all voices to rest.
+    /// Clears the state of all voices.
     fn reset(&mut self);
 }
 
@@ -65,7 +65,7 @@ struct Frames<'a> {
 }
 
 impl Frames<'_> {
-    /// How many frames there are.
+    /// Number of frames.
     fn count(&self) -> usize {
         self.excitation.len() / self.voices
     }
@@ -96,7 +96,7 @@ impl Frames<'_> {
 }
 
 impl VoiceBank {
-    /// So many filters at rest, each passing its excitation on. Allocates here and never again.
+    /// Makes `voices` filters with zero state that pass their excitation. Allocates here only.
     pub fn new(form: Form, voices: usize) -> Self {
         Self(match form {
             Form::Direct => Plain::Direct(Bank::new(voices)),
@@ -104,7 +104,7 @@ impl VoiceBank {
         })
     }
 
-    /// How many voices there are.
+    /// Number of voices.
     pub fn voices(&self) -> usize {
         match &self.0 {
             Plain::Direct(bank) => bank.voices,
@@ -112,7 +112,7 @@ impl VoiceBank {
         }
     }
 
-    /// The coefficients of one voice from the next sample on, as in [`ArmaFilter`](super::ArmaFilter).
+    /// Sets the coefficients of one voice from the next sample on, as in [`ArmaFilter`](super::ArmaFilter).
     ///
     /// # Errors
     /// As there. A voice that does not exist is ignored.
@@ -137,7 +137,7 @@ impl VoiceBank {
         }
     }
 
-    /// Puts every voice to rest; the coefficients stay.
+    /// Clears the state of every voice; keeps the coefficients.
     pub fn reset(&mut self) {
         match &mut self.0 {
             Plain::Direct(bank) => bank.reset(),
@@ -150,17 +150,17 @@ impl WarpedBank {
     /// Voices of a group: so many get coefficients at once by [`Self::set_group`].
     pub const GROUP: usize = WarpedGroup::LANES;
 
-    /// So many silent filters at rest, without coefficients yet. Allocates here and never again.
+    /// Makes `voices` silent filters without coefficients. Allocates here only.
     pub fn new(voices: usize) -> Self {
         Self(Bank::new(voices))
     }
 
-    /// How many voices there are.
+    /// Number of voices.
     pub fn voices(&self) -> usize {
         self.0.voices
     }
 
-    /// The coefficients of one voice from the next sample on, as in [`WarpedLattice`](super::WarpedLattice).
+    /// Sets the coefficients of one voice from the next sample on, as in [`WarpedLattice`](super::WarpedLattice).
     ///
     /// # Errors
     /// As there. A voice that does not exist is ignored.
@@ -176,11 +176,12 @@ impl WarpedBank {
         })
     }
 
-    /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has `a_{k+1}` of each.
-    /// The bits of [`Self::set_coefficients`] one by one, at a fraction of the cost.
+    /// The coefficients of all voices of a group, of one order and warping factor, from the next sample on: row k has
+    /// `a_{k+1}` of each. The bits of [`Self::set_coefficients`] one by one, at a fraction of the cost.
     ///
     /// # Errors
-    /// As there, with the voice's number in its group, of the first that has one; all keep the old. A group that does not exist is ignored.
+    /// As there, with the voice's number in its group, of the first that has one; all keep the old. A group that does
+    /// not exist is ignored.
     pub fn set_group(
         &mut self,
         group: usize,
@@ -199,7 +200,7 @@ impl WarpedBank {
         self.0.process(excitation, out);
     }
 
-    /// Puts every voice to rest; the coefficients stay.
+    /// Clears the state of every voice; keeps the coefficients.
     pub fn reset(&mut self) {
         self.0.reset();
     }

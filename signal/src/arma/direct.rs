@@ -82,7 +82,7 @@ impl Settling for DirectForm {
     reason = "constant indices keep the sums in registers"
 )]
 impl DirectForm {
-    /// A filter at rest that passes its excitation on.
+    /// Makes a filter with zero state that passes its excitation.
     pub fn new() -> Self {
         Self {
             ar: [0.0; 2 * LANES * REACH],
@@ -102,7 +102,7 @@ impl DirectForm {
         }
     }
 
-    /// The coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
+    /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
     /// [`ArmaError`] for too many or not finite ones, keeping the old. Unstable ones are taken.
@@ -130,7 +130,7 @@ impl DirectForm {
         in_runs(self, 1, excitation, out);
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         self.e.fill(0.0);
         self.y.fill(0.0);

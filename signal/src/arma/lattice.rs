@@ -11,21 +11,23 @@ use pulp::{Arch, Simd, WithSimd};
 /// state can only grow by what the excitation brings, whatever the stable coefficients do. For white excitation of
 /// variance 1 every backward signal has variance 1 under every set of coefficients.
 ///
-/// A sample has to pass all stages one by one, but stage m can take the next sample as soon as stage m - 1 has seen this
-/// one. So all even stages run at once, then all odd ones, on as many samples under way as there are pairs of stages.
+/// A sample has to pass all stages one by one, but stage m can take the next sample as soon as stage m - 1 has seen
+/// this one. So all even stages run at once, then all odd ones, on as many samples under way as there are pairs of
+/// stages.
 #[derive(Debug, Clone)]
 pub struct Lattice {
     coefficients: Coefficients,
-    /// Backward signals `g_0` to `g_{order-1}` of the sample before; the others are 0, or of no meaning right at `order`.
+    /// Backward signals `g_0` to `g_{order-1}` of the sample before; the others are 0, or of no meaning right at
+    /// `order`.
     backward: [f64; MAX_ORDER + 1],
     since_settled: usize,
     arch: Arch,
 }
 
-/// What a lattice runs with.
+/// Parameters of a lattice.
 #[derive(Debug, Clone)]
 pub(super) struct Coefficients {
-    /// How many stages there are.
+    /// Number of stages.
     pub order: usize,
     /// The reflection coefficient `k_m` of each stage, from stage 1; beyond the order 0.
     pub sine: [f64; MAX_ORDER],
@@ -88,7 +90,7 @@ impl Default for Lattice {
 }
 
 impl Lattice {
-    /// A filter at rest that passes its excitation on.
+    /// Makes a filter with zero state that passes its excitation.
     pub fn new() -> Self {
         Self {
             coefficients: Coefficients::IDENTITY,
@@ -98,7 +100,7 @@ impl Lattice {
         }
     }
 
-    /// The coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
+    /// Sets the coefficients from the next sample on: `[a_1, ..., a_p]`, `[b_1, ..., b_q]`, and the gain.
     ///
     /// # Errors
     /// [`ArmaError`] for too many, not finite or unstable ones, keeping the old.
@@ -115,7 +117,7 @@ impl Lattice {
         in_runs(self, 1, excitation, out);
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         self.backward.fill(0.0);
         self.since_settled = 0;
@@ -198,7 +200,8 @@ impl WithSimd for Run<'_> {
     }
 }
 
-/// Stages 2i + 2 and 2i + 1 in lane i. A sample enters in the lane of the highest stages and moves down one lane a tick.
+/// Stages 2i + 2 and 2i + 1 in lane i. A sample enters in the lane of the highest stages and moves down one lane a
+/// tick.
 struct Wavefront<const PAIRS: usize, const LADDER: bool> {
     upper: Stages<PAIRS>,
     lower: Stages<PAIRS>,

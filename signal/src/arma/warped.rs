@@ -10,17 +10,18 @@ use step::{ROWS, SUMS, Step};
 
 /// `gain / A(D(z))` with `D` the all-pass of [`crate::warped`], as a normalised lattice.
 ///
-/// The delays of the normalised lattice ([`super::Lattice`]) become all-pass sections, each a rotation of its state and its
-/// input by the angle whose sine is `sqrt(1 - l^2)`; the loops without delay that this makes are solved stage by stage
-/// (`1 - k l alpha >= 1 - l > 0`). A step from (states, excitation) to (states, last backward signal) is then orthogonal
-/// **whatever the coefficients**: the energy of the states grows by no more than the excitation's, however the sets follow
-/// one another, and for white excitation of variance 1 the output stays within `(1 + l) / (1 - l)` of the variance that
-/// the gain gives it. Expanding `A(D)` to a polynomial in z would need more than double precision.
+/// The delays of the normalised lattice ([`super::Lattice`]) become all-pass sections, each a rotation of its state
+/// and its input by the angle whose sine is `sqrt(1 - l^2)`; the loops without delay that this makes are solved stage
+/// by stage (`1 - k l alpha >= 1 - l > 0`). A step from (states, excitation) to (states, last backward signal) is
+/// then orthogonal **whatever the coefficients**: the energy of the states grows by no more than the excitation's,
+/// however the sets follow one another, and for white excitation of variance 1 the output stays within
+/// `(1 + l) / (1 - l)` of the variance that the gain gives it. Expanding `A(D)` to a polynomial in z would need more
+/// than double precision.
 ///
-/// Because a set lasts for tens of samples, the step is written out as a matrix when the set is taken (a column a state),
-/// and a sample is one product of matrix and vector: no chain from stage to stage. Its multiplications are fused with the
-/// additions, which doubles what a processor does at a time and is exact on all of them: one that cannot (x86-64 before
-/// 2013) works them out in software, some twenty times slower.
+/// Because a set lasts for tens of samples, the step is written out as a matrix when the set is taken (a column a
+/// state), and a sample is one product of matrix and vector: no chain from stage to stage. Its multiplications are
+/// fused with the additions, which doubles what a processor does at a time and is exact on all of them: one that
+/// cannot (x86-64 before 2013) works them out in software, some twenty times slower.
 #[derive(Debug, Clone)]
 pub struct WarpedLattice {
     step: Box<Step>,
@@ -36,7 +37,7 @@ impl Default for WarpedLattice {
 }
 
 impl WarpedLattice {
-    /// A silent filter at rest: it has no coefficients yet.
+    /// Makes a silent filter without coefficients.
     pub fn new() -> Self {
         Self {
             step: Box::new(Step::SILENT),
@@ -46,7 +47,7 @@ impl WarpedLattice {
         }
     }
 
-    /// The coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in
+    /// Sets the coefficients from the next sample on: the warped polynomial `[a_1, ..., a_p]`, the warping factor in
     /// 0..=[`MAX_WARPING`](crate::warped::MAX_WARPING), and the gain. Does not allocate.
     ///
     /// # Errors
@@ -77,13 +78,13 @@ impl WarpedLattice {
         in_runs(self, 1, excitation, out);
     }
 
-    /// Goes on as another filter would: its coefficients and its state. Does not allocate.
+    /// Copies the coefficients and the state of another filter. Does not allocate.
     pub fn copy_state_from(&mut self, other: &Self) {
         self.step.clone_from(&other.step);
         (self.state, self.since_settled) = (other.state, other.since_settled);
     }
 
-    /// Puts the filter to rest; the coefficients stay.
+    /// Clears the state; keeps the coefficients.
     pub fn reset(&mut self) {
         self.state.fill(0.0);
         self.since_settled = 0;

@@ -1,4 +1,4 @@
-//! The files of a target without a file system, WebAssembly: what the host put there, in memory.
+//! In-memory files for WebAssembly, which has no file system. The host provides them.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -12,7 +12,7 @@ fn all() -> MutexGuard<'static, BTreeMap<PathBuf, Arc<[u8]>>> {
     ALL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Puts a file there, in place of any of that name.
+/// Adds a file, or replaces the one of that name.
 pub fn put(path: &Path, bytes: &[u8]) {
     all().insert(plain(path), bytes.into());
 }
@@ -32,7 +32,7 @@ fn plain(path: &Path) -> PathBuf {
     plain
 }
 
-/// A file that is read.
+/// An open file.
 #[derive(Debug)]
 pub struct File {
     bytes: Arc<[u8]>,

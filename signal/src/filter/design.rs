@@ -9,13 +9,13 @@ use thiserror::Error;
 /// Highest prototype order a design accepts. Beyond it single sections get too resonant to be of use.
 pub const MAX_ORDER: usize = 16;
 
-/// Why a filter cannot be designed.
+/// Error of a filter design.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum DesignError {
     /// Order 0 or too high.
     #[error("a filter of order {order} cannot be designed; orders 1 to {MAX_ORDER} can")]
     Order {
-        /// The order asked for.
+        /// The requested order.
         order: usize,
     },
     /// A sample rate that is not a positive number.
@@ -32,9 +32,9 @@ pub enum DesignError {
         /// Half the sample rate.
         nyquist_hz: f64,
     },
-    /// A frequency so far below the sample rate, or so near to half of it, that the coefficients cannot tell it.
+    /// A frequency so close to 0 or to half the sample rate that the coefficients cannot represent it.
     #[error(
-        "a filter at {frequency_hz} Hz cannot be told from none at a sample rate of {rate_hz} Hz; from {lowest_hz:.3e} Hz to as much below half the rate one can"
+        "double precision cannot represent a filter at {frequency_hz} Hz for a sample rate of {rate_hz} Hz; keep it at least {lowest_hz:.3e} Hz above 0 and below half the rate"
     )]
     Extreme {
         /// The cut-off or edge given.
@@ -44,8 +44,8 @@ pub enum DesignError {
         /// The lowest that can be designed.
         lowest_hz: f64,
     },
-    /// A pass band so narrow that the coefficients cannot tell its width.
-    #[error("the band from {low_hz} to {high_hz} Hz is too narrow for a filter; part its edges")]
+    /// A pass band so narrow that the coefficients cannot represent its width.
+    #[error("the band from {low_hz} to {high_hz} Hz is too narrow for a filter; widen it")]
     NarrowBand {
         /// The lower edge given.
         low_hz: f64,
@@ -62,8 +62,8 @@ pub enum DesignError {
     },
 }
 
-/// A design whose frequencies are open: [`at`](Self::at) gives its sections without allocating, so that a filter can be turned
-/// while it runs.
+/// A design without frequencies. [`at`](Self::at) computes its sections without allocating, so that a running filter
+/// can be tuned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prototype {
     /// Analog poles of a low-pass with its -3 dB point at 1 rad/s; none for the double pole.
@@ -72,7 +72,7 @@ pub struct Prototype {
     band: Band,
 }
 
-/// What a prototype is transformed to.
+/// Transform of the prototype.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Band {
     Low,
@@ -130,11 +130,11 @@ impl Prototype {
         }
     }
 
-    /// The sections at a cut-off, Hz, at the edges of a band, Hz, or with poles at lambda, rad/s: where one number is enough,
-    /// the second counts for nothing. There are as many sections for any frequencies.
+    /// Computes the sections for a cut-off, Hz, the edges of a band, Hz, or poles at lambda, rad/s; a design with one
+    /// frequency ignores the second. The number of sections does not depend on the frequencies.
     ///
     /// # Errors
-    /// [`DesignError`] for a rate or frequencies outside the possible.
+    /// [`DesignError`] for an invalid rate or frequency.
     pub fn at(&self, [first, second]: [f64; 2], rate_hz: f64) -> Result<Cascade, DesignError> {
         let poles = self.poles[..self.order].iter();
         match self.band {
@@ -176,7 +176,7 @@ impl Prototype {
     }
 }
 
-/// The sections of a design, without a place on the heap.
+/// The sections of a design, without allocation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cascade {
     sections: [Biquad; MAX_ORDER],
@@ -202,7 +202,7 @@ impl From<Cascade> for Sections {
 /// Butterworth low-pass, -3 dB at `cutoff_hz`, unit gain at 0.
 ///
 /// # Errors
-/// [`DesignError`] for an order, rate or cut-off outside the possible.
+/// [`DesignError`] for an invalid order, rate or cut-off.
 pub fn butterworth_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sections, DesignError> {
     designed(&Prototype::butterworth_lowpass(order)?, [cutoff_hz; 2], rate_hz)
 }
@@ -215,7 +215,8 @@ pub fn butterworth_highpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Resul
     designed(&Prototype::butterworth_highpass(order)?, [cutoff_hz; 2], rate_hz)
 }
 
-/// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the centre.
+/// Butterworth band-pass from a prototype of this order, so `2 order` poles; -3 dB at both edges, unit gain at the
+/// centre.
 ///
 /// # Errors
 /// As [`butterworth_lowpass`], and [`DesignError::EmptyBand`].
@@ -244,8 +245,8 @@ pub fn bessel_lowpass(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<Sect
 
 /// Two equal real poles at `lambda_rad_s`, by backward differences: `(lambda T)^2 / (1 + lambda T - z^-1)^2`.
 ///
-/// The velocity filter of the public haptic texture toolkit, with lambda = 125 rad/s: -6 dB near lambda/2 pi, -3 dB at 0.64 of that,
-/// delay 2/lambda.
+/// The velocity filter of the public haptic texture toolkit, with lambda = 125 rad/s: -6 dB near lambda/2 pi, -3 dB
+/// at 0.64 of that, delay 2/lambda.
 ///
 /// # Errors
 /// [`DesignError::Rate`]; [`DesignError::Cutoff`] unless lambda is positive.
@@ -312,15 +313,15 @@ fn prewarp(cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
     }
 }
 
-/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are kept to
-/// 2e-16: at this w to a thousandth.
+/// A pair of poles at a distance of 2 w from z = 1 is told from one there by 4 w^2 in its coefficients, which are
+/// kept to 2e-16: at this w to a thousandth.
 const LEAST_PAIR: f64 = 2.4e-7;
 /// A single pole is told by 2 w.
 const LEAST_SINGLE: f64 = 1e-12;
 /// Poles within the unit circle by the band's width are likewise.
 const NARROWEST: f64 = 1e-12;
 
-/// As [`prewarp`], of a filter that its coefficients can tell from none.
+/// As [`prewarp`], with an error for frequencies that the coefficients cannot represent.
 fn told(order: usize, cutoff_hz: f64, rate_hz: f64) -> Result<f64, DesignError> {
     let cutoff = prewarp(cutoff_hz, rate_hz)?;
     let least = if order > 1 { LEAST_PAIR } else { LEAST_SINGLE };
@@ -435,7 +436,8 @@ impl Zeros {
     }
 }
 
-/// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the next.
+/// Sections with these poles, each of unit gain at `reference`, the least resonant first so that none overflows the
+/// next.
 fn cascade(poles: impl Iterator<Item = Complex64>, zeros: Zeros, reference: Complex64) -> Cascade {
     let mut room = [[Complex64::new(0.0, 0.0); 2 * MAX_ORDER]; 2];
     let [real, complex] = &mut room;

@@ -21,8 +21,8 @@ struct Running<const L: usize> {
 }
 
 impl<const L: usize> SectionLanes<L> {
-    /// One filter a lane, at rest; lanes without one are silent. All should have as many sections: missing ones pass the signal on. Allocates
-    /// here and never again.
+    /// One filter a lane, at rest; lanes without one are silent. All should have as many sections: missing ones pass
+    /// the signal on. Allocates here and never again.
     pub fn new(filters: &[Sections]) -> Self {
         let sections = filters.iter().map(|filter| filter.sections.len()).max();
         let running = |number: usize| {
@@ -62,7 +62,7 @@ impl<const L: usize> SectionLanes<L> {
 }
 
 impl<const L: usize> Running<L> {
-    /// Puts lanes to rest that have died away or are no longer finite.
+    /// Clears lanes that are silent, NaN or infinite.
     fn settle(&mut self) {
         for l in 0..L {
             let [s1, s2] = [self.state[0][l], self.state[1][l]];

@@ -71,8 +71,8 @@ impl Kernel {
         2 * self.half_width
     }
 
-    /// The taps of an output that lies `fraction` (0 to 1) of an input sample after the newest input, oldest input first,
-    /// scaled so that constants pass unchanged.
+    /// The taps of an output that lies `fraction` (0 to 1) of an input sample after the newest input, oldest input
+    /// first, scaled so that constants pass unchanged.
     pub fn taps(&self, fraction: f64) -> Vec<f64> {
         let width = self.width();
         let time = |i: usize| fraction + (width - 1 - i) as f64 - self.half_width as f64;
@@ -154,7 +154,7 @@ pub(super) struct History {
 }
 
 impl History {
-    /// All zero. Allocates here and never again.
+    /// All zero. Allocates here only.
     pub fn new(width: usize) -> Self {
         Self {
             samples: vec![0.0; width + width.max(512)].into_boxed_slice(),

@@ -6,9 +6,9 @@ use crate::time::{Rate, gcd};
 
 /// Resamples between two rates whose ratio is an exact rational.
 ///
-/// Output k belongs to the time k / output rate and depends on the inputs up to that time. In a graph whose clocks count
-/// in common units, the inputs before a moment are therefore always enough for the outputs before it, and giving a call
-/// both gives [`Progress`] in full: `consumed == x.len()` and `produced == y.len()`.
+/// Output k belongs to the time k / output rate and depends on the inputs up to that time. In a graph whose clocks
+/// count in common units, the inputs before a moment are therefore always enough for the outputs before it, and
+/// giving a call both gives [`Progress`] in full: `consumed == x.len()` and `produced == y.len()`.
 #[derive(Debug, Clone)]
 pub struct Resampler {
     /// `width` taps for each position between two inputs.
@@ -26,7 +26,7 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// A resampler of a signal that was zero before its first sample. Allocates here and never again.
+    /// A resampler of a signal that was zero before its first sample. Allocates here only.
     ///
     /// # Errors
     /// [`ResampleError`] for a quality that makes no filter, or a ratio too fine for a table.
@@ -64,8 +64,8 @@ impl Resampler {
         u64::try_from(outputs).unwrap_or(u64::MAX)
     }
 
-    /// Takes inputs and writes outputs until an output needs an input not yet given, or the next input belongs to an output
-    /// for which there is no room.
+    /// Takes inputs and writes outputs until an output needs an input not yet given, or the next input belongs to an
+    /// output for which there is no room.
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) -> Progress {
         let mut consumed = 0;
         let mut produced = 0;
@@ -114,8 +114,8 @@ impl Resampler {
     }
 }
 
-/// A whole signal at another rate and without delay: sample k shows the input at the time k / output rate. What lies outside of the signal
-/// counts as zero.
+/// A whole signal at another rate and without delay: sample k shows the input at the time k / output rate. What lies
+/// outside of the signal counts as zero.
 ///
 /// # Errors
 /// As [`Resampler::new`].

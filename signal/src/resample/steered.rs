@@ -1,13 +1,14 @@
-//! Resampling with a ratio that can be adjusted while it runs.
+//! Resampling with a ratio that can be corrected at run time.
 
 use super::kernel::{History, Kernel, mixed_dot};
 use super::{Progress, Quality, ResampleError};
 use crate::time::Rate;
 
-/// How far the ratio can be steered, in parts per million either way.
+/// Largest correction of the ratio, ppm in either direction.
 pub const MAX_CORRECTION_PPM: f64 = 500.0;
 
-/// Positions between two inputs for which taps are stored; between them they are interpolated by cubics (error -125 dB).
+/// Positions between two inputs for which taps are stored; between them they are interpolated by cubics (error -125
+/// dB).
 const PHASES: usize = 32;
 
 /// Resamples between two clocks that drift: as [`Resampler`](super::Resampler), with a ratio that follows
@@ -18,11 +19,11 @@ pub struct SteeredResampler {
     phases: Box<[f64]>,
     width: usize,
     input: Rate,
-    /// Inputs an output, without correction.
+    /// Inputs per output, without correction.
     nominal_step: f64,
     /// Inputs from one output to the next, in units of 2^-64.
     step: u128,
-    /// Where the next output lies after the newest input, likewise.
+    /// Position of the next output after the newest input, in the same units.
     ahead: u128,
     history: History,
 }
@@ -31,7 +32,7 @@ pub struct SteeredResampler {
 const ONE: u128 = 1 << 64;
 
 impl SteeredResampler {
-    /// A resampler of a signal that was zero before its first sample. Allocates here and never again.
+    /// Makes a resampler with a zero past. Allocates here only.
     ///
     /// # Errors
     /// [`ResampleError`] for a quality that makes no filter, or rates too far apart for a table.
@@ -53,13 +54,13 @@ impl SteeredResampler {
         Ok(resampler)
     }
 
-    /// How long the output trails the input, in seconds: half the filter's length, a whole number of input samples.
+    /// Delay from input to output, s: half the filter's length, a whole number of input samples.
     pub fn latency_s(&self) -> f64 {
         self.width as f64 / 2.0 * self.input.period_s()
     }
 
-    /// From the next output on, takes this much more input for each output than the nominal rates say, in parts per
-    /// million; clamped to [`MAX_CORRECTION_PPM`] either way, and what is not a number is 0.
+    /// Sets the correction from the next output on: the additional input per output, ppm. Clamped to
+    /// ±[`MAX_CORRECTION_PPM`]; NaN counts as 0.
     pub fn set_correction_ppm(&mut self, ppm: f64) {
         let ppm = if ppm.is_nan() {
             0.0
@@ -67,12 +68,12 @@ impl SteeredResampler {
             ppm.clamp(-MAX_CORRECTION_PPM, MAX_CORRECTION_PPM)
         };
         let step = self.nominal_step * (1.0 + ppm * 1e-6);
-        // Whole and fractional part apart, so that nothing is lost beyond the rounding of `step`.
+        // Integer and fractional part separately, so that only the rounding of `step` remains.
         self.step = ((step.trunc() as u128) << 64) + (step.fract() * ONE as f64) as u128;
     }
 
-    /// Where the next output lies after the newest input taken, in inputs. It shows the input as it was half the filter's
-    /// length earlier.
+    /// Position of the next output after the newest consumed input, in inputs. The output shows the input half the
+    /// filter's length earlier.
     pub fn ahead(&self) -> f64 {
         self.ahead as f64 / ONE as f64
     }
@@ -86,8 +87,7 @@ impl SteeredResampler {
         (last >> 64) as usize
     }
 
-    /// Takes inputs and writes outputs until the inputs run out or there is no more room. Takes no input before an output
-    /// needs it.
+    /// Consumes inputs and writes outputs until one of both is exhausted. Consumes no input before an output needs it.
     pub fn process(&mut self, x: &[f64], y: &mut [f64]) -> Progress {
         let mut consumed = 0;
         let mut produced = 0;
@@ -107,7 +107,7 @@ impl SteeredResampler {
         Progress { consumed, produced }
     }
 
-    /// Forgets the past; the correction stays.
+    /// Clears the past; keeps the correction.
     pub fn reset(&mut self) {
         self.history.clear();
         self.ahead = ONE;

@@ -80,7 +80,7 @@ impl Account {
     pub fn new(graph: &Graph, plans: &[Arc<Plan>], profile: &Profile, turns: &Turns) -> Self {
         let pairs = turns.measured_s.iter().zip(&turns.plain_s);
         let ratios: Vec<f64> = pairs.map(|(measured, plain)| measured / plain).collect();
-        let round_s = profile.fleet().round_s();
+        let round_s = profile.runner().quantum_s();
         let load = median(&turns.plain_s) / round_s;
         let (mut rows, mut drivers) = (Vec::new(), Vec::new());
         for (driver, plan) in plans.iter().enumerate() {
@@ -116,7 +116,7 @@ impl Account {
         Self {
             load,
             price: median(&ratios) - 1.0,
-            timed_rounds: profile.timed_rounds(),
+            timed_rounds: profile.timed_quanta(),
             every: profile.every(),
             clocks: clocks.collect(),
             rows,

@@ -58,7 +58,7 @@ fn of_split(found: &Holdout, split: &SplitResult) -> String {
     let materials = materials.map_or_else(String::new, |table| printed(&table) + "\n");
     format!(
         "\n{}\n\n{materials}{methods}\n{}\n",
-        split.split.word(),
+        split.split.as_str(),
         tables::limits(split)
     )
 }
@@ -81,9 +81,9 @@ pub fn describe_contact(found: &[ContactResult]) -> String {
 pub fn to_json(found: &Holdout, contact: &[ContactResult], simulated: bool) -> Value {
     let split = |split: &SplitResult| {
         json!({
-            "split": split.split.word(),
+            "split": split.split.as_str(),
             "methods": split.methods.iter().map(method_json).collect::<Vec<_>>(),
-            "best_baseline": split.best_baseline.word(),
+            "best_baseline": split.best_baseline.as_str(),
             "unexplained_level_db": mean_json(split.unexplained_level_db),
             "estimator_two_takes_db": split.estimator_db.0,
             "estimator_mean_of_seeds_db": split.estimator_db.1,
@@ -108,7 +108,7 @@ fn contact_json(result: &ContactResult) -> Value {
         })
     };
     json!({
-        "error": result.contact.word(),
+        "error": result.contact.as_str(),
         "tested_on": result.split,
         "materials": result.materials,
         "loses": result.loses,
@@ -119,7 +119,7 @@ fn contact_json(result: &ContactResult) -> Value {
 fn method_json(method: &MethodMean) -> Value {
     let some = |mean: Mean| mean_json(Some(mean));
     json!({
-        "method": method.method.word(),
+        "method": method.method.as_str(),
         "loses": method.loses,
         "lsd_by_material_db": method.lsd_by_material,
         "lsd_db": some(method.lsd_db),

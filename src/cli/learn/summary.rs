@@ -50,7 +50,7 @@ pub fn shortness(surface: &Surface, report: &LearningReport) -> Option<String> {
 
 /// What was written where, and of what it was learned.
 pub fn describe(surface: &Surface, report: &LearningReport, output: &Path, is_implausible: bool) -> String {
-    let mut found = vec![("origin", surface.provenance.origin.word().to_owned())];
+    let mut found = vec![("origin", surface.provenance.origin.as_str().to_owned())];
     if let (Some(texture), Some(report)) = (&surface.texture, &report.texture) {
         found.push(("texture", describe_texture(texture, report)));
         let coverage = Coverage::of(&report.segments, texture.rate_hz());

@@ -5,7 +5,7 @@ use super::super::{Failure, recording};
 use super::folder::RunFolder;
 use crate::engine::graph::Graph;
 use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
-use crate::engine::run::{Outlets, Probe};
+use crate::engine::run::{FileSinks, Probe};
 use crate::engine::settings::closest;
 use crate::nodes::sinks::csv::{CsvSink, CsvSinkSettings};
 use crate::nodes::sinks::wav::{WavSink, WavSinkSettings, open_to_fit};
@@ -41,7 +41,7 @@ pub fn open_probes(
     graph: &Graph,
     arguments: &[ProbeArgument],
     folder: &RunFolder,
-    outlets: &mut Outlets<'_>,
+    outlets: &mut FileSinks<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     for (number, argument) in arguments.iter().enumerate() {
         let watch = find(graph, &argument.output)?;
@@ -110,7 +110,7 @@ pub fn note_of(file: &Path) -> PathBuf {
 }
 
 /// Writes every output into `record/`: WAV where that can hold it, CSV where not.
-pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
+pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
     let place = folder.path().join(RECORD);
     fs::create_dir_all(&place).map_err(|error| Failure::file("make the folder", &place, &error))?;
     let mut names = Vec::new();
@@ -131,7 +131,7 @@ pub fn record_all(graph: &Graph, folder: &RunFolder, outlets: &mut Outlets<'_>) 
 }
 
 /// Writes what soundcards play, in their full scale: what they get live, they would get offline.
-pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut Outlets<'_>) -> Result<(), Failure> {
+pub fn keep_played(graph: &Graph, folder: &Path, outlets: &mut FileSinks<'_>) -> Result<(), Failure> {
     for (played, name) in played_files(graph) {
         let Some(watch) = watch(graph, played.sink, 0) else {
             continue;

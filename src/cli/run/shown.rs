@@ -2,7 +2,7 @@
 
 use crate::engine::graph::Graph;
 use crate::engine::node::FrameWriter;
-use crate::engine::run::{Outlets, Probe};
+use crate::engine::run::{FileSinks, Probe};
 use crate::report::asked::{Asked, Trace, asked, tracer};
 use crate::report::record::{Record, Watch, recorder, watched};
 use crate::report::sound::{Clip, ClipRecord, Sound, audible, clip};
@@ -19,7 +19,7 @@ pub struct Shown {
 
 impl Shown {
     /// Begins to record.
-    pub fn of(graph: &Graph, outlets: &mut Outlets<'_>) -> Self {
+    pub fn of(graph: &Graph, outlets: &mut FileSinks<'_>) -> Self {
         let mut probe = |watch: &Watch, writer: Box<dyn FrameWriter>| {
             outlets.probe(Probe {
                 node: watch.node,

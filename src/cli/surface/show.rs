@@ -53,7 +53,7 @@ fn to_json(surface: &Surface) -> Value {
         "stiffness": surface.stiffness.map(|s| json!({ "n_per_mm": s.n_per_mm(), "r_squared": s.r_squared() })),
         "taps": surface.taps.as_ref().map(taps_json),
         "texture": surface.texture.as_ref().map(texture_json),
-        "provenance": { "origin": origin.word(), "source": source, "settings": settings, "version": version },
+        "provenance": { "origin": origin.as_str(), "source": source, "settings": settings, "version": version },
     })
 }
 
@@ -120,7 +120,7 @@ fn describe(surface: &Surface) -> String {
     });
     let mut text = format!("{name}\n\n");
     text += &facts(&[
-        ("origin", origin.word().to_owned()),
+        ("origin", origin.as_str().to_owned()),
         ("source", source.clone()),
         ("made by", version.clone()),
         ("friction", friction),

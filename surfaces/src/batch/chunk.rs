@@ -1,4 +1,4 @@
-//! A chunk: what its jobs give, as one archive that says what it is.
+//! A chunk: the results of its jobs in one archive with a description.
 
 use super::document::Samples;
 use super::hex;
@@ -15,13 +15,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use zip::read::ZipArchive;
 use zip::write::ZipWriter;
 
-/// The member that says what a chunk is.
+/// The member with the description of a chunk.
 const ABOUT: &str = "about.json";
-/// The longest such member that is read, bytes.
+/// Largest description that is read, bytes.
 const MAX_ABOUT_BYTES: u64 = 1 << 16;
-/// Voices that are rendered together.
+/// Number of voices rendered together.
 const TOGETHER: usize = 16;
-/// Bytes that are hashed and written at a time.
+/// Bytes hashed and written at a time.
 const BLOCK: usize = 1 << 16;
 
 /// The name of a chunk's file.
@@ -29,7 +29,7 @@ pub fn file_name(chunk: u64) -> String {
     format!("chunk-{chunk:06}.npz")
 }
 
-/// What a chunk says of itself.
+/// The description of a chunk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct About {
     haptograph: String,
@@ -66,7 +66,7 @@ impl Numbers {
         }
     }
 
-    /// Puts a signal at a place.
+    /// Stores a signal at an index.
     fn put(&mut self, start: usize, signal: &[f64]) {
         match self {
             Self::F32(numbers) => {
@@ -81,7 +81,7 @@ impl Numbers {
         }
     }
 
-    /// All bytes, little end first, block by block.
+    /// All bytes, little-endian, block by block.
     fn blocks(&self, mut each: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
         match self {
             Self::I64(numbers) => blocks(numbers, |x| x.to_le_bytes(), &mut each),
@@ -114,7 +114,7 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// Renders a chunk; nothing once `stop` is set. On an error the number of the job that has it.
+    /// Renders a chunk; `None` if `stop` is set. An error has the number of its job.
     pub fn render(
         batch: &Batch,
         number: u64,
@@ -155,7 +155,7 @@ impl Chunk {
         Ok(Some(Self { number, arrays }))
     }
 
-    /// Writes the chunk, whole or not at all; the hash of its content.
+    /// Writes the chunk atomically and returns the hash of its content.
     pub fn write(&self, batch: &Batch, path: &Path) -> io::Result<String> {
         write_atomically_by(path, |file| {
             let mut archive = ZipWriter::new(BufWriter::with_capacity(BLOCK, file));
@@ -184,7 +184,7 @@ impl Chunk {
     }
 }
 
-/// The signals that are stored of some jobs, a row each; nothing once `stop` is set. On an error the place of the job that has it.
+/// The stored signals of some jobs, a row each; `None` if `stop` is set. An error has the index of its job.
 fn signals(
     batch: &Batch,
     jobs: &[Job],
@@ -193,7 +193,7 @@ fn signals(
 ) -> Result<Option<Vec<Numbers>>, (usize, SynthesisError)> {
     let zeros = |_| Numbers::zeros(batch.samples(), jobs.len() * longest);
     let mut signals: Vec<Numbers> = batch.signals().iter().map(zeros).collect();
-    // Voices of one surface share lanes best.
+    // Voices of one surface fill SIMD lanes best.
     let mut order: Vec<usize> = (0..jobs.len()).collect();
     order.sort_by_key(|place| jobs[*place].surface);
     for places in order.chunks(TOGETHER) {
@@ -209,13 +209,13 @@ fn signals(
     Ok(Some(signals))
 }
 
-/// The vibration of one job, as its chunk has it before rounding, m/s².
+/// The vibration of one job, before rounding to the chunk's precision, m/s².
 pub fn vibration(batch: &Batch, job: Job) -> Result<Vec<f64>, SynthesisError> {
     let played = play(batch, &[job], &[0]).map_err(|(_, error)| error)?;
     Ok(played.into_iter().flat_map(|(_, vibration)| vibration).collect())
 }
 
-/// What some jobs give; or the place of the job that gives nothing.
+/// The results of some jobs, or the index of the job with an error.
 fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (usize, SynthesisError)> {
     let trajectory = |place: &usize| {
         let job = &jobs[*place];
@@ -251,12 +251,12 @@ fn play(batch: &Batch, jobs: &[Job], places: &[usize]) -> Result<Vec<Played>, (u
 /// The motion and the vibration of a job.
 type Played = (Trajectory, Vec<f64>);
 
-/// What is hashed of an array before its numbers.
+/// The header of an array, which is hashed before its numbers.
 fn hash_head(hash: &mut Sha256, name: &str, descr: &str, shape: &[u64]) {
     hash.update(format!("{name} {descr} {shape:?}\n"));
 }
 
-/// The hash of the content of a batch's chunk in a file; or why it is not that chunk, whole.
+/// Verifies a batch's chunk in a file and returns the hash of its content, or the reason why it is not that chunk.
 pub fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String> {
     let failed = |error: &dyn std::fmt::Display| error.to_string();
     let file = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
@@ -278,7 +278,7 @@ pub fn verify(path: &Path, identity: &str, chunk: u64) -> Result<String, String>
     let found = hex(hash);
     match found == about.sha256 {
         true => Ok(found),
-        false => Err("its content is not what was written".to_owned()),
+        false => Err("its content does not match its hash".to_owned()),
     }
 }
 

@@ -1,4 +1,4 @@
-//! A plan as it is written.
+//! The plan document.
 
 use crate::evaluate::Trajectory;
 use crate::files::Place;
@@ -26,11 +26,11 @@ pub struct Document {
     pub jobs_per_chunk: u64,
 }
 
-/// How a hand moves.
+/// A motion of the hand.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Motion {
-    /// A random walk through speed and force, another for each seed.
+    /// A random walk through speed and force, different for each seed.
     RandomWalk {
         seconds: f64,
         speed_mm_s: (f64, f64),
@@ -38,7 +38,7 @@ pub enum Motion {
         #[serde(default = "usual_cutoff_hz")]
         cutoff_hz: f64,
     },
-    /// One speed and force.
+    /// A constant speed and force.
     Constant {
         seconds: f64,
         speed_mm_s: f64,
@@ -48,7 +48,7 @@ pub enum Motion {
     Recording(String),
 }
 
-/// What is rendered.
+/// The jobs.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Jobs {
@@ -69,18 +69,18 @@ pub enum Signal {
     Force,
 }
 
-/// How a sample is stored.
+/// The number type of stored samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 pub enum Samples {
     /// Rounded to single precision.
     #[default]
     Float32,
-    /// As it is computed.
+    /// Double precision, as computed.
     Float64,
 }
 
 impl Signal {
-    /// Its samples in what a job gives.
+    /// Its samples in the result of a job.
     pub fn of<'a>(self, trajectory: &'a Trajectory, vibration: &'a [f64]) -> &'a [f64] {
         match self {
             Self::Vibration => vibration,
@@ -100,8 +100,8 @@ impl Signal {
 }
 
 impl Samples {
-    /// NumPy's word.
-    pub fn word(self) -> &'static str {
+    /// NumPy's name of the type.
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Float32 => "float32",
             Self::Float64 => "float64",
@@ -137,7 +137,7 @@ fn usual_jobs_per_chunk() -> u64 {
     64
 }
 
-/// Where the parts of a plan stand: read only to tell where an error is.
+/// The locations of a plan's parts, for error messages.
 #[derive(Deserialize)]
 #[serde(rename = "Batch")]
 struct Places<'a> {
@@ -162,7 +162,7 @@ struct Places<'a> {
 pub enum Part {
     /// An entry of `surfaces`, from 0.
     Surface(usize),
-    /// The motion of a name.
+    /// The motion of this name.
     Motion(String),
     Jobs,
     Write,
@@ -178,7 +178,7 @@ fn options() -> ron::Options {
 }
 
 impl Document {
-    /// The plan in a text; or where the text is none, and why.
+    /// Parses a plan; an error has its location.
     pub fn parse(text: &str) -> Result<Self, (Place, String)> {
         options().from_str(text).map_err(|error| {
             let start = error.span.start;
@@ -191,7 +191,7 @@ impl Document {
     }
 }
 
-/// Where a part of a plan stands in its text.
+/// The location of a part of a plan in its text.
 pub fn place_of(part: &Part, text: &str) -> Option<Place> {
     let places: Places<'_> = options().from_str(text).ok()?;
     let raw = match part {

@@ -1,4 +1,4 @@
-//! The folder of a batch: one process at a time writes to it, and only what belongs to its batch.
+//! The folder of a batch: one process at a time writes to it, and only files of its batch.
 
 use crate::files::TEMPORARY;
 use haptograph_signal::files;
@@ -6,23 +6,23 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Marks a folder, with the identity of its batch; locked while it is written to.
+/// The marker file with the identity of the batch; locked during writing.
 const MARKER: &str = ".haptograph-batch";
-/// The longest marker that is read, bytes.
+/// Largest marker that is read, bytes.
 const MAX_MARKER_BYTES: u64 = 1 << 12;
 
-/// Why a folder cannot be written to.
+/// An error of writing to a folder.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum FolderError {
     #[error("cannot write to {}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
-    #[error("another process is rendering into {}; wait for it, or give another folder", path.display())]
+    #[error("another process is rendering into {}; wait until it ends, or give another folder", path.display())]
     Busy { path: PathBuf },
-    #[error("{} holds files that are no batch; give a new folder", path.display())]
+    #[error("{} contains files that are not of a batch; give a new folder", path.display())]
     Foreign { path: PathBuf },
     #[error(
-        "{} holds another batch: the plan, a file that it names, or the version of haptograph has changed since; \
+        "{} contains another batch: the plan, a file that it names, or the version of haptograph has changed; \
          give a new folder, or remove this one",
         path.display()
     )]
@@ -36,7 +36,7 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Makes the folder if need be. What a killed process left half-written there is removed.
+    /// Creates the folder if necessary. Removes incomplete files of a killed process.
     pub fn of(folder: &Path, identity: &str) -> Result<Self, FolderError> {
         let failed = |source| FolderError::Io {
             path: folder.to_owned(),
@@ -44,10 +44,10 @@ impl Claim {
         };
         fs::create_dir_all(folder).map_err(failed)?;
         let path = folder.join(MARKER);
-        // It may be there already.
+        // It may exist already.
         let _ = File::create_new(&path);
         let mut marker = files::open_to_change(&path).map_err(failed)?;
-        // Where files cannot be locked, nobody is kept out.
+        // If the file system has no locks, other processes are not excluded.
         if matches!(marker.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(FolderError::Busy {
                 path: folder.to_owned(),
@@ -57,7 +57,7 @@ impl Claim {
         let read = (&marker).take(MAX_MARKER_BYTES).read_to_string(&mut written);
         read.map_err(failed)?;
         if written.is_empty() {
-            // No chunk is written before the marker is: what lies here is not a batch's.
+            // The marker is written before any chunk, so these files are not of a batch.
             if has_others(folder).map_err(failed)? {
                 let _ = fs::remove_file(&path);
                 return Err(FolderError::Foreign {

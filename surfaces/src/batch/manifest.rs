@@ -1,4 +1,4 @@
-//! What a folder of chunks holds, as JSON.
+//! The manifest of a folder of chunks, as JSON.
 
 use super::chunk::file_name;
 use super::document::Document;
@@ -12,17 +12,17 @@ use std::path::Path;
 
 /// The name of a manifest.
 pub const MANIFEST: &str = "manifest.json";
-/// Longer manifests are not read, bytes.
+/// Largest manifest that is read, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// A file that a plan names.
+/// A file named in a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     pub kind: String,
-    /// Its path as the plan has it.
+    /// Its path in the plan.
     pub file: String,
     pub sha256: String,
-    /// Of a surface: what kind of data stands behind it, and which.
+    /// For a surface: its origin and source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,7 +46,7 @@ impl Input {
 pub struct ChunkEntry {
     /// Its number, from 0.
     pub chunk: u64,
-    /// Its file's name.
+    /// Its file name.
     pub file: String,
     /// Its first job, and the one after its last.
     pub jobs: [u64; 2],
@@ -54,13 +54,13 @@ pub struct ChunkEntry {
     pub sha256: String,
 }
 
-/// What a folder holds. The same for the same chunks, whoever rendered them in however many parts.
+/// The content of a folder. It depends only on the chunks, not on how they were rendered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     pub haptograph: String,
     /// See [`Batch::identity`].
     pub batch: String,
-    /// Vibrations are rendered from models, none is measured.
+    /// Vibrations are rendered from models, never measured.
     pub rendered: bool,
     pub plan: String,
     pub inputs: Vec<Input>,
@@ -72,13 +72,13 @@ pub struct Manifest {
     pub jobs: u64,
     pub jobs_per_chunk: u64,
     pub update_hz: f64,
-    /// Whether every chunk is there.
+    /// Whether every chunk exists.
     pub complete: bool,
     pub chunks: Vec<ChunkEntry>,
 }
 
 impl Manifest {
-    /// The manifest of a batch of which these chunks, by number and hash, are there.
+    /// The manifest of a batch with these chunks, by number and hash.
     pub fn of(batch: &Batch, found: &BTreeMap<u64, String>) -> Self {
         let entry = |(chunk, sha256): (&u64, &String)| {
             let jobs = batch.jobs_of(*chunk);
@@ -106,7 +106,7 @@ impl Manifest {
                 .iter()
                 .map(|signal| signal.name().to_owned())
                 .collect(),
-            samples: batch.samples().word().to_owned(),
+            samples: batch.samples().as_str().to_owned(),
             jobs: batch.jobs(),
             jobs_per_chunk: batch.jobs_per_chunk(),
             update_hz: batch.update_hz(),
@@ -121,22 +121,20 @@ impl Manifest {
         Ok(serde_json::from_str(&text)?)
     }
 
-    /// Whether it is one that a run may have written: its numbers are those of its plan, and its entries those of its numbers. Why not.
+    /// Checks that the manifest is consistent with its plan and its entries, so that a run can have written it.
     pub fn check(&self) -> Result<(), String> {
         if self.batch != identify(&self.haptograph, &self.plan, &self.inputs) {
             return Err("it does not belong to its plan and files".to_owned());
         }
         let plan = Document::parse(&self.plan);
-        let plan = plan.map_err(|(place, why)| format!("its plan is none: {place}: {why}"))?;
+        let plan = plan.map_err(|(place, why)| format!("its plan is invalid: {place}: {why}"))?;
         let jobs = count(&plan, self.surfaces.len(), self.motions.len());
         if jobs.is_some_and(|jobs| jobs != u128::from(self.jobs))
             || plan.jobs_per_chunk != self.jobs_per_chunk
             || !(1..=MAX_CHUNKS).contains(&self.whole())
         {
             let (jobs, each) = (self.jobs, self.jobs_per_chunk);
-            return Err(format!(
-                "its plan gives other jobs than {jobs} in chunks of {each}"
-            ));
+            return Err(format!("its plan does not give {jobs} jobs in chunks of {each}"));
         }
         for entry in &self.chunks {
             let start = entry.chunk.saturating_mul(self.jobs_per_chunk);
@@ -145,19 +143,22 @@ impl Manifest {
                 || entry.file != file_name(entry.chunk)
                 || entry.jobs != [start, end]
             {
-                return Err(format!("its plan gives no chunk {} as it lists it", entry.chunk));
+                return Err(format!(
+                    "its entry for chunk {} does not match its plan",
+                    entry.chunk
+                ));
             }
         }
         Ok(())
     }
 
-    /// Writes it whole or not at all.
+    /// Writes the manifest atomically.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
         write_atomically(&folder.join(MANIFEST), text.as_bytes())
     }
 
-    /// How many chunks the whole batch has.
+    /// Number of chunks of the whole batch.
     pub fn whole(&self) -> u64 {
         self.jobs.div_ceil(self.jobs_per_chunk.max(1))
     }

@@ -1,4 +1,4 @@
-//! One batch of its parts.
+//! Merges the parts of a batch.
 
 use super::chunk::verify;
 use super::folder::{Claim, FolderError};
@@ -10,33 +10,31 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why parts are not a whole.
+/// An error of merging parts.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum MergeError {
     #[error("there is nothing to merge; name the folders of the parts")]
     Nothing,
     #[error(
-        "{} is not the folder of a part that was rendered to its end: its manifest cannot be read ({source}); render it again, \
+        "{} is not the folder of a completely rendered part: cannot read its manifest ({source}); render the part again, \
          which goes on where it stopped",
         path.display()
     )]
     NoManifest { path: PathBuf, source: io::Error },
-    #[error("the manifest in {} was not written by a run: {why}; render its part again, into a new folder", path.display())]
+    #[error("the manifest in {} is invalid: {why}; render its part again into a new folder", path.display())]
     Manifest { path: PathBuf, why: String },
     #[error("{} and {} are not parts of one batch: their plans, files or versions differ", first.display(), second.display())]
     Different { first: PathBuf, second: PathBuf },
-    #[error("chunk {chunk} is in both {} and {}; name one of them", first.display(), second.display())]
+    #[error("chunk {chunk} is in both {} and {}; name only one of them", first.display(), second.display())]
     Twice {
         chunk: u64,
         first: PathBuf,
         second: PathBuf,
     },
-    #[error(
-        "{missing} of {whole} chunks are in none of the folders, the first is chunk {first}; render the shards that are missing"
-    )]
+    #[error("{missing} of {whole} chunks are missing, the first is chunk {first}; render the missing shards")]
     Missing { missing: u64, whole: u64, first: u64 },
-    #[error("{} is broken: {why}; render its part again, which repairs it", path.display())]
+    #[error("{} is damaged: {why}; render its part again to repair it", path.display())]
     Broken { path: PathBuf, why: String },
     #[error(transparent)]
     Folder(#[from] FolderError),
@@ -44,7 +42,7 @@ pub enum MergeError {
     Io { path: PathBuf, source: io::Error },
 }
 
-/// What was merged.
+/// The result of a merge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Merged {
     /// Chunks of the whole.
@@ -53,13 +51,13 @@ pub struct Merged {
     pub jobs: u64,
 }
 
-/// Puts the chunks of a batch's parts into one folder, linked where the file system can, with the manifest of a single run: to the bit what
-/// one run would have left.
+/// Merges the parts of a batch into one folder, by links if the file system supports them. The result is bitwise equal to that of
+/// a single run.
 ///
-/// Every chunk is read and its hash compared. Goes on where it was interrupted.
+/// Reads every chunk and compares its hash. Resumes an interrupted merge.
 ///
 /// # Errors
-/// [`MergeError`], where anything is missing, twice, broken or of another batch; the target then has no manifest of the whole.
+/// [`MergeError`] if a chunk is missing, duplicate, damaged or of another batch; the target then has no complete manifest.
 pub fn merge(folders: &[PathBuf], into: &Path, progress: &dyn Fn(f64)) -> Result<Merged, MergeError> {
     let parts = read(folders)?;
     let Some((_, first)) = parts.first() else {
@@ -142,13 +140,13 @@ fn whole(parts: &[(PathBuf, Manifest)]) -> Result<BTreeMap<u64, (&Path, &ChunkEn
     }
 }
 
-/// Sees to it that a chunk is in the folder, whole.
+/// Copies or links a chunk into the folder, unless it is already there, and verifies it.
 fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<(), MergeError> {
     let name = super::chunk::file_name(entry.chunk);
     let (source, target) = (from.join(&name), into.join(&name));
     let is_whole = |path: &Path| match verify(path, identity, entry.chunk) {
         Ok(hash) if hash == entry.sha256 => Ok(()),
-        Ok(_) => Err("its content is not what its manifest says".to_owned()),
+        Ok(_) => Err("its content does not match its manifest".to_owned()),
         Err(why) => Err(why),
     };
     if target.symlink_metadata().is_ok() && is_whole(&target).is_ok() {
@@ -160,7 +158,7 @@ fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<
     };
     is_whole(&source).map_err(broken)?;
     let _ = fs::remove_file(&target);
-    // What a link leads to, not the link.
+    // The target of a link, not the link.
     let linked = source
         .canonicalize()
         .and_then(|file| fs::hard_link(file, &target));
@@ -172,7 +170,7 @@ fn take(from: &Path, into: &Path, entry: &ChunkEntry, identity: &str) -> Result<
     Ok(())
 }
 
-/// Where files cannot be linked.
+/// Copies the file if links are not supported.
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let mut source = files::open(from, u64::MAX)?;
     write_atomically_by(to, |target| io::copy(&mut source, target).map(drop))

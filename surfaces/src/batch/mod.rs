@@ -1,9 +1,9 @@
-//! Data sets: many vibrations of many surfaces along many motions, rendered chunk by chunk from a plan.
+//! Renders data sets: vibrations of many surfaces along many motions, in chunks, from a plan.
 //!
-//! A [`Batch`] is a plan with all that it names. Its jobs are numbered; a **chunk** is a fixed number of consecutive jobs, whose content
-//! depends on the plan alone: not on how many threads, shards or attempts rendered it. A chunk is one file that carries the plan's identity and
-//! the hash of its own content, so that [`render()`] renders what is missing or broken and nothing else, and [`merge()`] can prove that parts
-//! are a whole.
+//! A [`Batch`] is a plan with all files that it names. Its jobs are numbered; a **chunk** is a fixed number of consecutive
+//! jobs. Its content depends only on the plan, not on the number of threads, shards or attempts. A chunk is one file with the
+//! plan's identity and the hash of its content, so that [`render()`] renders only missing or damaged chunks, and [`merge()`]
+//! can verify that the parts are complete.
 
 mod chunk;
 mod document;
@@ -28,7 +28,7 @@ pub use render::{RenderError, RenderSettings, Rendered, render};
 
 use sha2::{Digest, Sha256};
 
-/// A hash's hexadecimal digits.
+/// A hash as hexadecimal digits.
 fn hex(hash: Sha256) -> String {
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }

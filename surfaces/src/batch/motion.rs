@@ -12,7 +12,7 @@ use std::path::Path;
 /// The longest motion, s.
 const MAX_SECONDS: f64 = 3600.0;
 
-/// A motion with all that it takes.
+/// A motion with its data.
 #[derive(Debug)]
 pub enum Source {
     Walk(RandomWalk),
@@ -21,7 +21,7 @@ pub enum Source {
         speed_m_s: f64,
         force_n: f64,
     },
-    /// Speed and force, and the hash of the file they are from.
+    /// Speed and force, and the hash of their file.
     Recording {
         file: String,
         sha256: String,
@@ -30,7 +30,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// What a plan's motion stands for; files are relative to `folder`.
+    /// Loads a plan's motion; paths are relative to `folder`.
     pub fn of(motion: &Motion, folder: &Path) -> Result<Self, PlanProblem> {
         match motion {
             Motion::RandomWalk {
@@ -111,7 +111,7 @@ impl Source {
             !series.samples.is_empty() && series.end_s() <= MAX_SECONDS,
             "at most 3600",
         )?;
-        // What was read of it, from however many files.
+        // The content that was read, from any number of files.
         let frames = series.samples.iter().flatten().copied();
         let bytes = std::iter::once(series.rate_hz).chain(frames);
         let sha256 = hash(&bytes.flat_map(f64::to_le_bytes).collect::<Vec<u8>>());
@@ -122,7 +122,7 @@ impl Source {
         })
     }
 
-    /// How many samples it has at a rate.
+    /// The number of samples at a rate.
     pub fn samples(&self, rate_hz: f64) -> usize {
         match self {
             Self::Walk(walk) => (walk.seconds * rate_hz) as usize,
@@ -132,7 +132,7 @@ impl Source {
         }
     }
 
-    /// The motion at a rate; of a random walk the one of a job's seed, whatever the surface.
+    /// The motion at a rate. A random walk depends on the job's seed, not on the surface.
     pub fn trajectory(&self, rate_hz: f64, seed: u64) -> Trajectory {
         let samples = self.samples(rate_hz);
         match self {

@@ -1,9 +1,9 @@
-//! Files named by a pattern.
+//! Finds files by a pattern.
 
 use super::problem::PlanProblem;
 use std::path::{Path, PathBuf};
 
-/// The files that a pattern names, in the order of their names: `*` in the last part stands for anything.
+/// The files that match a pattern, in the order of their names: `*` in the last component matches any text.
 pub fn files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> {
     let path = Path::new(pattern);
     let wanted = path.file_name().unwrap_or_default().to_string_lossy();
@@ -33,7 +33,7 @@ pub fn files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, PlanProblem> 
     }
 }
 
-/// Whether a name has the parts between the stars, in their order. Hidden names are matched by their dot alone.
+/// Whether a name matches a pattern. Hidden names match only if the pattern begins with a dot.
 fn fits(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| name.strip_prefix(first)) else {

@@ -1,4 +1,4 @@
-//! A plan with all that it names.
+//! A plan with all files that it names.
 
 use super::document::{Document, Jobs, Part, Samples, Signal, place_of};
 use super::manifest::Input;
@@ -12,11 +12,11 @@ use sha2::{Digest, Sha256};
 use std::ops::Range;
 use std::path::Path;
 
-/// Longer plans are not read, bytes.
+/// Largest plan that is read, bytes.
 const MAX_PLAN_BYTES: u64 = 16 << 20;
-/// Most chunks of a batch: its manifest names each.
+/// Most chunks of a batch, because its manifest lists each.
 pub(super) const MAX_CHUNKS: u64 = 200_000;
-/// Memory that a chunk may take while it is rendered.
+/// Largest memory of a chunk during rendering, bytes.
 const MAX_CHUNK_BYTES: u64 = 2 << 30;
 
 /// A vibration to be rendered.
@@ -28,9 +28,9 @@ pub struct Job {
     pub motion: usize,
     /// Seed of its noise, and of a random motion.
     pub seed: u64,
-    /// What its vibration is multiplied by.
+    /// Gain of its vibration.
     pub gain: f64,
-    /// How often its filter follows speed and force.
+    /// Update rate of its filter, Hz.
     pub update_hz: f64,
 }
 
@@ -56,10 +56,10 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// The batch of a plan's file. Paths in a plan are relative to its folder.
+    /// Loads a batch from a plan file. Paths in a plan are relative to its folder.
     ///
     /// # Errors
-    /// The first thing that is wrong with the plan or with what it names, and where.
+    /// The first problem of the plan or of a file that it names, with its location.
     pub fn load(path: &Path) -> Result<Self, PlanError> {
         let failed = |place, problem| PlanError {
             path: path.to_owned(),
@@ -113,7 +113,7 @@ impl Batch {
                     return Err(at(PlanProblem::NoTexture { file }));
                 };
                 let mut input = Input::new("surface", &file, sha256);
-                input.origin = Some(surface.provenance.origin.word().to_owned());
+                input.origin = Some(surface.provenance.origin.as_str().to_owned());
                 input.source = Some(surface.provenance.source);
                 self.inputs.push(input);
                 self.surfaces.push(BatchSurface { name, texture });
@@ -140,7 +140,7 @@ impl Batch {
         }
     }
 
-    /// Refuses what cannot be carried out.
+    /// Refuses a plan that cannot be rendered.
     fn check(&self) -> Result<(), (Part, PlanProblem)> {
         let Document {
             update_hz,
@@ -168,7 +168,7 @@ impl Batch {
         if self.document.write.is_empty()
             || signals.any(|(i, signal)| self.document.write[..i].contains(signal))
         {
-            let expected = "some of Vibration, Speed and Force, each once";
+            let expected = "a list of Vibration, Speed and Force without duplicates";
             return range(
                 Part::Write,
                 "write",
@@ -223,12 +223,12 @@ impl Batch {
         product.unwrap_or(self.table.len() as u128)
     }
 
-    /// See [`Self::load`]: two batches with the same identity have the same chunks.
+    /// The identity: two batches with the same identity have the same chunks.
     pub fn identity(&self) -> &str {
         &self.identity
     }
 
-    /// How many jobs there are.
+    /// Number of jobs.
     pub fn jobs(&self) -> u64 {
         self.count() as u64
     }
@@ -250,7 +250,7 @@ impl Batch {
         }
     }
 
-    /// Seconds of all jobs.
+    /// Duration of all jobs, s.
     pub fn seconds(&self) -> f64 {
         let of_kind = |surface: &BatchSurface, motion: &Source| {
             let rate_hz = surface.texture.rate_hz();
@@ -259,14 +259,14 @@ impl Batch {
         self.sum(of_kind)
     }
 
-    /// Bytes that the signals of all jobs take on disk, where all jobs of a chunk are of one length.
+    /// Bytes on disk of the signals of all jobs, if all jobs of a chunk have the same length.
     pub fn bytes(&self) -> u64 {
         let stored = self.document.write.len() as u64 * self.document.samples.bytes();
         let samples = self.sum(|surface, motion| motion.samples(surface.texture.rate_hz()) as f64);
         samples as u64 * stored
     }
 
-    /// The sum over all jobs of what depends on surface and motion.
+    /// Sums a function of surface and motion over all jobs.
     fn sum(&self, of: impl Fn(&BatchSurface, &Source) -> f64) -> f64 {
         let Jobs::Product { seeds: (from, to) } = self.document.jobs else {
             let jobs = self.table.iter();
@@ -283,17 +283,17 @@ impl Batch {
         self.surfaces.iter().map(along).sum::<f64>() * ((to - from) as f64 + 1.0)
     }
 
-    /// Samples a second of a job.
+    /// Sample rate of a job, Hz.
     pub fn rate_hz(&self, job: &Job) -> f64 {
         self.surfaces[job.surface].texture.rate_hz()
     }
 
-    /// How many samples a job has.
+    /// Number of samples of a job.
     pub(super) fn samples_of(&self, job: &Job) -> usize {
         self.motion(job.motion).samples(self.rate_hz(job))
     }
 
-    /// How many chunks there are.
+    /// Number of chunks.
     pub fn chunks(&self) -> u64 {
         self.jobs().div_ceil(self.document.jobs_per_chunk)
     }
@@ -359,7 +359,7 @@ impl Batch {
     }
 }
 
-/// A hash of all that the content of chunks depends on: the version, the plan, and the files that it names.
+/// A hash of everything that determines the chunks: the version, the plan, and the files that it names.
 pub(super) fn identify(version: &str, plan: &str, inputs: &[Input]) -> String {
     let mut hash = Sha256::new();
     hash.update(format!("haptograph {version}\n"));
@@ -370,7 +370,7 @@ pub(super) fn identify(version: &str, plan: &str, inputs: &[Input]) -> String {
     hex(hash)
 }
 
-/// How many jobs a plan's document asks for of so many surfaces and motions; nothing where a table says it.
+/// Number of jobs of a plan's document for these numbers of surfaces and motions; `None` if it has a table.
 pub(super) fn count(document: &Document, surfaces: usize, motions: usize) -> Option<u128> {
     let Jobs::Product { seeds: (from, to) } = document.jobs else {
         return None;
@@ -379,7 +379,7 @@ pub(super) fn count(document: &Document, surfaces: usize, motions: usize) -> Opt
     Some((surfaces as u128 * motions as u128).saturating_mul(seeds))
 }
 
-/// Refuses an update rate that no filter takes.
+/// Refuses an invalid update rate.
 pub(super) fn check_update_hz(update_hz: f64) -> Result<(), PlanProblem> {
     match (1.0..=1e5).contains(&update_hz) {
         true => Ok(()),
@@ -391,7 +391,7 @@ pub(super) fn check_update_hz(update_hz: f64) -> Result<(), PlanProblem> {
     }
 }
 
-/// Refuses a gain that no signal survives.
+/// Refuses an invalid gain.
 pub(super) fn check_gain(gain: f64) -> Result<(), PlanProblem> {
     match gain.abs() <= 1e9 {
         true => Ok(()),

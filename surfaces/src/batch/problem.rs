@@ -1,18 +1,18 @@
-//! What can be wrong with a plan.
+//! Problems of a plan.
 
 use crate::files::{FileError, Place};
 use crate::learning::processing::ProcessingError;
 use crate::recording::LoadError;
 use std::path::PathBuf;
 
-/// Why a plan cannot be carried out, and where.
+/// A problem of a plan, with its location.
 #[derive(Debug)]
 pub struct PlanError {
     /// The plan, or the table of jobs that it names.
     pub path: PathBuf,
-    /// Where in it.
+    /// The location in the file.
     pub place: Option<Place>,
-    /// What is wrong.
+    /// The problem.
     pub problem: PlanProblem,
 }
 
@@ -32,30 +32,30 @@ impl std::error::Error for PlanError {
     }
 }
 
-/// What is wrong with a plan.
+/// A problem of a plan.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum PlanProblem {
     #[error("cannot read it: {0}")]
     Io(#[from] std::io::Error),
     #[error("{0}")]
     Syntax(String),
     #[error(
-        "no file matches {pattern:?} (paths are relative to the plan's folder; `*` stands for any part of a file's name)"
+        "no file matches {pattern:?} (paths are relative to the plan's folder; `*` matches any part of a file name)"
     )]
     NoMatch { pattern: String },
     #[error("the plan has no {what}; name at least one")]
     Nothing { what: &'static str },
     #[error(transparent)]
     Surface(Box<FileError>),
-    #[error("{file} has no texture, so that nothing can be rendered of it; leave it out")]
+    #[error("{file} has no texture, so it cannot be rendered; remove it from the plan")]
     NoTexture { file: String },
-    #[error("two surfaces are called {name:?}: {files}; rename one of the files, or name it once")]
+    #[error("two surfaces are named {name:?}: {files}; rename one of the files, or list it only once")]
     SameName { name: String, files: String },
     #[error(transparent)]
     Recording(Box<LoadError>),
-    #[error("the recording gives no speed and force: {0}")]
+    #[error("cannot get speed and force from the recording: {0}")]
     Processing(Box<ProcessingError>),
     #[error("{what} is {value}; it must be {expected}")]
     Range {
@@ -65,7 +65,7 @@ pub enum PlanProblem {
     },
     #[error("seeds run from the first to the last, and {from} is above {to}; write ({to}, {from})")]
     Seeds { from: u64, to: u64 },
-    #[error("there is no {what} called {name:?}; there are {known}")]
+    #[error("there is no {what} {name:?}; the plan has {known}")]
     Unknown {
         what: &'static str,
         name: String,
@@ -78,7 +78,7 @@ pub enum PlanProblem {
         most: u64,
     },
     #[error(
-        "a chunk of {jobs} jobs of up to {samples} samples would take {mebibytes} MiB of memory, and may take {most}; \
+        "a chunk of {jobs} jobs of up to {samples} samples would take {mebibytes} MiB of memory; the limit is {most} MiB; \
          lower jobs_per_chunk, or the seconds of motions"
     )]
     TooLarge {
@@ -107,7 +107,7 @@ impl From<ProcessingError> for PlanProblem {
     }
 }
 
-/// The number of a name among others.
+/// The index of a name in a list.
 pub(super) fn find<'a>(
     what: &'static str,
     names: impl Iterator<Item = &'a str> + Clone,

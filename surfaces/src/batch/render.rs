@@ -1,4 +1,4 @@
-//! Renders a batch, or a part of it, into a folder.
+//! Renders a batch, or a shard of it, into a folder.
 
 use super::chunk::{Chunk, file_name, verify};
 use super::folder::{Claim, FolderError};
@@ -12,17 +12,17 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// How a batch is rendered.
+/// Settings for rendering a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenderSettings {
-    /// Which part; all of it where there is none.
+    /// The shard to render; `None` for the whole batch.
     pub shard: Option<Shard>,
-    /// Chunks that are rendered at a time. Each takes memory for itself.
+    /// Number of chunks rendered in parallel. Each needs its own memory.
     pub threads: usize,
 }
 
 impl Default for RenderSettings {
-    /// All of it, on all cores.
+    /// The whole batch, on all cores.
     fn default() -> Self {
         Self {
             shard: None,
@@ -31,51 +31,51 @@ impl Default for RenderSettings {
     }
 }
 
-/// What was done.
+/// The result of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Rendered {
-    /// Chunks of the part that was asked for.
+    /// Chunks of the requested shard.
     pub chunks: u64,
-    /// Of these, rendered now.
+    /// Chunks rendered in this run.
     pub rendered: u64,
-    /// Of these, there already.
+    /// Chunks that already existed.
     pub kept: u64,
-    /// Files that were not the chunk that they should be, and why; they were rendered again.
+    /// Damaged files and the reasons; they were rendered again.
     pub replaced: Vec<(PathBuf, String)>,
-    /// Whether every chunk of the whole batch is in the folder now.
+    /// Whether the folder now has every chunk of the whole batch.
     pub is_complete: bool,
-    /// Whether it was told to stop before the end.
+    /// Whether the run was stopped before its end.
     pub was_stopped: bool,
 }
 
-/// Why a batch could not be rendered.
+/// An error of rendering a batch.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum RenderError {
     #[error(transparent)]
     Folder(#[from] FolderError),
-    #[error("job {job} cannot be rendered: {source}")]
+    #[error("cannot render job {job}: {source}")]
     Job { job: u64, source: SynthesisError },
     #[error("cannot write {}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
 }
 
-/// What became of a chunk.
+/// The outcome for a chunk.
 enum Outcome {
-    Kept(String),
+    Reused(String),
     Rendered(String, Option<String>),
-    /// Of another part, and not there.
+    /// Not in the shard, and not in the folder.
     Absent,
     Stopped,
 }
 
-/// Renders what is missing of a batch, or of a part of it, into a folder, and says in its manifest what is there.
+/// Renders the missing chunks of a batch, or of a shard of it, into a folder, and writes the manifest.
 ///
-/// Chunks that are there are read and their hashes compared; those that are broken are rendered again. A kill at any moment loses the chunks that
-/// are being rendered, at most. `progress` is given the part that is done, 0 to 1, from any thread. Memory is that of a chunk for each thread.
+/// Existing chunks are read and their hashes compared; damaged ones are rendered again. A kill loses at most the chunks in
+/// progress. `progress` receives the fraction done, 0 to 1, from any thread. Memory is one chunk for each thread.
 ///
 /// # Errors
-/// [`RenderError`]. What was rendered before stays.
+/// [`RenderError`]. Chunks rendered before remain.
 pub fn render(
     batch: &Batch,
     folder: &Path,
@@ -110,7 +110,7 @@ pub fn render(
     rendered.is_complete = manifest.complete;
     let path = folder.join(super::MANIFEST);
     if rendered.was_stopped && rendered.rendered == 0 && path.is_file() {
-        // Nothing is new, and the manifest that is there knows more than a look that was cut short.
+        // Nothing is new, and the existing manifest is more complete than an interrupted scan.
         return Ok(rendered);
     }
     manifest
@@ -119,7 +119,7 @@ pub fn render(
     Ok(rendered)
 }
 
-/// What threads share.
+/// The state shared by the threads.
 struct Work<'a> {
     batch: &'a Batch,
     folder: &'a Path,
@@ -131,7 +131,7 @@ struct Work<'a> {
     state: Mutex<State>,
 }
 
-/// What came of it so far.
+/// The results so far.
 #[derive(Default)]
 struct State {
     failure: Option<RenderError>,
@@ -139,7 +139,7 @@ struct State {
 }
 
 impl Work<'_> {
-    /// Takes chunk after chunk, until there is none left, or one fails.
+    /// Processes chunks until none is left or one fails.
     fn run(&self) {
         let chunks = self.batch.chunks();
         loop {
@@ -167,13 +167,13 @@ impl Work<'_> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Sees to it that a chunk is there, if it is of this part.
+    /// Verifies a chunk, and renders it if it is missing or damaged and in this shard.
     fn take(&self, chunk: u64) -> Result<Outcome, RenderError> {
         let path = self.folder.join(file_name(chunk));
         let mut broken = None;
         if path.symlink_metadata().is_ok() {
             match verify(&path, self.batch.identity(), chunk) {
-                Ok(hash) => return Ok(Outcome::Kept(hash)),
+                Ok(hash) => return Ok(Outcome::Reused(hash)),
                 Err(why) => broken = Some(why),
             }
         }
@@ -190,7 +190,7 @@ impl Work<'_> {
     }
 }
 
-/// What was done, and which chunks are there.
+/// The result, and the chunks in the folder.
 fn summary(
     batch: &Batch,
     folder: &Path,
@@ -205,7 +205,7 @@ fn summary(
     let mut found = BTreeMap::new();
     for (chunk, outcome) in outcomes {
         match outcome {
-            Outcome::Kept(hash) => {
+            Outcome::Reused(hash) => {
                 done.kept += u64::from(is_own(chunk));
                 found.insert(chunk, hash);
             }

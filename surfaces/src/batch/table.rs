@@ -1,4 +1,4 @@
-//! Jobs from a table: a CSV file with the columns `surface`, `motion` and `seed`, and where jobs have their own `gain` and `update_hz`.
+//! Reads jobs from a table: a CSV file with the columns `surface`, `motion` and `seed`, and optionally `gain` and `update_hz`.
 
 use super::plan::{Batch, Job, check_gain, check_update_hz};
 use super::problem::{PlanError, PlanProblem};
@@ -8,7 +8,7 @@ use haptograph_signal::files;
 use serde::Deserialize;
 use std::path::Path;
 
-/// Longer tables are not read, bytes: ten million jobs.
+/// Largest table that is read, bytes: ten million jobs.
 const MAX_BYTES: u64 = 512 << 20;
 
 #[derive(Deserialize)]
@@ -21,7 +21,7 @@ struct Row<'a> {
     update_hz: Option<f64>,
 }
 
-/// The jobs of a table, and the bytes that they are from.
+/// Reads the jobs of a table; returns them with the table's bytes.
 pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError> {
     let failed = |line: Option<u64>, problem| PlanError {
         path: path.to_owned(),
@@ -67,18 +67,18 @@ pub fn read(path: &Path, batch: &Batch) -> Result<(Vec<Job>, Vec<u8>), PlanError
     Ok((jobs, bytes))
 }
 
-/// What the parser says, without the place.
+/// The parser's message without the location.
 fn message(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::Deserialize { err, .. } => {
             format!(
-                "{err}; a table of jobs has the columns surface, motion and seed, and may have gain and update_hz"
+                "{err}; a table of jobs has the columns surface, motion and seed, and optionally gain and update_hz"
             )
         }
         csv::ErrorKind::UnequalLengths {
             expected_len, len, ..
         } => {
-            format!("this row has {len} cells, the header {expected_len}")
+            format!("this row has {len} cells, but the header has {expected_len}")
         }
         _ => error.to_string(),
     }

@@ -80,7 +80,7 @@ pub struct PerceptualMap {
 
 /// Why no map was drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum MapError {
     #[error("a map needs three textures at least; there are {textures}")]
     TooFew { textures: usize },

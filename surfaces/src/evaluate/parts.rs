@@ -56,7 +56,7 @@ struct Item {
 /// Why there is no part, or no whole.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum StudyPartError {
     #[error("there is nothing to merge; name the files of the parts")]
     Nothing,

@@ -101,7 +101,7 @@ pub struct Learned {
 
 /// Why a study came to nothing.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum StudyError {
     #[error("there is no dragging recording named <material>.<person>.<take>.<extension>")]
     NoRecordings,

@@ -146,7 +146,7 @@ impl RandomWalk {
 
 /// Why nothing was synthesised.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum SynthesisError {
     #[error(
         "the texture's rate is {texture_hz} Hz, the trajectory's {trajectory_hz} Hz: resample one of them"

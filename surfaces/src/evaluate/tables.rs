@@ -53,7 +53,7 @@ pub struct DifferenceTable {
 
 /// Why no table was made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum TableError {
     #[error("recording {recording} (from 0) of {material} cannot be compared: {source}")]
     Recording {

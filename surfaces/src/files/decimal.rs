@@ -1,5 +1,5 @@
-//! Numbers between a file's mm/s and m/s inside, exactly: in decimal, a factor of a thousand only moves the point, so
-//! that every bit of either survives. (Multiplying and dividing doubles by 1000 loses some.)
+//! Converts numbers between a file's mm/s and m/s in memory exactly: in decimal, a factor of a thousand only moves the
+//! point. (Multiplying and dividing doubles by 1000 loses bits.)
 
 /// A thousandth of the decimal number `text`, correctly rounded.
 pub fn parse_thousandth(text: &str) -> Option<f64> {
@@ -13,20 +13,20 @@ pub fn parse_shifted(text: &str, places: i32) -> Option<f64> {
         return Some(value);
     }
     let is_digit = |c: char| c.is_ascii_digit();
-    // Words that `f64::from_str` knows, such as "inf", have no decimal point to move.
+    // Texts such as "inf", which `f64::from_str` accepts, have no decimal point.
     if !text.contains(is_digit) {
         return None;
     }
     let (digits, exponent) = match text.split_once(['e', 'E']) {
-        // The clamp keeps the sum from overflowing; beyond it all is zero or infinite anyway.
+        // The clamp prevents overflow; beyond it every number is zero or infinite.
         Some((digits, exponent)) => (digits, parse_exponent(exponent)?),
         None => (text, 0),
     };
     format!("{digits}e{}", exponent + i64::from(places)).parse().ok()
 }
 
-/// As [`parse_shifted`] for numbers of few plain digits, as tables are full of: a whole number below 2^53 and a power of ten up to
-/// 10^22 are both exact, so that their product or quotient is the only rounding.
+/// Like [`parse_shifted`], for short plain numbers, which are the most frequent in tables: a whole number below 2^53 and a
+/// power of ten up to 10^22 are both exact, so that only their product or quotient is rounded.
 fn short_shifted(text: &str, places: i32) -> Option<f64> {
     let bare = text.strip_prefix('-').unwrap_or(text);
     let (mut whole, mut digits, mut fraction) = (0_u64, 0, None);
@@ -62,14 +62,13 @@ fn parse_exponent(text: &str) -> Option<i64> {
     Some(if text.starts_with('-') { -size } else { size })
 }
 
-/// A thousand times `value` as a decimal number that [`parse_thousandth`] takes back to the same bits, the shortest
-/// such.
+/// A thousand times `value`, as the shortest decimal number that [`parse_thousandth`] converts back to the same bits.
 pub fn format_thousandfold(value: f64) -> String {
     format_shifted(value, 3)
 }
 
-/// `value` as the shortest decimal number with its point moved right by `places`, which [`parse_shifted`] by as many to the
-/// left takes back to the same bits.
+/// `value` as the shortest decimal number with its point moved right by `places`. [`parse_shifted`] with `-places` converts it
+/// back to the same bits.
 pub fn format_shifted(value: f64, places: i32) -> String {
     if value == 0.0 {
         return format!("{value:?}");

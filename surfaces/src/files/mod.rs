@@ -1,7 +1,7 @@
-//! Surface files: haptograph's own RON and the Penn Haptic Texture Toolkit's (HaTT) XML, in and out.
+//! Surface files: reads and writes haptograph's RON and the XML of the Penn Haptic Texture Toolkit (HaTT).
 //!
-//! Files are told apart by content. Reading is total: any bytes give a surface or an error that says where and what
-//! to do, in time and memory bounded by the file's size. Writing keeps every bit of every number.
+//! The content decides the format. Any bytes give a surface or an error with location and remedy, in time and memory
+//! bounded by the file's size. Writing preserves every bit of every number.
 
 pub mod decimal;
 pub mod hatt;
@@ -16,16 +16,16 @@ pub use hatt::{HattProblem, HattWriteError};
 pub use write::write_atomically;
 pub(crate) use write::{TEMPORARY, write_atomically_by};
 
-/// More models than this in one texture, or samples in one tap, are refused when reading a file.
+/// Most models in one texture of a file.
 pub const MAX_MODELS: usize = 1024;
-/// See [`MAX_MODELS`].
+/// Most taps in a file.
 pub const MAX_TAPS: usize = 1024;
-/// See [`MAX_MODELS`]; 16 s at 1 kHz.
+/// Most samples in one tap of a file; 16 s at 1 kHz.
 pub const MAX_TAP_SAMPLES: usize = 16_384;
-/// Larger files are not read, bytes.
+/// Largest file that is read, bytes.
 pub const MAX_FILE_BYTES: u64 = 64 << 20;
 
-/// A surface from the bytes of any file that haptograph reads.
+/// Reads a surface from the bytes of a file in any supported format.
 pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&bytes[..error.valid_up_to()]);
@@ -34,7 +34,7 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
             problem: Problem::NotText,
         }
     })?;
-    // A byte order mark is what Windows editors put first.
+    // Windows editors write a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim_start().starts_with('<') {
         hatt::read(text)
@@ -43,7 +43,7 @@ pub fn read_surface(bytes: &[u8]) -> Result<Surface, ReadError> {
     }
 }
 
-/// A surface from a file.
+/// Reads a surface from a file.
 pub fn load(path: &Path) -> Result<Surface, FileError> {
     let bytes = files::read(path, MAX_FILE_BYTES).map_err(|source| FileError::Io {
         path: path.to_owned(),
@@ -55,14 +55,14 @@ pub fn load(path: &Path) -> Result<Surface, FileError> {
         error,
     })?;
     if surface.name.is_empty() {
-        // A tap file names its material in its own name alone.
+        // A tap file has the name of its material only in its file name.
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         surface.name = stem.strip_prefix("Taps_").unwrap_or(&stem).to_owned();
     }
     Ok(surface)
 }
 
-/// Whether [`save`] knows the format that a path's extension stands for.
+/// Whether [`save`] supports the extension of a path.
 pub fn check_extension(path: &Path) -> Result<(), SaveError> {
     match &*extension(path) {
         "ron" | "xml" => Ok(()),
@@ -72,14 +72,14 @@ pub fn check_extension(path: &Path) -> Result<(), SaveError> {
     }
 }
 
-/// In lower case.
+/// The extension in lower case.
 fn extension(path: &Path) -> String {
     let extension = path.extension().unwrap_or_default();
     extension.to_string_lossy().to_ascii_lowercase()
 }
 
 /// Writes a surface to `path`: as a toolkit file if it ends in `.xml` (models, or taps if there is no texture), as
-/// haptograph's own if in `.ron`. Returns the parts of the surface that the format has no place for.
+/// haptograph's RON if it ends in `.ron`. Returns the parts of the surface that the format cannot store.
 pub fn save(surface: &Surface, path: &Path) -> Result<Vec<&'static str>, SaveError> {
     let hatt = |error| SaveError::Hatt {
         path: path.to_owned(),
@@ -142,7 +142,7 @@ fn has_tap_forces(surface: &Surface) -> bool {
     surface.taps.as_ref().is_some_and(Taps::has_forces)
 }
 
-/// Which parts a surface has of these and of those that no toolkit file holds.
+/// The parts of a surface among these and among those that no toolkit file can store.
 fn present<const N: usize>(parts: [(&'static str, bool); N], surface: &Surface) -> Vec<&'static str> {
     let parts = parts
         .into_iter()
@@ -153,8 +153,8 @@ fn present<const N: usize>(parts: [(&'static str, bool); N], surface: &Surface) 
         .collect()
 }
 
-/// One surface of two files of the same material, such as the toolkit's models and taps: each part from the file that
-/// has it. The name is the first's, the sources and settings are both's.
+/// Merges two files of the same material, such as the toolkit's models and taps: each part comes from the file that has it.
+/// The name is that of the first; sources and settings are those of both.
 pub fn merge(first: Surface, second: Surface) -> Result<Surface, MergeError> {
     fn either<T>(first: Option<T>, second: Option<T>, part: &'static str) -> Result<Option<T>, MergeError> {
         match (first, second) {
@@ -199,7 +199,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// The place that follows `before`.
+    /// The place after `before`.
     pub(crate) fn after(before: &str) -> Place {
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         Place {
@@ -215,10 +215,10 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Why bytes are not a surface, and where.
+/// An error in the content of a surface file, with its location.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadError {
-    /// Where in the text, if it is about one place.
+    /// Location in the text, if the error has one.
     pub place: Option<Place>,
     /// What is wrong.
     pub problem: Problem,
@@ -239,22 +239,22 @@ impl std::error::Error for ReadError {
     }
 }
 
-/// What may be wrong with a surface file.
+/// A problem in a surface file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Problem {
     /// Not UTF-8.
-    #[error("this is not UTF-8 text; a surface is haptograph's .ron or the toolkit's .xml")]
+    #[error("the file is not UTF-8 text; a surface file is haptograph's .ron or the toolkit's .xml")]
     NotText,
     /// The text does not follow the format.
     #[error("{message}")]
     Syntax {
-        /// What the parser found and what it expected.
+        /// The parser's message.
         message: String,
     },
     /// Another version of the format.
     #[error(
-        "the file is of format {found}, this haptograph reads format {}; use the haptograph that wrote it, or a newer one",
+        "the file has format {found}, but this version of haptograph reads format {}; use the version that wrote it, or a newer one",
         native::FORMAT
     )]
     Version {
@@ -262,7 +262,7 @@ pub enum Problem {
         found: u64,
     },
     /// A vertex names a filter that does not exist.
-    #[error("vertex {vertex} names filter {filter}, but there are {filters}, numbered from 0")]
+    #[error("vertex {vertex} names filter {filter}, but there are only {filters} filters, numbered from 0")]
     NoSuchFilter {
         /// The vertex's number, from 0.
         vertex: usize,
@@ -298,7 +298,7 @@ pub enum Problem {
     /// The models do not make a texture.
     #[error(transparent)]
     Texture(#[from] TextureError),
-    /// Another part is not sound.
+    /// Another part is invalid.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
     /// A toolkit file does not follow its format.
@@ -306,10 +306,10 @@ pub enum Problem {
     Hatt(#[from] HattProblem),
 }
 
-/// Why a surface file could not be read.
+/// An error of reading a surface file.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// The file system refuses.
+    /// An error of the file system.
     #[error("cannot read {}: {source}", path.display())]
     Io {
         /// The file.
@@ -327,24 +327,24 @@ pub enum FileError {
     },
 }
 
-/// Why a surface could not be written.
+/// An error of writing a surface file.
 #[derive(Debug, thiserror::Error)]
 pub enum SaveError {
-    /// The extension tells the format.
-    #[error("{}: a surface is written as .ron (haptograph) or .xml (the toolkit); name the file so", path.display())]
+    /// The extension is not that of a supported format.
+    #[error("cannot write {}: the extension must be .ron (haptograph) or .xml (the toolkit)", path.display())]
     Extension {
-        /// The file asked for.
+        /// The file.
         path: PathBuf,
     },
-    /// The toolkit's format cannot hold it.
+    /// The toolkit's format cannot store it.
     #[error("{}: {error}", path.display())]
     Hatt {
-        /// The file asked for.
+        /// The file.
         path: PathBuf,
         /// Why.
         error: HattWriteError,
     },
-    /// The file system refuses.
+    /// An error of the file system.
     #[error("cannot write {}: {source}", path.display())]
     Io {
         /// The file.
@@ -354,16 +354,16 @@ pub enum SaveError {
     },
 }
 
-/// Why two surfaces are not parts of one.
+/// An error of merging two surfaces.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MergeError {
     /// Both have the same part.
-    #[error("both surfaces have {part}; merge files with different parts of one material")]
+    #[error("both surfaces have {part}; only files with different parts of one material can be merged")]
     Twice {
         /// The part.
         part: &'static str,
     },
-    /// One surface has one kind of data behind it.
-    #[error("one surface is {}, the other {}; they do not make one", _0.word(), _1.word())]
+    /// The surfaces have different origins.
+    #[error("one surface is {}, the other {}; surfaces of different origins cannot be merged", _0.as_str(), _1.as_str())]
     Origins(Origin, Origin),
 }

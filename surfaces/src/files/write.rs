@@ -1,24 +1,24 @@
-//! Writing a file complete or not at all.
+//! Atomic writing of files.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How the names of temporary files end: a killed process leaves one.
+/// The ending of temporary files; a killed process leaves one.
 pub(crate) const TEMPORARY: &str = ".tmp";
 
-/// Writes `bytes` to `path`, replacing what was there only once all is on disk: through a temporary file beside it.
+/// Writes `bytes` to `path` atomically: through a temporary file in the same folder.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_atomically_by(path, |file| file.write_all(bytes))
 }
 
-/// The same for what `fill` writes.
+/// The same, with the content that `fill` writes.
 pub fn write_atomically_by<T>(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
     static WRITES: AtomicU64 = AtomicU64::new(0);
     let name = path
         .file_name()
-        .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"))?;
+        .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "the path has no file name"))?;
     let mut temporary = name.to_owned();
     temporary.push(format!(
         ".{}-{}{TEMPORARY}",

@@ -1,4 +1,4 @@
-//! The spectrum of a stretch of vibration on the warped axis: multitaper estimates, averaged over equal cells.
+//! Estimates the spectrum of a stretch of vibration on the warped axis: multitaper estimates, averaged over equal cells.
 
 use crate::texture::HIGHPASS_ORDER;
 use haptograph_signal::Complex64;
@@ -21,7 +21,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Of models of this rate and warping factor.
+    /// The cells for models of this rate and warping factor.
     pub fn new(rate_hz: f64, warping: f64) -> Self {
         let edge = |edge: usize| unwarp(PI * edge as f64 / CELLS as f64, warping) * rate_hz / (2.0 * PI);
         Self {
@@ -50,7 +50,7 @@ impl Cells {
 pub(super) struct CellSpectrum {
     rate_hz: f64,
     tapers: Vec<Vec<f64>>,
-    /// What each bin is divided by, and which bins lie below the high-pass.
+    /// The divisor of each bin, and the bins below the high-pass.
     highpass: Vec<f64>,
     below: usize,
     /// Bins just above the corner, whose mean stands for those below.
@@ -59,7 +59,7 @@ pub(super) struct CellSpectrum {
 }
 
 impl CellSpectrum {
-    /// For stretches of `length` samples (at least 2) that were high-passed at `highpass_hz`.
+    /// An estimator for stretches of `length` samples (at least 2) that were high-passed at `highpass_hz`.
     pub fn new(length: usize, rate_hz: f64, warping: f64, highpass_hz: Option<f64>) -> Self {
         let taper = |order: usize| {
             let scale = (2.0 / (length as f64 + 1.0)).sqrt();
@@ -71,7 +71,7 @@ impl CellSpectrum {
         let filter =
             highpass_hz.and_then(|cutoff| butterworth_highpass(HIGHPASS_ORDER, cutoff, rate_hz).ok());
         let response = |bin: usize| match &filter {
-            // Forward and backward: the power counts the squared magnitude twice.
+            // Forward and backward filtering squares the power response.
             Some(filter) => filter.response(bin as f64 * width_hz, rate_hz).norm_sqr().powi(2),
             None => 1.0,
         };
@@ -90,8 +90,8 @@ impl CellSpectrum {
 
     /// Means of the one-sided density over the cells, (m/s²)²/Hz, the high-pass divided out.
     ///
-    /// Below the high-pass nothing was recorded: the density there is continued from just above it. A valley instead
-    /// would be filled by an all-pole model, which has no zeros, from its edge inwards.
+    /// Below the high-pass nothing was recorded, so the density is extended from just above it. An all-pole model, which has no
+    /// zeros, could not follow a gap.
     pub fn of(&self, samples: &[f64]) -> Vec<f64> {
         let length = samples.len();
         let transform = fft::forward(length);

@@ -1,18 +1,17 @@
-//! What a law of powers misses, as a smooth function of speed and force.
+//! Corrects a power law by a smooth function of speed and force.
 //!
-//! Kriging of the logarithms of seen over expected densities (Rasmussen and Williams 2006, ch. 2): near places that were seen
-//! the correction goes through them, as far as they agree with one another, and far from all of them it falls to nothing.
-//! How far it reaches and how much it trusts single places is whatever predicts places that are left out best; where no
-//! correction does, there is none.
+//! Kriging of the logarithms of observed over expected densities (Rasmussen and Williams 2006, ch. 2): near observations
+//! the correction follows them, as far as they agree with one another; far from all of them it goes to zero. Leave-one-out
+//! prediction selects its range and its noise. If no correction predicts better than none, there is no correction.
 
 use nalgebra::{DMatrix, Vector2};
 use std::collections::BTreeMap;
 
-/// How far a correction may reach: e-folds of speed, and of force, over which the covariance of misses falls to 0.61 of its own.
+/// Candidate ranges: e-folds of speed and force over which the covariance falls to 0.61.
 const RANGES: [f64; 3] = [0.7, 1.4, 2.8];
-/// Variances it may have, over that of the miss of one stretch.
+/// Candidate variances, relative to the variance of one stretch.
 const VARIANCES: [f64; 6] = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0];
-/// Part of the variance of one stretch that more stretches at one place do not take away.
+/// Fraction of the variance of one stretch that more stretches at the same place do not reduce.
 const REMAINING: f64 = 0.1;
 /// Stretches closer than this, in e-folds, count as one place.
 const PLACE: f64 = 0.2;
@@ -20,7 +19,7 @@ const PLACE: f64 = 0.2;
 /// The natural logarithms of a speed in m/s and a force in N.
 pub(super) type Place = Vector2<f64>;
 
-/// What was seen at a place, and what a law expects there.
+/// The observed density at a place, and the density that a law expects there.
 #[derive(Debug, Clone)]
 pub(super) struct Stretch {
     pub place: Place,
@@ -29,18 +28,18 @@ pub(super) struct Stretch {
     pub expected: Vec<f64>,
 }
 
-/// A smooth function of the place for each cell: the natural logarithm of what the law's density is multiplied by.
+/// A smooth function of place for each cell: the natural logarithm of the factor on the law's density.
 #[derive(Debug, Clone)]
 pub(super) struct Correction {
     places: Vec<Place>,
     kernel: Kernel,
     /// Places by cells.
     weights: DMatrix<f64>,
-    /// The least and greatest miss of each cell, none being a miss of 0: no correction goes beyond.
+    /// The least and greatest residual of each cell, including 0: they limit the correction.
     bounds: Vec<(f64, f64)>,
 }
 
-/// The covariance of two places' misses.
+/// The covariance of the residuals at two places.
 #[derive(Debug, Clone, Copy)]
 struct Kernel {
     /// Over speed and force.
@@ -56,7 +55,7 @@ impl Kernel {
 }
 
 impl Correction {
-    /// The correction that predicts places left out best; `None` if that is none.
+    /// The correction with the best leave-one-out prediction; `None` if no correction is better.
     pub fn fit(stretches: &[Stretch]) -> Option<Self> {
         let pools = pooled(stretches);
         let places: Vec<Place> = pools.iter().map(|(stretch, _)| stretch.place).collect();
@@ -70,7 +69,7 @@ impl Correction {
                 0.0
             }
         });
-        // A few places are predicted better by some kernel of many by chance.
+        // With few places, one of many kernels predicts better by chance.
         let mut best = (misses.norm_squared() * (1.0 - 1.0 / count as f64), None);
         for kernel in kernels() {
             let mut covariance =
@@ -128,7 +127,7 @@ fn kernels() -> impl Iterator<Item = Kernel> {
     ranges.flat_map(|ranges| VARIANCES.map(|variance| Kernel { ranges, variance }))
 }
 
-/// Means of the stretches at each place, and how many they are.
+/// Means of the stretches at each place, and their number.
 fn pooled(stretches: &[Stretch]) -> Vec<(Stretch, f64)> {
     let mut pools: BTreeMap<[i64; 2], (Stretch, f64)> = BTreeMap::new();
     for stretch in stretches {
@@ -139,7 +138,7 @@ fn pooled(stretches: &[Stretch]) -> Vec<(Stretch, f64)> {
         };
         *count += 1.0;
         pool.place += (stretch.place - pool.place) / *count;
-        // Sums do as well as means: only their ratio counts.
+        // Sums suffice, because only their ratio counts.
         for (sums, values) in [
             (&mut pool.seen, &stretch.seen),
             (&mut pool.expected, &stretch.expected),

@@ -1,30 +1,30 @@
-//! How much of the force-speed plane a texture was learned from, and what to record next.
+//! Coverage of the force-speed plane by the recordings of a texture, and what to record next.
 
 use super::texture::{Fate, SegmentReport};
 
-/// Speeds of a hand that explores, m/s: slow, medium and fast.
+/// Edges of the bands of exploratory speed, m/s: slow, medium and fast.
 pub const SPEED_BANDS_M_S: [(f64, f64); 3] = [(0.02, 0.06), (0.06, 0.15), (0.15, 0.35)];
-/// Its forces, N: light, medium and firm.
+/// Edges of the bands of exploratory force, N: light, medium and firm.
 pub const FORCE_BANDS_N: [(f64, f64); 3] = [(0.2, 0.7), (0.7, 1.5), (1.5, 3.0)];
-/// A cell with this long a stretch is covered, s.
+/// Least duration in a covered cell, s.
 const ENOUGH_S: f64 = 0.4;
-/// Less than this in all, s, or fewer segments make no texture to trust.
+/// Least total duration, s, and number of segments of a reliable texture.
 const SHORTEST_S: f64 = 3.0;
 const FEWEST_SEGMENTS: usize = 3;
 
-/// Where in the plane the segments of a texture lie.
+/// The distribution of a texture's segments over the plane.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Coverage {
-    /// Length of the segments that were used, s.
+    /// Total duration of the segments used, s.
     pub used_s: f64,
-    /// How many were used.
+    /// Number of segments used.
     pub segments: usize,
-    /// Length of segments by band of speed, then of force, s.
+    /// Duration of segments by band of speed, then of force, s.
     pub cells_s: [[f64; 3]; 3],
 }
 
 impl Coverage {
-    /// Of segments of recordings at `rate_hz`.
+    /// The coverage of segments of recordings at `rate_hz`.
     pub fn of(segments: &[SegmentReport], rate_hz: f64) -> Self {
         let mut coverage = Self::default();
         for segment in segments.iter().filter(|segment| segment.fate == Fate::Kept) {
@@ -49,19 +49,19 @@ impl Coverage {
         }
     }
 
-    /// Whether there is too little to trust.
+    /// Whether there is too little data for a reliable texture.
     pub fn is_short(&self) -> bool {
         self.used_s < SHORTEST_S || self.segments < FEWEST_SEGMENTS
     }
 
-    /// Cells that were hardly visited: bands of speed and of force, by their index.
+    /// Cells with too little data, as indices of the bands of speed and force.
     pub fn missing(&self) -> Vec<(usize, usize)> {
         let all = (0..3).flat_map(|speed| (0..3).map(move |force| (speed, force)));
         all.filter(|&(speed, force)| self.cells_s[speed][force] < ENOUGH_S)
             .collect()
     }
 
-    /// The first few of those in words; nothing where none is missing.
+    /// The first few of those as text; `None` if none is missing.
     pub fn next_to_record(&self) -> Option<String> {
         let missing = self.missing();
         let some: Vec<String> = missing.iter().take(MOST_NAMED).map(area).collect();
@@ -73,7 +73,7 @@ impl Coverage {
     }
 }
 
-/// Cells that are named at once.
+/// Most cells in a message.
 const MOST_NAMED: usize = 3;
 
 fn area(&(speed, force): &(usize, usize)) -> String {

@@ -1,8 +1,8 @@
-//! Whether a texture crackles, and how: from the recordings whitened by what was learned of them.
+//! Detects and estimates crackle in whitened recordings.
 //!
-//! The logarithm of the whitened energy in windows of 5 ms fluctuates by itself, as that of any noise does. Crackle adds
-//! fluctuation that is correlated from window to window. How much is expected without it is seen in surrogates: the same
-//! whitened recording with random phases, which has its spectrum, misfits of the map included, and no crackle.
+//! The logarithm of the whitened energy in windows of 5 ms fluctuates, as that of any noise does. Crackle adds fluctuation that
+//! is correlated from window to window. Surrogates give the fluctuation without crackle: the same whitened recording with
+//! random phases has the same spectrum, errors of the map included, but no crackle.
 
 use super::whitening::Whitened;
 use crate::crackle::{Crackle, MAX_DEPTH};
@@ -15,26 +15,26 @@ use std::f64::consts::TAU;
 /// Length of a window of energy, s, and the fewest samples in one.
 const WINDOW_S: f64 = 0.005;
 const MIN_WINDOW: usize = 4;
-/// Length of the stretches whose phases are randomised, s, and how many are looked at in all.
+/// Length of the stretches whose phases are randomised, s, and most stretches used.
 const STRETCH_S: f64 = 1.6;
 const MAX_STRETCHES: usize = 8;
-/// Fewest windows that tell anything.
+/// Fewest windows for an estimate.
 const MIN_WINDOWS: usize = 64;
 /// Lags of the autocovariance, in windows.
 const LAGS: usize = 21;
-/// Windows on each side of the moving mean that is taken out: what is slower follows from force and speed.
+/// Windows on each side of the moving mean that is removed: slower fluctuation follows from force and speed.
 const SLOW: usize = 40;
-/// Surrogates, and how many of them may have more crackle than the recording: it must exceed the 99th percentile.
+/// Number of surrogates, and how many may exceed the recording: it must exceed the 99th percentile.
 const SURROGATES: usize = 100;
 const MAX_EXCEEDING: usize = 1;
 const SEED: u64 = 0x6372_6163_6b6c_6521;
-/// Time constants that are tried, s.
+/// Candidate time constants, s.
 const FASTEST_S: f64 = 0.002;
 const SLOWEST_S: f64 = 0.05;
 const TIME_STEPS: usize = 12;
 const DEPTH_STEP: f64 = 0.1;
 
-/// The crackle of whitened recordings at `rate_hz`; `None` where they have no more than Gaussian noise of their spectrum.
+/// The crackle of whitened recordings at `rate_hz`; `None` if they do not exceed Gaussian noise of the same spectrum.
 pub(super) fn find_crackle(recordings: &[Whitened], rate_hz: f64) -> Option<Crackle> {
     let samples: Vec<f64> = recordings.iter().flat_map(Whitened::dragged_samples).collect();
     let window = ((WINDOW_S * rate_hz).round() as usize).max(MIN_WINDOW);
@@ -56,7 +56,7 @@ pub(super) fn find_crackle(recordings: &[Whitened], rate_hz: f64) -> Option<Crac
     let gaussian = surrogates(&stretches, window, |covariance| {
         expected.fit(covariance).depth >= depth
     })?;
-    // What the map's misfits add to white noise is in the surrogates too.
+    // The surrogates include the fluctuation from errors of the map.
     let white = &expected.rows[0].covariance;
     let corrected: [f64; LAGS] = std::array::from_fn(|lag| measured[lag] - gaussian[lag] + white[lag]);
     let found = expected.fit(&corrected);
@@ -69,7 +69,7 @@ fn evenly(count: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..taken).map(move |k| k * count / taken)
 }
 
-/// The mean autocovariance of the surrogates; `None` as soon as too many of them exceed the recording.
+/// The mean autocovariance of the surrogates; `None` if too many of them exceed the recording.
 fn surrogates(
     stretches: &[&[f64]],
     window: usize,

@@ -5,16 +5,16 @@ use crate::recording::{AnyRecording, Recording};
 use crate::statistics::{Line, median};
 use crate::{Friction, SurfaceError};
 
-/// How friction is learned.
+/// Settings for learning friction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionSettings {
-    /// Which line; by the gesture if `None`: through the origin, robust for free drags.
+    /// The fit; if `None`, by the gesture: through the origin, robust for free drags.
     pub fit: Option<FrictionFit>,
-    /// Slower moments are of a tool that may stick, m/s.
+    /// Samples at a lower speed are ignored, because the tool may stick, m/s.
     pub min_speed_m_s: f64,
-    /// Moments of less force are of a tool in the air, N.
+    /// Samples with a lower force count as a tool in the air, N.
     pub min_force_n: f64,
-    /// Rate of the force pairs where the recording has no tracker of its own to set it (processed recordings).
+    /// Rate of the force pairs if the recording has no tracker (processed recordings), Hz.
     pub rate_hz: f64,
 }
 
@@ -34,13 +34,13 @@ impl Default for FrictionSettings {
 pub enum FrictionFit {
     /// Constrained to the origin: thesis 4.2.1.
     ThroughOrigin,
-    /// With an intercept, outliers removed: thesis 2.2.3 and 3.2.3. What is rendered has no intercept.
+    /// With an intercept, outliers removed: thesis 2.2.3 and 3.2.3. The rendered friction has no intercept.
     Robust,
     /// Constrained to the origin, outliers removed.
     RobustThroughOrigin,
 }
 
-/// What learning friction found.
+/// The report of learning friction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrictionReport {
     /// How the line was fitted.
@@ -49,20 +49,20 @@ pub struct FrictionReport {
     pub line: Line,
     /// Pairs of normal and tangential force, N.
     pub points: Vec<(f64, f64)>,
-    /// Which of them the line was fitted to.
+    /// Whether each was used for the fit.
     pub used: Vec<bool>,
 }
 
-/// Why no friction could be learned.
+/// An error of learning friction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum FrictionError {
     #[error(transparent)]
     Processing(#[from] ProcessingError),
     #[error("the recording has no tangential force")]
     NoTangentialForce,
     #[error(
-        "only {points} moments have a sliding tool (more than {min_force_n} N and {min_speed_mm_s} mm/s), or their forces do not vary: drag faster or harder"
+        "only {points} samples have a sliding tool (more than {min_force_n} N and {min_speed_mm_s} mm/s), or their forces do not vary: drag faster or harder"
     )]
     TooFewPoints {
         points: usize,
@@ -70,14 +70,14 @@ pub enum FrictionError {
         min_speed_mm_s: f64,
     },
     #[error(
-        "friction would be {mu:.3}, pulling the tool along: check the signs of forces and the calibration"
+        "the friction coefficient would be {mu:.3}; it must be at least 0: check the signs of the forces and the calibration"
     )]
     Negative { mu: f64 },
     #[error(transparent)]
     Surface(#[from] SurfaceError),
 }
 
-/// A moment of a sliding tool.
+/// A sample of a sliding tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sliding {
     /// Normal force, N.
@@ -88,10 +88,10 @@ pub struct Sliding {
     pub speed_m_s: f64,
 }
 
-/// The moments of a recording in which the tool slides.
+/// The samples of a recording in which the tool slides.
 ///
-/// Forces are brought to the tracker's moments and split there: splitting by an upsampled path gives wrong signs where the tool turns
-/// (thesis 4.2.1).
+/// Forces are interpolated at the tracker's sample times and split there: an upsampled path would give wrong signs where the
+/// tool turns (thesis 4.2.1).
 pub fn sliding(
     recording: &AnyRecording,
     processing: &ProcessingSettings,
@@ -132,7 +132,7 @@ pub fn sliding(
     Ok(moments.into_iter().filter(slides).collect())
 }
 
-/// The tracker's moments at which the force sensor was on as well.
+/// The tracker's sample times within the force sensor's recording.
 pub(super) fn shared_moments(recording: &Recording) -> Vec<f64> {
     let (motion, wrench) = (recording.motion(), recording.wrench());
     let times = (0..motion.samples.len()).map(|i| motion.time_s(i));
@@ -156,8 +156,7 @@ pub fn fit_friction(points: Vec<(f64, f64)>, fit: FrictionFit) -> Option<Frictio
     })
 }
 
-/// The line through what is left when points far from it are taken out, again and again until none is. Far is three deviations,
-/// estimated from the median residual.
+/// Fits a line and removes points farther than three deviations (estimated from the median residual) until none remain.
 fn robust_line(points: &[(f64, f64)], fit: fn(&[(f64, f64)]) -> Option<Line>) -> Option<(Line, Vec<bool>)> {
     let mut used = vec![true; points.len()];
     let through = |used: &[bool]| {

@@ -1,8 +1,8 @@
-//! Texture as a law: how the spectrum on a warped axis follows speed and force, fitted to all windows at once.
+//! Learns a texture as a law: the spectrum on a warped axis as a function of speed and force, fitted to all windows at once.
 //!
-//! The thesis models each stretch alone and interpolates between the models, so that every model carries the noise of its
-//! stretch and nothing is known beyond them. Here each cell of the warped axis has a mean that is a power of speed and
-//! force, shapes drawn to none and the total to what real textures have on average; the law is then laid on a grid of
+//! The thesis models each stretch separately and interpolates between the models, so that every model has the noise of its
+//! stretch, and the map ends at the models. Here the mean of each cell of the warped axis is a power of speed and force. The
+//! prior of the shape's exponents is 0, that of the total's the mean of real textures. The law is then evaluated on a grid of
 //! models, which a renderer interpolates like any other map.
 
 use super::cells::{CELLS, CellSpectrum};
@@ -17,20 +17,20 @@ use crate::recording::ProcessedRecording;
 use crate::statistics::median;
 use crate::{MAX_ORDER, TextureModel};
 
-/// How a texture is learned as a law.
+/// Settings for learning a texture as a law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawSettings {
     /// Order of all models.
     pub order: usize,
-    /// Warping factor; by the rate ([`warping_for`]) if `None`.
+    /// Warping factor; if `None`, by the rate ([`warping_for`]).
     pub warping: Option<f64>,
     /// Length of the windows in which speed and force count as constant, s.
     pub span_s: f64,
     /// Corner of the high-pass of the recordings, Hz: divided out before the fit and applied once when rendered.
     pub highpass_hz: Option<f64>,
-    /// Windows of a lower median speed tell nothing of sliding, m/s.
+    /// Windows with a lower median speed are ignored, m/s.
     pub min_speed_m_s: f64,
-    /// Windows of a lower median force tell nothing of contact, N.
+    /// Windows with a lower median force are ignored, N.
     pub min_force_n: f64,
 }
 
@@ -47,20 +47,20 @@ impl Default for LawSettings {
     }
 }
 
-/// Length of the stretches that tell the long-term spectrum, s: 200 ms cannot tell 20 Hz from 30.
+/// Length of the stretches for the long-term spectrum, s: 200 ms cannot resolve 20 Hz from 30 Hz.
 const LONG_S: f64 = 1.0;
 
-/// A law as fitted to recordings.
+/// A law fitted to recordings.
 pub(super) struct Fitted {
     law: SpectralLaw,
     axis: Axis,
     highpass_hz: Option<f64>,
-    /// What was recorded over long stretches, and what the law expects there.
+    /// The recorded spectra of long stretches, and those that the law expects.
     stretches: Vec<Stretch>,
 }
 
 impl Fitted {
-    /// The same with the law corrected by what it misses. Peaks that move with speed, as lines do, are then followed.
+    /// The same with the law corrected by its residuals; it then follows peaks that move with speed.
     pub fn corrected(mut self) -> Self {
         self.law.correct(&self.stretches);
         self
@@ -72,7 +72,7 @@ impl Fitted {
     }
 }
 
-/// Learns a texture from dragging recordings as a law over speed and force, corrected by what it misses.
+/// Learns a texture from drag recordings as a law over speed and force, corrected by its residuals.
 ///
 /// # Errors
 /// [`LearnTextureError`] where the recordings' rates differ, nothing was dragged, or the order is out of range.

@@ -1,4 +1,4 @@
-//! All four parts of a surface from whatever recordings there are.
+//! Learns the parts of a surface from the available recordings.
 
 use super::friction::{FrictionError, FrictionFit, FrictionReport, FrictionSettings, learn_friction};
 use super::law::LawSettings;
@@ -13,10 +13,10 @@ use crate::{Friction, Origin, Provenance, Stiffness, Surface};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// How a surface is learned.
+/// Settings for learning a surface.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LearnSettings {
-    /// From sensor readings to physical quantities.
+    /// Processing of raw recordings.
     pub processing: ProcessingSettings,
     /// Texture.
     pub texture: TextureMethod,
@@ -28,10 +28,10 @@ pub struct LearnSettings {
     pub stiffness: StiffnessSettings,
 }
 
-/// What learning found on the way, for people to judge the surface by.
+/// Intermediate results, by which the quality of a surface can be judged.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LearningReport {
-    /// The dragging recordings, processed, that [`TextureReport::segments`] refer to.
+    /// The processed drag recordings to which [`TextureReport::segments`] refer.
     pub drags: Vec<ProcessedRecording>,
     /// Segments, models and outliers.
     pub texture: Option<TextureReport>,
@@ -41,31 +41,31 @@ pub struct LearningReport {
     pub taps: Option<TapReport>,
     /// The press.
     pub stiffness: Option<StiffnessReport>,
-    /// Parts that a recording was there for, but that could not be learned from it.
+    /// Parts that could not be learned although a recording for them exists.
     pub missing: Vec<MissingPart>,
 }
 
-/// A part that a surface lacks although something was recorded for it.
+/// A part that could not be learned although a recording for it exists.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingPart {
-    /// Which: friction, taps or stiffness.
+    /// Name of the part: friction, taps or stiffness.
     pub part: &'static str,
-    /// Why.
+    /// The reason.
     pub reason: LearnError,
-    /// What to record to have it.
+    /// The recording that would supply it.
     pub remedy: &'static str,
 }
 
 impl fmt::Display for MissingPart {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let MissingPart { part, reason, remedy } = self;
-        write!(f, "{reason}; so the surface has no {part}: {remedy}")
+        write!(f, "{reason}; the surface has no {part}; {remedy}")
     }
 }
 
-/// Why no surface could be learned.
+/// An error of learning a surface.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum LearnError {
     #[error("there are no recordings to learn from")]
     NoRecordings,
@@ -83,15 +83,17 @@ pub enum LearnError {
     #[error("no stiffness can be learned: {0}")]
     Stiffness(#[from] StiffnessError),
     #[error(
-        "no stiffness can be learned: recording {recording} (from 0) is processed, and so does not keep the tip's path"
+        "no stiffness can be learned: recording {recording} (from 0) is already processed and does not contain the tip's path; use a raw recording"
     )]
     ProcessedPress { recording: usize },
-    #[error("stiffness is learned from one press; recording {recording} (from 0) is another one")]
+    #[error(
+        "stiffness needs exactly one press, but recording {recording} (from 0) is a second one; remove one of them"
+    )]
     SecondPress { recording: usize },
 }
 
 impl LearnError {
-    /// Which of the recordings that should be learned from it is about.
+    /// The index of the recording with the error.
     pub fn recording(&self, recordings: &[AnyRecording]) -> Option<usize> {
         let (gesture, number) = match self {
             Self::Processing { recording, .. }
@@ -109,11 +111,11 @@ impl LearnError {
     }
 }
 
-/// Learns a surface called `name` from recordings, each of which teaches what its gesture can: drags the texture (and friction where there
-/// is no circle), circles friction, taps taps, a press stiffness. Parts without a recording stay out. So do friction, taps and stiffness that
-/// cannot be learned, and the report says why; a texture that cannot is an error, as it is if nothing is left.
+/// Learns a surface called `name`. The gesture of each recording decides what is learned from it: texture from drags (and
+/// friction if there is no circle), friction from circles, taps from taps, stiffness from a press.
 ///
-/// `progress` is called with the part done, 0 to 1.
+/// Parts without a recording are omitted, and so are friction, taps and stiffness that cannot be learned; the report has the
+/// reason. It is an error if the texture cannot be learned or no part remains. `progress` receives the fraction done, 0 to 1.
 pub fn learn(
     name: &str,
     recordings: &[AnyRecording],
@@ -191,15 +193,15 @@ fn or_missing<T>(
         Err(reason) => reason,
     };
     let remedy = match part {
-        "friction" => "record 10 s of smooth circles, pressing more and less (--circle)",
-        "taps" => "record single taps of different speeds, each after a moment in the air (--tap)",
-        _ => "record one slow press to more than 3 N with all sensors (--press)",
+        "friction" => "record 10 s of smooth circles with varying force (--circle)",
+        "taps" => "record single taps at different speeds, with the tool in the air before each (--tap)",
+        _ => "record one slow press beyond 3 N with all sensors (--press)",
     };
     missing.push(MissingPart { part, reason, remedy });
     None
 }
 
-/// Friction from circles; where there are none, from drags that have tangential forces.
+/// Learns friction from circles; if there are none, from drags with tangential forces.
 fn learned_friction(
     recordings: &[AnyRecording],
     settings: &LearnSettings,
@@ -241,13 +243,13 @@ fn has_tangential_force(recording: &AnyRecording) -> bool {
     }
 }
 
-/// Enough to learn the surface again: where the recordings came from, how they were made, and every setting.
+/// Everything needed to learn the surface again: the origin of the recordings, and every setting.
 fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenance {
     let origins: Vec<Origin> = recordings
         .iter()
         .map(|recording| recording.provenance().origin)
         .collect();
-    // Among recordings of several origins the least trustworthy counts: nothing simulated may pass for measured.
+    // Of several origins the least trustworthy counts, so that simulated data is never taken for measured data.
     let least = [
         Origin::Procedural,
         Origin::Simulated,
@@ -267,7 +269,7 @@ fn provenance(recordings: &[AnyRecording], settings: &LearnSettings) -> Provenan
     }
     let mut provenance = Provenance::new(origin, sources.join("; "));
     for (index, recording) in recordings.iter().enumerate() {
-        let gesture = recording.gesture().word();
+        let gesture = recording.gesture().as_str();
         provenance
             .settings
             .insert(format!("recording {} gesture", index + 1), gesture.to_owned());
@@ -290,27 +292,27 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         stiffness,
     } = settings;
     let mut all = BTreeMap::new();
-    let mut say = |name: &str, value: String| all.insert(name.to_owned(), value);
-    say("processing.highpass_hz", processing.highpass_hz.to_string());
-    say("processing.lowpass_hz", processing.lowpass_hz.to_string());
-    say(
+    let mut note = |name: &str, value: String| all.insert(name.to_owned(), value);
+    note("processing.highpass_hz", processing.highpass_hz.to_string());
+    note("processing.lowpass_hz", processing.lowpass_hz.to_string());
+    note(
         "processing.velocity_lowpass_hz",
         processing.velocity_lowpass_hz.to_string(),
     );
-    say("processing.reduction", processing.reduction.word().to_owned());
+    note("processing.reduction", processing.reduction.as_str().to_owned());
     if let Some(rate_hz) = processing.rate_hz {
-        say("processing.rate_hz", rate_hz.to_string());
+        note("processing.rate_hz", rate_hz.to_string());
     }
     let normal = match processing.normal {
         SurfaceNormal::PlaneFit => "plane fit".to_owned(),
         SurfaceNormal::ForceDirection => "force direction".to_owned(),
         SurfaceNormal::Given(normal) => format!("{normal:?}"),
     };
-    say("processing.normal", normal);
-    say("texture.method", texture.as_str().to_owned());
+    note("processing.normal", normal);
+    note("texture.method", texture.as_str().to_owned());
     match texture {
-        TextureMethod::Law(law) => describe_law(law, &mut say),
-        TextureMethod::Thesis(texture) => describe_thesis(texture, &mut say),
+        TextureMethod::Law(law) => describe_law(law, &mut note),
+        TextureMethod::Thesis(texture) => describe_thesis(texture, &mut note),
     }
     let fit = match friction.fit {
         None => "by gesture",
@@ -318,48 +320,48 @@ fn described(settings: &LearnSettings) -> BTreeMap<String, String> {
         Some(FrictionFit::Robust) => "robust",
         Some(FrictionFit::RobustThroughOrigin) => "robust, through the origin",
     };
-    say("friction.fit", fit.to_owned());
-    say(
+    note("friction.fit", fit.to_owned());
+    note(
         "friction.min_speed_mm_s",
         (friction.min_speed_m_s * 1000.0).to_string(),
     );
-    say("friction.min_force_n", friction.min_force_n.to_string());
-    say("taps.contact_n", taps.contact_n.to_string());
-    say("taps.air_ms", (taps.air_s * 1000.0).to_string());
-    say("taps.free_ms", (taps.free_s * 1000.0).to_string());
-    say("taps.length_ms", (taps.length_s * 1000.0).to_string());
-    say("taps.onset", taps.onset.to_string());
-    say("taps.approach_ms", (taps.approach_s * 1000.0).to_string());
-    say("taps.force_lowpass_hz", taps.force_lowpass_hz.to_string());
-    say("stiffness.from_n", stiffness.from_n.to_string());
-    say("stiffness.to_n", stiffness.to_n.to_string());
+    note("friction.min_force_n", friction.min_force_n.to_string());
+    note("taps.contact_n", taps.contact_n.to_string());
+    note("taps.air_ms", (taps.air_s * 1000.0).to_string());
+    note("taps.free_ms", (taps.free_s * 1000.0).to_string());
+    note("taps.length_ms", (taps.length_s * 1000.0).to_string());
+    note("taps.onset", taps.onset.to_string());
+    note("taps.approach_ms", (taps.approach_s * 1000.0).to_string());
+    note("taps.force_lowpass_hz", taps.force_lowpass_hz.to_string());
+    note("stiffness.from_n", stiffness.from_n.to_string());
+    note("stiffness.to_n", stiffness.to_n.to_string());
     all
 }
 
-type Say<'a> = &'a mut dyn FnMut(&str, String) -> Option<String>;
+type NoteSetting<'a> = &'a mut dyn FnMut(&str, String) -> Option<String>;
 
-fn describe_law(law: &LawSettings, say: Say<'_>) {
-    say("texture.order", law.order.to_string());
+fn describe_law(law: &LawSettings, note: NoteSetting<'_>) {
+    note("texture.order", law.order.to_string());
     let warping = law
         .warping
         .map_or("by rate".to_owned(), |warping| warping.to_string());
-    say("texture.warping", warping);
-    say("texture.span_ms", (law.span_s * 1000.0).to_string());
-    say("texture.min_speed_mm_s", (law.min_speed_m_s * 1000.0).to_string());
-    say("texture.min_force_n", law.min_force_n.to_string());
+    note("texture.warping", warping);
+    note("texture.span_ms", (law.span_s * 1000.0).to_string());
+    note("texture.min_speed_mm_s", (law.min_speed_m_s * 1000.0).to_string());
+    note("texture.min_force_n", law.min_force_n.to_string());
 }
 
-fn describe_thesis(texture: &TextureSettings, say: Say<'_>) {
+fn describe_thesis(texture: &TextureSettings, note: NoteSetting<'_>) {
     let segmentation = &texture.segmentation;
     let optional = |value: Option<f64>| value.map_or("largest found".to_owned(), |value| value.to_string());
-    say("segmentation.min_span", segmentation.min_span.to_string());
-    say("segmentation.max_order", segmentation.max_order.to_string());
+    note("segmentation.min_span", segmentation.min_span.to_string());
+    note("segmentation.max_order", segmentation.max_order.to_string());
     let variance = match segmentation.variance {
         VarianceEstimate::ConditionalLeastSquares => "conditional least squares",
         VarianceEstimate::YuleWalker => "Yule-Walker",
         VarianceEstimate::Burg => "Burg",
     };
-    say("segmentation.variance", variance.to_owned());
+    note("segmentation.variance", variance.to_owned());
     let method = match &segmentation.method {
         SegmentationMethod::Exact { grid: None } => "exact".to_owned(),
         SegmentationMethod::Exact { grid: Some(grid) } => format!("exact, grid {grid}"),
@@ -370,8 +372,8 @@ fn describe_thesis(texture: &TextureSettings, say: Say<'_>) {
             )
         }
     };
-    say("segmentation.method", method);
-    say(
+    note("segmentation.method", method);
+    note(
         "texture.order",
         texture
             .order
@@ -381,24 +383,24 @@ fn describe_thesis(texture: &TextureSettings, say: Say<'_>) {
         CoefficientFit::YuleWalker => "Yule-Walker",
         CoefficientFit::Burg => "Burg",
     };
-    say("texture.fit", fit.to_owned());
+    note("texture.fit", fit.to_owned());
     let outliers = match texture.outliers {
         Some(outliers) => format!("{} criteria at {}", outliers.criteria, outliers.confidence),
         None => "kept".to_owned(),
     };
-    say("texture.outliers", outliers);
-    say(
+    note("texture.outliers", outliers);
+    note(
         "texture.min_speed_mm_s",
         (texture.min_speed_m_s * 1000.0).to_string(),
     );
-    say("texture.min_force_n", texture.min_force_n.to_string());
-    say("hull.speed_steps", texture.hull.speed_steps.to_string());
-    say("hull.force_steps", texture.hull.force_steps.to_string());
-    say(
+    note("texture.min_force_n", texture.min_force_n.to_string());
+    note("hull.speed_steps", texture.hull.speed_steps.to_string());
+    note("hull.force_steps", texture.hull.force_steps.to_string());
+    note(
         "hull.max_speed_mm_s",
         optional(texture.hull.max_speed_m_s.map(|speed| speed * 1000.0)),
     );
-    say("hull.max_force_n", optional(texture.hull.max_force_n));
+    note("hull.max_force_n", optional(texture.hull.max_force_n));
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Which way a texture is learned.
+//! The methods of learning a texture.
 
 use super::crackle::find_crackle;
 use super::law::{LawSettings, fit_law};
@@ -8,12 +8,12 @@ use super::whitening::Whitened;
 use crate::TextureModel;
 use crate::recording::ProcessedRecording;
 
-/// How a texture is learned.
+/// A method of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TextureMethod {
-    /// As a law over speed and force on a warped frequency axis, with crackle and lines fixed in space.
+    /// A law over speed and force on a warped frequency axis, with crackle and lines fixed in space.
     Law(LawSettings),
-    /// As in the thesis: segments, a model each, triangulated: [`learn_texture`].
+    /// The thesis's method: one model for each segment, triangulated: [`learn_texture`].
     Thesis(TextureSettings),
 }
 
@@ -24,7 +24,7 @@ impl Default for TextureMethod {
 }
 
 impl TextureMethod {
-    /// The thesis's, with its settings.
+    /// The thesis's method with its settings.
     pub fn thesis() -> Self {
         Self::Thesis(TextureSettings::default())
     }
@@ -37,7 +37,7 @@ impl TextureMethod {
         }
     }
 
-    /// Learns a texture from dragging recordings. `progress` is called with the part done, 0 to 1.
+    /// Learns a texture from drag recordings. `progress` receives the fraction done, 0 to 1.
     ///
     /// # Errors
     /// [`LearnTextureError`].
@@ -53,7 +53,7 @@ impl TextureMethod {
     }
 }
 
-/// The law, and what noise through its filters lacks: lines, which are taken out before the law is fitted again, and crackle.
+/// Learns the law, then lines, which are removed before the law is fitted again, then crackle.
 fn learn_with_structure(
     recordings: &[ProcessedRecording],
     settings: &LawSettings,

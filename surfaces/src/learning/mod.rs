@@ -1,4 +1,4 @@
-//! Learning: from recordings to a surface (thesis 2.2.3, 2.3, 4.2).
+//! Learns a surface from recordings (thesis 2.2.3, 2.3, 4.2).
 //!
 //! ```text
 //! recordings ──► processing ─┬► windows ──► law, lines, crackle ┐
@@ -8,7 +8,7 @@
 //!               press ──► stiffness ──────────────────────┘
 //! ```
 //!
-//! [`learn`] does it all. It depends on recordings and settings only: learning again gives the same bits.
+//! [`learn`] runs all of it. The result depends only on recordings and settings, to the bit.
 
 pub(crate) mod cells;
 mod correction;

@@ -1,28 +1,28 @@
-//! When a tool touches the surface: by force first, then to the sample by acceleration.
+//! Finds the sample at which a tool touches the surface: roughly by force, then exactly by acceleration.
 //!
-//! A hand slows its tool down before it strikes, and the high-passed, combined vibration shows that deceleration before the contact.
-//! Force does not, but its sensor may be filtered and late. So the contact is where force leaves its own noise, give or take
-//! [`FORCE_OFF_S`], and within that where acceleration leaves the line that it was on before.
+//! A hand slows its tool down before it strikes, and the high-passed, combined vibration contains that deceleration before the
+//! contact. Force does not, but its sensor can be filtered and late. So the contact is within [`FORCE_OFF_S`] of where force
+//! leaves its noise; there it is where acceleration leaves its line before contact.
 
 use crate::recording::Signals;
 use crate::statistics::{Line, median};
 use std::ops::Range;
 
-/// How far the force may lag or lead the acceleration, s.
+/// Largest lag or lead of the force relative to the acceleration, s.
 const FORCE_OFF_S: f64 = 0.005;
-/// The force's noise is told from this long in the air, which ends [`FORCE_OFF_S`] before contact.
+/// Duration in the air for estimating the noise of the force; it ends [`FORCE_OFF_S`] before contact.
 const AIR_S: f64 = 0.025;
-/// The course of the acceleration before contact is a line over this long, which ends [`FORCE_OFF_S`] before the force shows.
+/// Duration of the line fit to the acceleration before contact; it ends [`FORCE_OFF_S`] before the force rises.
 const APPROACH_S: f64 = 0.01;
-/// The force leaves its noise with so many standard deviations, or with this part of the force that counts as contact.
+/// The force leaves its noise at this many standard deviations, or at this fraction of the contact force.
 const FORCE_DEVIATIONS: f64 = 5.0;
 const FORCE_PART: f64 = 0.1;
-/// The acceleration leaves its line with so many times its distance from it before contact.
+/// The acceleration leaves its line at this multiple of its deviation before contact.
 const ACCELERATION_DEVIATIONS: f64 = 4.0;
 /// Standard deviation of a Gaussian over its median absolute deviation.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
 
-/// Samples at which `force` rises above `contact` after at least `air` samples below half of it, and how many it was below.
+/// Samples at which `force` rises above `contact` after at least `air` samples below half of it, and the number of samples below.
 pub(super) fn rises(force: &[f64], air: usize, contact: f64) -> Vec<(usize, usize)> {
     let mut rises = vec![];
     let (mut in_air, mut touching) = (0, true);
@@ -59,7 +59,7 @@ pub(super) fn contact(signals: &Signals, rise: usize, contact_n: f64, part: f64)
     from + quiet.map_or(0, |quiet| quiet + 1)
 }
 
-/// Where the force that is in contact at sample `rise` left its noise in the air.
+/// The sample at which the force, in contact at sample `rise`, left its noise in the air.
 fn force_onset(signals: &Signals, rise: usize, contact_n: f64) -> usize {
     let samples = |seconds: f64| (seconds * signals.rate_hz).round() as usize;
     let force = &signals.force_normal_n;

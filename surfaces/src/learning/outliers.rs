@@ -1,13 +1,13 @@
-//! Models that do not fit in with their neighbours (thesis 2.3.3): for each of several criteria a plane over force and speed, and models
-//! too far from it by the t-distribution of studentized residuals.
+//! Detects models that differ from their neighbours (thesis 2.3.3): for each of several criteria, fits a plane over force and
+//! speed and tests the studentized residuals by their t-distribution.
 
 use nalgebra::{Matrix3, Vector3};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// When a model counts as an outlier.
+/// Settings for detecting outliers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OutlierSettings {
-    /// Of the residuals' interval; the thesis does not give it.
+    /// Confidence of the residuals' interval; the thesis does not state it.
     pub confidence: f64,
     /// Criteria a model must fail to be dropped.
     pub criteria: usize,
@@ -26,7 +26,7 @@ impl Default for OutlierSettings {
 /// deviation that the others leave, t-distributed with n - 4 degrees of freedom. `None` where there are too few points for a
 /// plane, or none can be laid through them.
 ///
-/// A point that alone holds the plane up has no residual: 0.
+/// The residual of a point that alone determines the plane is 0.
 pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option<Vec<f64>> {
     let n = positions.len();
     if n < 5 || values.len() != n {
@@ -59,7 +59,7 @@ pub fn studentized_residuals(positions: &[(f64, f64)], values: &[f64]) -> Option
         let leverage = row.dot(&(inverse * row));
         let rest = 1.0 - leverage;
         let others = (sum - residual * residual / rest) / (n - 4) as f64;
-        // Residuals that are rounding have no distribution.
+        // Residuals at rounding level have no distribution.
         if rest < 1e-9 || sum <= 1e-24 * scale {
             0.0
         } else {

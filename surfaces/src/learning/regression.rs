@@ -1,4 +1,4 @@
-//! Powers as products of powers of speed and force: a gamma regression with logarithmic link, drawn to a prior.
+//! Fits power as a product of powers of speed and force: a gamma regression with logarithmic link and a prior.
 
 use crate::statistics::median;
 use nalgebra::{Matrix3, Vector3};
@@ -6,10 +6,10 @@ use nalgebra::{Matrix3, Vector3};
 /// The natural logarithm of a mean: constant, slope over ln speed, slope over ln force (both from the data's centre).
 pub(super) type Law = Vector3<f64>;
 
-/// Where a mean is wanted: 1, ln speed and ln force from the data's centre.
+/// The regressors at a place: 1, ln speed and ln force from the data's centre.
 pub(super) type Place = Vector3<f64>;
 
-/// Prior slopes and how many observations they count for (an observation one e-fold from the centre).
+/// Prior slopes and their weight in observations (each one e-fold from the centre).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prior {
     pub slopes: [f64; 2],
@@ -50,7 +50,7 @@ pub(super) fn fit(places: &[Place], values: &[f64], weights: &[f64], prior: Prio
     law
 }
 
-/// As [`fit`], with observations far from the law counting no more than those four robust deviations from it.
+/// Like [`fit`], but limits the weight of observations beyond four robust deviations from the law.
 pub(super) fn fit_robustly(places: &[Place], values: &[f64], prior: Prior) -> (Law, Vec<f64>) {
     let logs: Vec<f64> = values.iter().map(|y| y.max(f64::MIN_POSITIVE).ln()).collect();
     let typical = of_logs(places, &logs, prior);

@@ -1,7 +1,7 @@
-//! The law of a texture: the spectrum on a warped axis as powers of speed and force, and the map of models it is laid on.
+//! The law of a texture: the spectrum on a warped axis as powers of speed and force, and the map of models made from it.
 //!
-//! What it is fitted to are observations, a place in speed and force with the spectrum found there: windows of recordings
-//! when a texture is learned, measured models when a law is compared with other maps.
+//! It is fitted to observations, each a place in speed and force with its spectrum: windows of recordings when a texture is
+//! learned, measured models when a law is compared with other maps.
 
 use super::cells::{CELLS, Cells};
 use super::correction::{Correction, Stretch};
@@ -13,26 +13,26 @@ use haptograph_signal::warped::cell_autocovariance;
 use nalgebra::{Vector2, Vector3};
 
 /// Exponents of speed and force of the power of real textures: one regression over the 1,425 measured models of 100
-/// public textures, each texture with a level of its own; see docs/texture-models.md.
+/// public textures with a level for each texture; see docs/texture-models.md.
 pub(crate) const POWER_SLOPES: [f64; 2] = [1.95, 0.44];
-/// What is known of the exponents of speed and force of the power before anything is recorded.
+/// The prior of the power's exponents of speed and force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Exponents {
-    /// What they are drawn to.
+    /// The prior means.
     pub slopes: [f64; 2],
-    /// The least and greatest that they may be.
+    /// The least and greatest exponents.
     pub speed: (f64, f64),
     pub force: (f64, f64),
 }
 
 impl Exponents {
-    /// Of a tool's acceleration.
+    /// The prior for the acceleration of a tool.
     pub const ACCELERATION: Self = Self {
         slopes: POWER_SLOPES,
         speed: (0.5, 3.5),
         force: (0.0, 1.5),
     };
-    /// Of a sensor's numbers of which nothing is known: the same at all speeds and forces unless the data say so.
+    /// The prior for a sensor in an unknown unit: constant over speed and force.
     pub const UNKNOWN: Self = Self {
         slopes: [0.0; 2],
         speed: (0.0, 3.5),
@@ -40,23 +40,23 @@ impl Exponents {
     };
 }
 
-/// How many observations the exponents of real textures count for. The spread of the exponents over textures (0.60 and 0.49,
+/// Weight of the exponents of real textures, in observations. The spread of the exponents over textures (0.60 and 0.49,
 /// docs/texture-models.md) against that of a texture's models around its own law (0.39, the median over textures, in natural
 /// logarithms of power) makes 0.4 and 0.6; 1 is a round number above both.
 const POWER_STRENGTH: f64 = 1.0;
-/// Shapes: no change with speed and force unless the data say so.
+/// The prior of shapes: constant over speed and force.
 const SHAPE: Prior = Prior {
     slopes: [0.0; 2],
     strength: 1.0,
 };
-/// How far beyond the data, as a ratio, shapes go on changing, and the power.
+/// Extrapolation of shapes and of the power beyond the data, as ratios.
 const SHAPE_REACH: f64 = 1.5;
 const POWER_REACH: f64 = 3.0;
 /// Below this part of the lightest force observed the amplitude falls linearly to zero; above, real textures follow their
-/// power of force, which leaving measured models out shows. Below 0.05 N no force is held to be known.
+/// power of force, as leave-one-out tests show. Forces below 0.05 N count as unknown.
 const FADE_PART: f64 = 1.0 / 3.0;
 const LEAST_FADE_N: f64 = 0.05;
-/// How much louder than the loudest observation the law may become: 6 dB.
+/// Limit of the law over the loudest observation: 6 dB.
 const LOUDEST: f64 = 4.0;
 /// Ratio between neighbouring speeds and forces of the grid.
 const SPEED_RATIO: f64 = 1.5;
@@ -64,7 +64,7 @@ const FORCE_RATIO: f64 = 1.6;
 /// Slowest speed of the grid, m/s: below it amplitude falls linearly to zero at rest.
 const SLOWEST_M_S: f64 = 0.003;
 
-/// Where something was observed, and its spectrum.
+/// An observation: a place and its spectrum.
 #[derive(Debug, Clone)]
 pub(crate) struct Observation {
     pub speed_m_s: f64,
@@ -75,7 +75,7 @@ pub(crate) struct Observation {
     pub cells: Vec<f64>,
 }
 
-/// What the models of a law are made for.
+/// Rate, order and warping of the models of a law.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Axis {
     pub rate_hz: f64,
@@ -84,7 +84,7 @@ pub(crate) struct Axis {
 }
 
 impl Observation {
-    /// What a measured model says of its place.
+    /// A measured model as an observation.
     pub fn of_model(at: &ModelAt, rate_hz: f64, cells: &Cells) -> Self {
         let variance = at.model.variance();
         let density = |frequency_hz: f64| {
@@ -105,7 +105,7 @@ impl Observation {
 pub(crate) struct SpectralLaw {
     /// Centre of the data, ln m/s and ln N.
     centre: [f64; 2],
-    /// Slowest and fastest, lightest and hardest of the data.
+    /// Range of speed and of force in the data.
     speed_m_s: (f64, f64),
     force_n: (f64, f64),
     /// Below this force the amplitude falls linearly.
@@ -114,7 +114,7 @@ pub(crate) struct SpectralLaw {
     loudest: f64,
     /// Density of each cell over the power.
     shape: Vec<Law>,
-    /// What the powers above miss.
+    /// Correction of the powers above.
     correction: Option<Correction>,
 }
 
@@ -158,7 +158,7 @@ impl SpectralLaw {
         }
     }
 
-    /// The same law without the fall of amplitude below the lightest force of the data.
+    /// The same law without the linear fall of amplitude below the lightest force of the data.
     pub fn without_fade(mut self) -> Self {
         self.fade_n = 0.0;
         self
@@ -202,7 +202,7 @@ impl SpectralLaw {
         self.power.dot(&place).exp() * fade
     }
 
-    /// Scales each cell by what was seen in it in all stretches over what the law expected, which is scaled too.
+    /// Scales each cell by the ratio of observed to expected power over all stretches; scales the expectations too.
     pub(super) fn scale_cells(&mut self, stretches: &mut [Stretch]) {
         for (cell, law) in self.shape.iter_mut().enumerate() {
             let sum = |densities: fn(&Stretch) -> &Vec<f64>| -> f64 {
@@ -218,12 +218,12 @@ impl SpectralLaw {
         }
     }
 
-    /// Corrects the law where it misses the stretches, as far as that predicts stretches that are left out better.
+    /// Corrects the law by its residuals, as far as that improves leave-one-out prediction.
     pub(super) fn correct(&mut self, stretches: &[Stretch]) {
         self.correction = Correction::fit(stretches);
     }
 
-    /// As [`Self::correct`], each observation being a stretch.
+    /// Like [`Self::correct`], with each observation as a stretch.
     pub fn corrected(mut self, observations: &[Observation]) -> Self {
         let stretch = |at: &Observation| Stretch {
             place: Vector2::new(at.speed_m_s.ln(), at.force_n.ln()),

@@ -6,12 +6,12 @@ use crate::recording::Recording;
 use crate::statistics::Line;
 use crate::{Stiffness, SurfaceError};
 
-/// How stiffness is learned.
+/// Settings for learning stiffness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StiffnessSettings {
-    /// Below this the machine's own compliance shows, N.
+    /// Lower limit of the fit, N: below it the compliance of the machine dominates.
     pub from_n: f64,
-    /// Above this the backing shows, N.
+    /// Upper limit of the fit, N: above it the backing dominates.
     pub to_n: f64,
 }
 
@@ -24,7 +24,7 @@ impl Default for StiffnessSettings {
     }
 }
 
-/// What learning stiffness found.
+/// The report of learning stiffness.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StiffnessReport {
     /// Force in N over indentation in m, between the limits.
@@ -33,9 +33,9 @@ pub struct StiffnessReport {
     pub curve: Vec<(f64, f64)>,
 }
 
-/// Why no stiffness could be learned.
+/// An error of learning stiffness.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum StiffnessError {
     #[error(transparent)]
     Processing(#[from] ProcessingError),
@@ -79,7 +79,7 @@ pub fn learn_stiffness(
     settings: &StiffnessSettings,
 ) -> Result<(Stiffness, StiffnessReport), StiffnessError> {
     let normal = match processing.normal {
-        // A press traces no plane.
+        // The path of a press does not define a plane.
         SurfaceNormal::PlaneFit => SurfaceNormal::ForceDirection,
         other => other,
     };

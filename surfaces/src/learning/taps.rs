@@ -1,7 +1,7 @@
-//! Taps: the vibrations of a tool that strikes the surface, by incoming speed (thesis 4.2.2 and 4.4.2).
+//! Learns taps: the vibrations of a tool that strikes the surface, by impact speed (thesis 4.2.2 and 4.4.2).
 //!
-//! The thesis cut its recordings by hand. Here a contact is where the normal force rises after a rest in the air; the tap begins where
-//! force and acceleration show it together.
+//! The thesis cut its recordings by hand. Here the normal force rises at a contact after a time in the air; force and
+//! acceleration together give the start of the tap.
 
 use super::onset::{contact, rises};
 use super::processing::{ProcessingError, ProcessingSettings, SurfaceNormal, process, tip_positions};
@@ -11,25 +11,24 @@ use crate::{SurfaceError, Tap, Taps};
 use haptograph_signal::spectrum::spectral_centroid;
 use haptograph_signal::{Complex64, fft};
 
-/// How taps are learned.
+/// Settings for learning taps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TapSettings {
-    /// Force that counts as contact, N; half of it as the end of contact.
+    /// Force at which contact begins, N; contact ends at half of it.
     pub contact_n: f64,
-    /// After so long in the air the next contact is another one, s.
+    /// Least time in the air between two contacts, s.
     pub air_s: f64,
-    /// The tool must have been in the air for this long before a tap, s. What comes sooner is a bounce, and its speed cannot be told
-    /// from its path.
+    /// Least time in the air before a tap, s. A shorter time means a bounce, whose speed cannot be estimated from its path.
     pub free_s: f64,
-    /// What is kept after contact, s.
+    /// Length of a tap after contact, s.
     pub length_s: f64,
-    /// A tap begins where its acceleration has left its course before contact by this part of the most that it leaves it.
+    /// Fraction of the largest deviation from the acceleration before contact at which a tap begins.
     pub onset: f64,
-    /// The incoming speed is the slope of the path over this long before contact, s.
+    /// Duration of the path before contact whose slope is the impact speed, s.
     pub approach_s: f64,
-    /// Slower contacts are no taps, m/s.
+    /// Least impact speed of a tap, m/s.
     pub min_speed_m_s: f64,
-    /// Forces are smoothed less than elsewhere, or a blow of milliseconds would lose its peak.
+    /// Cut-off of the force's low-pass, higher than elsewhere, so that an impact of milliseconds keeps its peak.
     pub force_lowpass_hz: f64,
 }
 
@@ -48,12 +47,12 @@ impl Default for TapSettings {
     }
 }
 
-/// A contact that was found.
+/// A contact in a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
-    /// Which recording it is from.
+    /// Index of its recording.
     pub recording: usize,
-    /// When the tap begins, s after the processed recording's start.
+    /// Start of the tap after the start of the processed recording, s.
     pub time_s: f64,
     /// Incoming speed, m/s.
     pub speed_m_s: f64,
@@ -63,7 +62,7 @@ pub struct Contact {
     pub used: bool,
 }
 
-/// What learning taps found.
+/// The report of learning taps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TapReport {
     /// All contacts.
@@ -72,14 +71,14 @@ pub struct TapReport {
     pub spectral_centroid_hz: f64,
 }
 
-/// Why no taps could be learned.
+/// An error of learning taps.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum TapError {
     #[error(transparent)]
     Processing(#[from] ProcessingError),
     #[error(
-        "no tap was found: the normal force never rises above {contact_n} N after {air_ms} ms in the air and stays recorded for {length_ms} ms"
+        "no tap was found: the normal force never rises above {contact_n} N after {air_ms} ms in the air with {length_ms} ms recorded after it"
     )]
     NoTaps {
         contact_n: f64,
@@ -87,7 +86,7 @@ pub enum TapError {
         length_ms: f64,
     },
     #[error(
-        "recording {recording} (from 0) has {rate_hz} samples a second, the first has {expected_hz}; all must agree"
+        "recording {recording} (from 0) has a rate of {rate_hz} Hz, but the first has {expected_hz} Hz; all rates must be equal"
     )]
     Rates {
         recording: usize,
@@ -125,7 +124,7 @@ pub fn learn_taps(
     found.sort_by(|a, b| a.0.speed_m_s.total_cmp(&b.0.speed_m_s));
     let mut slower = settings.min_speed_m_s;
     for (contact, _) in &mut found {
-        // Two taps at one speed cannot be told apart when rendering.
+        // Rendering needs taps at distinct speeds.
         contact.used = contact.speed_m_s > slower;
         slower = slower.max(contact.speed_m_s);
     }
@@ -159,7 +158,7 @@ fn processed_taps(
         AnyRecording::Processed(processed) => Ok(processed.clone()),
         AnyRecording::Raw(raw) => {
             let normal = match processing.normal {
-                // Tapping traces no plane.
+                // The path of taps does not define a plane.
                 SurfaceNormal::PlaneFit => SurfaceNormal::ForceDirection,
                 other => other,
             };
@@ -176,7 +175,7 @@ fn processed_taps(
     }
 }
 
-/// The contacts of a recording and the tap that is cut out for each.
+/// The contacts of a recording, each with its tap.
 fn cut(
     recording: usize,
     processed: &ProcessedRecording,
@@ -195,7 +194,7 @@ fn cut(
     for (i, &(rise, air)) in rises.iter().enumerate() {
         let begin = contact(signals, rise, settings.contact_n, settings.onset);
         let next = rises.get(i + 1).map_or(usize::MAX, |(next, _)| *next);
-        // A bounce, a tap that bounced, or one whose tail was not recorded, is none.
+        // A bounce, a tap that bounced, or one without its full length is not a tap.
         if air < samples(settings.free_s) || begin + length > processed.samples() || next < begin + length {
             continue;
         }

@@ -1,8 +1,8 @@
-//! Texture: from dragging recordings to a map of autoregressive models (thesis 2.3.3 and 2.3.4).
+//! Learns a texture from drag recordings: a map of autoregressive models (thesis 2.3.3 and 2.3.4).
 //!
-//! Each recording is segmented; every segment becomes a model of one common order (the median of the segments'), labelled
-//! with its median speed and force; models that do not fit in are dropped; the rest, extended to rest and to the largest speed and
-//! force, are triangulated.
+//! Each recording is segmented. Each segment becomes a model of one common order (the median of the segments' orders),
+//! labelled with its median speed and force. Outliers are dropped. The rest are extended to rest and to the largest speed
+//! and force, and triangulated.
 
 use super::outliers::{OutlierSettings, residual_bound, studentized_residuals};
 use super::segmentation::{Segmentation, SegmentationError, SegmentationSettings, segment};
@@ -15,22 +15,22 @@ use haptograph_signal::spectrum::{spectral_centroid, welch};
 use haptograph_signal::window::Window;
 use std::ops::Range;
 
-/// How texture is learned; the default is the thesis's, where it says.
+/// Settings for learning a texture; the defaults are the thesis's if it states them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureSettings {
-    /// How recordings are cut.
+    /// Segmentation of recordings.
     pub segmentation: SegmentationSettings,
-    /// The common order; the median of the segments' if `None`.
+    /// The common order; if `None`, the median of the segments' orders.
     pub order: Option<usize>,
-    /// How coefficients are found once the segments and the order are known.
+    /// Estimation of the coefficients, given segments and order.
     pub fit: CoefficientFit,
-    /// Which models are dropped; `None` keeps all.
+    /// Detection of outliers; `None` keeps all models.
     pub outliers: Option<OutlierSettings>,
-    /// How the map is extended.
+    /// Extension of the map.
     pub hull: Hull,
-    /// Segments of a lower median speed are of a tool at rest, m/s.
+    /// Segments with a lower median speed count as a tool at rest, m/s.
     pub min_speed_m_s: f64,
-    /// Segments of a lower median force are of a tool in the air, N.
+    /// Segments with a lower median force count as a tool in the air, N.
     pub min_force_n: f64,
 }
 
@@ -48,7 +48,7 @@ impl Default for TextureSettings {
     }
 }
 
-/// How a segment's coefficients are found. Both give stable models.
+/// Estimation of a segment's coefficients. Both methods give stable models.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CoefficientFit {
     /// The biased autocovariance and the Levinson-Durbin recursion, as in the thesis.
@@ -67,7 +67,7 @@ pub const CRITERIA: [&str; 5] = [
     "kurtosis",
 ];
 
-/// What learning a texture found.
+/// The report of learning a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TextureReport {
     /// The common order.
@@ -76,18 +76,18 @@ pub struct TextureReport {
     pub segmentations: Vec<Segmentation>,
     /// All segments of all recordings in order.
     pub segments: Vec<SegmentReport>,
-    /// Studentized residuals beyond this fail a criterion.
+    /// Bound of studentized residuals; a segment beyond it fails a criterion.
     pub residual_bound: f64,
 }
 
-/// A segment and what became of it.
+/// A segment and its fate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SegmentReport {
-    /// Which recording it is from.
+    /// Index of its recording.
     pub recording: usize,
     /// Its samples.
     pub samples: Range<usize>,
-    /// Its own order by minimum description length.
+    /// Its order by minimum description length.
     pub order: usize,
     /// Median speed, m/s.
     pub speed_m_s: f64,
@@ -95,41 +95,41 @@ pub struct SegmentReport {
     pub force_n: f64,
     /// Residual variance and power in (m/s²)², spectral centroid in Hz, skewness and kurtosis; see [`CRITERIA`].
     pub features: [f64; 5],
-    /// Studentized residuals of the features, where a plane could be laid through them.
+    /// Studentized residuals of the features, if a plane could be fitted.
     pub residuals: [Option<f64>; 5],
-    /// What became of it.
+    /// Its fate.
     pub fate: Fate,
 }
 
-/// What became of a segment.
+/// The fate of a segment.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fate {
-    /// A model of the texture.
+    /// It is a model of the texture.
     Kept,
     /// The tool was at rest or in the air.
     NotDragged,
-    /// It failed so many criteria.
+    /// It failed too many criteria.
     Outlier {
-        /// How many.
+        /// Number of failed criteria.
         criteria: usize,
     },
-    /// A longer segment stands at exactly the same speed and force.
+    /// A longer segment has exactly the same speed and force.
     Duplicate,
     /// It has no usable model.
     Unusable {
-        /// Why not.
+        /// The reason.
         reason: String,
     },
 }
 
-/// Why no texture could be learned.
+/// An error of learning a texture.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum LearnTextureError {
-    #[error("there is no dragging recording to learn a texture from")]
+    #[error("there is no drag recording to learn a texture from")]
     NoRecordings,
     #[error(
-        "recording {recording} (from 0) has {rate_hz} samples a second, the first has {expected_hz}; all must agree"
+        "recording {recording} (from 0) has a rate of {rate_hz} Hz, but the first has {expected_hz} Hz; all rates must be equal"
     )]
     Rates {
         recording: usize,
@@ -142,16 +142,16 @@ pub enum LearnTextureError {
         source: SegmentationError,
     },
     #[error(
-        "in none of the {segments} segments was the tool dragged (median force above {min_force_n} N, median speed above {min_speed_mm_s} mm/s): check the sign of the normal force and the units"
+        "none of the {segments} segments is a drag (median force above {min_force_n} N, median speed above {min_speed_mm_s} mm/s): check the sign of the normal force and the units"
     )]
     NothingDragged {
         segments: usize,
         min_force_n: f64,
         min_speed_mm_s: f64,
     },
-    #[error("order {order} is asked for, but must lie between 1 and {MAX_ORDER}")]
+    #[error("the order is {order}; it must be from 1 to {MAX_ORDER}")]
     Order { order: usize },
-    #[error("no segment gave a usable model; the first failed because {reason}")]
+    #[error("no segment gave a usable model; the error of the first is: {reason}")]
     NoModels { reason: String },
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -159,7 +159,7 @@ pub enum LearnTextureError {
     Texture(#[from] TextureError),
 }
 
-/// Learns a texture from dragging recordings. `progress` is called with the part done, 0 to 1.
+/// Learns a texture from drag recordings. `progress` receives the fraction done, 0 to 1.
 pub fn learn_texture(
     recordings: &[ProcessedRecording],
     settings: &TextureSettings,
@@ -265,7 +265,7 @@ fn describe(
     }
 }
 
-/// The features of [`CRITERIA`], the first still missing.
+/// The features of [`CRITERIA`] without the first.
 pub(super) fn features(signal: &[f64], rate_hz: f64) -> [f64; 5] {
     let mean = mean(signal);
     let moment =
@@ -351,7 +351,7 @@ fn fit_models(
     segments.iter_mut().map(fit).collect()
 }
 
-/// Of segments at the same place of the map only the longest stays.
+/// Keeps only the longest of segments at the same position on the map.
 fn drop_duplicates(segments: &mut [SegmentReport]) {
     for i in 0..segments.len() {
         let same = |other: &SegmentReport| {

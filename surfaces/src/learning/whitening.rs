@@ -1,24 +1,24 @@
-//! Recordings whitened by a learned texture: what is left of them when the map's spectrum and level are taken out.
+//! Whitens recordings by a learned texture: removes the spectrum and the level of the map.
 
 use crate::interpolation::{Coefficients, Interpolator};
 use crate::recording::ProcessedRecording;
 use crate::{MAX_ORDER, TextureModel};
 
-/// How often the inverse filter follows speed and force, s.
+/// Update interval of the inverse filter, s.
 const UPDATE_S: f64 = 0.005;
 
-/// A whitened recording: of variance 1 and white where the map is right.
+/// A whitened recording; if the map is correct, it is white with variance 1.
 pub(super) struct Whitened {
-    /// One sample for each of the recording; 0 where nothing was dragged.
+    /// One sample for each of the recording; 0 where the tool was not dragged.
     pub samples: Vec<f64>,
-    /// Whether something was dragged there.
+    /// Whether the tool was dragged at each sample.
     pub dragged: Vec<bool>,
 }
 
 impl Whitened {
     /// Filters `recording` by the inverse of `texture` along its speed and force.
     ///
-    /// Samples at less than `min_speed_m_s` or `min_force_n` count as not dragged.
+    /// Samples below `min_speed_m_s` or `min_force_n` count as not dragged.
     pub fn new(
         recording: &ProcessedRecording,
         texture: &TextureModel,
@@ -54,14 +54,14 @@ impl Whitened {
         whitened
     }
 
-    /// The samples at which something was dragged, in one row.
+    /// The samples at which the tool was dragged, concatenated.
     pub fn dragged_samples(&self) -> impl Iterator<Item = f64> + '_ {
         let samples = self.samples.iter().zip(&self.dragged);
         samples.filter(|(_, dragged)| **dragged).map(|(e, _)| *e)
     }
 }
 
-/// A chain of all-passes (of delays where the warping factor is 0), tapped after each.
+/// A chain of all-passes (delays if the warping factor is 0) with a tap after each.
 struct AllPasses {
     warping: f64,
     taps: [f64; MAX_ORDER + 1],

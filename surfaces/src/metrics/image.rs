@@ -14,7 +14,7 @@ pub struct GrayImage {
 
 /// Why gray values make no image.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum ImageError {
     #[error(
         "an image of {width} by {height} pixels needs as many gray values, and two each way at least; there are {values}"

@@ -65,7 +65,7 @@ impl Default for WindowSettings {
 
 /// Why signals cannot be compared.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum MetricError {
     #[error(
         "windows of {samples} samples that share {overlap} cannot be laid: there must be two samples at least, and fewer shared"

@@ -1,4 +1,4 @@
-//! haptograph's own recording file: an uncompressed `.npz` archive, one file, that `numpy.load` opens as well.
+//! haptograph's recording file: an uncompressed `.npz` archive that `numpy.load` can open.
 //!
 //! | member | shape | what |
 //! |---|---|---|
@@ -9,8 +9,8 @@
 //! | processed: `acceleration_m_s2`, `force_normal_n`, `speed_m_s` | (n) | at one rate |
 //! | processed, optional: `force_tangential_n`, `axes_m_s2` | (n), (n, 3) | |
 //!
-//! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision is read too. Reading is
-//! total: any bytes give a recording or an error, in memory of at most a few times the file's size.
+//! Arrays are little-endian doubles in C order, named `<member>.npy` in the archive; single precision is read too. Any bytes
+//! give a recording or an error, in memory of at most a few times the file's size.
 
 use super::ReadError;
 use super::{
@@ -25,9 +25,9 @@ use std::io::{Cursor, Read, Seek, Write};
 use zip::write::ZipWriter;
 use zip::{CompressionMethod, ZipArchive};
 
-/// The format's number in the head. A reader refuses others.
+/// The format version in the head. A reader refuses others.
 const FORMAT: u32 = 1;
-/// The most a head may hold, bytes.
+/// Largest head, bytes.
 pub(super) const MAX_HEAD_BYTES: u64 = 1 << 20;
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -187,9 +187,9 @@ impl Head {
         Self {
             format: FORMAT,
             kind,
-            gesture: gesture.word().to_owned(),
+            gesture: gesture.as_str().to_owned(),
             provenance: ProvenanceHead {
-                origin: provenance.origin.word().to_owned(),
+                origin: provenance.origin.as_str().to_owned(),
                 source: provenance.source.clone(),
                 settings: provenance.settings.clone(),
                 made_by: provenance.version.clone(),
@@ -241,7 +241,7 @@ fn put<W: Write + Seek>(
     put_rows(archive, name, row, rows, values.into_iter().map(Ok))
 }
 
-/// A recording from the bytes of an archive.
+/// Reads a recording from the bytes of an archive.
 pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
     let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| ReadError::Archive(e.to_string()))?;
     let mut archive = Archive {
@@ -253,11 +253,10 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
         std::str::from_utf8(&head).map_err(|_| ReadError::member("head.ron", "it is not UTF-8 text"))?;
     let head: Head = ron::from_str(head).map_err(|e| ReadError::member("head.ron", e))?;
     if head.format != FORMAT {
-        let message = format!("its format is {}, this version reads {FORMAT}", head.format);
+        let message = format!("its format is {}, but this version reads {FORMAT}", head.format);
         return Err(ReadError::member("head.ron", message));
     }
-    let gesture = Gesture::from_word(&head.gesture)
-        .ok_or_else(|| ReadError::member("head.ron", format!("gesture {:?} is unknown", head.gesture)))?;
+    let gesture = (head.gesture.parse::<Gesture>()).map_err(|error| ReadError::member("head.ron", error))?;
     let provenance = provenance_of(head.provenance)?;
     Ok(match head.kind {
         Kind::Processed { rate_hz } => {
@@ -311,8 +310,7 @@ pub fn read_archive(bytes: &[u8]) -> Result<AnyRecording, ReadError> {
 }
 
 fn provenance_of(head: ProvenanceHead) -> Result<Provenance, ReadError> {
-    let origin = Origin::from_word(&head.origin)
-        .ok_or_else(|| ReadError::member("head.ron", format!("origin {:?} is unknown", head.origin)))?;
+    let origin = (head.origin.parse::<Origin>()).map_err(|error| ReadError::member("head.ron", error))?;
     Ok(Provenance {
         origin,
         source: head.source,
@@ -348,7 +346,7 @@ impl Archive<'_> {
             .archive
             .index_for_name(name)
             .ok_or_else(|| ReadError::member(name, "it is missing"))?;
-        // Looked at raw first: a compressed member might be far larger than the file.
+        // Reads the raw size first: a compressed member can be much larger than the file.
         let raw = self
             .archive
             .by_index_raw(index)
@@ -371,7 +369,7 @@ impl Archive<'_> {
             .by_index(index)
             .map_err(|e| ReadError::member(name, e))?;
         let mut bytes = Vec::with_capacity(size as usize);
-        // One byte more than there is: the check sum is compared at the end.
+        // Requests one more byte, because the checksum is compared at the end.
         member
             .take(size + 1)
             .read_to_end(&mut bytes)
@@ -379,7 +377,7 @@ impl Archive<'_> {
         Ok(bytes)
     }
 
-    /// What `read` gives, or nothing where the archive has no such array.
+    /// The result of `read`, or `None` if the archive has no such array.
     fn optional<T>(
         &mut self,
         name: &str,
@@ -411,7 +409,7 @@ fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
     let header = array_header(&mut data)?;
     if header.shape().get(1..) != Some(row) {
         return Err(format!(
-            "its shape is {:?}, expected is (n) followed by {row:?}",
+            "its shape is {:?}; expected (n) followed by {row:?}",
             header.shape()
         ));
     }
@@ -437,9 +435,9 @@ fn parse_array(bytes: &[u8], row: &[u64]) -> Result<Vec<f64>, String> {
             .map(|&b| f32::from_le_bytes(b).into())
             .collect()),
         "'<f8'" | "'<f4'" => Err(format!(
-            "it holds {} bytes, which is not what its shape says",
+            "it has {} bytes, which does not match its shape",
             data.len()
         )),
-        other => Err(format!("its numbers are {other}; save little-endian doubles")),
+        other => Err(format!("its number type is {other}; save little-endian doubles")),
     }
 }

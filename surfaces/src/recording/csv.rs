@@ -1,4 +1,4 @@
-//! Recordings as CSV: a header that names quantity and unit, one row a moment.
+//! Recordings as CSV: a header that names quantity and unit, and one row for each time.
 //!
 //! | columns | kind |
 //! |---|---|
@@ -7,15 +7,18 @@
 //! | `force_normal_n`, `force_tangential_n` (optional), `speed_mm_s` (or `_m_s`) | processed |
 //! | `force_x_n` .. `force_z_n`, `torque_x_n_m` .. (or `_n_mm`; optional), `position_x_mm` .. (or `_m`), `orientation_w`, `_x`, `_y`, `_z` | raw |
 //!
-//! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor had no sample.
-//! Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header say what the columns cannot. Other columns are not used, which is a finding. A preamble above the header and a row of units below it are passed over.
+//! Raw forces act on the tool, in the tool's frame; positions are the tip's. Cells are empty where a slower sensor has no
+//! sample. Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header hold the metadata. Other columns
+//! are not used and are reported as a finding. A preamble above the header and a row of units below it are allowed.
 
 mod join;
 mod table;
 mod units;
 mod write;
 
-pub(super) use table::{Cells, Fault, SignalColumns, Table, Wanted, check_mapping, missing_columns, number};
+pub(super) use table::{
+    Cells, ColumnSelection, Fault, SignalColumns, Table, check_mapping, missing_columns, number,
+};
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::{is_wanted, number_of};
 pub use units::QUANTITIES;
@@ -31,7 +34,7 @@ use crate::{Origin, Provenance};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The columns that are understood, by the unit that they are written with.
+/// The supported columns, with the unit in which they are written.
 pub const COLUMNS: [&str; 21] = [
     "time_s",
     "accel_m_s2",
@@ -56,16 +59,16 @@ pub const COLUMNS: [&str; 21] = [
     "orientation_z",
 ];
 
-/// What a CSV file says before its rows.
+/// The metadata above the rows of a CSV file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CsvHead {
-    /// Whether a line `# gesture: ...` says what the hand did.
+    /// Whether there is a line `# gesture: ...`.
     pub says_gesture: bool,
-    /// Where it comes from, by a line `# origin: ...`.
+    /// The origin from a line `# origin: ...`.
     pub origin: Option<Origin>,
 }
 
-/// The head of a file from its first bytes; `None` where these are no CSV's.
+/// The head of a file from its first bytes; `None` if they are not CSV.
 pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     let is_binary = bytes.iter().take(512).any(|byte| *byte == 0);
     if is_binary || bytes.trim_ascii_start().starts_with(b"<") {
@@ -75,38 +78,35 @@ pub fn csv_head(bytes: &[u8]) -> Option<CsvHead> {
     let (_, head) = Rows::new(bytes, &is_ours).ok()?;
     Some(CsvHead {
         says_gesture: head.notes.contains_key("gesture"),
-        origin: head.notes.get("origin").and_then(|word| Origin::from_word(word)),
+        origin: head.notes.get("origin").and_then(|text| text.parse().ok()),
     })
 }
 
-/// A recording from the bytes of a CSV file in which nothing has to be repaired; `source` is where they came from, unless they say so
-/// themselves.
+/// Reads a recording from the bytes of a CSV file that needs no repair. `source` names their origin, unless the file has a
+/// line `# source: ...`.
 pub fn read_csv(bytes: &[u8], source: &str) -> Result<AnyRecording, ReadError> {
     let import = ImportSettings::strict();
-    let table = Table::read(bytes, &import, Wanted::Recording)?;
+    let table = Table::read(bytes, &import, ColumnSelection::Recording)?;
     let read = recording(&mut [table], source, &import).map_err(|fault| fault.error)?;
     Ok(read.0)
 }
 
-/// A recording from one or several tables of the same time, and what was found in them.
+/// Builds a recording from one or several tables of the same time, and lists the findings.
 pub(super) fn recording(
     tables: &mut [Table],
     source: &str,
     import: &ImportSettings,
 ) -> Result<(AnyRecording, Vec<(usize, Finding)>), Fault> {
     let gesture = match noted(tables, "gesture") {
-        Some((table, word)) => Gesture::from_word(word).ok_or_else(|| {
-            table.fault(
-                1,
-                format!("gesture {word:?} is unknown; known are drag, circle, tap, press"),
-            )
-        })?,
+        Some((table, text)) => text
+            .parse::<Gesture>()
+            .map_err(|message| table.fault(1, message))?,
         None => Gesture::Drag,
     };
     let origin = match noted(tables, "origin") {
-        Some((table, word)) => {
-            Origin::from_word(word).ok_or_else(|| table.fault(1, format!("origin {word:?} is unknown")))?
-        }
+        Some((table, text)) => text
+            .parse::<Origin>()
+            .map_err(|message| table.fault(1, message))?,
         None => Origin::Imported,
     };
     let source = noted(tables, "source").map_or(source, |(_, text)| text.as_str());
@@ -165,7 +165,7 @@ pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String>
     let lower = name.to_ascii_lowercase();
     let (plain, scale) = parse_name(&lower).unwrap_or_else(|| {
         Err(format!(
-            "{name} is none of a recording's quantities, such as speed_mm_s"
+            "unknown quantity {name}; expected a recording's quantity with its unit, such as speed_mm_s"
         ))
     })?;
     match number(value.as_bytes(), scale) {
@@ -175,7 +175,7 @@ pub(super) fn constant(name: &str, value: &str) -> Result<(String, f64), String>
 }
 
 fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result<Recording, Fault> {
-    // Where no table has it, the first says what is missing.
+    // If no table has it, the error comes from the first.
     let place = |tables: &[Table], name: &str| tables.iter().position(|table| table.has(name)).unwrap_or(0);
     let all = ["accel", "position"]
         .iter()
@@ -222,7 +222,7 @@ fn raw(tables: &mut [Table], gesture: Gesture, provenance: Provenance) -> Result
     )?)
 }
 
-/// Names all columns that are in no table, at once; and the time, where nothing says how fast the samples of a table follow.
+/// Reports all missing columns at once; the time too if a table has no rate.
 pub(super) fn refuse_missing(tables: &[Table], wanted: Vec<String>) -> Result<(), ReadError> {
     let is_used = |table: &&Table| wanted.iter().any(|name| table.has(name));
     let used: Vec<&Table> = tables.iter().filter(is_used).collect();
@@ -250,7 +250,7 @@ fn series<T>(rows: &Series<Vec<f64>>, make: impl Fn(&Vec<f64>) -> T) -> Series<T
 }
 
 impl ReadError {
-    /// Where in the bytes of a CSV file the error is.
+    /// The location of the error in a CSV file.
     pub fn place(&self, bytes: &[u8]) -> Option<Place> {
         let (line, cell) = match self {
             ReadError::Csv { line, .. } => (*line, 1),

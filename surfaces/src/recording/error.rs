@@ -1,12 +1,12 @@
-//! Why bytes give no recording.
+//! Errors of reading a recording.
 
 use super::RecordingError;
 use super::csv::example_unit;
 use super::rows::listed;
 
-/// Why bytes give no recording.
+/// An error in the content of a recording's file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum ReadError {
     #[error("{0}")]
     Io(String),
@@ -22,18 +22,18 @@ pub enum ReadError {
         column: usize,
         message: String,
     },
-    #[error("missing: {}. Columns here: {}. {}", missing.join(", "), listed(columns), advice(missing))]
+    #[error("missing columns: {}. The file has: {}. {}", missing.join(", "), listed(columns), advice(missing))]
     Missing {
         missing: Vec<String>,
         columns: Vec<String>,
     },
     #[error(
-        "no table beside it: put {} into {table}, or say what did not change by --constant, as --constant speed_mm_s=50",
+        "no table beside the WAV file: put {} into {table}, or give constant quantities with --constant, such as --constant speed_mm_s=50",
         missing.join(" and ")
     )]
     NoTable { missing: Vec<String>, table: String },
     #[error(
-        "it is XML, but not named Accel_<material>.xml, Position_<material>.xml or Force_<material>.xml as the toolkit's recordings are"
+        "the XML file is not named like the toolkit's recordings: Accel_<material>.xml, Position_<material>.xml or Force_<material>.xml"
     )]
     NotATriple,
     #[error("{file}, byte {byte}: {message}")]
@@ -46,7 +46,7 @@ pub enum ReadError {
     Recording(#[from] RecordingError),
 }
 
-/// How columns that are missing are named.
+/// Advice on how to supply missing columns.
 fn advice(missing: &[String]) -> String {
     let Some(first) = missing.iter().find(|name| *name != "time") else {
         return "Give the rate (--sample-rate HZ), say which column is the time (--column time=\"…\" --unit time=ms), or put a number fs \
@@ -54,15 +54,15 @@ fn advice(missing: &[String]) -> String {
             .to_owned();
     };
     let rate = match missing.len() > 1 && missing.iter().any(|name| name == "time") {
-        true => "; rows that follow evenly need no time but --sample-rate HZ",
+        true => "; if rows are evenly spaced, --sample-rate HZ replaces the time column",
         false => "",
     };
     let unit = example_unit(first);
-    format!("Say which is which: --column {first}=\"…\" --unit {first}={unit}{rate}")
+    format!("Name the columns: --column {first}=\"…\" --unit {first}={unit}{rate}")
 }
 
 impl ReadError {
-    /// What is wrong, without its place in the table.
+    /// The message without the location in the table.
     pub fn what(&self) -> String {
         match self {
             Self::Csv { message, .. } | Self::CsvCell { message, .. } => message.clone(),

@@ -1,6 +1,6 @@
-//! Recordings on disk: what kind a file is, told by its content, and where reading failed.
+//! Recordings on disk. The content of a file decides how it is read.
 
-use super::csv::{self, Table, Wanted};
+use super::csv::{self, ColumnSelection, Table};
 use super::formats::{self, Workbook};
 use super::import::{Finding, ImportSettings};
 use super::{AnyRecording, Column, ReadError, read_archive, read_hatt, signal, write_archive, write_csv};
@@ -9,18 +9,18 @@ use haptograph_signal::files::{self, Bounded, MAX_RECORDING_BYTES};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// A recording from a file: [our own archive](read_archive), [CSV](super::read_csv) or another table, or any of the three
-/// XML files that the public haptic texture toolkit (HaTT) makes of a recording (the other two must lie beside it).
+/// Reads a recording from a file: [haptograph's archive](read_archive), [CSV](super::read_csv) or another table, or any
+/// of the three XML files of a HaTT recording (the other two must be in the same folder).
 ///
-/// Kinds are told apart by content. Nothing is repaired; see [`load_with`].
+/// The content decides the format. Nothing is repaired; see [`load_with`].
 pub fn load(path: &Path) -> Result<AnyRecording, LoadError> {
     load_with(&[path.to_owned()], &ImportSettings::strict()).map(|(recording, _)| recording)
 }
 
-/// A recording from a file, or from several tables that share a clock, and what was found and repaired in which of them.
+/// Reads a recording from a file, or from several tables that share a clock, and lists what was found and repaired in each.
 ///
-/// Tables are CSV, spreadsheets (the first sheet), MATLAB files before version 7.3 and WAV files. A WAV file alone is joined with the table
-/// of the same name beside it.
+/// Tables are CSV, spreadsheets (the first sheet), MATLAB files before version 7.3 and WAV files. A single WAV file is
+/// joined with the table of the same name in its folder.
 pub fn load_with(
     paths: &[PathBuf],
     import: &ImportSettings,
@@ -38,7 +38,7 @@ pub fn load_with(
     }
     let mut tables = vec![];
     for (file, path) in paths.iter().enumerate() {
-        let mut table = table(path, import, Wanted::Recording)?;
+        let mut table = table(path, import, ColumnSelection::Recording)?;
         table.file = file;
         tables.push(table);
     }
@@ -61,20 +61,20 @@ pub fn load_with(
     Ok((recording, of_files.collect()))
 }
 
-/// The numbers of a column of any table as they stand; see [`read_column`](super::read_column).
+/// Reads a column of any table without unit conversion; see [`read_column`](super::read_column).
 pub fn load_column(path: &Path, name: &str) -> Result<Vec<f64>, LoadError> {
     let import = ImportSettings::strict();
-    let read = table(path, &import, Wanted::AsItStands(name))?.as_it_stands();
+    let read = table(path, &import, ColumnSelection::Unscaled(name))?.unscaled();
     read.map_err(|source| read_error(path, source))
 }
 
-/// The signal in a column of any table, repaired as recordings are; see [`read_signal`](super::read_signal). `--unit accel=…` is its unit.
+/// Reads the signal in a column of any table and repairs it as recordings are; see [`read_signal`](super::read_signal). `--unit accel=…` is its unit.
 pub fn load_signal(
     path: &Path,
     name: Option<&str>,
     import: &ImportSettings,
 ) -> Result<(Column, Vec<Finding>), LoadError> {
-    let mut table = table(path, import, Wanted::Signal(name))?;
+    let mut table = table(path, import, ColumnSelection::Signal(name))?;
     let column = signal::signal(&mut table).map_err(|source| read_error(path, source))?;
     Ok((column, table.findings))
 }
@@ -84,16 +84,16 @@ pub fn load_signal(
 pub struct Sweep {
     /// Current, A.
     pub current_a: Vec<f64>,
-    /// Felt acceleration, m/s².
+    /// Acceleration, m/s².
     pub acceleration_m_s2: Vec<f64>,
-    /// Samples a second.
+    /// Samples per second.
     pub rate_hz: f64,
 }
 
-/// A sweep from any table: time, and the columns of current and acceleration, which are told by their units or by the settings.
+/// Reads a sweep from any table: time, current and acceleration. Units or `import` identify the columns.
 pub fn load_sweep(path: &Path, import: &ImportSettings) -> Result<(Sweep, Vec<Finding>), LoadError> {
     let wrong = |source| read_error(path, source);
-    let mut table = table(path, import, Wanted::Sweep)?;
+    let mut table = table(path, import, ColumnSelection::Sweep)?;
     csv::check_mapping(std::slice::from_ref(&table), import).map_err(wrong)?;
     let wanted = ["current", "accel"].map(str::to_owned).to_vec();
     csv::refuse_missing(std::slice::from_ref(&table), wanted).map_err(wrong)?;
@@ -121,7 +121,7 @@ fn name_of(path: &Path) -> String {
         .into_owned()
 }
 
-/// The files of a take: a WAV file alone takes in the table beside it.
+/// The files of a take: a single WAV file is joined with the table beside it.
 fn with_neighbour(paths: &[PathBuf]) -> Vec<PathBuf> {
     let mut all = paths.to_vec();
     if let [path] = paths {
@@ -131,13 +131,13 @@ fn with_neighbour(paths: &[PathBuf]) -> Vec<PathBuf> {
     all
 }
 
-/// Kinds of files, told apart by how they begin.
+/// The format of a file, recognised by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Archive,
     Hatt,
     Spreadsheet,
-    /// That is not read.
+    /// A spreadsheet format that is not supported.
     OtherSpreadsheet,
     Matlab,
     Wav,
@@ -166,17 +166,17 @@ fn kind(path: &Path) -> Result<Kind, LoadError> {
     })
 }
 
-fn table(path: &Path, import: &ImportSettings, wanted: Wanted<'_>) -> Result<Table, LoadError> {
+fn table(path: &Path, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Table, LoadError> {
     let read = match kind(path)? {
         Kind::Csv => Table::read(open(path)?, import, wanted),
         Kind::Wav => formats::wav(&all(path)?, import, wanted),
         Kind::Matlab => formats::matlab(&all(path)?, import, wanted),
         Kind::Spreadsheet => formats::spreadsheet(&all(path)?, import, wanted),
         Kind::OtherSpreadsheet => Err(ReadError::Io(
-            "of spreadsheets .xlsx alone is read; save it as that, or as CSV".to_owned(),
+            "this spreadsheet format is not supported; save the file as .xlsx or CSV".to_owned(),
         )),
         Kind::Archive | Kind::Hatt => Err(ReadError::Io(
-            "this is a whole recording already; only tables are joined, or read by columns".to_owned(),
+            "this file is a complete recording; only tables can be joined or read by column".to_owned(),
         )),
     };
     let mut table = read.map_err(|source| read_error(path, source))?;
@@ -192,7 +192,7 @@ fn all(path: &Path) -> Result<Vec<u8>, LoadError> {
     Ok(bytes)
 }
 
-/// Writes a recording, complete or not at all: as CSV where the name ends so, else as our own archive.
+/// Writes a recording atomically: as CSV if the name ends in `.csv`, else as haptograph's archive.
 pub fn save(recording: &AnyRecording, path: &Path) -> std::io::Result<()> {
     let is_csv = path
         .extension()
@@ -243,9 +243,9 @@ fn read_error(path: &Path, source: ReadError) -> LoadError {
     }
 }
 
-/// Why a file gives no recording.
+/// An error of reading a recording's file.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum LoadError {
     #[error("cannot read {}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },

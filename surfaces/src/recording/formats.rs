@@ -17,22 +17,22 @@ pub(super) use spreadsheet::spreadsheet;
 pub(super) fn spreadsheet(
     _: &[u8],
     _: &super::ImportSettings,
-    _: super::csv::Wanted<'_>,
+    _: super::csv::ColumnSelection<'_>,
 ) -> Result<super::csv::Table, super::ReadError> {
-    let message = "this is a spreadsheet, which this build does not read: save it as CSV";
+    let message = "this build cannot read spreadsheets; save the file as CSV";
     Err(super::ReadError::Io(message.to_owned()))
 }
 
-/// What a ZIP archive holds besides a recording.
+/// The kind of a ZIP archive that is not a recording.
 #[cfg_attr(target_family = "wasm", expect(dead_code, reason = "a page has no archives"))]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Workbook {
-    /// The kind that is read.
+    /// The supported kind.
     Xlsx,
     Other,
 }
 
-/// The workbook that a ZIP archive is, if it is one.
+/// The kind of workbook in a ZIP archive, if it is one.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn workbook(archive: impl Read + Seek) -> Option<Workbook> {
     let archive = zip::ZipArchive::new(archive).ok()?;

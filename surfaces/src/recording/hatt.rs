@@ -1,5 +1,5 @@
 //! Recordings of the public haptic texture toolkit (HaTT): three XML files of a material, everything at 10 kHz in the world frame
-//! (Table A.1 of the thesis). They are read as a stream, a value at a time.
+//! (Table A.1 of the thesis). They are read as a stream.
 
 use super::ReadError;
 use super::{Gesture, ProcessedRecording, Signals};
@@ -8,8 +8,8 @@ use quick_xml::Reader;
 use quick_xml::events::Event;
 use std::io::BufRead;
 
-/// A recording from the contents of `Accel_<material>.xml`, `Position_<material>.xml` and `Force_<material>.xml`, which need
-/// not be free of other fields. `source` says where they came from.
+/// Reads a recording from the contents of `Accel_<material>.xml`, `Position_<material>.xml` and `Force_<material>.xml`.
+/// Other fields are ignored. `source` names their origin.
 pub fn read_hatt(
     accel: impl BufRead,
     position: impl BufRead,
@@ -40,7 +40,9 @@ pub fn read_hatt(
     for other in [&position, &force] {
         let rate = other.rate_hz()?;
         if rate != rate_hz {
-            return Err(other.error(format!("its rate is {rate} Hz, the Accel file's {rate_hz} Hz")));
+            return Err(other.error(format!(
+                "its rate is {rate} Hz, but the rate of the Accel file is {rate_hz} Hz"
+            )));
         }
     }
     let axes = ["Accel_X", "Accel_Y", "Accel_Z"].map(|name| accel.array(name).unwrap_or_default());
@@ -64,7 +66,7 @@ pub fn read_hatt(
     )?)
 }
 
-/// The fields of one file that are wanted.
+/// The requested fields of one file.
 struct Fields {
     file: &'static str,
     byte: u64,
@@ -95,7 +97,7 @@ impl Fields {
         };
         let mut reader = Reader::from_reader(source);
         let mut buffer = Vec::new();
-        // The wanted field that is open, and how deep in it and in the document we are.
+        // The requested field that is open, and the depth in it and in the document.
         let (mut open, mut depth) = (None, 0_usize);
         loop {
             this.byte = reader.buffer_position();
@@ -125,7 +127,7 @@ impl Fields {
                     }
                 }
                 Ok(Event::GeneralRef(_) | Event::CData(_)) if open.is_some() => {
-                    return Err(this.error("a plain number or word is expected here"));
+                    return Err(this.error("expected plain text"));
                 }
                 Ok(Event::Eof) if depth == 0 => return Ok(this),
                 Ok(Event::Eof) => return Err(this.error("the file ends in the middle of an element")),
@@ -146,7 +148,7 @@ impl Fields {
             let value = value.ok_or_else(|| {
                 let start: String = word.chars().take(20).collect();
                 self.error(format!(
-                    "{start:?} in {} is no finite number",
+                    "{start:?} in {} is not a finite number",
                     self.fields[field].name
                 ))
             })?;
@@ -167,7 +169,7 @@ impl Fields {
         self.fields.iter_mut().find(|field| field.name == name)
     }
 
-    /// A unit other than these would be silently wrong; none at all is taken as the toolkit's.
+    /// Refuses any unit except these; a missing unit counts as the toolkit's.
     fn expect_unit(&mut self, name: &'static str, known: &[&str]) -> Result<(), ReadError> {
         let text = self
             .field(name)
@@ -176,7 +178,7 @@ impl Fields {
         if text.is_empty() || known.contains(&text.as_str()) {
             return Ok(());
         }
-        Err(self.error(format!("{name} is {text:?}; only {known:?} is understood")))
+        Err(self.error(format!("{name} is {text:?}; expected one of {known:?}")))
     }
 
     fn rate_hz(&self) -> Result<f64, ReadError> {
@@ -187,11 +189,11 @@ impl Fields {
             .map(|field| &field.values[..]);
         match values {
             Some(&[rate_hz]) if rate_hz > 0.0 => Ok(rate_hz),
-            _ => Err(self.error("it has no SampleRate above 0")),
+            _ => Err(self.error("it has no `SampleRate` above 0")),
         }
     }
 
-    /// Takes an array out.
+    /// Removes and returns an array.
     fn array(&mut self, name: &'static str) -> Result<Vec<f64>, ReadError> {
         let values = self
             .field(name)
@@ -266,7 +268,7 @@ mod tests {
             triple[file] = triple[file].replace(from, to);
             read(&triple).unwrap_err().to_string()
         };
-        assert!(broken(0, "-0.25", "nan").contains("Accel is no finite number"));
+        assert!(broken(0, "-0.25", "nan").contains("Accel is not a finite number"));
         assert!(broken(1, "mm/s<", "m/s<").contains("SpeedUnits is \"m/s\""));
         assert!(broken(1, "10000", "1000").contains("its rate is 1000 Hz"));
         assert!(broken(2, "ForceNormal", "Other").contains("no values in ForceNormal"));

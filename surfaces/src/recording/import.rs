@@ -1,4 +1,4 @@
-//! How recordings of other people's loggers are read, and what was found and repaired on the way.
+//! Settings for reading tables of any logger, and findings about what was repaired.
 
 mod even;
 mod repair;
@@ -10,25 +10,26 @@ use super::rows::listed;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// What a file does not say of itself. All names are those of [`COLUMNS`](super::COLUMNS) without their unit, such as `force_normal`.
+/// Information that a file does not contain. All names are those of [`COLUMNS`](super::COLUMNS) without their unit, such as
+/// `force_normal`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ImportSettings {
-    /// Samples a second: rows follow evenly, whatever their times.
+    /// Samples per second; overrides the times in the file, and rows count as evenly spaced.
     pub rate_hz: Option<f64>,
-    /// Units by quantity, such as `g` of `accel`; `1` is a unit that is not known.
+    /// Units by quantity, such as `g` of `accel`; `1` means an unknown unit.
     pub units: BTreeMap<String, String>,
     /// Columns of the file by quantity, such as `v` for `speed`.
     pub columns: BTreeMap<String, String>,
-    /// Quantities that do not change, in SI.
+    /// Constant quantities, in SI.
     pub constants: BTreeMap<String, f64>,
-    /// What a sample of 1.0 in a WAV file stands for, m/s².
+    /// The acceleration that a sample of 1.0 in a WAV file represents, m/s².
     pub full_scale_m_s2: Option<f64>,
-    /// Whether anything that would be repaired is refused.
+    /// Refuses a file instead of repairing it.
     pub strict: bool,
 }
 
 impl ImportSettings {
-    /// Takes files as they are: nothing is repaired.
+    /// Settings that repair nothing.
     pub fn strict() -> Self {
         Self {
             strict: true,
@@ -39,7 +40,7 @@ impl ImportSettings {
     /// Sets the unit of a quantity.
     ///
     /// # Errors
-    /// Where there is no such quantity or unit.
+    /// An unknown quantity or unit.
     pub fn with_unit(mut self, quantity: &str, unit: &str) -> Result<Self, String> {
         super::csv::parse_unit(quantity, unit)?;
         self.units.insert(quantity.to_owned(), unit.to_owned());
@@ -49,17 +50,17 @@ impl ImportSettings {
     /// Takes a quantity from the column called `column`.
     ///
     /// # Errors
-    /// Where there is no such quantity.
+    /// An unknown quantity.
     pub fn with_column(mut self, quantity: &str, column: &str) -> Result<Self, String> {
         super::csv::parse_unit(quantity, "1")?;
         self.columns.insert(quantity.to_owned(), column.to_owned());
         Ok(self)
     }
 
-    /// Sets a quantity that does not change; `name` says its unit, as in `speed_mm_s`.
+    /// Sets a constant quantity; `name` contains its unit, as in `speed_mm_s`.
     ///
     /// # Errors
-    /// Where there is no such quantity or unit, or the value is no number.
+    /// An unknown quantity or unit, or a value that is not a number.
     pub fn with_constant(mut self, name: &str, value: &str) -> Result<Self, String> {
         let (plain, si) = super::csv::constant(name, value)?;
         self.constants.insert(plain, si);
@@ -74,17 +75,17 @@ pub struct BadCell {
     pub line: u64,
     /// In the file, from 1.
     pub column: usize,
-    /// What stands there, where it is known.
+    /// Its text, if known.
     pub text: Option<String>,
 }
 
-/// Something worth knowing of a file that was read.
+/// A finding about a file that was read.
 #[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs)] // Display says it
+#[allow(missing_docs)] // see Display
 pub enum Finding {
-    /// Columns that nothing is read from.
+    /// Columns that are not used.
     NotUsed { columns: Vec<String> },
-    /// A unit was given where the file says another.
+    /// The given unit differs from the file's.
     OtherUnit { column: String, given: String },
     /// Rows that were not evenly spaced, and were resampled.
     Jitter {
@@ -93,9 +94,9 @@ pub enum Finding {
         rate_hz: f64,
         missing_rows: usize,
     },
-    /// Times of a coarser resolution than the rows' spacing; rows count as even.
+    /// Times have a coarser resolution than the spacing of rows; rows count as evenly spaced.
     CoarseTimes { resolution_s: f64, rate_hz: f64 },
-    /// A rate that no vibration is recorded at: is the unit of the time right?
+    /// A rate at which vibrations are not recorded: the time unit is probably wrong.
     StrangeRate { column: String, rate_hz: f64 },
     /// Cells that were interpolated, and the first that could not be read.
     Interpolated {
@@ -105,7 +106,7 @@ pub enum Finding {
         of: usize,
         first: Option<BadCell>,
     },
-    /// Single samples far off both neighbours that were interpolated.
+    /// Single outlying samples that were interpolated.
     Outliers { quantity: String, count: usize },
     /// Samples that stay at the largest or smallest value.
     Clipped {
@@ -113,7 +114,7 @@ pub enum Finding {
         count: usize,
         of: usize,
     },
-    /// One file of a take begins later or ends earlier than another, of which that much is not used.
+    /// One file of a take begins later or ends earlier than another; the part outside it is not used.
     Cut {
         begins: bool,
         short: String,
@@ -121,7 +122,7 @@ pub enum Finding {
         long: String,
         long_s: f64,
     },
-    /// Larger or smaller than a hand can make it: is the unit right?
+    /// A magnitude outside what a hand can produce: the unit is probably wrong.
     Implausible {
         quantity: &'static str,
         column: String,
@@ -133,7 +134,7 @@ pub enum Finding {
     UnknownUnit,
 }
 
-/// A number for a message: seven digits, without needless zeros.
+/// Formats a number for a message: seven digits, no trailing zeros.
 pub(super) fn shown(value: f64) -> f64 {
     format!("{value:.6e}").parse().unwrap_or(value)
 }
@@ -141,9 +142,9 @@ pub(super) fn shown(value: f64) -> f64 {
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
-            Self::NotUsed { columns } => write!(f, "not used: {}", listed(columns)),
+            Self::NotUsed { columns } => write!(f, "columns not used: {}", listed(columns)),
             Self::OtherUnit { column, given } => {
-                write!(f, "column {column:?} says another unit than --unit {given}, which counts")
+                write!(f, "column {column:?} names another unit; --unit {given} overrides it")
             }
             Self::Jitter {
                 rms_s,
@@ -160,14 +161,14 @@ impl fmt::Display for Finding {
             }
             Self::CoarseTimes { resolution_s, rate_hz } => write!(
                 f,
-                "time stamps resolve {:.3} ms, which is coarser than the rows; the rows count as even, {rate_hz:.3} a second",
+                "time stamps resolve {:.3} ms, which is coarser than the rows; rows are read as evenly spaced at {rate_hz:.3} Hz",
                 resolution_s * 1000.0
             ),
             Self::StrangeRate { column, rate_hz } => {
                 let unit = if *rate_hz < 1000.0 { "ms" } else { "s" };
                 write!(
                     f,
-                    "{} rows a second by column {column:?}: is time in {unit}? then --unit time={unit}",
+                    "column {column:?} gives {0} rows per second; if its unit is {unit}, add --unit time={unit}",
                     shown(*rate_hz)
                 )
             }
@@ -186,13 +187,13 @@ impl fmt::Display for Finding {
                 text.as_ref().map_or(Ok(()), |text| write!(f, ": {text:?}"))
             }
             Self::Outliers { quantity, count: 1 } => {
-                write!(f, "{quantity}: a single outlier was replaced by its neighbours' mean")
+                write!(f, "{quantity}: a single outlier was replaced by the mean of its neighbours")
             }
             Self::Outliers { quantity, count } => {
-                write!(f, "{quantity}: {count} single outliers were replaced by their neighbours' mean")
+                write!(f, "{quantity}: {count} single outliers were replaced by the mean of their neighbours")
             }
             Self::Clipped { quantity, count, of } => {
-                write!(f, "{quantity} is clipped: {count} of {of} samples stay at its largest or smallest value")
+                write!(f, "{quantity} is clipped: {count} of {of} samples are at its largest or smallest value")
             }
             Self::Cut {
                 begins,
@@ -217,13 +218,13 @@ impl fmt::Display for Finding {
                 write!(f, "the largest {quantity} in column {column:?} is {largest} {unit}, {advice}")
             }
             Self::UnknownUnit => f.write_str(
-                "the unit of the vibration is not known: what is learned has no m/s², and is only as loud as the sensor's numbers",
+                "the unit of the vibration is unknown: the learned texture is not in m/s², and its level is that of the sensor's numbers",
             ),
         }
     }
 }
 
-/// What hand and tool make of a quantity, and what to say of less and more.
+/// The plausible range of a quantity, and the advice below and above it.
 struct Plausible {
     name: &'static str,
     quantity: &'static str,
@@ -241,8 +242,8 @@ const PLAUSIBLE: [Plausible; 3] = [
         unit: "m/s2",
         least: 1e-3,
         most: 5000.0,
-        too_small: "less than any sensor's noise; is it g? then --unit accel=g",
-        too_large: "more than any tool's; is it mm/s2? then --unit accel=mm/s2",
+        too_small: "less than any sensor's noise; if the unit is g, add --unit accel=g",
+        too_large: "more than any tool produces; if the unit is mm/s2, add --unit accel=mm/s2",
     },
     Plausible {
         name: "force_normal",
@@ -250,8 +251,8 @@ const PLAUSIBLE: [Plausible; 3] = [
         unit: "N",
         least: 1e-2,
         most: 200.0,
-        too_small: "lighter than any hand; is it N? then --unit force_normal=N",
-        too_large: "firmer than any hand; is it mN? then --unit force_normal=mN",
+        too_small: "less than any hand exerts; if the unit is N, add --unit force_normal=N",
+        too_large: "more than any hand exerts; if the unit is mN, add --unit force_normal=mN",
     },
     Plausible {
         name: "speed",
@@ -259,16 +260,16 @@ const PLAUSIBLE: [Plausible; 3] = [
         unit: "m/s",
         least: 1e-3,
         most: 5.0,
-        too_small: "slower than any stroke; is it m/s? then --unit speed=m/s",
-        too_large: "faster than a hand; is it mm/s? then --unit speed=mm/s",
+        too_small: "slower than any stroke; if the unit is m/s, add --unit speed=m/s",
+        too_large: "faster than any hand; if the unit is mm/s, add --unit speed=mm/s",
     },
 ];
 
-/// Whether the largest magnitude of a quantity is one that hands and tools make.
+/// A finding if the largest magnitude of a quantity is implausible.
 pub(super) fn plausibility(name: &str, column: &str, values: &[f64]) -> Option<Finding> {
     let plausible = PLAUSIBLE.iter().find(|known| known.name == name)?;
     let largest = values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    // Silence has no unit to be wrong about.
+    // Zeros are zero in every unit.
     if largest == 0.0 || (plausible.least..=plausible.most).contains(&largest) {
         return None;
     }

@@ -725,7 +725,7 @@ fn variables_of_other_lengths_are_named_and_have_no_lines() {
         &[("accel", "g"), ("force", "N"), ("speed", "mm/s")],
     ));
     assert!(
-        mapped.contains("variable Fz has 20 values, acc 200: all need the same length"),
+        mapped.contains("variable Fz has 20 values, acc has 200; all need the same length"),
         "{mapped}"
     );
     // One column as it stands, and what is not text is not shown.

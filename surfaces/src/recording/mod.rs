@@ -1,9 +1,9 @@
-//! Recordings: what a tool felt (thesis 2.2), as the sensors gave it or already processed, and their files.
+//! Recordings of a tool on a surface (thesis 2.2), raw or processed, and their files.
 //!
-//! A [`Recording`] is raw: each sensor at its own rate, in its own frame and unit, with the calibration that makes
-//! physical quantities of it. A [`ProcessedRecording`] is what models are learned from: acceleration on one axis, normal
-//! and tangential force and speed, all at one rate. [`learning::processing`](crate::learning::processing) leads from one to the
-//! other; most public data is of the second kind.
+//! A [`Recording`] is raw: each sensor at its own rate, in its own frame and unit, with a calibration to physical
+//! quantities. Models are learned from a [`ProcessedRecording`]: acceleration on one axis, normal and tangential force
+//! and speed, all at one rate. [`learning::processing`](crate::learning::processing) converts the first to the second.
+//! Most public data is already processed.
 
 #[cfg(not(target_family = "wasm"))]
 mod archive;
@@ -40,9 +40,9 @@ use crate::Provenance;
 use import::shown;
 use std::sync::Arc;
 
-/// A recording as the sensors gave it.
+/// A raw recording: the samples of each sensor.
 ///
-/// Three frames: the sensor's, the tool's and the world (the tracker's). Forces act on the tool.
+/// There are three coordinate frames: the sensor's, the tool's and the world (the tracker's). Forces act on the tool.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     motion: Series<Pose>,
@@ -53,20 +53,20 @@ pub struct Recording {
     provenance: Provenance,
 }
 
-/// What is known of a raw recording before its first sample.
+/// The header of a raw recording, known before its first sample.
 #[derive(Debug)]
 pub struct RawHead<'a> {
-    /// Poses a second.
+    /// Poses per second.
     pub motion_hz: f64,
-    /// Loads a second.
+    /// Loads per second.
     pub wrench_hz: f64,
-    /// Accelerations a second.
+    /// Accelerations per second.
     pub acceleration_hz: f64,
-    /// What makes physical quantities of the readings.
+    /// Converts the readings to physical quantities.
     pub calibration: &'a Calibration,
-    /// What the hand does.
+    /// The hand's movement.
     pub gesture: Gesture,
-    /// Where it comes from.
+    /// Its origin.
     pub provenance: &'a Provenance,
 }
 
@@ -81,7 +81,7 @@ pub enum Member {
     AccelerationV,
 }
 
-/// Where the tracker's sensor is.
+/// The pose of the tracker's sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// In the world, m.
@@ -90,7 +90,7 @@ pub struct Pose {
     pub orientation: [f64; 4],
 }
 
-/// What the force sensor feels: the load that acts on the tool, in the sensor's frame.
+/// A reading of the force sensor: the load that acts on the tool, in the sensor's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wrench {
     /// N.
@@ -99,12 +99,12 @@ pub struct Wrench {
     pub torque_n_m: [f64; 3],
 }
 
-/// What makes physical quantities of sensor readings.
+/// The calibration of the sensors: it converts their readings to physical quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
     /// Sensitivity of each accelerometer axis, m/s² per V.
     pub acceleration_m_s2_per_v: [f64; 3],
-    /// What each axis reads when nothing accelerates, V.
+    /// Zero offset of each accelerometer axis, V.
     pub acceleration_zero_v: [f64; 3],
     /// Rotation that turns force-sensor coordinates into tool coordinates, by rows.
     pub force_sensor_to_tool: [[f64; 3]; 3],
@@ -113,7 +113,7 @@ pub struct Calibration {
 }
 
 impl Default for Calibration {
-    /// Readings that are physical quantities in the tool's frame already, the tracker at the tip.
+    /// No calibration: readings are already physical quantities in the tool's frame, and the tracker is at the tip.
     fn default() -> Self {
         Self {
             acceleration_m_s2_per_v: [1.0; 3],
@@ -124,7 +124,7 @@ impl Default for Calibration {
     }
 }
 
-/// What the hand did, and so which part of a surface can be learned from it.
+/// The hand's movement in a recording. It decides which part of a surface can be learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Gesture {
     /// Dragging freely at all speeds and forces: texture (and friction where there is no better recording).
@@ -142,8 +142,8 @@ impl Gesture {
     /// All gestures.
     pub const ALL: [Gesture; 4] = [Gesture::Drag, Gesture::Circle, Gesture::Tap, Gesture::Press];
 
-    /// The word for people and files, such as `drag`.
-    pub fn word(self) -> &'static str {
+    /// The name in files and messages, such as `drag`.
+    pub fn as_str(self) -> &'static str {
         match self {
             Gesture::Drag => "drag",
             Gesture::Circle => "circle",
@@ -151,18 +151,22 @@ impl Gesture {
             Gesture::Press => "press",
         }
     }
+}
 
-    /// The gesture of that word.
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|gesture| gesture.word() == word)
+impl std::str::FromStr for Gesture {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|gesture| gesture.as_str() == text);
+        found.ok_or_else(|| format!("unknown gesture {text:?}; expected one of: drag, circle, tap, press"))
     }
 }
 
 impl Recording {
     /// A recording of `motion` (240 Hz in the thesis), `wrench` and `acceleration_v` (10 kHz, V).
     ///
-    /// Checked: each has two samples at least, all numbers are finite, orientations are unit quaternions (to 1e-3; they are
-    /// normalised here), the force sensor's rotation is one, and the three overlap in time.
+    /// Checks that each sensor has at least two samples, all numbers are finite, orientations are unit quaternions
+    /// (to 1e-3; they are normalised here), the force sensor's rotation is orthonormal, and the three overlap in time.
     pub fn new(
         mut motion: Series<Pose>,
         wrench: Series<Wrench>,
@@ -182,7 +186,7 @@ impl Recording {
             if (length - 1.0).abs() > 1e-3 {
                 return Err(RecordingError::Orientation { sample, length });
             }
-            // What is normalised already keeps its bits, however often it is read and written.
+            // A quaternion that is already normalised keeps its bits, however often it is read and written.
             if (length - 1.0).abs() > 1e-12 {
                 pose.orientation = pose.orientation.map(|q| q / length);
             }
@@ -220,17 +224,17 @@ impl Recording {
         &self.acceleration_v
     }
 
-    /// What makes physical quantities of the readings.
+    /// Converts the readings to physical quantities.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
     }
 
-    /// What the hand did.
+    /// The hand's movement.
     pub fn gesture(&self) -> Gesture {
         self.gesture
     }
 
-    /// Where it came from.
+    /// Its origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
@@ -261,10 +265,10 @@ impl Calibration {
     }
 }
 
-/// What models are learned from: all quantities at one rate, from the same moment on.
+/// A processed recording, from which models are learned: all quantities have one rate and start at the same time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProcessedRecording {
-    // Shared, as minutes at 10 kHz are hundreds of megabytes.
+    // Shared, because minutes at 10 kHz take hundreds of megabytes.
     signals: Arc<Signals>,
     gesture: Gesture,
     provenance: Provenance,
@@ -273,23 +277,23 @@ pub struct ProcessedRecording {
 /// The signals of a [`ProcessedRecording`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Signals {
-    /// Samples a second of all of them.
+    /// Samples per second of all signals.
     pub rate_hz: f64,
-    /// High-passed and combined on one axis, m/s².
+    /// Acceleration, high-passed and reduced to one axis, m/s².
     pub acceleration_m_s2: Vec<f64>,
-    /// How hard the tool presses, N; positive in contact.
+    /// Normal force, N; positive in contact.
     pub force_normal_n: Vec<f64>,
-    /// Friction, N; positive against the motion. `None` where only the texture was recorded.
+    /// Friction force, N; positive against the motion. `None` if only the texture was recorded.
     pub force_tangential_n: Option<Vec<f64>>,
-    /// Of the tip, m/s.
+    /// Speed of the tip, m/s.
     pub speed_m_s: Vec<f64>,
-    /// The three axes that were combined, m/s², where they are known.
+    /// The three axes before the reduction, m/s², if known.
     pub axes_m_s2: Option<Vec<[f64; 3]>>,
 }
 
 impl ProcessedRecording {
-    /// Checked: the rate is positive, there are two samples at least and as many of every quantity, all finite, and no speed is
-    /// negative.
+    /// Checks that the rate is positive, all quantities have the same number of samples (at least two), all are finite,
+    /// and no speed is negative.
     pub fn new(signals: Signals, gesture: Gesture, provenance: Provenance) -> Result<Self, RecordingError> {
         let Signals { rate_hz, .. } = signals;
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
@@ -357,7 +361,7 @@ impl ProcessedRecording {
         &self.signals
     }
 
-    /// Samples a second.
+    /// Samples per second.
     pub fn rate_hz(&self) -> f64 {
         self.signals.rate_hz
     }
@@ -367,29 +371,29 @@ impl ProcessedRecording {
         self.signals.acceleration_m_s2.len()
     }
 
-    /// What the hand did.
+    /// The hand's movement.
     pub fn gesture(&self) -> Gesture {
         self.gesture
     }
 
-    /// Where it came from.
+    /// Its origin.
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 }
 
-/// A recording of either kind, as files hold them.
+/// A recording of either kind, as read from a file.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(clippy::large_enum_variant)] // a handful exist at a time, and their samples are elsewhere
 pub enum AnyRecording {
-    /// As the sensors gave it.
+    /// Raw.
     Raw(Recording),
-    /// Ready to learn from.
+    /// Processed, ready to learn from.
     Processed(ProcessedRecording),
 }
 
 impl AnyRecording {
-    /// What the hand did.
+    /// The hand's movement.
     pub fn gesture(&self) -> Gesture {
         match self {
             AnyRecording::Raw(recording) => recording.gesture,
@@ -397,7 +401,7 @@ impl AnyRecording {
         }
     }
 
-    /// Where it came from.
+    /// Its origin.
     pub fn provenance(&self) -> &Provenance {
         match self {
             AnyRecording::Raw(recording) => &recording.provenance,
@@ -405,7 +409,7 @@ impl AnyRecording {
         }
     }
 
-    /// The same recording of another gesture, for files that do not say what the hand did.
+    /// The same recording with another gesture, for files that do not state one.
     pub fn with_gesture(mut self, gesture: Gesture) -> Self {
         match &mut self {
             AnyRecording::Raw(recording) => recording.gesture = gesture,
@@ -419,18 +423,18 @@ fn all_finite(values: &[f64]) -> bool {
     values.iter().all(|x| x.is_finite())
 }
 
-/// Why numbers make no recording.
+/// An error in the samples or the calibration of a recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum RecordingError {
     #[error("the rate of the {quantity} is {} Hz; it must be a finite number above 0", shown(*rate_hz))]
     Rate { quantity: &'static str, rate_hz: f64 },
     #[error("the {quantity} starts at {start_s} s; that must be a finite number")]
     Start { quantity: &'static str, start_s: f64 },
-    #[error("the {quantity} has {samples} samples; a recording needs two at least")]
+    #[error("the {quantity} has {samples} samples; a recording needs at least two")]
     TooShort { quantity: &'static str, samples: usize },
     #[error(
-        "the {quantity} has {samples} samples where the acceleration has {expected}; all must have as many"
+        "the {quantity} has {samples} samples, but the acceleration has {expected}; all quantities must have the same number"
     )]
     Lengths {
         quantity: &'static str,
@@ -446,7 +450,7 @@ pub enum RecordingError {
     )]
     Orientation { sample: usize, length: f64 },
     #[error(
-        "the calibration is unusable: numbers must be finite, sensitivities not zero, and the force sensor's rotation an orthonormal right-handed matrix"
+        "the calibration is invalid: all numbers must be finite, sensitivities must not be zero, and the force sensor's rotation must be an orthonormal right-handed matrix"
     )]
     Calibration,
     #[error(

@@ -1,4 +1,4 @@
-//! In place of archives where there are no files, in a page: each says so.
+//! Replaces archives in a web page, which has no file system: every function returns an error.
 
 use super::{AnyRecording, Member, RawHead, ReadError};
 use std::fs::File;
@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 fn none() -> Error {
     Error::new(
         ErrorKind::Unsupported,
-        "a page keeps no archives of recordings; use CSV",
+        "a web page cannot read or write recording archives; use CSV",
     )
 }
 
-/// Would write a recording.
+/// Not available in a page.
 ///
 /// # Errors
 /// Always.
@@ -20,7 +20,7 @@ pub fn write_archive(_: &AnyRecording) -> Result<Vec<u8>> {
     Err(none())
 }
 
-/// Would read one.
+/// Not available in a page.
 ///
 /// # Errors
 /// Always.
@@ -28,15 +28,15 @@ pub fn read_archive(_: &[u8]) -> std::result::Result<AnyRecording, ReadError> {
     Err(ReadError::Archive(none().to_string()))
 }
 
-/// Would be a recording that is being made: there is none.
+/// A recording in progress; never constructed in a page.
 pub enum Spool {}
 
-/// Where it would be made.
+/// The folder of the spool.
 pub fn spool_folder(path: &Path) -> PathBuf {
     path.to_owned()
 }
 
-/// Would make an archive of it.
+/// Not available in a page.
 ///
 /// # Errors
 /// Always.
@@ -45,7 +45,7 @@ pub fn assemble(_: &Path, _: &Path) -> Result<()> {
 }
 
 impl Spool {
-    /// Would begin one.
+    /// Not available in a page.
     ///
     /// # Errors
     /// Always.
@@ -53,7 +53,7 @@ impl Spool {
         Err(none())
     }
 
-    /// Is never called.
+    /// Never called.
     ///
     /// # Errors
     /// None.
@@ -61,17 +61,17 @@ impl Spool {
         match *self {}
     }
 
-    /// Is never called.
+    /// Never called.
     ///
     /// # Errors
     /// None.
     pub fn flush(&mut self) -> Result<impl Iterator<Item = &File>> {
         match *self {}
-        #[expect(unreachable_code, reason = "says what it would be")]
+        #[expect(unreachable_code, reason = "never constructed")]
         Ok(std::iter::empty())
     }
 
-    /// Is never called.
+    /// Never called.
     ///
     /// # Errors
     /// None.

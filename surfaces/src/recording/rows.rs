@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, Read};
 use std::ops::Range;
 
-/// The header is looked for in so many rows; loggers write a preamble above it.
+/// Number of rows that are searched for the header; loggers write a preamble above it.
 pub(super) const HEADER_WITHIN: usize = 20;
 
-/// Reads rows. Empty lines and those that begin with `#` are passed over.
+/// Reads rows. It skips empty lines and lines that begin with `#`.
 pub(super) struct Rows<R> {
     source: R,
     delimiter: u8,
@@ -22,11 +22,11 @@ pub(super) struct Rows<R> {
     ahead: VecDeque<(u64, Vec<u8>)>,
 }
 
-/// What stands before the rows.
+/// The lines before the first row of data.
 pub(super) struct Head {
     /// Names of the columns.
     pub names: Vec<String>,
-    /// Units in the row below the header; empty where there is no such row.
+    /// Units in the row below the header; empty if there is no such row.
     pub units: Vec<String>,
     /// Line of the header, from 1.
     pub line: u64,
@@ -43,7 +43,7 @@ pub(super) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The cell in a column (from 0), without quotes and surrounding spaces; empty where the row is too short.
+    /// The cell in a column (from 0), without quotes and surrounding spaces; empty if the row is too short.
     pub fn cell(&self, column: usize) -> &[u8] {
         self.cells
             .get(column)
@@ -62,8 +62,8 @@ impl Row<'_> {
 }
 
 impl<R: BufRead> Rows<R> {
-    /// Reads up to the header, which is the line with most of the columns that are wanted, or else the one above the first numbers; and a
-    /// row of units below it. No name may be there twice. Lines that are not UTF-8 are Latin-1.
+    /// Reads the header and a row of units below it. The header is the line with most of the wanted columns, else the line
+    /// above the first numbers. Column names must be unique. Lines that are not UTF-8 are read as Latin-1.
     pub fn new(source: R, is_wanted: &dyn Fn(&str) -> bool) -> Result<(Self, Head), ReadError> {
         let mut rows = Self {
             source,
@@ -78,7 +78,7 @@ impl<R: BufRead> Rows<R> {
         while seen.iter().filter(is_row).count() < HEADER_WITHIN && rows.read_line()? {
             if !rows.text.is_empty() {
                 if rows.text.iter().any(|byte| is_control(*byte)) {
-                    return Err(rows.error("this is not text: is it a table?".to_owned()));
+                    return Err(rows.error("the file is not text, so it is not a CSV table".to_owned()));
                 }
                 seen.push((rows.line, rows.text.clone()));
             }
@@ -90,13 +90,13 @@ impl<R: BufRead> Rows<R> {
             let (first, second) = (candidates[first].0, candidates[second].0);
             rows.error_at(
                 first,
-                format!("lines {first} and {second} could both be the header; remove what does not belong to the table"),
+                format!("lines {first} and {second} could both be the header; remove the one that does not belong to the table"),
             )
         })?;
         let Some(&(line, _)) = candidates.get(header).copied() else {
             rows.text.clear();
             check_names(&[String::new()], rows.line.max(1))?;
-            return Err(rows.error("there is no header".to_owned()));
+            return Err(rows.error("the table has no header".to_owned()));
         };
         let mut notes = BTreeMap::new();
         for (_, text) in seen.iter().take_while(|(at, _)| *at < line) {
@@ -136,12 +136,12 @@ impl<R: BufRead> Rows<R> {
         }
         if !cells.iter().any(|cell| is_unit(cell)) {
             let message = format!(
-                "the row below the header holds no number and no unit: {}; remove it, and say units by --unit",
+                "the row below the header contains neither numbers nor units: {}; remove it, and give units with --unit",
                 listed(&cells)
             );
             return Err(self.error_at(*line, message));
         }
-        // An empty line is passed over.
+        // Skips an empty line.
         if let Some((_, text)) = place.and_then(|place| self.ahead.get_mut(place)) {
             text.clear();
         }
@@ -184,12 +184,12 @@ impl<R: BufRead> Rows<R> {
         self.line += 1;
         if read > MAX_LINE_BYTES {
             return Err(self.error(format!(
-                "the line is longer than {MAX_LINE_BYTES} bytes: is this a table?"
+                "the line is longer than {MAX_LINE_BYTES} bytes; check that the file is a table"
             )));
         }
         if self.line == 1 {
             if self.text.starts_with(b"\xff\xfe") || self.text.starts_with(b"\xfe\xff") {
-                return Err(self.error("this is UTF-16 text; save it as UTF-8".to_owned()));
+                return Err(self.error("the file is UTF-16 text; save it as UTF-8".to_owned()));
             }
             if self.text.starts_with(b"\xef\xbb\xbf") {
                 self.text.drain(..3);
@@ -215,7 +215,7 @@ impl<R: BufRead> Rows<R> {
     fn split(&mut self) -> Result<(), ReadError> {
         match split(&self.text, self.delimiter, &mut self.cells) {
             true => Ok(()),
-            false => Err(self.error("a quoted cell is not closed on its line".to_owned())),
+            false => Err(self.error("a quoted cell has no closing quote on its line".to_owned())),
         }
     }
 
@@ -228,7 +228,7 @@ impl<R: BufRead> Rows<R> {
     }
 }
 
-/// The cells of a line; false where a quote is not closed.
+/// Splits a line into cells; false if a quote is not closed.
 fn split(text: &[u8], delimiter: u8, cells: &mut Vec<Range<usize>>) -> bool {
     cells.clear();
     let (mut start, mut quoted) = (0, false);
@@ -251,9 +251,9 @@ fn texts(text: &[u8], delimiter: u8) -> Vec<String> {
     cells.into_iter().map(text).collect()
 }
 
-/// A line as text: UTF-8, or else Latin-1 (with the characters that Windows has beyond it).
+/// Decodes a line as UTF-8, else as Latin-1 with the extra characters of Windows-1252.
 pub fn decoded(line: &[u8]) -> Cow<'_, str> {
-    /// Those that are written in tables, of the 32 that differ.
+    /// The characters in tables among the 32 in which Windows-1252 differs from Latin-1.
     fn character(byte: u8) -> char {
         match byte {
             0x80 => '€',
@@ -273,11 +273,11 @@ fn is_control(byte: u8) -> bool {
     byte < 0x20 && !byte.is_ascii_whitespace() && byte != 0x0b
 }
 
-/// Which of the first rows is the header: that with most of the columns that are wanted; where none has one, the row above the first
-/// numbers that has as many cells, else the first. `split` gives the cells of a row, split as those of a header are.
+/// Finds the header among the first rows: the row with most of the wanted columns. If no row has any, it is the row above
+/// the first numbers that has as many cells, else the first row. `split` splits a row into cells as the header is split.
 ///
 /// # Errors
-/// Two rows that could both be it.
+/// Two rows that could both be the header.
 pub(super) fn header_of(
     rows: usize,
     split: &dyn Fn(usize, usize) -> Vec<String>,
@@ -322,7 +322,7 @@ fn is_number(cell: &str) -> bool {
     number(cell.as_bytes(), Scale::One).is_some() || cell.parse::<f64>().is_ok()
 }
 
-/// Whether most cells are filled, with words and no number.
+/// Whether most cells contain text and none contains a number.
 pub(super) fn is_without_numbers(cells: &[String]) -> bool {
     let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
     let is_word = |cell: &&String| {
@@ -333,7 +333,7 @@ pub(super) fn is_without_numbers(cells: &[String]) -> bool {
     2 * filled > cells.len() && 2 * words > filled && !cells.iter().any(|cell| is_number(cell))
 }
 
-/// Names for a message: not too many, and none too long.
+/// Joins names for a message; limits their number and length.
 pub(super) fn listed(names: &[String]) -> String {
     const MOST: usize = 30;
     let short = |name: &String| match name.chars().count() {
@@ -372,7 +372,7 @@ fn trimmed(text: &[u8], cell: Range<usize>) -> Range<usize> {
     }
 }
 
-/// What stands between the cells: whichever the header has most of.
+/// The cell separator: the candidate that occurs most often in the header.
 fn delimiter(header: &[u8]) -> u8 {
     let count = |delimiter: u8| header.iter().filter(|&&byte| byte == delimiter).count();
     [b',', b';', b'\t']
@@ -385,7 +385,7 @@ fn check_names(names: &[String], line: u64) -> Result<(), ReadError> {
     if names.iter().all(String::is_empty) {
         return Err(ReadError::Csv {
             line,
-            message: "there is no header: the file is empty".to_owned(),
+            message: "the file is empty".to_owned(),
         });
     }
     for (index, name) in names.iter().enumerate() {
@@ -395,7 +395,7 @@ fn check_names(names: &[String], line: u64) -> Result<(), ReadError> {
                 line,
                 column: index + 1,
                 message: format!(
-                    "{name} is there twice, in columns {} and {}; rename or remove one",
+                    "column name {name} occurs twice, in columns {} and {}; rename or remove one",
                     first + 1,
                     index + 1
                 ),
@@ -405,10 +405,10 @@ fn check_names(names: &[String], line: u64) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// Where the cell `column` (from 1) of a line begins, in characters from 1.
+/// The first character (from 1) of cell `column` (from 1) of a line.
 pub(super) fn cell_start(line: &[u8], column: usize) -> usize {
     let count = |delimiter: u8| line.iter().filter(|&&byte| byte == delimiter).count();
-    // Beside others, commas are decimal points.
+    // With another separator, commas are decimal points.
     let other = [b';', b'\t']
         .into_iter()
         .find(|&d| count(d) > 0 && 2 * count(d) >= count(b','));

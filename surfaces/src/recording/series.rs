@@ -2,19 +2,19 @@
 
 use super::RecordingError;
 
-/// Samples at an even rate, from a moment on.
+/// Samples at an even rate with a start time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series<T> {
-    /// Samples a second.
+    /// Samples per second.
     pub rate_hz: f64,
-    /// When the first sample was taken, s.
+    /// Time of the first sample, s.
     pub start_s: f64,
     /// The samples in order.
     pub samples: Vec<T>,
 }
 
 impl<T> Series<T> {
-    /// Samples from time zero on.
+    /// Samples that start at time zero.
     pub fn new(rate_hz: f64, samples: Vec<T>) -> Self {
         Self {
             rate_hz,
@@ -23,18 +23,18 @@ impl<T> Series<T> {
         }
     }
 
-    /// When sample `index` was taken, s.
+    /// Time of sample `index`, s.
     pub fn time_s(&self, index: usize) -> f64 {
         self.start_s + index as f64 / self.rate_hz
     }
 
-    /// When the last sample was taken, s.
+    /// Time of the last sample, s.
     pub fn end_s(&self) -> f64 {
         self.time_s(self.samples.len().saturating_sub(1))
     }
 
-    /// The sample before (or at) a time and how far the time is towards the next, 0 to 1; the first or last sample outside the
-    /// series, of which there must be one.
+    /// The sample at or before a time, and the fraction of the interval to the next, 0 to 1. Outside the series it is the
+    /// first or last sample; there must be at least one.
     pub(crate) fn place(&self, time_s: f64) -> (usize, f64) {
         let last = self.samples.len() - 1;
         let position = ((time_s - self.start_s) * self.rate_hz).clamp(0.0, last as f64);
@@ -78,7 +78,7 @@ impl<T> Series<T> {
 }
 
 impl Series<f64> {
-    /// The value at a time, linear between samples, the first or last value outside.
+    /// The value at a time: linear between samples, the first or last value outside.
     pub fn at(&self, time_s: f64) -> f64 {
         let (before, part) = self.place(time_s);
         let after = self.samples[(before + 1).min(self.samples.len() - 1)];
@@ -87,7 +87,7 @@ impl Series<f64> {
 }
 
 impl<const N: usize> Series<[f64; N]> {
-    /// The value at a time, linear between samples, the first or last value outside.
+    /// The value at a time: linear between samples, the first or last value outside.
     pub fn at(&self, time_s: f64) -> [f64; N] {
         let (before, part) = self.place(time_s);
         let (a, b) = (

@@ -1,6 +1,6 @@
-//! One signal from any CSV file with a header: a column of numbers, and how fast they follow one another where the file says so.
+//! Reads one signal from any CSV file with a header: a column of numbers, and its rate if the file states it.
 
-use super::csv::{SignalColumns, Table, Wanted, missing_columns};
+use super::csv::{ColumnSelection, SignalColumns, Table, missing_columns};
 use super::{ImportSettings, ReadError};
 use crate::learning::processing;
 use std::io::BufRead;
@@ -10,31 +10,31 @@ use std::io::BufRead;
 pub struct Column {
     /// Its name in the header; for combined axes, all three.
     pub name: String,
-    /// Its numbers, in SI where the name says the unit as in [`read_csv`](super::read_csv).
+    /// Its samples, in SI if the name contains the unit, as in [`read_csv`](super::read_csv).
     pub values: Vec<f64>,
-    /// Their unit, such as `m/s2`, where the name says it.
+    /// Their unit, such as `m/s2`, if the name contains it.
     pub unit: Option<&'static str>,
-    /// Samples a second, by a column `time_s` (or `time_ms`) or a line `# rate_hz: 10000` above the header.
+    /// Samples per second, from a column `time_s` (or `time_ms`) or a line `# rate_hz: 10000` above the header.
     pub rate_hz: Option<f64>,
 }
 
-/// The numbers of the column called `name` as they stand, whatever their unit. In the table of a raw recording, where slower sensors leave
-/// cells empty, these are passed over; elsewhere an empty cell is an error.
+/// Reads the column called `name` without unit conversion. In the table of a raw recording, where slower sensors leave
+/// cells empty, empty cells are skipped; elsewhere an empty cell is an error.
 pub fn read_column(source: impl BufRead, name: &str) -> Result<Vec<f64>, ReadError> {
-    Table::read(source, &ImportSettings::strict(), Wanted::AsItStands(name))?.as_it_stands()
+    Table::read(source, &ImportSettings::strict(), ColumnSelection::Unscaled(name))?.unscaled()
 }
 
-/// The signal in the column called `name`. Without a name: the acceleration (three axes are high-passed and combined as in learning), or
-/// the only column that is not time. Nothing is repaired; see [`load_signal`](super::load_signal).
+/// Reads the signal in the column called `name`. Without a name it reads the acceleration (three axes are high-passed and
+/// combined as in learning), or the only column that is not time. Nothing is repaired; see [`load_signal`](super::load_signal).
 pub fn read_signal(source: impl BufRead, name: Option<&str>) -> Result<Column, ReadError> {
     signal(&mut Table::read(
         source,
         &ImportSettings::strict(),
-        Wanted::Signal(name),
+        ColumnSelection::Signal(name),
     )?)
 }
 
-/// The signal of a table that was read for it.
+/// The signal of a table that was read with a `Signal` selection.
 pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
     let SignalColumns {
         name,
@@ -103,11 +103,11 @@ mod tests {
         );
         assert_eq!(
             error(b"# note\na,c\n1,2\n"),
-            "line 2: there is no column \"b\"; there are a, c"
+            "line 2: there is no column \"b\"; the columns are a, c"
         );
-        for nothing in [&b""[..], b"\n", b"# a note\n"] {
-            let told = error(nothing);
-            assert!(told.ends_with("the file is empty"), "{told}");
+        for empty in [&b""[..], b"\n", b"# a note\n"] {
+            let message = error(empty);
+            assert!(message.ends_with("the file is empty"), "{message}");
         }
     }
 
@@ -117,7 +117,7 @@ mod tests {
         let error = read_column(&text[..], "c").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "line 2, column 3: a is there twice, in columns 1 and 3; rename or remove one"
+            "line 2, column 3: column name a occurs twice, in columns 1 and 3; rename or remove one"
         );
         let place = error.place(text).unwrap();
         assert_eq!((place.line, place.column), (2, 6));
@@ -167,7 +167,7 @@ mod tests {
         let error = read_signal(&b"a,b\n1,2\n"[..], None).unwrap_err().to_string();
         assert_eq!(
             error,
-            "line 1: which column is the signal? Say it by --column; there are a, b"
+            "line 1: cannot choose the signal; select a column with --column: a, b"
         );
     }
 

@@ -1,6 +1,6 @@
-//! A recording that is written while it is made, in memory of a constant size: a folder with the archive's head and one
-//! file of little-endian doubles for each array, of which the archive is made at the end. What a dead process left
-//! becomes the same archive by [`assemble`].
+//! Writes a recording to disk during recording, in constant memory: a folder with the archive's head and one file of
+//! little-endian doubles for each array. The archive is assembled from it at the end. [`assemble`] recovers the archive
+//! after the process was killed.
 
 use super::archive::{MAX_HEAD_BYTES, raw_head};
 use super::{Member, RawHead};
@@ -25,7 +25,7 @@ const fn array(name: &'static str, row: u64, sensor: usize) -> Array {
     Array { name, row, sensor }
 }
 
-/// In the order of the archive.
+/// The arrays in the order of the archive.
 const ARRAYS: [Array; 5] = [
     array("position_m", 3, 0),
     array("orientation", 4, 0),
@@ -34,13 +34,13 @@ const ARRAYS: [Array; 5] = [
     array("acceleration_v", 3, 2),
 ];
 
-/// A recording that is being made.
+/// A recording in progress.
 pub struct Spool {
     folder: PathBuf,
     files: Vec<BufWriter<File>>,
 }
 
-/// The spool's folder of the recording that will be at `path`.
+/// The spool folder of the recording at `path`.
 pub fn spool_folder(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
@@ -48,10 +48,10 @@ pub fn spool_folder(path: &Path) -> PathBuf {
 }
 
 impl Spool {
-    /// Begins the recording that will be at `path`, in a folder beside it.
+    /// Starts the recording at `path`, in a folder beside it.
     ///
     /// # Errors
-    /// What the file system says; also where there is such a folder already.
+    /// An error of the file system, or if the folder already exists.
     pub fn create(path: &Path, head: &RawHead<'_>) -> io::Result<Self> {
         let folder = spool_folder(path);
         fs::create_dir(&folder)?;
@@ -64,25 +64,25 @@ impl Spool {
     /// Appends numbers to an array.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn write(&mut self, member: Member, numbers: &[f64]) -> io::Result<()> {
         let file = &mut self.files[member as usize];
         numbers.iter().try_for_each(|x| file.write_all(&x.to_le_bytes()))
     }
 
-    /// Hands what waits to the system; the files, for those who want it on the disk.
+    /// Flushes the buffers and returns the files, so that the caller can sync them.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn flush(&mut self) -> io::Result<impl Iterator<Item = &File>> {
         self.files.iter_mut().try_for_each(BufWriter::flush)?;
         Ok(self.files.iter().map(BufWriter::get_ref))
     }
 
-    /// Makes the archive at `path` and removes the spool; where that fails the spool stays.
+    /// Assembles the archive at `path` and removes the spool; the spool remains if that fails.
     ///
     /// # Errors
-    /// What the file system says, or that there is too little for a recording.
+    /// An error of the file system, or too few samples.
     pub fn finish(mut self, path: &Path) -> io::Result<()> {
         self.files.iter_mut().try_for_each(BufWriter::flush)?;
         drop(self.files);
@@ -95,10 +95,10 @@ fn file(folder: &Path, array: &Array) -> PathBuf {
     folder.join(format!("{}.f64", array.name))
 }
 
-/// Makes the archive at `path` of what is in a spool's folder, complete or not at all. The spool stays.
+/// Assembles the archive at `path` from a spool folder, atomically. The spool remains.
 ///
 /// # Errors
-/// What the file system says, that the folder is no spool, or that there is too little in it for a recording.
+/// An error of the file system, a folder that is not a spool, or too few samples.
 pub fn assemble(folder: &Path, path: &Path) -> io::Result<()> {
     let head = files::read(&folder.join(HEAD), MAX_HEAD_BYTES)?;
     let mut rows = [u64::MAX; 3];

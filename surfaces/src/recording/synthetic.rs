@@ -1,4 +1,4 @@
-//! Made-up recordings for tests: a tool led over a tilted plane with forces, speeds and vibrations known in closed form.
+//! Synthetic recordings for tests: a tool moves over a tilted plane with forces, speeds and vibrations known in closed form.
 
 use super::{Calibration, Gesture, Pose, ProcessedRecording, Recording, Series, Signals, Wrench};
 use crate::{Origin, Provenance};
@@ -23,19 +23,19 @@ pub fn tangents() -> [Vector3<f64>; 2] {
     [first, normal().cross(&first)]
 }
 
-/// What a made-up tool does at a moment.
+/// The state of the tool at one time.
 pub struct Moment {
-    /// Of the tip from the plane's origin: along both tangents and the normal, m.
+    /// Position of the tip from the plane's origin: along both tangents and the normal, m.
     pub place_m: [f64; 3],
-    /// On the tool, along the normal, N.
+    /// Force on the tool along the normal, N.
     pub push_n: f64,
-    /// On the tool, along both tangents, N.
+    /// Force on the tool along both tangents, N.
     pub friction_n: [f64; 2],
-    /// Of the tool, in the world, gravity left out, m/s².
+    /// Acceleration of the tool in the world, without gravity, m/s².
     pub vibration_m_s2: [f64; 3],
 }
 
-/// A raw recording of a tool that leans and turns while it does what `moment` says, by sensors with odd calibrations.
+/// A raw recording of a tool that tilts and turns while it follows `moment`, by sensors with unusual calibrations.
 pub fn raw(
     seconds: f64,
     gesture: Gesture,
@@ -92,7 +92,7 @@ pub fn raw(
     .unwrap()
 }
 
-/// A circle of radius `radius_m` at `turns_hz` turns a second under a constant push, with friction coefficient `mu`.
+/// A circle of radius `radius_m` at `turns_hz` turns per second under a constant push, with friction coefficient `mu`.
 pub fn circle(seconds: f64, radius_m: f64, turns_hz: f64, push_n: f64, mu: f64) -> Recording {
     raw(seconds, Gesture::Circle, TRACKER_HZ, |t| {
         let angle = std::f64::consts::TAU * turns_hz * t;

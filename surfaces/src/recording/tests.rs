@@ -130,14 +130,14 @@ fn what_is_wrong_with_a_table_is_said_with_its_line() {
     let head = "time_s,accel_m_s2,force_normal_n,speed_mm_s\n";
     assert!(error("").contains("the file is empty"));
     assert!(error("time_s,accel_m_s2,force_normal_n,speed_kmh\n").contains("speed_m_s or speed_mm_s"));
-    assert!(error("time_s,accel_m_s2\n0,1\n0.1,1\n").contains("missing: force_normal, speed."));
+    assert!(error("time_s,accel_m_s2\n0,1\n0.1,1\n").contains("missing columns: force_normal, speed."));
     assert!(error(&format!("{head}0,1,1,1\n0.1,x,1,1\n")).contains("line 3, column 2: \"x\" in accel"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,inf,1,1\n")).contains("not a finite number"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,,1,1\n")).contains("line 3: accel is missing"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,1,1\n")).contains("line 3"));
     assert!(error(&format!("{head}0,1,1,1\n0.1,1,1,1\n0.5,1,1,1\n0.6,1,1,1\n")).contains("time jumps"));
     assert!(error(&format!("{head}0,1,1,1\n")).contains("two samples"));
-    assert!(error("# gesture: wave\ntime_s\n").contains("known are drag"));
+    assert!(error("# gesture: wave\ntime_s\n").contains("expected one of: drag"));
 }
 
 #[test]

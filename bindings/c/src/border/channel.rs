@@ -1,17 +1,17 @@
 //! Inputs and outputs.
 
-use super::memory::{self, Answer};
+use super::memory::{self, OutPointer};
 use super::{Graph, Input, Output, Status};
-use crate::channels::{self, When};
+use crate::channels::{self, FrameTime};
 use crate::failure::{Failure, guard, guard_realtime};
-use crate::table::{self, Entry, What};
+use crate::table::{self, Entry, ObjectKind};
 use haptograph_engine::host::AnyOutput;
 use std::ffi::c_char;
 use std::sync::Mutex;
 
-/// Gives the caller's end of a channel that nodes read: "stylus.position", or "hand" where that endpoint has one channel.
-/// `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR or HAPTOGRAPH_WRENCH; another shape than the channel's is an error.
-/// The input is the caller's, to be freed by haptograph_input_free(), and outlives the graph. Any thread; not real-time.
+/// Opens an input: the caller's end of a channel that nodes read, "stylus.position", or "hand" if that endpoint has one
+/// channel. `components`: HAPTOGRAPH_SCALAR, HAPTOGRAPH_VECTOR or HAPTOGRAPH_WRENCH; it must be the shape of the channel.
+/// The caller frees the input with haptograph_input_free(); it outlives the graph. Any thread; not real-time.
 ///
 /// # Safety
 /// `name` is null or a text that ends with 0; `input` is null or of room for a handle.
@@ -24,18 +24,18 @@ pub unsafe extern "C" fn haptograph_graph_input(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::to(input)? };
+        let out = unsafe { OutPointer::required(input)? };
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::graph(graph.id, |graph| channels::input(graph, name, components))?;
         let id = table::insert(Entry::Input(Box::new(Mutex::new(made))))?;
-        answer.write(Input { id });
+        out.write(Input { id });
         Ok(())
     })
 }
 
-/// Gives the caller's end of a channel that nodes drive; what it gets has passed the sink's limits. As
-/// haptograph_graph_input() otherwise.
+/// Opens an output: the caller's end of a channel that nodes write. Its frames have passed the sink's limits. Otherwise
+/// like haptograph_graph_input().
 ///
 /// # Safety
 /// As of haptograph_graph_input.
@@ -48,12 +48,12 @@ pub unsafe extern "C" fn haptograph_graph_output(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::to(output)? };
+        let out = unsafe { OutPointer::required(output)? };
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::graph(graph.id, |graph| channels::output(graph, name, components))?;
         let id = table::insert(Entry::Output(Box::new(Mutex::new(made))))?;
-        answer.write(Output { id });
+        out.write(Output { id });
         Ok(())
     })
 }
@@ -61,17 +61,17 @@ pub unsafe extern "C" fn haptograph_graph_output(
 /// Frees an input. Any thread; not real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_input_free(input: Input) -> Status {
-    guard(|| table::free(input.id, What::Input))
+    guard(|| table::free(input.id, ObjectKind::Input))
 }
 
 /// Frees an output. Any thread; not real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_output_free(output: Output) -> Status {
-    guard(|| table::free(output.id, What::Output))
+    guard(|| table::free(output.id, ObjectKind::Output))
 }
 
-/// From its next tick on the channel has this value. `length`: how many numbers, the components of the channel or whole
-/// frames of them, of which the last counts. One thread at a time; real-time.
+/// Sets the value of the channel from its next tick on. `length`: number of values, the components of one frame or of
+/// several frames, of which the last one is used. One thread at a time; real-time.
 ///
 /// # Safety
 /// `values` is null or of `length` numbers.
@@ -80,12 +80,12 @@ pub unsafe extern "C" fn haptograph_input_set(input: Input, values: *const f64, 
     guard_realtime(|| {
         // SAFETY: what the header asks of it.
         let values = unsafe { memory::values(values, length)? };
-        table::input(input.id, |input| channels::give(input, When::Now, values).1)
+        table::input(input.id, |input| channels::write(input, FrameTime::Now, values).1)
     })
 }
 
-/// The same from `seconds` of the run on, at the first tick at or after that time. Values come in the order of their
-/// times. One thread at a time; real-time.
+/// Sets the value of the channel at the first tick at or after `seconds` of the run. Times must not decrease from call to
+/// call. One thread at a time; real-time.
 ///
 /// # Safety
 /// As of haptograph_input_set.
@@ -100,14 +100,14 @@ pub unsafe extern "C" fn haptograph_input_set_at(
         // SAFETY: what the header asks of it.
         let values = unsafe { memory::values(values, length)? };
         table::input(input.id, |input| {
-            channels::give(input, When::At(seconds), values).1
+            channels::write(input, FrameTime::At(seconds), values).1
         })
     })
 }
 
-/// Frames for the next ticks that have none yet: a signal. `length`: how many numbers, whole frames. `pushed`: how many
-/// frames found room, also where the call ends in HAPTOGRAPH_STATUS_FULL or HAPTOGRAPH_STATUS_NOT_FINITE; or null. One
-/// thread at a time; real-time.
+/// Queues frames of a signal, one for each of the next ticks without a frame. `length`: number of values, whole frames.
+/// `pushed`: number of frames queued, also if the call returns HAPTOGRAPH_STATUS_FULL or HAPTOGRAPH_STATUS_NOT_FINITE; or
+/// null. One thread at a time; real-time.
 ///
 /// # Safety
 /// `values` is null or of `length` numbers; `pushed` is null or of room for a number.
@@ -120,21 +120,20 @@ pub unsafe extern "C" fn haptograph_input_push(
 ) -> Status {
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::maybe_to(pushed)? };
-        answer.write(0);
+        let out = unsafe { OutPointer::optional(pushed)? };
+        out.write(0);
         // SAFETY: as above.
         let values = unsafe { memory::values(values, length)? };
         table::input(input.id, |input| {
-            let (count, ended) = channels::give(input, When::Next, values);
-            answer.write(count);
+            let (count, ended) = channels::write(input, FrameTime::Next, values);
+            out.write(count);
             ended
         })
     })
 }
 
-/// Fills all of `values` with the oldest frames that were not read, and with zeros where there are no more. `length`: for
-/// how many numbers there is room, whole frames. `read`: how many frames there were, or null. One thread at a time;
-/// real-time.
+/// Fills `values` with the oldest unread frames, and with zeros after the last one. `length`: capacity of `values`, whole
+/// frames. `read`: number of frames read, or null. One thread at a time; real-time.
 ///
 /// # Safety
 /// `values` is null or of room for `length` numbers; `read` is null or of room for a number.
@@ -147,16 +146,16 @@ pub unsafe extern "C" fn haptograph_output_read(
 ) -> Status {
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::maybe_to(read)? };
-        answer.write(0);
+        let out = unsafe { OutPointer::optional(read)? };
+        out.write(0);
         // SAFETY: as above.
         let values = unsafe { memory::room(values, length)? };
-        table::output(output.id, |output| channels::read(output, values)).map(|count| answer.write(count))
+        table::output(output.id, |output| channels::read(output, values)).map(|count| out.write(count))
     })
 }
 
-/// What is known of a channel's handle: its components, the rate of its ticks (Hz) and the frames that wait in it; each
-/// may be null. One thread at a time; real-time.
+/// Returns the components of a channel, its tick rate (Hz) and the number of queued frames; each pointer may be null. One
+/// thread at a time; real-time.
 ///
 /// # Safety
 /// Each pointer is null or of room for a number.
@@ -169,16 +168,16 @@ pub unsafe extern "C" fn haptograph_input_about(
 ) -> Status {
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer.
-        let about = unsafe { About::to(components, rate_hz, waiting)? };
+        let info = unsafe { ChannelInfo::to(components, rate_hz, waiting)? };
         let found = table::input(input.id, |input| {
             Ok((input.kind().width(), input.rate().hz(), input.waiting()))
         })?;
-        about.write(found);
+        info.write(found);
         Ok(())
     })
 }
 
-/// As haptograph_input_about().
+/// Like haptograph_input_about().
 ///
 /// # Safety
 /// As of haptograph_input_about.
@@ -191,27 +190,27 @@ pub unsafe extern "C" fn haptograph_output_about(
 ) -> Status {
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer.
-        let about = unsafe { About::to(components, rate_hz, waiting)? };
+        let info = unsafe { ChannelInfo::to(components, rate_hz, waiting)? };
         let found = table::output(output.id, |output| {
             Ok((output.kind().width(), output.rate().hz(), output.waiting()))
         })?;
-        about.write(found);
+        info.write(found);
         Ok(())
     })
 }
 
-struct About(Answer<u32>, Answer<f64>, Answer<usize>);
+struct ChannelInfo(OutPointer<u32>, OutPointer<f64>, OutPointer<usize>);
 
-impl About {
+impl ChannelInfo {
     /// # Safety
-    /// Each pointer is null or of room for a number that nobody else uses until the answers are written.
+    /// Each pointer is null or of room for a number that nobody else uses until the results are written.
     unsafe fn to(components: *mut u32, rate_hz: *mut f64, waiting: *mut usize) -> Result<Self, Status> {
         // SAFETY: the condition of this function, for all three.
         let to = unsafe {
             (
-                Answer::maybe_to(components)?,
-                Answer::maybe_to(rate_hz)?,
-                Answer::maybe_to(waiting)?,
+                OutPointer::optional(components)?,
+                OutPointer::optional(rate_hz)?,
+                OutPointer::optional(waiting)?,
             )
         };
         Ok(Self(to.0, to.1, to.2))
@@ -224,7 +223,7 @@ impl About {
     }
 }
 
-/// For probes, which come from a player.
+/// Stores the output of a probe.
 pub(super) fn insert(made: Result<AnyOutput, Failure>) -> Result<Output, Failure> {
     let id = table::insert(Entry::Output(Box::new(Mutex::new(made?))))?;
     Ok(Output { id })

@@ -1,24 +1,24 @@
 //! Graphs.
 
-use super::memory::{self, Answer};
+use super::memory::{self, OutPointer};
 use super::{Channel, Graph, GraphOptions, Status};
 use crate::failure::{Failure, guard};
-use crate::graphs::{self, Direction, Text, Wanted};
-use crate::table::{self, What};
+use crate::graphs::{self, Direction, GraphRequest, Text};
+use crate::table::{self, ObjectKind};
 use std::ffi::c_char;
 use std::path::Path;
 
 /// # Safety
 /// The lists and texts in `options` are as the header says.
-unsafe fn wanted<'a>(options: &GraphOptions) -> Result<Wanted<'a>, Failure> {
+unsafe fn request<'a>(options: &GraphOptions) -> Result<GraphRequest<'a>, Failure> {
     // SAFETY: the condition of this function; so it is with each below.
     let set = unsafe { memory::texts("set", options.set, options.set_count)? };
     // SAFETY: as above.
-    let endpoints = unsafe { memory::maybe_text("endpoints", options.endpoints)? };
+    let endpoints = unsafe { memory::optional_text("endpoints", options.endpoints)? };
     let hosted = (!options.hosted.is_null())
         // SAFETY: as above.
         .then(|| unsafe { memory::texts("hosted", options.hosted, options.hosted_count) });
-    Ok(Wanted {
+    Ok(GraphRequest {
         set,
         endpoints,
         hosted: hosted.transpose()?,
@@ -26,11 +26,11 @@ unsafe fn wanted<'a>(options: &GraphOptions) -> Result<Wanted<'a>, Failure> {
     })
 }
 
-/// Reads and checks a graph file. The graph is the caller's, to be freed by haptograph_graph_free(); nothing of the
-/// arguments is kept. Any thread; not real-time.
+/// Reads and checks a graph file. The caller frees the graph with haptograph_graph_free(). The library keeps no pointer to
+/// the arguments. Any thread; not real-time.
 ///
-/// `path`: of the file; what it names is looked for beside it. `options`: null for none. `graph`: where the handle goes.
-/// HAPTOGRAPH_STATUS_GRAPH: the graph has errors, which haptograph_last_error_rendered() shows.
+/// `path`: the file; paths in it are relative to its folder. `options`: null for the defaults. `graph`: receives the handle.
+/// HAPTOGRAPH_STATUS_GRAPH: the graph has errors; haptograph_last_error_rendered() returns them.
 ///
 /// # Safety
 /// Every pointer that is not null points to what its type says, texts end with 0.
@@ -42,19 +42,19 @@ pub unsafe extern "C" fn haptograph_graph_open(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is with each below.
-        let answer = unsafe { Answer::to(graph)? };
+        let out = unsafe { OutPointer::required(graph)? };
         // SAFETY: as above.
         let path = unsafe { memory::path("path", path)? };
         // SAFETY: as above.
-        let wanted = unsafe { wanted(&memory::options(options)?)? };
-        let id = graphs::open(&Text::File(path), &wanted)?;
-        answer.write(Graph { id });
+        let request = unsafe { request(&memory::options(options)?)? };
+        let id = graphs::open(&Text::File(path), &request)?;
+        out.write(Graph { id });
         Ok(())
     })
 }
 
-/// The same from a text in memory of `length` bytes, UTF-8, which need not end with 0. `name`: of the file that it stands
-/// for, in messages and for what it includes; null: "graph.ron" in the working folder. Any thread; not real-time.
+/// Reads and checks a graph from `length` bytes of UTF-8 text, which need not end with 0. `name`: the file name for
+/// messages and relative paths; null: "graph.ron" in the working folder. Any thread; not real-time.
 ///
 /// # Safety
 /// As of haptograph_graph_open; `text` has `length` bytes.
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn haptograph_graph_parse(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is with each below.
-        let answer = unsafe { Answer::to(graph)? };
+        let out = unsafe { OutPointer::required(graph)? };
         // SAFETY: as above.
         let text = unsafe { memory::sized_text("text", text, length)? };
         let name = match name.is_null() {
@@ -77,20 +77,20 @@ pub unsafe extern "C" fn haptograph_graph_parse(
             false => unsafe { memory::path("name", name)? },
         };
         // SAFETY: as above.
-        let wanted = unsafe { wanted(&memory::options(options)?)? };
-        let id = graphs::open(&Text::Here(text, name), &wanted)?;
-        answer.write(Graph { id });
+        let request = unsafe { request(&memory::options(options)?)? };
+        let id = graphs::open(&Text::Memory(text, name), &request)?;
+        out.write(Graph { id });
         Ok(())
     })
 }
 
-/// Frees a graph. Inputs, outputs and players of it go on. Any thread; not real-time.
+/// Frees a graph. Its inputs, outputs and players stay valid. Any thread; not real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_graph_free(graph: Graph) -> Status {
-    guard(|| table::free(graph.id, What::Graph))
+    guard(|| table::free(graph.id, ObjectKind::Graph))
 }
 
-/// Frames a second that haptograph_player_process() counts in, Hz. Any thread; not real-time.
+/// Returns the rate of the driver frames that haptograph_player_process() counts, Hz. Any thread; not real-time.
 ///
 /// # Safety
 /// `rate_hz` is null or of room for a number.
@@ -98,15 +98,15 @@ pub extern "C" fn haptograph_graph_free(graph: Graph) -> Status {
 pub unsafe extern "C" fn haptograph_graph_rate(graph: Graph, rate_hz: *mut f64) -> Status {
     guard(|| {
         // SAFETY: what the header asks of it.
-        let answer = unsafe { Answer::to(rate_hz)? };
+        let out = unsafe { OutPointer::required(rate_hz)? };
         let rate_hz = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::rate_hz(graph)))?;
-        answer.write(rate_hz);
+        out.write(rate_hz);
         Ok(())
     })
 }
 
-/// The warnings of a graph as on a terminal: copies at most `capacity` bytes and ends them with 0. `length`: how many
-/// bytes there are without that 0, or null. Any thread; not real-time.
+/// Copies the warnings of a graph, as printed on a terminal: at most `capacity` bytes with a final 0. `length`: the full
+/// length in bytes without the 0, or null. Any thread; not real-time.
 ///
 /// # Safety
 /// `text` is null or of room for `capacity` bytes; `length` is null or of room for a number.
@@ -119,9 +119,9 @@ pub unsafe extern "C" fn haptograph_graph_warnings(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of it; so it is with each below.
-        let answer = unsafe { Answer::maybe_to(length)? };
+        let out = unsafe { OutPointer::optional(length)? };
         let found = table::graph(graph.id, |graph| Ok::<_, Failure>(graphs::warnings(graph)))?;
-        answer.write(found.len());
+        out.write(found.len());
         if capacity == 0 {
             return Ok(());
         }
@@ -131,15 +131,15 @@ pub unsafe extern "C" fn haptograph_graph_warnings(
             .map(|byte| *byte as c_char)
             .collect();
         let ended: Vec<c_char> = bytes.into_iter().chain([0]).collect();
-        // SAFETY: as above. Nobody wants to know how many these are.
-        let unwanted = unsafe { Answer::maybe_to(std::ptr::null_mut())? };
+        // SAFETY: as above. The number is not needed.
+        let discarded = unsafe { OutPointer::optional(std::ptr::null_mut())? };
         // SAFETY: as above.
-        unsafe { memory::copy(&ended, (text, capacity), &unwanted) }.map_err(Into::into)
+        unsafe { memory::copy(&ended, (text, capacity), &discarded) }.map_err(Into::into)
     })
 }
 
-/// The channels that nodes read and this program feeds: copies at most `capacity` of them. `count`: how many there are,
-/// or null. Any thread; not real-time.
+/// Copies at most `capacity` of the channels that nodes read and this program feeds. `count`: the full number, or null. Any
+/// thread; not real-time.
 ///
 /// # Safety
 /// `channels` is null or of room for `capacity` of them; `count` is null or of room for a number.
@@ -154,7 +154,7 @@ pub unsafe extern "C" fn haptograph_graph_inputs(
     guard(|| unsafe { list(graph, Direction::In, (channels, capacity), count) })
 }
 
-/// The channels that nodes drive and this program hears: as haptograph_graph_inputs().
+/// Copies the channels that nodes write and this program reads, like haptograph_graph_inputs().
 ///
 /// # Safety
 /// As of haptograph_graph_inputs.
@@ -178,7 +178,7 @@ unsafe fn list(
     count: *mut usize,
 ) -> Result<(), Failure> {
     // SAFETY: the condition of this function; so it is below.
-    let answer = unsafe { Answer::maybe_to(count)? };
+    let out = unsafe { OutPointer::optional(count)? };
     let found = table::graph(graph.id, |graph| {
         Ok::<_, Failure>(graphs::channels(graph, direction))
     })?;
@@ -189,10 +189,10 @@ unsafe fn list(
     };
     let found: Vec<Channel> = found.iter().map(shown).collect();
     // SAFETY: as above.
-    unsafe { memory::copy(&found, channels, &answer) }.map_err(Into::into)
+    unsafe { memory::copy(&found, channels, &out) }.map_err(Into::into)
 }
 
-/// The bytes of the whole characters in so much room.
+/// The number of bytes of whole characters that fit into `room`.
 fn boundary(text: &str, room: usize) -> usize {
     (0..=room.min(text.len()))
         .rev()
@@ -200,7 +200,7 @@ fn boundary(text: &str, room: usize) -> usize {
         .unwrap_or(0)
 }
 
-/// As much of a text as finds room, ended with 0.
+/// As much of a text as fits, with a final 0.
 fn fixed<const ROOM: usize>(text: &str) -> [c_char; ROOM] {
     let mut fixed = [0; ROOM];
     let cut = boundary(text, ROOM - 1);

@@ -1,5 +1,5 @@
-//! From pointers to what safe code takes. Null and misaligned pointers, and lengths that no memory has, are refused; that
-//! the others point to what they say is the caller's duty, by the header.
+//! Converts C pointers to Rust types. Null and misaligned pointers and impossible lengths are refused; the caller
+//! guarantees that other pointers are valid, as the header states.
 
 use crate::border::{GraphOptions, PlayOptions, Status};
 use crate::failure::Failure;
@@ -7,14 +7,14 @@ use std::ffi::{CStr, c_char};
 use std::mem::MaybeUninit;
 use std::path::Path;
 
-/// More texts in a list are taken for a mistake.
-const MOST_TEXTS: usize = 1 << 16;
+/// Most texts in a list.
+const MAX_TEXTS: usize = 1 << 16;
 
 fn refused(what: &str, why: &str) -> Failure {
     Failure::new(Status::Argument, format_args!("`{what}` {why}"))
 }
 
-/// A text of the caller's.
+/// Reads a text of the caller.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of bytes that end with 0 and stay as they are for `'a`.
@@ -26,28 +26,28 @@ pub unsafe fn bytes<'a>(what: &str, pointer: *const c_char) -> Result<&'a CStr, 
     Ok(unsafe { CStr::from_ptr(pointer) })
 }
 
-/// A text in UTF-8.
+/// Reads a UTF-8 text.
 ///
 /// # Safety
 /// As of [`bytes`].
 pub unsafe fn text<'a>(what: &str, pointer: *const c_char) -> Result<&'a str, Failure> {
     // SAFETY: this function's own condition.
     let bytes = unsafe { bytes(what, pointer)? };
-    bytes.to_str().map_err(|_| refused(what, "is no UTF-8"))
+    bytes.to_str().map_err(|_| refused(what, "is not UTF-8"))
 }
 
-/// A text in UTF-8, or none.
+/// Reads a UTF-8 text that may be null.
 ///
 /// # Safety
 /// As of [`bytes`].
-pub unsafe fn maybe_text<'a>(what: &str, pointer: *const c_char) -> Result<Option<&'a str>, Failure> {
+pub unsafe fn optional_text<'a>(what: &str, pointer: *const c_char) -> Result<Option<&'a str>, Failure> {
     // SAFETY: this function's own condition.
     (!pointer.is_null())
         .then(|| unsafe { text(what, pointer) })
         .transpose()
 }
 
-/// A path: on Unix any bytes, elsewhere UTF-8.
+/// Reads a path: any bytes on Unix, UTF-8 elsewhere.
 ///
 /// # Safety
 /// As of [`bytes`].
@@ -66,7 +66,7 @@ pub unsafe fn path<'a>(what: &str, pointer: *const c_char) -> Result<&'a Path, F
     }
 }
 
-/// A text with a length.
+/// Reads a UTF-8 text of a given length.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of `length` bytes that stay as they are for `'a`.
@@ -75,14 +75,14 @@ pub unsafe fn sized_text<'a>(what: &str, pointer: *const c_char, length: usize) 
         return Err(refused(what, "is null"));
     }
     if length > isize::MAX as usize {
-        return Err(refused(what, "is longer than any memory"));
+        return Err(refused(what, "is longer than the address space"));
     }
     // SAFETY: bytes are aligned anywhere, it is not null, and the length was checked; the rest is the condition.
     let bytes = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>(), length) };
-    std::str::from_utf8(bytes).map_err(|_| refused(what, "is no UTF-8"))
+    std::str::from_utf8(bytes).map_err(|_| refused(what, "is not UTF-8"))
 }
 
-/// A list of texts in UTF-8; of none, it may be null.
+/// Reads a list of UTF-8 texts; an empty list may be null.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of `count` pointers, each as of [`bytes`].
@@ -97,7 +97,7 @@ pub unsafe fn texts<'a>(
     if pointer.is_null() || !pointer.is_aligned() {
         return Err(refused(what, "is null or misaligned"));
     }
-    if count > MOST_TEXTS {
+    if count > MAX_TEXTS {
         return Err(refused(what, "has more than 65536 texts"));
     }
     // SAFETY: not null, aligned, and short; that there are so many is the condition.
@@ -113,7 +113,7 @@ fn has_memory(pointer: *const f64, length: usize) -> bool {
     !pointer.is_null() && pointer.is_aligned() && length <= isize::MAX as usize / size_of::<f64>()
 }
 
-/// Values of the caller's. Real-time.
+/// Reads values of the caller. Real-time.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of `length` values that stay as they are for `'a`.
@@ -125,7 +125,7 @@ pub unsafe fn values<'a>(pointer: *const f64, length: usize) -> Result<&'a [f64]
     Ok(unsafe { std::slice::from_raw_parts(pointer, length) })
 }
 
-/// Room for values of the caller's. Real-time.
+/// A buffer of the caller for values. Real-time.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of room for `length` values that nobody else uses for `'a`.
@@ -137,49 +137,50 @@ pub unsafe fn room<'a>(pointer: *mut f64, length: usize) -> Result<&'a mut [Mayb
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), length) })
 }
 
-/// Where an answer goes.
-pub struct Answer<T>(*mut T);
+/// A pointer to which the call writes a result.
+pub struct OutPointer<T>(*mut T);
 
-impl<T: Copy> Answer<T> {
-    /// A place that has to be there.
+impl<T: Copy> OutPointer<T> {
+    /// A pointer that must not be null.
     ///
     /// # Safety
-    /// Unless it is null, `pointer` is of room for a `T` that nobody else uses until the answer is written.
-    pub unsafe fn to(pointer: *mut T) -> Result<Self, Status> {
+    /// Unless it is null, `pointer` has room for a `T` that nobody else uses until the result is written.
+    pub unsafe fn required(pointer: *mut T) -> Result<Self, Status> {
         match pointer.is_null() || !pointer.is_aligned() {
             true => Err(Status::Argument),
             false => Ok(Self(pointer)),
         }
     }
 
-    /// A place that may be null, for answers that are not wanted.
+    /// A pointer that may be null if the caller does not need the result.
     ///
     /// # Safety
     /// As of [`Self::to`].
-    pub unsafe fn maybe_to(pointer: *mut T) -> Result<Self, Status> {
+    pub unsafe fn optional(pointer: *mut T) -> Result<Self, Status> {
         match pointer.is_aligned() {
             true => Ok(Self(pointer)),
             false => Err(Status::Argument),
         }
     }
 
-    /// Writes it.
+    /// Writes the result unless the pointer is null.
     pub fn write(&self, value: T) {
         if !self.0.is_null() {
-            // SAFETY: it is aligned and not null; the rest whoever made this has answered for.
+            // SAFETY: it is aligned and not null; the constructor's caller guaranteed the rest.
             unsafe { self.0.write(value) };
         }
     }
 }
 
-/// Copies to the caller as many as there is room for, and says how many there are. Without room, `pointer` may be null.
+/// Copies at most `capacity` items to the caller and writes the full number to `count`. If `capacity` is 0, `pointer` may
+/// be null.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of room for `capacity` of them that nobody else uses.
 pub unsafe fn copy<T: Copy>(
     items: &[T],
     (pointer, capacity): (*mut T, usize),
-    count: &Answer<usize>,
+    count: &OutPointer<usize>,
 ) -> Result<(), Status> {
     count.write(items.len());
     if capacity == 0 {
@@ -195,9 +196,9 @@ pub unsafe fn copy<T: Copy>(
     Ok(())
 }
 
-/// A structure that begins with its own size.
+/// An options structure that begins with its own size.
 pub trait Options: Copy {
-    /// One that says nothing.
+    /// The default options.
     const NOTHING: Self;
     fn size(&self) -> usize;
 }
@@ -233,7 +234,7 @@ impl Options for PlayOptions {
     }
 }
 
-/// Options of the caller's; null says nothing. A size that is not this version's is refused.
+/// Reads options of the caller; null means the defaults. A size other than this version's is an error.
 ///
 /// # Safety
 /// Unless it is null, `pointer` is of a `T`.
@@ -250,7 +251,7 @@ pub unsafe fn options<T: Options>(pointer: *const T) -> Result<T, Failure> {
         true => Ok(options),
         false => Err(refused(
             "options",
-            "has another size than in this version: begin with HAPTOGRAPH_GRAPH_OPTIONS or HAPTOGRAPH_PLAY_OPTIONS",
+            "has a size of another version: initialise it with HAPTOGRAPH_GRAPH_OPTIONS or HAPTOGRAPH_PLAY_OPTIONS",
         )),
     }
 }

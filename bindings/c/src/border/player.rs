@@ -1,22 +1,22 @@
 //! Players.
 
-use super::memory::{self, Answer};
+use super::memory::{self, OutPointer};
 use super::{Graph, Outcome, Output, PlayOptions, Player, Setting, State, Status, channel};
 use crate::failure::{Failure, guard, guard_realtime};
-use crate::players::{self, Wanted};
-use crate::table::{self, Entry, What};
+use crate::players::{self, PlayRequest};
+use crate::table::{self, Entry, ObjectKind};
 use std::ffi::c_char;
 
 /// # Safety
 /// The lists and texts in `options` are as the header says.
-unsafe fn wanted<'a>(options: &PlayOptions) -> Result<Wanted<'a>, Failure> {
+unsafe fn request<'a>(options: &PlayOptions) -> Result<PlayRequest<'a>, Failure> {
     let folder = (!options.folder.is_null())
         // SAFETY: the condition of this function; so it is below.
         .then(|| unsafe { memory::path("folder", options.folder) })
         .transpose()?;
     // SAFETY: as above.
     let probes = unsafe { memory::texts("probes", options.probes, options.probe_count)? };
-    Ok(Wanted {
+    Ok(PlayRequest {
         rested: options.rested != 0,
         folder: folder.map(Into::into),
         probes,
@@ -25,10 +25,10 @@ unsafe fn wanted<'a>(options: &PlayOptions) -> Result<Wanted<'a>, Failure> {
     })
 }
 
-/// Opens a run of a graph with one driver. Look up inputs and outputs before or after; what is set before the first call
-/// of haptograph_player_process() counts from the first frame on. The player is the caller's, to be ended by
-/// haptograph_player_finish(), and outlives the graph. A graph has one player at a time. `options`: null for none. Any
-/// thread; not real-time.
+/// Opens a run of a graph with one driver. Inputs and outputs can be opened before or after. Values set before the first
+/// call of haptograph_player_process() apply from the first frame on. The caller ends the player with
+/// haptograph_player_finish(); it outlives the graph. A graph has one player at a time. `options`: null for the defaults.
+/// Any thread; not real-time.
 ///
 /// # Safety
 /// Every pointer that is not null points to what its type says, texts end with 0.
@@ -40,26 +40,26 @@ pub unsafe extern "C" fn haptograph_player_open(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::to(player)? };
+        let out = unsafe { OutPointer::required(player)? };
         // SAFETY: as above.
-        let wanted = unsafe { wanted(&memory::options(options)?)? };
-        let id = table::graph(graph.id, |graph| players::open(graph, wanted))?;
-        answer.write(Player { id });
+        let request = unsafe { request(&memory::options(options)?)? };
+        let id = table::graph(graph.id, |graph| players::open(graph, request))?;
+        out.write(Player { id });
         Ok(())
     })
 }
 
-/// Runs `frames` frames of the graph's driver, at most 2^25. What has been given to the inputs is taken at the ticks that
-/// it is due at; outputs and probes have their frames afterwards. Call it from one thread at a time; real-time.
+/// Runs `frames` frames of the graph's driver, at most 2^25. Nodes read the inputs at the ticks at which they are due;
+/// outputs and probes contain their frames afterwards. One thread at a time; real-time.
 ///
-/// HAPTOGRAPH_STATUS_ENDED: the run is over, and its outputs got zeros. HAPTOGRAPH_STATUS_BUSY: another thread processes
-/// or frees this player, and nothing was run.
+/// HAPTOGRAPH_STATUS_ENDED: the run is over; its outputs receive zeros. HAPTOGRAPH_STATUS_BUSY: another thread is
+/// processing or freeing this player; no frame was run.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_player_process(player: Player, frames: usize) -> Status {
     guard_realtime(|| table::player(player.id, |player| player.process(frames)))
 }
 
-/// What the run is doing after the last call of haptograph_player_process(), and how many frames it has run; each may be
+/// Returns the state after the last call of haptograph_player_process() and the number of frames run; each pointer may be
 /// null. Any thread, also while another processes; real-time.
 ///
 /// # Safety
@@ -72,7 +72,7 @@ pub unsafe extern "C" fn haptograph_player_state(
 ) -> Status {
     guard_realtime(|| {
         // SAFETY: what the header asks of each pointer.
-        let (state, count) = unsafe { (Answer::maybe_to(state)?, Answer::maybe_to(frames)?) };
+        let (state, count) = unsafe { (OutPointer::optional(state)?, OutPointer::optional(frames)?) };
         table::player(player.id, |player| {
             state.write(player.state());
             count.write(player.frames());
@@ -81,8 +81,8 @@ pub unsafe extern "C" fn haptograph_player_state(
     })
 }
 
-/// The frames of a probe that HAPTOGRAPH_PLAY_OPTIONS asked for, from the first on; given out once. The output is the
-/// caller's, to be freed by haptograph_output_free(). Not while another thread processes; not real-time.
+/// Opens the output of a probe in the player's options, from the first frame on; possible once for each probe. The caller
+/// frees it with haptograph_output_free(). Not while another thread processes; not real-time.
 ///
 /// # Safety
 /// `name` is null or a text that ends with 0; `output` is null or of room for a handle.
@@ -95,16 +95,16 @@ pub unsafe extern "C" fn haptograph_player_probe(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::to(output)? };
+        let out = unsafe { OutPointer::required(output)? };
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let made = table::player(player.id, |player| player.probe(name, components));
-        answer.write(channel::insert(made)?);
+        out.write(channel::insert(made)?);
         Ok(())
     })
 }
 
-/// Sets a live setting by its name, "out.gain"; it glides there in 20 ms. Any thread, also while another processes; not
+/// Sets a live setting by name, "out.gain"; the value ramps in 20 ms. Any thread, also while another processes; not
 /// real-time.
 ///
 /// # Safety
@@ -118,8 +118,8 @@ pub unsafe extern "C" fn haptograph_player_set(player: Player, name: *const c_ch
     })
 }
 
-/// Looks a live setting up by its name. The setting is the caller's, to be freed by haptograph_setting_free(). Any
-/// thread, also while another processes; not real-time.
+/// Finds a live setting by name. The caller frees it with haptograph_setting_free(). Any thread, also while another
+/// processes; not real-time.
 ///
 /// # Safety
 /// `name` is null or a text that ends with 0; `setting` is null or of room for a handle.
@@ -131,18 +131,18 @@ pub unsafe extern "C" fn haptograph_player_setting(
 ) -> Status {
     guard(|| {
         // SAFETY: what the header asks of each pointer; so it is below.
-        let answer = unsafe { Answer::to(setting)? };
+        let out = unsafe { OutPointer::required(setting)? };
         // SAFETY: as above.
         let name = unsafe { memory::text("name", name)? };
         let found = table::player(player.id, |entry| entry.setting(player.id, name))?;
         let id = table::insert(Entry::Setting(found))?;
-        answer.write(Setting { id });
+        out.write(Setting { id });
         Ok(())
     })
 }
 
-/// Sets a live setting; it glides there in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread sets one of this player; try
-/// again. Any thread, also while another processes; real-time.
+/// Sets a live setting; the value ramps in 20 ms. HAPTOGRAPH_STATUS_BUSY: another thread is setting one of this player;
+/// try again. Any thread, also while another processes; real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_setting_set(setting: Setting, value: f64) -> Status {
     guard_realtime(|| {
@@ -156,11 +156,11 @@ pub extern "C" fn haptograph_setting_set(setting: Setting, value: f64) -> Status
 /// Frees a setting. Any thread; not real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_setting_free(setting: Setting) -> Status {
-    guard(|| table::free(setting.id, What::Setting))
+    guard(|| table::free(setting.id, ObjectKind::Setting))
 }
 
-/// Lets the outputs fade out in 10 ms, from the next call of haptograph_player_process() on; then the run has ended. Any
-/// thread, also while another processes; real-time.
+/// Ends the run: its outputs fade out in 10 ms, from the next call of haptograph_player_process() on. Any thread, also
+/// while another processes; real-time.
 #[unsafe(no_mangle)]
 pub extern "C" fn haptograph_player_stop(player: Player) -> Status {
     guard_realtime(|| {
@@ -171,9 +171,9 @@ pub extern "C" fn haptograph_player_stop(player: Player) -> Status {
     })
 }
 
-/// Ends a run, completes its files and frees the player. `outcome`: what it did, or null. Not while another thread is
-/// inside (HAPTOGRAPH_STATUS_BUSY: nothing was done); not real-time. HAPTOGRAPH_STATUS_SYSTEM: a file could not be
-/// written; the player is freed all the same.
+/// Ends a run, completes its files and frees the player. `outcome`: its outcome, or null. Not while another thread uses
+/// the player (HAPTOGRAPH_STATUS_BUSY, without effect); not real-time. HAPTOGRAPH_STATUS_SYSTEM: a file could not be
+/// written; the player is freed nevertheless.
 ///
 /// # Safety
 /// `outcome` is null or of room for one.
@@ -181,12 +181,12 @@ pub extern "C" fn haptograph_player_stop(player: Player) -> Status {
 pub unsafe extern "C" fn haptograph_player_finish(player: Player, outcome: *mut Outcome) -> Status {
     guard(|| {
         // SAFETY: what the header asks of it.
-        let answer = unsafe { Answer::maybe_to(outcome)? };
-        let Entry::Player(player) = table::take(player.id, What::Player)? else {
+        let out = unsafe { OutPointer::optional(outcome)? };
+        let Entry::Player(player) = table::take(player.id, ObjectKind::Player)? else {
             return Err(Status::Kind.into());
         };
         let (outcome, ended) = player.finish();
-        answer.write(outcome);
+        out.write(outcome);
         ended
     })
 }

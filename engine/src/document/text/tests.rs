@@ -66,8 +66,8 @@ fn all_errors_of_a_text_are_found_at_once() {
     assert_eq!(
         errors("(a: 10Hz, b: 'x', c = 3, d 4, e: [1 2], )"),
         [
-            "`'` does not belong here at 13",
-            "`=` does not belong here at 20",
+            "unexpected `'` at 13",
+            "unexpected `=` at 20",
             "`10Hz` is not a number at 4",
             "expected `:` and a value, found `4` at 27",
             "expected `,` or `]`, found `2` at 36",

@@ -267,7 +267,7 @@ fn mistaken(
         '\'' => (
             Token::Mistaken,
             until('\''),
-            "strings stand in double quotes: \"...\"",
+            "strings are written in double quotes: \"...\"",
         ),
         '\u{201c}' | '\u{201d}' => (Token::Mistaken, until('\u{201d}'), "use straight quotes: \"...\""),
         '=' => (Token::Colon, 1, "a field is written `name: value`"),
@@ -282,7 +282,7 @@ fn mistaken(
     };
     let help = output_of(text, start).unwrap_or_else(|| help.to_owned());
     diagnostics.push(
-        Diagnostic::error("E0101", span, format!("`{c}` does not belong here"))
+        Diagnostic::error("E0101", span, format!("unexpected `{c}`"))
             .label("not part of RON")
             .help(help),
     );
@@ -397,8 +397,8 @@ impl Arithmetic {
         let is_part = |at: Span| at.source == source && start <= at.start && at.end <= end;
         diagnostics.retain(|known| !known.primary.as_ref().is_some_and(|label| is_part(label.span)));
         diagnostics.push(
-            Diagnostic::error("E0101", span, "arithmetic stands in `Expr(\"...\")`")
-                .label("RON does not compute")
+            Diagnostic::error("E0101", span, "arithmetic has to be written in `Expr(\"...\")`")
+                .label("RON has no arithmetic")
                 .help(help),
         );
         lexemes.truncate(lexemes.partition_point(|lexeme| lexeme.start < start));
@@ -441,7 +441,7 @@ pub(super) fn match_brackets(
             Token::Open => open.push(i),
             Token::Close => {
                 let Some(opening) = open.pop() else {
-                    let message = format!("`{}` closes nothing", slice(lexeme));
+                    let message = format!("unmatched `{}`", slice(lexeme));
                     diagnostics.push(
                         Diagnostic::error("E0102", span(lexeme), message)
                             .label("no bracket is open here")

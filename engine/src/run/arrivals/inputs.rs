@@ -1,6 +1,6 @@
-//! What live inputs sensed, tick by tick: noted where it is read, and read again from there by a replay.
+//! Logs of live inputs, tick by tick, and their replay.
 //!
-//! A file a device holds a line for each tick at which something differs from the line before:
+//! Each device has a file with a line for each tick at which a value changes:
 //!
 //! ```text
 //! tick,stylus.position 1,stylus.position 2,stylus.position 3,stylus.force 1
@@ -8,7 +8,7 @@
 //! 412,0.03,0.01,0,1.25
 //! ```
 //!
-//! Values are in SI units, in as many digits as make the same bits again.
+//! Values are in SI units, with enough digits to restore their bits.
 
 use super::rows::Lines;
 use super::{ReplayBounds, ReplayError, input_file, quoted};
@@ -23,17 +23,17 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// What can be on its way to the file, in seconds of the device's ticks.
+/// Capacity of the ring to the writer thread, s.
 const RING_S: f64 = 1.0;
 const LEAST_ROWS: usize = 1024;
 
 /// A live input that a driver reads.
 pub(in super::super) struct Input {
-    /// Its place among the devices of the plan.
+    /// Index of the device in the plan.
     pub place: usize,
     /// Rate of its ticks, Hz.
     pub rate_hz: f64,
-    /// Names of what a tick reads, one a component, and the largest magnitude that each can plausibly have.
+    /// Name and largest plausible magnitude of each component that a tick reads.
     columns: Vec<(String, f64)>,
 }
 
@@ -76,8 +76,8 @@ fn columns(graph: &Graph, plan: &Plan, place: usize) -> Vec<(String, f64)> {
     columns
 }
 
-/// The largest magnitude that a device senses of a quantity, in SI units: packets bring at most 1e6, and soundcards
-/// have full scales of at most 1e6, which filters overshoot.
+/// Largest plausible magnitude of a sensed quantity, SI. Packets and full scales of soundcards are bounded by 1e6,
+/// which filters overshoot.
 fn plausible(quantity: Quantity) -> f64 {
     match quantity {
         Quantity::LENGTH | Quantity::ANGLE | Quantity::TORQUE => 1e6,
@@ -95,10 +95,10 @@ pub(in super::super) struct InputLog {
 }
 
 impl InputLog {
-    /// Of an input; with the far end for its writer.
+    /// Makes the log and the read end for its writer.
     pub fn new(input: &Input) -> (Self, Consumer<f64>) {
         let width = 1 + input.columns.len();
-        // Whole rows, so that none is torn where the ring ends.
+        // A multiple of the row size: a row never wraps around.
         let rows = LEAST_ROWS.max((RING_S * input.rate_hz).ceil() as usize);
         let (out, far) = touched_ring(rows * width);
         let log = Self {
@@ -111,7 +111,7 @@ impl InputLog {
         (log, far)
     }
 
-    /// Notes what is read next in this tick. Does not allocate: the row has room for all that a tick reads.
+    /// Logs the next read of this tick. Does not allocate: the row has the capacity of a tick.
     pub fn note(&mut self, components: &[f64]) {
         if self.row.is_empty() {
             self.row.push(self.ticks as f64);
@@ -121,25 +121,26 @@ impl InputLog {
         }
     }
 
-    /// All of a tick was read.
+    /// Ends a tick; pushes the row if it differs from the last one.
     pub fn end_tick(&mut self) {
         self.ticks += 1;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        let is_news = self.last.len() != self.row.len() || !self.row.iter().zip(&self.last).skip(1).all(same);
-        if is_news && !self.is_torn {
+        let is_changed =
+            self.last.len() != self.row.len() || !self.row.iter().zip(&self.last).skip(1).all(same);
+        if is_changed && !self.is_torn {
             self.is_torn = self.out.push_entire_slice(&self.row).is_err();
             std::mem::swap(&mut self.row, &mut self.last);
         }
         self.row.clear();
     }
 
-    /// Did a row find no room? What comes after it would be another signal.
+    /// Whether a row was lost. The log is invalid from there on.
     pub fn is_torn(&self) -> bool {
         self.is_torn
     }
 }
 
-/// Writes the file of an input, in a folder that is there.
+/// Writes the file of an input in an existing folder.
 pub(in super::super) struct InputWriter {
     file: BufWriter<File>,
     columns: usize,
@@ -165,14 +166,16 @@ impl FrameWriter for InputWriter {
     }
 }
 
-/// What an input sensed, as read from its file while it is repeated.
+/// Replay of an input from its file.
 pub(in super::super) struct InputScript {
     lines: Lines,
     limits: Vec<f64>,
     most_ticks: f64,
-    /// Ticks done, and the present values.
+    /// Ticks done.
     ticks: u64,
+    /// Present values.
     values: Vec<f64>,
+    /// Number of values read in this tick.
     read: usize,
     /// The next line: its tick and its values.
     next: Option<(u64, Vec<f64>)>,
@@ -197,7 +200,7 @@ impl InputScript {
         Ok(script)
     }
 
-    /// Reads the whole file; it is then known to be plausible.
+    /// Reads and checks the whole file.
     pub fn check(mut self, goes_on: &impl Fn() -> bool) -> Result<(), ReplayError> {
         while let Some((tick, _)) = self.next.take()
             && goes_on()
@@ -207,7 +210,7 @@ impl InputScript {
         Ok(())
     }
 
-    /// The next line, which comes after that of tick `before`.
+    /// Reads the next line, whose tick must be after `before`.
     fn row(&mut self, before: Option<u64>) -> Result<Option<(u64, Vec<f64>)>, ReplayError> {
         let Some(text) = self.lines.next()? else {
             return Ok(None);
@@ -224,7 +227,7 @@ impl InputScript {
         if before.is_some_and(|before| tick <= before) {
             return Err(self
                 .lines
-                .implausible("its tick does not come after that of the line before"));
+                .implausible("its tick is not after that of the previous line"));
         }
         if tick as f64 > self.most_ticks {
             return Err(self.lines.implausible("its tick is after the end of the run"));
@@ -232,13 +235,13 @@ impl InputScript {
         let mut limits = values.iter().zip(&self.limits);
         let is_beyond = |(value, limit): &(&f64, &f64)| value.is_nan() || value.abs() > **limit;
         if let Some((value, limit)) = limits.find(is_beyond) {
-            let why = format!("{value:e} is beyond {limit:e} in its SI unit, which no device senses");
+            let why = format!("{value:e} is beyond {limit:e}, the largest value of a device in its SI unit");
             return Err(self.lines.implausible(why));
         }
         Ok(Some((tick, values)))
     }
 
-    /// Comes to the next tick.
+    /// Advances to the next tick.
     pub fn advance(&mut self) {
         self.read = 0;
         if let Some((tick, values)) = self.next.take_if(|(tick, _)| *tick == self.ticks) {
@@ -251,7 +254,7 @@ impl InputScript {
         self.ticks += 1;
     }
 
-    /// What is read next in this tick.
+    /// Gives the next values of this tick.
     pub fn read(&mut self, components: &mut [f64]) {
         if let Some(values) = self.values.get(self.read..self.read + components.len()) {
             components.copy_from_slice(values);
@@ -259,13 +262,13 @@ impl InputScript {
         self.read += components.len();
     }
 
-    /// Why it could not go on, if it could not: the file changed meanwhile.
+    /// The error that ended the replay, if any: the file changed after the check.
     pub fn failure(&mut self) -> Option<ReplayError> {
         self.failed.take()
     }
 }
 
-/// The scripts of the inputs of a driver, by their places among its devices.
+/// The scripts of a driver's inputs, with the index of the device.
 pub(in super::super) fn scripts(
     graph: &Graph,
     plan: &Plan,

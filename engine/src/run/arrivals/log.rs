@@ -1,7 +1,7 @@
-//! Keeping what a driver saw: noted in its callbacks without waiting, written by the thread that writes files.
+//! Writing the replay log: callbacks push rows without waiting, the writer thread writes them.
 
 use super::super::Run;
-use super::super::glide::Glide;
+use super::super::ramp::ParamRamp;
 use super::InputLog;
 use super::{FADING, REPLACED, RUNNING, SETTINGS_HEADER, cell, columns, gated, header, write_row};
 use crate::io::touched_ring;
@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// Lines that can be on their way to each file.
+/// Capacity of the ring to each file, in rows.
 const ROWS: usize = 8192;
 /// Numbers of a change of a setting.
 const SETTING: usize = 5;
@@ -23,15 +23,15 @@ pub(in super::super) struct ArrivalLog {
     settings: Producer<f64>,
     row: Vec<f64>,
     columns: usize,
-    /// Of each ring that is read: frames that had arrived by the line before.
+    /// Frames arrived by the line before, for each ring that is read.
     before: Vec<u64>,
-    /// Callbacks that are missing at the end, from the first line on that found no room.
+    /// Number of callbacks lost, from the first row that did not fit.
     lost: u64,
-    /// Another graph took over: its lines would not be of this one.
+    /// Whether another graph took over; the log ends there.
     is_over: bool,
 }
 
-/// The far ends, for the writers of both files.
+/// The read ends, for the writers of both files.
 pub(in super::super) struct Kept {
     pub callbacks: Consumer<f64>,
     pub settings: Consumer<f64>,
@@ -39,7 +39,7 @@ pub(in super::super) struct Kept {
 
 impl ArrivalLog {
     pub fn new(plan: &Plan) -> (Self, Kept) {
-        // Whole rows, so that none is torn where a ring ends.
+        // A multiple of the row size: a row never wraps around.
         let (callbacks, far_callbacks) = touched_ring(ROWS * columns(plan));
         let (settings, far_settings) = touched_ring(ROWS * SETTING);
         let log = Self {
@@ -58,7 +58,7 @@ impl ArrivalLog {
         (log, kept)
     }
 
-    /// Notes a callback. Does not allocate: the row has room for all of it.
+    /// Logs a callback. Does not allocate: the row has the capacity of a callback.
     pub fn note(&mut self, run: &Run, frames: usize, is_fading: bool) {
         if self.is_over {
             return;
@@ -70,38 +70,38 @@ impl ArrivalLog {
         self.row.extend(gates.map(|is_open| f64::from(u8::from(is_open))));
         let mut inputs = run.state.devices.iter().filter_map(|device| device.log.as_ref());
         if inputs.any(InputLog::is_torn) {
-            // What comes after it would be another signal.
+            // The log is invalid from there on.
             self.lost += 1;
         }
-        for (reader, before) in run.state.links.readers.iter().zip(&mut self.before) {
+        for (reader, before) in run.state.ring_ends.readers.iter().zip(&mut self.before) {
             let arrived = reader.as_ref().map_or(0, |reader| reader.arrived());
             self.row.push((arrived - *before) as f64);
             *before = arrived;
         }
-        for writer in &run.state.links.writers {
+        for writer in &run.state.ring_ends.writers {
             self.row
                 .push(writer.as_ref().map_or(0.0, |writer| writer.accepted() as f64));
         }
         self.keep_row();
     }
 
-    /// Notes that a setting leaves for another value before frame `frame`.
-    pub fn set(&mut self, frame: u64, glide: &Glide) {
-        let Glide {
+    /// Logs a ramp of a setting that starts before frame `frame`.
+    pub fn set(&mut self, frame: u64, ramp: &ParamRamp) {
+        let ParamRamp {
             place,
             from,
             to,
             frames,
             ..
-        } = *glide;
+        } = *ramp;
         let row: [f64; SETTING] = [frame as f64, from, to, frames as f64, place as f64];
         if !self.is_over && self.settings.push_entire_slice(&row).is_err() {
-            // What comes after it would be another signal.
+            // The log is invalid from there on.
             self.lost += 1;
         }
     }
 
-    /// Notes that from here on another graph takes over.
+    /// Logs a change of graph, which ends the log.
     pub fn end(&mut self) {
         if self.is_over {
             return;
@@ -119,13 +119,13 @@ impl ArrivalLog {
         }
     }
 
-    /// Callbacks that are missing at the end.
+    /// Number of callbacks missing at the end.
     pub fn lost(&self) -> u64 {
         self.lost
     }
 }
 
-/// Writes the file of a driver's callbacks, in a folder that is there.
+/// Writes the file of a driver's callbacks in an existing folder.
 pub(in super::super) struct ArrivalWriter {
     file: BufWriter<File>,
     columns: usize,
@@ -151,7 +151,7 @@ impl FrameWriter for ArrivalWriter {
     }
 }
 
-/// Writes the file of what was set, with the names of the settings.
+/// Writes the file of setting changes, with the names of the settings.
 pub(in super::super) struct SettingWriter {
     file: BufWriter<File>,
     names: Vec<String>,
@@ -169,7 +169,7 @@ impl SettingWriter {
 impl FrameWriter for SettingWriter {
     fn write(&mut self, _: usize, rows: &[f64]) -> std::io::Result<()> {
         for [frame, from, to, frames, place] in rows.as_chunks::<SETTING>().0 {
-            // Only live settings of the plan can be set.
+            // Only live settings of the plan can be logged.
             let name = self.names.get(*place as usize).map_or("", String::as_str);
             writeln!(self.file, "{frame},{from},{to},{frames},{name}")?;
         }

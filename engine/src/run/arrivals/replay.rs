@@ -1,11 +1,11 @@
-//! Repeating what drivers saw.
+//! Replays the logs of drivers.
 
 use super::super::Run;
+use super::super::async_resampler::{AsyncResamplerReader, AsyncResamplerWriter};
 use super::super::control::COMMANDS;
-use super::super::fleet::Fleet;
-use super::super::glide::{Glide, Glides};
-use super::super::link::{LinkReader, LinkWriter};
 use super::super::live::FADE_S;
+use super::super::ramp::{ParamRamp, ParamRamps};
+use super::super::runner::Runner;
 use super::super::silence::SilenceGate;
 use super::inputs::scripts;
 use super::rows::Lines;
@@ -18,18 +18,19 @@ use crate::plan::Plan;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What one callback or one glide lasts at most, s: no driver makes up for longer stalls.
+/// Longest possible callback or ramp, s: no driver catches up after a longer stall.
 const LONGEST_S: f64 = 10.0;
-/// How often a driver wakes at most where it has nothing to run, Hz; and wakes that no time has to pass for.
+/// Largest rate of wake-ups without frames, Hz.
 const WAKES_HZ: f64 = 2000.0;
+/// Tolerance of the number of wake-ups.
 const SPARE_WAKES: f64 = 1e4;
 
-/// The callbacks of a driver as they stand in its file, each checked against those before it.
+/// Reads the callbacks of a driver from its file and checks each against those before it.
 struct Rows {
     lines: Lines,
     columns: usize,
     gates: usize,
-    /// At most: frames of a callback, frames in all, and lines.
+    /// Largest number of frames of a callback, of frames in all, and of lines.
     most: [f64; 3],
     /// Frames and lines so far.
     frames: u64,
@@ -62,13 +63,13 @@ impl Rows {
         })
     }
 
-    /// Reads the next line into `row`, which is empty behind the last.
+    /// Reads the next line into `row`; empty at the end of the file.
     fn next(&mut self, row: &mut Vec<u32>) -> Result<(), ReplayError> {
         row.clear();
         let Some(text) = self.lines.next()? else {
             return Ok(());
         };
-        // Nothing is too large: a line with something that is no whole number is refused as a whole.
+        // A cell that is not a whole number is dropped, and its line refused for the missing column.
         row.extend(text.split(',').take(self.columns).flat_map(str::parse::<u32>));
         if row.len() != self.columns || text.split(',').count() != self.columns {
             return Err(self.lines.malformed(self.columns));
@@ -77,27 +78,25 @@ impl Rows {
         self.count += 1;
         let before = std::mem::replace(&mut self.state, row[1]);
         let why = match f64::from(row[1]) {
-            _ if f64::from(before) == REPLACED => {
-                "it comes after the line that says that another graph took over"
+            _ if f64::from(before) == REPLACED => "it follows the line of a change of graph",
+            state if state > REPLACED => "its second number is not 0, 1 or 2",
+            state if state < f64::from(before) => "the run continues after its fade-out",
+            _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => {
+                "the gate of an actuator is neither 0 nor 1"
             }
-            state if state > REPLACED => "its second number is none of 0, 1 and 2",
-            state if state < f64::from(before) => "the run goes on after it was faded out",
-            _ if row[2..].iter().take(self.gates).any(|open| *open > 1) => "an actuator is neither 0 nor 1",
-            _ if f64::from(row[0]) > self.most[0] => "no callback runs so many frames",
-            _ if self.frames as f64 > self.most[1] => {
-                "the driver had run more frames by then than in all of the run"
-            }
-            _ if self.count as f64 > self.most[2] => "no driver wakes that often in a run of that length",
+            _ if f64::from(row[0]) > self.most[0] => "a callback cannot run so many frames",
+            _ if self.frames as f64 > self.most[1] => "the driver has run more frames than the run has",
+            _ if self.count as f64 > self.most[2] => "a run of that length cannot have so many callbacks",
             _ => return Ok(()),
         };
         Err(self.lines.implausible(why))
     }
 }
 
-/// What is to be set of a driver, as it stands in its file.
+/// Reads the setting changes of a driver from its file.
 struct Changes {
     lines: Lines,
-    /// The live settings, and how each is called in a line.
+    /// The live settings with their names in the file.
     known: Vec<(String, LiveSetting)>,
     most_frames: f64,
     begin: u64,
@@ -113,35 +112,37 @@ impl Changes {
         })
     }
 
-    fn next(&mut self) -> Result<Option<Glide>, ReplayError> {
+    fn next(&mut self) -> Result<Option<ParamRamp>, ReplayError> {
         let Some(text) = self.lines.next()? else {
             return Ok(None);
         };
-        let Some(glide) = self.glide(&text) else {
+        let Some(ramp) = self.ramp(&text) else {
             let (path, line) = self.lines.place();
             return Err(ReplayError::Setting { path, line });
         };
-        let range = self.known[glide.place].1.range.unwrap_or((f64::MIN, f64::MAX));
+        let range = self.known[ramp.place].1.range.unwrap_or((f64::MIN, f64::MAX));
         let is_in_range = |value: f64| (range.0..=range.1).contains(&value);
         let why = match () {
-            () if glide.begin < self.begin => "it was set before what the line before says",
-            () if !(is_in_range(glide.from) && is_in_range(glide.to)) => "the setting cannot have that value",
-            () if glide.frames as f64 > self.most_frames => "no setting takes so many frames to its value",
+            () if ramp.begin < self.begin => "its frame is before that of the previous line",
+            () if !(is_in_range(ramp.from) && is_in_range(ramp.to)) => {
+                "the value is out of the setting's range"
+            }
+            () if ramp.frames as f64 > self.most_frames => "a ramp cannot take so many frames",
             () => {
-                self.begin = glide.begin;
-                return Ok(Some(glide));
+                self.begin = ramp.begin;
+                return Ok(Some(ramp));
             }
         };
         Err(self.lines.implausible(why))
     }
 
-    fn glide(&self, line: &str) -> Option<Glide> {
+    fn ramp(&self, line: &str) -> Option<ParamRamp> {
         let cells: Vec<&str> = line.splitn(5, ',').collect();
         let [begin, from, to, frames, name] = cells[..] else {
             return None;
         };
         let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.is_finite());
-        Some(Glide {
+        Some(ParamRamp {
             place: self.known.iter().position(|(known, _)| known == name)?,
             from: number(from)?,
             to: number(to)?,
@@ -151,8 +152,8 @@ impl Changes {
     }
 }
 
-/// Reads all logs of a run in its folder, and refuses what a run of that length cannot have written. Memory is of a
-/// constant size; `goes_on` is asked now and then.
+/// Reads all logs of a run and refuses what a run of that length cannot have written. Uses constant memory; stops early
+/// if `goes_on` returns false.
 pub(in super::super) fn check_logs(
     (graph, plans): (&Graph, &[Arc<Plan>]),
     folder: &Path,
@@ -175,7 +176,7 @@ pub(in super::super) fn check_logs(
             && goes_on()
         {
             if change.begin > rows.frames {
-                return Err(changes.lines.implausible("it was set after the end of the run"));
+                return Err(changes.lines.implausible("its frame is after the end of the run"));
             }
         }
         for (_, script) in scripts(graph, plan, (folder, driver), bounds)? {
@@ -185,21 +186,22 @@ pub(in super::super) fn check_logs(
     Ok(())
 }
 
-/// What a driver saw, as it is read from its files while it is repeated.
+/// Replay of a driver from its files.
 pub(in super::super) struct Arrivals {
     rows: Rows,
-    /// The callback that is next; empty behind the last.
+    /// The next callback; empty at the end.
     row: Vec<u32>,
     gated: Vec<usize>,
-    /// Of each ring that is read: frames that had arrived by the line done last.
+    /// Frames arrived by the last callback, for each ring that is read.
     arrived: Vec<u64>,
     fading: bool,
-    /// Another graph took over.
+    /// Whether another graph took over.
     replaced: bool,
-    /// What is to be set, and what of it is next.
+    /// Setting changes.
     changes: Changes,
-    change: Option<Glide>,
-    glides: Glides,
+    /// The next change.
+    change: Option<ParamRamp>,
+    ramps: ParamRamps,
 }
 
 impl Arrivals {
@@ -216,7 +218,7 @@ impl Arrivals {
             replaced: false,
             change: changes.next()?,
             changes,
-            glides: Glides::with_room_for(COMMANDS),
+            ramps: ParamRamps::with_room_for(COMMANDS),
         })
     }
 
@@ -224,7 +226,7 @@ impl Arrivals {
         self.replaced || self.row.is_empty()
     }
 
-    /// Runs the next callback, if everything that it saw has been sent by now and what it sent finds room.
+    /// Runs the next callback, if the frames that it read have arrived and those that it sent fit.
     fn run_next<E: From<ReplayError>>(
         &mut self,
         run: &mut Run,
@@ -239,10 +241,10 @@ impl Arrivals {
         }
         let (gates, rings) = seen.split_at(self.gated.len());
         let (arrived, sent) = rings.split_at(self.arrived.len());
-        if !can_see(run, (&self.arrived, arrived), sent) {
+        if !has_arrived(run, (&self.arrived, arrived), sent) {
             return Ok(false);
         }
-        see(run, (&mut self.arrived, arrived), sent);
+        apply(run, (&mut self.arrived, arrived), sent);
         for (actuator, open) in self.gated.iter().zip(gates) {
             run.turn_gate(*actuator, *open > 0, FADE_S);
         }
@@ -250,13 +252,13 @@ impl Arrivals {
             run.fade_out(FADE_S);
         }
         while let Some(change) = self.change.take_if(|change| change.begin <= run.driver_frames()) {
-            self.glides.start(change, run);
+            self.ramps.start(change, run);
             self.change = self.changes.next()?;
         }
         let mut left = frames as usize;
         while left > 0 {
             let rate_hz = run.rate_hz();
-            let block = left.min(run.plan.block).min(self.glides.step(run, rate_hz));
+            let block = left.min(run.plan.block).min(self.ramps.step(run, rate_hz));
             run.advance(block);
             run.check_inputs()?;
             each(run)?;
@@ -267,42 +269,42 @@ impl Arrivals {
     }
 }
 
-/// Has everything been sent that a callback saw, and does what it sent find room?
-fn can_see(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
-    let links = &run.state.links;
+/// Whether the frames that a callback read have arrived and those that it sent fit.
+fn has_arrived(run: &Run, (before, arrived): (&[u64], &[u32]), sent: &[u32]) -> bool {
+    let ring_ends = &run.state.ring_ends;
     let seen = before
         .iter()
         .zip(arrived)
         .map(|(before, more)| before + u64::from(*more));
-    let sees = links.readers.iter().zip(seen).all(|(reader, seen)| {
-        let there = |reader: &LinkReader| reader.arrivals() >= seen;
+    let sees = ring_ends.readers.iter().zip(seen).all(|(reader, seen)| {
+        let there = |reader: &AsyncResamplerReader| reader.arrivals() >= seen;
         reader.as_ref().is_none_or(there)
     });
-    let fits = links.writers.iter().zip(sent).all(|(writer, sent)| {
-        let room = |writer: &LinkWriter| writer.free() >= u64::from(*sent);
+    let fits = ring_ends.writers.iter().zip(sent).all(|(writer, sent)| {
+        let room = |writer: &AsyncResamplerWriter| writer.free() >= u64::from(*sent);
         writer.as_ref().is_none_or(room)
     });
     sees && fits
 }
 
-/// Lets a run see its rings as the callback did.
-fn see(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
-    let links = &mut run.state.links;
-    for (reader, (before, more)) in links.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
+/// Sets the rings of a run to the counts of the callback.
+fn apply(run: &mut Run, (before, arrived): (&mut [u64], &[u32]), sent: &[u32]) {
+    let ring_ends = &mut run.state.ring_ends;
+    for (reader, (before, more)) in ring_ends.readers.iter_mut().zip(before.iter_mut().zip(arrived)) {
         *before += u64::from(*more);
         if let Some(reader) = reader {
-            reader.look(*before);
+            reader.poll(*before);
         }
     }
-    for (writer, sent) in links.writers.iter_mut().zip(sent) {
+    for (writer, sent) in ring_ends.writers.iter_mut().zip(sent) {
         if let Some(writer) = writer {
-            writer.look_as(u64::from(*sent));
+            writer.poll_as(u64::from(*sent));
         }
     }
 }
 
 impl Run {
-    /// Was everything read of the live inputs that is repeated?
+    /// Returns the first error of the input scripts.
     fn check_inputs(&mut self) -> Result<(), ReplayError> {
         let scripts = self
             .state
@@ -316,8 +318,8 @@ impl Run {
     }
 }
 
-impl Fleet {
-    /// Lets what the live inputs sensed come from a run's folder.
+impl Runner {
+    /// Replays the live inputs from a run's folder.
     pub(in super::super) fn repeat_inputs(
         &mut self,
         (graph, plans): (&Graph, &[Arc<Plan>]),
@@ -328,7 +330,7 @@ impl Fleet {
             for (place, script) in scripts(graph, plan, (folder, driver), bounds)? {
                 run.state.devices[place].script = Some(script);
             }
-            // Nothing was heard yet, whatever these devices told this process before.
+            // No input has been heard yet in the replayed run.
             for place in gated(plan) {
                 run.state.actuators[place].gate = SilenceGate::new(false);
             }
@@ -336,8 +338,8 @@ impl Fleet {
         Ok(())
     }
 
-    /// Repeats the callbacks of a live run, each driver's in their order. `each` sees every block of every driver;
-    /// `goes_on` is asked now and then.
+    /// Replays the callbacks of a live run, those of each driver in order. Calls `each` after every block; stops
+    /// early if `goes_on` returns false.
     pub(in super::super) fn replay<E: From<ReplayError>>(
         &mut self,
         scripts: &mut [Arrivals],
@@ -347,7 +349,7 @@ impl Fleet {
         while goes_on() {
             let mut moved = false;
             for (driver, (script, run)) in scripts.iter_mut().zip(self.runs_mut()).enumerate() {
-                // As far as the others let it: a ring holds little.
+                // Until the driver has to wait for the others: a ring holds little.
                 while goes_on() && script.run_next(run, |run| each(driver, run))? {
                     moved = true;
                 }
@@ -356,7 +358,7 @@ impl Fleet {
                 return Ok(());
             }
             if !moved && scripts.iter().any(|script| script.replaced) {
-                // The others saw what the graph after this one sent.
+                // The other drivers read frames of the next graph.
                 return Ok(());
             }
             if let (false, true, Some(stuck)) =

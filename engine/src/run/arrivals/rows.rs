@@ -1,20 +1,20 @@
-//! The lines of a log, read one by one in memory of a constant size, whoever wrote them.
+//! Reads the lines of a log one by one in constant memory.
 
 use super::ReplayError;
 use haptograph_signal::files::{self, MAX_LINE_BYTES, MAX_RECORDING_BYTES};
 use std::io::{self, BufReader};
 use std::path::PathBuf;
 
-/// A log that is being read, behind its header.
+/// A log behind its header.
 pub(super) struct Lines {
     path: PathBuf,
     lines: Box<dyn Iterator<Item = io::Result<Vec<u8>>> + Send + Sync>,
-    /// That of the line read last, from 1.
+    /// Number of the last line read, from 1.
     number: usize,
 }
 
 impl Lines {
-    /// Opens a log, which has to begin with this header.
+    /// Opens a log that must begin with this header.
     pub fn open(path: PathBuf, wanted: &str) -> Result<Self, ReplayError> {
         let file = match files::open(&path, MAX_RECORDING_BYTES) {
             Ok(file) => file,
@@ -56,12 +56,12 @@ impl Lines {
         Err(ReplayError::Read { path, error })
     }
 
-    /// Where it is: the number of the line read last, from 1.
+    /// Path, and number of the last line read, from 1.
     pub fn place(&self) -> (PathBuf, usize) {
         (self.path.clone(), self.number)
     }
 
-    /// That the line read last is not what a run can have written.
+    /// Error: a run cannot have written the last line read.
     pub fn implausible(&self, why: impl ToString) -> ReplayError {
         let (path, line) = self.place();
         ReplayError::Implausible {
@@ -71,7 +71,7 @@ impl Lines {
         }
     }
 
-    /// That the line read last does not have so many numbers.
+    /// Error: the last line read does not have this many numbers.
     pub fn malformed(&self, columns: usize) -> ReplayError {
         let (path, line) = self.place();
         ReplayError::Line { path, line, columns }

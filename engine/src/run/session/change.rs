@@ -1,10 +1,10 @@
-//! Putting another graph in the place of the one that runs, with its files and the rings between its drivers.
+//! Replacing the running graph, with its files and the rings between its drivers.
 
 use super::super::RingMeter;
 use super::super::control::{Control, ControlError, Prepared};
-use super::super::fleet::rejoin;
-use super::super::outlets::{Outlets, WriteError, file_ports, stream};
-use super::super::swap::{Change, Next};
+use super::super::file_sinks::{FileSinks, WriteError, file_ports, stream};
+use super::super::runner::reconnect;
+use super::super::swap::{Change, PlanSwap};
 use super::{Entry, Session, tap_rings};
 use crate::graph::{Graph, NodeId};
 use crate::node::Stream;
@@ -16,119 +16,121 @@ use std::sync::Arc;
 /// A node and the index of one of its outputs.
 type Port = (NodeId, usize);
 
-/// What putting another graph in place did.
+/// Result of replacing the graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Changed {
     /// How the graphs differed.
     pub change: Change,
-    /// What is written from now on.
+    /// Files begun with the new graph.
     pub begun: Vec<PathBuf>,
-    /// What is complete, as the new graph does not have it.
+    /// Files completed because the new graph does not write them.
     pub ended: Vec<PathBuf>,
-    /// What would have to be begun again, and is not: it holds other signals.
+    /// Files of the new graph that are not written: a file of that name already has other signals.
     pub left_out: Vec<PathBuf>,
 }
 
-/// Why another graph was not put in place.
+/// Why the graph was not replaced.
 #[derive(Debug, thiserror::Error)]
 pub enum ChangeError {
-    /// It does not go with what runs.
+    /// The new plan cannot replace the running one.
     #[error(transparent)]
     Control(#[from] ControlError),
-    /// A file of it cannot be written.
+    /// A file of the new graph cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Its drivers are not those that run.
-    #[error("its drivers are {wanted} now, and {running} run; that needs a new run")]
+    /// The new graph has other drivers.
+    #[error("the new graph needs {wanted}, but the run has {running}; start a new run")]
     OtherDrivers {
-        /// Those that run, with their rates.
+        /// Drivers of the run, with their rates.
         running: String,
-        /// Its own.
+        /// Drivers of the new graph.
         wanted: String,
     },
-    /// A device would be in two plans for a while.
-    #[error("`{device}` is driven by {driver} now, and was not; that needs a new run")]
+    /// A device moves to another driver: two plans would share it for a while.
+    #[error("`{device}` moves to driver {driver}, which a running graph cannot do; start a new run")]
     MovedDevice {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// The driver that it hangs from in the new graph.
+        /// Its driver in the new graph.
         driver: String,
     },
-    /// One driver gets an actuator before another has let go of one: by another name it may be the same, and still warm.
+    /// A driver adds an actuator before another has released one: both may be the same hardware, which is still warm.
     #[error(
-        "`{device}` would be driven by {driver} before {other} has let go of `{left}`: save the graph without \
-         `{device}` first, and with it a second later"
+        "{driver} cannot drive `{device}` until {other} has released `{left}`: save the graph without `{device}`, and \
+         with it a second later"
     )]
-    NotLetGo {
-        /// The device that is new.
+    NotReleased {
+        /// The added device.
         device: String,
         /// Its driver.
         driver: String,
-        /// The device that is not let go of yet.
+        /// The device that is not released yet.
         left: String,
         /// Its driver.
         other: String,
     },
 }
 
-/// What goes on in a new graph: places of taps in the old list and the new one, which stream of which entry each of the
-/// new ones is, and the entries that do not.
+/// Streams that continue in a new graph.
 #[derive(Default)]
-struct GoesOn {
+struct KeptStreams {
+    /// (old, new) index of each tap that continues.
     kept: Vec<(usize, usize)>,
+    /// (entry, stream) of each of them.
     places: Vec<(usize, usize)>,
+    /// Entries that end.
     ended: Vec<usize>,
-    /// The ports that the caller goes on reading.
+    /// The ports that the caller continues to read.
     probed: Vec<Port>,
 }
 
-/// A new graph, ready to take over.
+/// A new graph, ready to replace the running one.
 struct Ready {
-    /// By driver.
+    /// One for each driver.
     plans: Vec<Prepared>,
     rings: Vec<Arc<RingMeter>>,
-    /// Far ends of the rings of taps that are new.
+    /// Read ends of the rings of new taps.
     outs: Vec<Option<Consumer<f64>>>,
 }
 
 impl Session {
-    /// Puts another graph in place of the one that runs. Files that both write go on; new ones are opened in
-    /// `folder`, and what the new graph has no more is completed. All drivers take it, each when it is ready, or none does.
+    /// Replaces the running graph. Files that both graphs write continue; new files are opened in `folder`; files that
+    /// only the old graph writes are completed. Either all drivers change over, each when it is ready, or none does.
     ///
     /// # Errors
-    /// [`ChangeError`]; the graph that runs goes on.
+    /// [`ChangeError`]; the running graph continues.
     pub fn change(&mut self, graph: &Graph, folder: &Path) -> Result<Changed, ChangeError> {
         self.change_with(graph, Some(folder), None)
             .map(|(changed, _)| changed)
     }
 
-    /// As [`change`](Self::change); where `probes` are given, those are the outputs that the caller reads from now on.
-    /// The streams of those that are new are returned in the order of their rings.
+    /// As [`change`](Self::change). If `probes` are given, the caller reads those outputs from now on.
+    /// Returns the streams of new probes in the order of their rings.
     pub(crate) fn change_with(
         &mut self,
         graph: &Graph,
         folder: Option<&Path>,
         probes: Option<&[Port]>,
     ) -> Result<(Changed, Vec<(Port, Stream)>), ChangeError> {
-        let mut outlets = Outlets::new(graph);
-        let goes_on = self.carry_on(&mut outlets, probes);
+        let mut sinks = FileSinks::new(graph);
+        let kept_streams = self.keep_streams(&mut sinks, probes);
         let left_out = match folder {
             Some(folder) => self
-                .open_new(&mut outlets, &goes_on.ended, folder)
+                .open_new(&mut sinks, &kept_streams.ended, folder)
                 .map_err(ChangeError::from),
             None => Ok(Vec::new()),
         };
         let more = probes.unwrap_or_default().iter().copied();
-        let more: Vec<Port> = more.filter(|port| !goes_on.probed.contains(port)).collect();
+        let more: Vec<Port> = more.filter(|port| !kept_streams.probed.contains(port)).collect();
         let begun_probes: Vec<(Port, Stream)> = more
             .into_iter()
-            .map(|port| (port, outlets.hand_over(port.0, port.1)))
+            .map(|port| (port, sinks.hand_over(port.0, port.1)))
             .collect();
-        let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&outlets, &goes_on.kept)?)));
+        let ready = left_out.and_then(|left_out| Ok((left_out, self.prepare(&sinks, &kept_streams.kept)?)));
         let (left_out, ready) = match ready {
             Ok(ready) => ready,
             Err(error) => {
-                outlets.take_back();
+                sinks.take_back();
                 return Err(error);
             }
         };
@@ -137,13 +139,13 @@ impl Session {
             change = change.and(control.put(plan)?);
         }
         self.rings = ready.rings;
-        self.taps = goes_on.places;
-        self.taps.resize(outlets.taps.len(), (0, 0));
-        let files = outlets.written.iter().filter(|written| written.writer.is_some());
+        self.taps = kept_streams.places;
+        self.taps.resize(sinks.taps.len(), (0, 0));
+        let files = sinks.written.iter().filter(|written| written.writer.is_some());
         let begun = files.map(|written| written.what.clone()).collect();
-        self.write(outlets, ready.outs);
+        self.write(sinks, ready.outs);
         let mut ended = Vec::new();
-        for number in goes_on.ended {
+        for number in kept_streams.ended {
             let entry = &mut self.entries[number];
             entry.running = false;
             ended.extend((!entry.is_handed).then(|| entry.what.clone()));
@@ -157,39 +159,39 @@ impl Session {
         Ok((changed, begun_probes))
     }
 
-    /// Taps what goes on in a new graph; of what the caller reads, where `probes` are given, those alone.
-    fn carry_on(&self, outlets: &mut Outlets<'_>, probes: Option<&[Port]>) -> GoesOn {
-        let mut goes_on = GoesOn::default();
+    /// Taps the streams that continue in a new graph. If `probes` are given, only those probes continue.
+    fn keep_streams(&self, sinks: &mut FileSinks<'_>, probes: Option<&[Port]>) -> KeptStreams {
+        let mut kept_streams = KeptStreams::default();
         for (number, entry) in self.entries.iter().enumerate().filter(|(_, entry)| entry.running) {
             let old = |stream: usize| self.taps.iter().position(|tap| *tap == (number, stream));
-            let ports = entry.ports_in(outlets.graph).filter(|ports| {
+            let ports = entry.ports_in(sinks.graph).filter(|ports| {
                 // The ring of a stream stays with its driver.
                 let stays = |(stream, port): (usize, &(NodeId, usize))| {
-                    old(stream).is_some_and(|old| self.has_tap(outlets.graph, *port, old))
+                    old(stream).is_some_and(|old| self.has_tap(sinks.graph, *port, old))
                 };
                 ports.iter().enumerate().all(stays)
             });
             let is_read = |port: &Port| probes.is_none_or(|probes| probes.contains(port));
             let ports = ports.filter(|ports| !entry.is_handed || ports.iter().all(is_read));
             let Some(ports) = ports else {
-                goes_on.ended.push(number);
+                kept_streams.ended.push(number);
                 continue;
             };
             if entry.is_handed {
-                goes_on.probed.extend(&ports);
+                kept_streams.probed.extend(&ports);
             }
             for (stream, port) in ports.into_iter().enumerate() {
-                goes_on
+                kept_streams
                     .kept
-                    .extend(old(stream).map(|old| (old, outlets.taps.len())));
-                outlets.taps.push(port);
-                goes_on.places.push((number, stream));
+                    .extend(old(stream).map(|old| (old, sinks.taps.len())));
+                sinks.taps.push(port);
+                kept_streams.places.push((number, stream));
             }
         }
-        goes_on
+        kept_streams
     }
 
-    /// Does a new graph's port hang from the driver that has a tap of the present plans?
+    /// Whether a port of the new graph has the driver that a tap of the present plans has.
     fn has_tap(&self, graph: &Graph, port: (NodeId, usize), tap: usize) -> bool {
         let tapped = |control: &&Control| control.plan().tap_places.contains(&tap);
         let (Some(control), Some(driver)) = (self.controls.iter().find(tapped), graph.driver_of(port.0))
@@ -199,18 +201,18 @@ impl Session {
         self.controls.len() == 1 || control.plan().driver_name() == graph.clocks()[driver].name
     }
 
-    /// Opens the files that a new graph has more; returns those that would have to be begun again.
+    /// Opens the files that only the new graph writes. Returns those that cannot be begun again.
     fn open_new(
         &self,
-        outlets: &mut Outlets<'_>,
+        sinks: &mut FileSinks<'_>,
         ended: &[usize],
         folder: &Path,
     ) -> Result<Vec<PathBuf>, WriteError> {
         let mut left_out = Vec::new();
-        for (index, file) in outlets.graph.written_files() {
+        for (index, file) in sinks.graph.written_files() {
             let known = |entry: &Entry| entry.sink.as_deref() == Some(file);
             match self.entries.iter().position(known) {
-                None => outlets.open_file(index, folder)?,
+                None => sinks.open_file(index, folder)?,
                 Some(known) if ended.contains(&known) || !self.entries[known].running => {
                     left_out.push(self.entries[known].what.clone());
                 }
@@ -220,23 +222,23 @@ impl Session {
         Ok(left_out)
     }
 
-    /// Lays out a new graph for all drivers, with the rings between them and to the files.
-    fn prepare(&self, outlets: &Outlets<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
+    /// Plans a new graph for all drivers, with the rings between them and to the files.
+    fn prepare(&self, sinks: &FileSinks<'_>, kept: &[(usize, usize)]) -> Result<Ready, ChangeError> {
         let options = PlanOptions {
             block: self.block,
-            taps: outlets.taps.clone(),
+            taps: sinks.taps.clone(),
         };
-        let mut outs: Vec<_> = outlets.taps.iter().map(|_| None).collect();
+        let mut outs: Vec<_> = sinks.taps.iter().map(|_| None).collect();
         let mut plans = Vec::new();
-        let all = self.by_driver(Plan::of(outlets.graph, &options))?;
-        self.lets_go_first(&all)?;
+        let all = self.by_driver(Plan::of(sinks.graph, &options))?;
+        self.check_handover(&all)?;
         for (control, mut plan) in self.controls.iter().zip(all) {
             let place = |plan: &Plan, tap: usize| plan.tap_places.iter().position(|place| *place == tap);
             let own = kept
                 .iter()
                 .filter_map(|(old, new)| Some((place(control.plan(), *old)?, place(&plan, *new)?)));
             let rings = tap_rings(&plan, own.collect(), &mut outs);
-            self.keeps_devices(control, &plan)?;
+            self.check_devices(control, &plan)?;
             plan.keep_inputs(control.plan());
             plans.push(control.prepare(Arc::new(plan), rings)?);
         }
@@ -245,13 +247,13 @@ impl Session {
             .iter()
             .map(|control| Arc::clone(control.plan()))
             .collect();
-        let mut next: Vec<&mut Next> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
-        let rings = rejoin(&before, &self.rings, &mut next);
+        let mut next: Vec<&mut PlanSwap> = plans.iter_mut().map(|plan| &mut *plan.next).collect();
+        let rings = reconnect(&before, &self.rings, &mut next);
         Ok(Ready { plans, rings, outs })
     }
 
-    /// Refuses a plan that has a device of another driver's.
-    fn keeps_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
+    /// Refuses a plan that uses a device of another driver.
+    fn check_devices(&self, control: &Control, plan: &Plan) -> Result<(), ChangeError> {
         let others = self
             .controls
             .iter()
@@ -268,8 +270,8 @@ impl Session {
         Ok(())
     }
 
-    /// Refuses plans of which one drives something new while something that another driver drove may still be driven.
-    fn lets_go_first(&self, plans: &[Plan]) -> Result<(), ChangeError> {
+    /// Refuses plans in which a driver adds an actuator while another driver may still drive one that it drops.
+    fn check_handover(&self, plans: &[Plan]) -> Result<(), ChangeError> {
         let changes = || self.controls.iter().zip(plans);
         for (driver, (control, plan)) in changes().enumerate() {
             let Some(device) = plan.drives_beyond(control.plan()) else {
@@ -289,7 +291,7 @@ impl Session {
                 });
             }
             if let Some((left, other)) = left {
-                return Err(ChangeError::NotLetGo {
+                return Err(ChangeError::NotReleased {
                     device: device.to_owned(),
                     driver: plan.driver_name().to_owned(),
                     left: left.to_owned(),
@@ -300,7 +302,7 @@ impl Session {
         Ok(())
     }
 
-    /// The plans of a new graph in the order of the drivers that run.
+    /// The plans of a new graph in the order of the running drivers.
     fn by_driver(&self, mut plans: Vec<Plan>) -> Result<Vec<Plan>, ChangeError> {
         if let ([_], [_]) = (&self.controls[..], &plans[..]) {
             return Ok(plans);
@@ -330,7 +332,7 @@ fn drivers<'p>(plans: impl Iterator<Item = &'p Plan>) -> String {
 }
 
 impl Entry {
-    /// The ports of a graph that carry what is written here, if it has them all.
+    /// The ports of a graph that carry the streams of this entry, if it has all of them.
     fn ports_in(&self, graph: &Graph) -> Option<Vec<(NodeId, usize)>> {
         if let Some(sink) = &self.sink {
             let (index, _) = graph.written_files().find(|(_, file)| file == sink)?;

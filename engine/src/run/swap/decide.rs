@@ -1,34 +1,34 @@
-//! What a swap does: how a plan takes over from another is decided here, and nowhere else.
+//! Chooses the mode of a swap; the only place that does.
 
 use crate::plan::{DevicePlan, Plan};
 
-/// What is copied of delays at most, as two plans run together: 0.5 MB, a twentieth of a millisecond's work.
+/// Largest number of delay components copied for a cross-fade: 0.5 MB, which takes 0.05 ms.
 const MAX_COPIED: u64 = 65_536;
 
-/// How a plan takes over.
+/// How a plan replaces another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in super::super) enum SwapMode {
-    /// The graphs are the same: all state goes on, and no bit changes.
+    /// The graphs are equal: the new plan takes over all state, and no bit changes.
     InPlace,
-    /// Both run for a while, and one fades into the other.
+    /// Both plans run for a while and cross-fade.
     CrossFade,
-    /// The old one falls to zero, the new one rises from there.
+    /// The old plan fades out to zero, then the new one fades in.
     FadeThroughZero(NoCrossFade),
 }
 
-/// Why two plans cannot fade into each other, so that there is silence between them.
+/// Why two plans cannot cross-fade and fade through zero instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoCrossFade {
-    /// The graph has several drivers, which change over one by one.
+    /// The graph has several drivers, which change over at different times.
     Drivers,
-    /// An actuator is driven no more, by another device, at another rate or within other limits.
+    /// An actuator is removed, or its device, rate or limits change.
     Actuators,
-    /// What an actuator hangs on ticks faster than the driver.
+    /// The device of an actuator ticks faster than the driver.
     FastDevice,
-    /// Delays go on that hold more than can be copied in a tick; one that is not copied moves, and then only one plan has it.
+    /// The delays that continue are too large to copy in a tick.
     Delays,
-    /// Both together would take longer than there is time for.
+    /// There is no time to run both plans.
     Load,
 }
 
@@ -38,22 +38,22 @@ impl std::fmt::Display for NoCrossFade {
             Self::Drivers => "there are several drivers",
             Self::Actuators => "an actuator changed",
             Self::FastDevice => "a device ticks faster than the driver",
-            Self::Delays => "its delays hold too much to copy",
-            Self::Load => "there is no time for both",
+            Self::Delays => "its delays are too large to copy",
+            Self::Load => "there is no time to run both graphs",
         })
     }
 }
 
-/// How a plan differed from the one in whose place it was put.
+/// How a plan differs from the one that it replaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
-    /// In at most so many live settings: nothing was interrupted.
+    /// Only in this many live settings: the run was not interrupted.
     Settings(usize),
-    /// In more: it fades into the new one.
+    /// In more than settings: the plans cross-fade.
     CrossFade,
-    /// In more: it is faded out, then the new one in, and this is why they cannot run together.
+    /// In more than settings: the plans fade through zero, for this reason.
     FadeThroughZero(NoCrossFade),
-    /// In more, and neither drives anything that could fade.
+    /// In more than settings, and neither plan has an actuator to fade.
     AtOnce,
 }
 
@@ -65,14 +65,15 @@ impl std::fmt::Display for Change {
             Self::Settings(count) => write!(f, "{count} settings changed"),
             Self::CrossFade => f.write_str("the graph changed, cross-faded"),
             Self::AtOnce => f.write_str("the graph changed"),
-            Self::FadeThroughZero(reason) => write!(f, "the graph changed, through zero as {reason}"),
+            Self::FadeThroughZero(reason) => {
+                write!(f, "the graph changed, faded through zero because {reason}")
+            }
         }
     }
 }
 
 impl Change {
-    /// What a swap of this mode is called in which so many live settings change; `drives` tells whether either plan drives
-    /// anything.
+    /// The change that a swap of this mode with this many changed settings makes; `drives`: either plan has actuators.
     pub(in super::super) fn of(mode: SwapMode, settings: usize, drives: bool) -> Self {
         match mode {
             SwapMode::InPlace => Self::Settings(settings),
@@ -82,7 +83,7 @@ impl Change {
         }
     }
 
-    /// What became of two drivers of a graph, as one.
+    /// Combines the changes of two drivers.
     pub(in super::super) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Settings(some), Self::Settings(more)) => Self::Settings(some + more),
@@ -95,26 +96,26 @@ impl Change {
     }
 }
 
-/// What two plans are to each other, as far as it decides how one takes over.
+/// The facts about two plans on which the mode depends.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facts {
-    /// The graphs are the same but for live settings.
+    /// The graphs differ in live settings at most.
     pub same_graph: bool,
-    /// Either has rings to other drivers.
+    /// Either plan has rings to other drivers.
     pub has_rings: bool,
-    /// The new one has ends of rings that the old one had not: its state is not the old one's as a whole.
+    /// The new plan has ring ends that the old one does not have.
     pub gets_rings: bool,
-    /// Every actuator of the old one is driven on in the same way.
+    /// Every actuator of the old plan continues unchanged.
     pub actuators_go_on: bool,
-    /// A device that both have, or that the new one drives, ticks faster than the driver.
+    /// A device that both plans have, or that the new one drives, ticks faster than the driver.
     pub has_fast_device: bool,
-    /// Components that the delays hold that go on.
+    /// Number of components in the delays that continue.
     pub delayed: u64,
-    /// There is time for both in a tick.
+    /// There is time to run both plans in a tick.
     pub has_time: bool,
 }
 
-/// How a plan takes over from another.
+/// Chooses the mode of a swap.
 pub(super) fn decide(facts: &Facts) -> SwapMode {
     if facts.same_graph && !facts.gets_rings {
         return SwapMode::InPlace;
@@ -132,7 +133,7 @@ pub(super) fn decide(facts: &Facts) -> SwapMode {
     }
 }
 
-/// What two plans have in common: places in the old one and in the new one.
+/// (old, new) indices of what two plans have in common.
 #[derive(Clone, Copy)]
 pub(super) struct Common<'a> {
     pub devices: &'a [(usize, usize)],
@@ -142,7 +143,7 @@ pub(super) struct Common<'a> {
 }
 
 impl Facts {
-    /// Of two plans and what they have in common; `has_time` tells whether there is time for both to run in a tick.
+    /// Compares two plans. `has_time`: there is time to run both in a tick.
     pub fn of(old: &Plan, new: &Plan, common: Common<'_>, has_time: bool) -> Self {
         let rings = |plan: &Plan| !plan.ring_reads.is_empty() || !plan.ring_writes.is_empty();
         let held = |(_, to): &(usize, usize)| {
@@ -194,7 +195,7 @@ impl DevicePlan {
 mod tests {
     use super::*;
 
-    /// Other graphs that can run together.
+    /// Different graphs that can cross-fade.
     const OTHER: Facts = Facts {
         same_graph: false,
         has_rings: false,
@@ -212,7 +213,7 @@ mod tests {
         let table: [Row; 11] = [
             (|_| (), SwapMode::CrossFade),
             (|f| f.same_graph = true, SwapMode::InPlace),
-            // One that is the same needs no time, and nothing of it is copied.
+            // An equal graph neither runs twice nor is copied.
             (|f| (f.same_graph, f.has_time) = (true, false), SwapMode::InPlace),
             (|f| (f.same_graph, f.has_rings) = (true, true), SwapMode::InPlace),
             (
@@ -230,7 +231,7 @@ mod tests {
             ),
             (|f| f.delayed += 1, through_zero(NoCrossFade::Delays)),
             (|f| f.has_time = false, through_zero(NoCrossFade::Load)),
-            // What will not change with time is said first.
+            // Reasons that do not depend on the load come first.
             (
                 |f| (f.actuators_go_on, f.has_time) = (false, false),
                 through_zero(NoCrossFade::Actuators),
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_swap_is_called_by_what_is_heard_of_it() {
+    fn a_swap_without_actuators_is_at_once() {
         let through_zero = SwapMode::FadeThroughZero(NoCrossFade::Load);
         for (mode, drives, expected) in [
             (SwapMode::InPlace, true, Change::Settings(2)),

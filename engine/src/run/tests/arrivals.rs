@@ -1,6 +1,6 @@
 //! Live runs, mostly of several drivers, their callbacks at scripted moments, and their replays.
 
-use super::fleet::{all_bits, graphs, listening};
+use super::runner::{all_bits, graphs, listening};
 use super::world::{random_graph, random_graph_with_drivers};
 use crate::graph::{Bridge, Graph, Work};
 use crate::run::{Change, LiveOptions, LiveState, Offline, OfflineError, ReplayBounds, ReplayError, Session};
@@ -37,15 +37,16 @@ fn settable(mut graph: Graph) -> Graph {
     graph
 }
 
-/// What was heard of a run whose drivers wake at random, stall, are set and stopped; and how often a ring ran dry or over.
+/// What was heard of a run whose drivers wake at random, stall, are set and stopped; and how often a ring ran dry or
+/// over.
 fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
-    let (outlets, heard) = listening(graph);
+    let (file_sinks, heard) = listening(graph);
     let options = LiveOptions {
         block: 32,
         rested: true,
         ..LiveOptions::default()
     };
-    let (mut lives, mut session) = Session::open_all(outlets, &options, Some(folder)).unwrap();
+    let (mut lives, mut session) = Session::open_all(file_sinks, &options, Some(folder)).unwrap();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let rates: Vec<f64> = lives.iter().map(|live| live.run().rate_hz()).collect();
     let mut wakes = 0;
@@ -87,8 +88,8 @@ fn live_run(graph: &Graph, seed: u64, folder: &Path) -> (Vec<Vec<u64>>, u64) {
 }
 
 fn replay(graph: &Graph, block: usize, folder: &Path) -> Result<Vec<Vec<u64>>, OfflineError> {
-    let (outlets, heard) = listening(graph);
-    Offline::new(outlets, block).replay(
+    let (file_sinks, heard) = listening(graph);
+    Offline::new(file_sinks, block).replay(
         (folder, &ReplayBounds::default()),
         &AtomicBool::new(false),
         &mut |_| {},
@@ -157,9 +158,9 @@ fn a_replay_ends_where_another_graph_took_over() {
             .node_weights_mut()
             .for_each(|node| node.fingerprint += 1);
         let folder = Folder::new(&format!("ends-{}-{seed}", graph.drivers().len()));
-        let (outlets, heard) = listening(&graph);
+        let (file_sinks, heard) = listening(&graph);
         let (mut lives, mut session) =
-            Session::open_all(outlets, &LiveOptions::default(), Some(&folder.0)).unwrap();
+            Session::open_all(file_sinks, &LiveOptions::default(), Some(&folder.0)).unwrap();
         let setting = session.settings().next().unwrap().name();
         for wake in 0..20 {
             session.set_by_name(&setting, 0.04 * f64::from(wake)).unwrap();
@@ -236,8 +237,9 @@ fn a_replay_says_what_it_cannot_repeat() {
 
 /// Where a log of a run of this graph is refused, as not of the run or as no line at all.
 fn refused_at(graph: &Graph, folder: &Path, bounds: &ReplayBounds) -> Option<usize> {
-    let (outlets, _) = listening(graph);
-    let replayed = Offline::new(outlets, 64).replay((folder, bounds), &AtomicBool::new(false), &mut |_| {});
+    let (file_sinks, _) = listening(graph);
+    let replayed =
+        Offline::new(file_sinks, 64).replay((folder, bounds), &AtomicBool::new(false), &mut |_| {});
     match replayed.err()? {
         OfflineError::Replay(ReplayError::Implausible { line, .. } | ReplayError::Line { line, .. }) => {
             Some(line)
@@ -355,7 +357,7 @@ fn a_replay_refuses_a_graph_that_would_give_other_samples() {
         *rings.unwrap() += 1e-3;
     });
     assert!(
-        told.contains("`connection ") && told.contains("is not as it was"),
+        told.contains("`connection ") && told.contains("differs"),
         "{told}"
     );
     assert!(!told.contains("node ") && !told.contains("clock "), "{told}");
@@ -365,8 +367,8 @@ fn a_replay_refuses_a_graph_that_would_give_other_samples() {
     assert!(told.contains("`node "), "{told}");
     let told = refused(|graph| graph.nodes[NodeIndex::new(0)].path = "renamed".to_owned());
     assert!(
-        told.contains("`node renamed` was not in it") && told.contains("is gone"),
+        told.contains("`node renamed` is new") && told.contains("is missing"),
         "{told}"
     );
-    assert!(refused(|graph| graph.seed += 1).contains("`seed` is not as it was"));
+    assert!(refused(|graph| graph.seed += 1).contains("`seed` differs"));
 }

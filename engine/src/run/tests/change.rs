@@ -1,7 +1,7 @@
 //! One graph of several drivers in the place of another, in virtual time.
 
 use super::Heard;
-use super::fleet::{bits, graphs, listening};
+use super::runner::{bits, graphs, listening};
 use super::world::{Leaky, random_graph_with_drivers, with_a_node_more, with_rings_more};
 use crate::graph::NodeId;
 use crate::graph::{Graph, Work};
@@ -19,8 +19,8 @@ struct Driven<'a> {
 
 impl<'a> Driven<'a> {
     fn new(graph: &'a Graph) -> Self {
-        let (outlets, heard) = listening(graph);
-        let (lives, session) = Session::open_all(outlets, &LiveOptions::default(), None).unwrap();
+        let (file_sinks, heard) = listening(graph);
+        let (lives, session) = Session::open_all(file_sinks, &LiveOptions::default(), None).unwrap();
         Self {
             graph,
             lives,

@@ -1,12 +1,13 @@
-//! Random sequences of edits to a run of two drivers: limits, windows, gains, sinks and endpoints change, and actuators move
-//! from one driver to the other. What each actuator is given is judged by the limit in force, tick by tick.
+//! Random sequences of edits to a run of two drivers: limits, windows, gains, sinks and endpoints change, and
+//! actuators move from one driver to the other. What each actuator is given is judged by the limit in force, tick by
+//! tick.
 
 use super::heat::{Asks, Coil, RealCoil};
 use super::world::{TestDrive, with_drives};
 use crate::device::DeviceEntry;
 use crate::graph::Graph;
 use crate::node::Limit;
-use crate::run::{ChangeError, Live, LiveOptions, Outlets, Session};
+use crate::run::{ChangeError, FileSinks, Live, LiveOptions, Session};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -213,7 +214,7 @@ impl Bout {
             tick: 0,
         };
         let first = judge.graph(&wiring);
-        let opened = Session::open_all(Outlets::new(&first), &LiveOptions::default(), None);
+        let opened = Session::open_all(FileSinks::new(&first), &LiveOptions::default(), None);
         let (lives, session) = opened.unwrap();
         Self {
             lives,
@@ -241,7 +242,7 @@ impl Bout {
                 self.wiring = new;
                 seen.changed += 1;
             }
-            Err(ChangeError::MovedDevice { .. } | ChangeError::NotLetGo { .. }) => seen.refused += 1,
+            Err(ChangeError::MovedDevice { .. } | ChangeError::NotReleased { .. }) => seen.refused += 1,
             Err(other) => panic!("{other}"),
         }
     }

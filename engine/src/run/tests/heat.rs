@@ -5,7 +5,7 @@ use super::world::with_processor;
 use crate::device::{Device, DeviceEntry, DeviceKind, DeviceSpec};
 use crate::graph::{Graph, Work};
 use crate::node::{BuildContext, BuildError, Io, Limit, Processor, Tick};
-use crate::run::{Change, Live, LiveOptions, Offline, Outlets, ReplayBounds, Session, live};
+use crate::run::{Change, FileSinks, Live, LiveOptions, Offline, ReplayBounds, Session, live};
 use crate::settings::NoSettings;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -207,7 +207,7 @@ fn largest_given(real: bool, rested: bool) -> (f64, Vec<String>) {
         rested,
         ..LiveOptions::default()
     };
-    let (mut live, session) = Session::open(Outlets::new(&graph), &options).unwrap();
+    let (mut live, session) = Session::open(FileSinks::new(&graph), &options).unwrap();
     let unrested = live.run().unrested().map(str::to_owned).collect();
     let mut largest = 0.0_f64;
     for _ in 0..500 {
@@ -246,13 +246,14 @@ fn a_replay_begins_as_warm_as_its_run_did() {
             rested,
             ..LiveOptions::default()
         };
-        let (mut lives, session) = Session::open_all(Outlets::new(&graph), &options, Some(&folder)).unwrap();
+        let (mut lives, session) =
+            Session::open_all(FileSinks::new(&graph), &options, Some(&folder)).unwrap();
         lives[0].callback(20, |_, _| {});
         let given = coils[0].given();
         session.finish_all(lives);
         coils[0].clone().write(0, &[0.0]);
         let stop = AtomicBool::new(false);
-        let replay = Offline::new(Outlets::new(&graph), 64);
+        let replay = Offline::new(FileSinks::new(&graph), 64);
         replay
             .replay((&folder, &ReplayBounds::default()), &stop, &mut |_| {})
             .unwrap();

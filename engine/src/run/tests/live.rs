@@ -7,7 +7,7 @@ use crate::graph::NodeId;
 use crate::graph::{Graph, Node, Work};
 use crate::node::{Io, Processor, Tick};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{ControlError, Live, LiveState, Offline, Outlets, Run, live};
+use crate::run::{ControlError, FileSinks, Live, LiveState, Offline, Run, live};
 use crate::silence::{InputCell, InputState, LiveInput};
 use petgraph::graph::NodeIndex;
 use std::sync::Arc;
@@ -153,7 +153,7 @@ fn what_is_not_a_number_is_traced_to_the_same_node_whatever_the_block_and_the_th
     }
     let (graph, node, _) = with_processor(Box::new(Once));
     for (block, threads) in [(1, 1), (7, 1), (64, 1), (64, 2), (1000, 3)] {
-        let offline = Offline::new(Outlets::new(&graph), block).threads(threads);
+        let offline = Offline::new(FileSinks::new(&graph), block).threads(threads);
         let outcome = offline.run(0.2, &AtomicBool::new(false), &mut |_| {}).unwrap();
         let found = (outcome.faults.ticks, outcome.faults.origin.as_deref());
         assert_eq!(found, (1, Some(&*graph.nodes[node].path)));
@@ -191,7 +191,7 @@ fn with_bystander() -> (Graph, NodeIndex) {
 fn a_node_that_leads_to_no_sink_is_not_blamed() {
     let (graph, node) = with_bystander();
     for (block, threads) in [(1, 1), (64, 1), (64, 2)] {
-        let offline = Offline::new(Outlets::new(&graph), block).threads(threads);
+        let offline = Offline::new(FileSinks::new(&graph), block).threads(threads);
         let outcome = offline.run(0.1, &AtomicBool::new(false), &mut |_| {}).unwrap();
         assert_eq!(
             outcome.faults.origin.as_deref(),
@@ -205,7 +205,7 @@ fn a_node_that_leads_to_no_sink_is_not_blamed() {
 fn a_stopped_run_does_not_look_for_who_is_to_blame() {
     let (graph, _) = with_bystander();
     let stop = AtomicBool::new(false);
-    let offline = Offline::new(Outlets::new(&graph), 60);
+    let offline = Offline::new(FileSinks::new(&graph), 60);
     let outcome = offline.run(1e7, &stop, &mut |_| stop.store(true, Ordering::Relaxed));
     let faults = outcome.unwrap().faults;
     assert_eq!((faults.ticks, faults.origin), (10, None));
@@ -275,7 +275,8 @@ impl Device for Heard {
     }
 }
 
-/// A graph that is read again has inputs of its own, which nobody hears; the device that goes on is the one that is heard.
+/// A graph that is read again has inputs of its own, which nobody hears; the device that goes on is the one that is
+/// heard.
 #[test]
 fn what_is_heard_stays_heard_and_what_falls_silent_is_silent_in_every_plan_that_takes_over() {
     let cells: Vec<Arc<InputCell>> = (0..3).map(|_| Arc::default()).collect();

@@ -242,7 +242,7 @@ fn a_panic_of_either_graph_in_a_cross_fade_takes_the_actuators_to_zero() {
     for (old, new) in [(PANIC, constant(100.0)), (constant(100.0), PANIC)] {
         let (live, given) = faded(old, new, 0, |_| {});
         assert_eq!((live.state(), given.len()), (LiveState::Panicked, 25));
-        assert!(live.is_at_rest());
+        assert!(live.is_idle());
     }
 }
 
@@ -573,7 +573,7 @@ fn a_panic_in_a_swap_takes_the_actuators_to_zero_too() {
     live.callback(80, |_, _| {});
     assert_eq!(live.state(), LiveState::Panicked);
     live.callback(80, |_, _| {});
-    assert!(live.is_at_rest());
+    assert!(live.is_idle());
 }
 
 /// Panics when it has to hand its state on.

@@ -45,7 +45,7 @@ impl Processor for Leaky {
                     frames[range].fill(lanes[0]);
                 }
             } else {
-                frames.copy_from_slice(io.lanes(input));
+                frames.copy_from_slice(io.components(input));
             }
             at.push(frames);
         }

@@ -43,8 +43,8 @@ impl Contact {
         Self::Stiffness,
     ];
 
-    /// Its word, as in files; it ends in the unit of its errors.
-    pub fn word(self) -> &'static str {
+    /// The name in files; it ends in the unit of the errors.
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::TapShape => "tap_shape_percent",
             Self::TapLevel => "tap_level_db",

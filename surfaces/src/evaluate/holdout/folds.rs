@@ -18,8 +18,8 @@ impl Split {
     /// All ways.
     pub const ALL: [Self; 3] = [Self::Halves, Self::Quarters, Self::Takes];
 
-    /// Its word, as in files and on the command line.
-    pub fn word(self) -> &'static str {
+    /// The name in files and on the command line.
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Halves => "halves",
             Self::Quarters => "quarters",

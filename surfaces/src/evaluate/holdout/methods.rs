@@ -44,8 +44,8 @@ impl Method {
         Self::Windows,
     ];
 
-    /// Its word, as in files.
-    pub fn word(self) -> &'static str {
+    /// The name in files.
+    pub fn as_str(self) -> &'static str {
         match self {
             Self::Floor => "floor",
             Self::Default => "default",

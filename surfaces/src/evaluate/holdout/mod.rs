@@ -56,7 +56,7 @@ impl Default for HoldoutSettings {
 
 /// Why recordings cannot be held out.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum HoldoutError {
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -86,8 +86,8 @@ impl HoldoutError {
     fn learning(material: &str, split: Split, method: Method, error: &LearnTextureError) -> Self {
         Self::Learning {
             material: material.to_owned(),
-            split: split.word(),
-            method: method.word(),
+            split: split.as_str(),
+            method: method.as_str(),
             reason: error.to_string(),
         }
     }
@@ -199,7 +199,7 @@ fn one_fold(
         };
         let found = measured(&player, &target, settings).map_err(|source| HoldoutError::Synthesis {
             material: material.to_owned(),
-            method: method.word(),
+            method: method.as_str(),
             source,
         })?;
         measures.push(found);

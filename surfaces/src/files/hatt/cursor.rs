@@ -1,5 +1,5 @@
-//! A cursor over the toolkit's XML: elements within elements and text within those, nothing more. It keeps no tree, so
-//! that memory does not grow with the file, and expands no entities.
+//! A cursor over the toolkit's XML, which has only nested elements and text. It builds no tree, so that memory does not
+//! grow with the file, and expands no entities.
 
 use super::HattProblem;
 use crate::files::{Place, decimal};
@@ -27,7 +27,7 @@ enum Item {
     Eof,
 }
 
-/// Comments kept, of at most so many bytes each: enough for the label of an exported surface.
+/// Limits on stored comments and their bytes: enough for the label of an exported surface.
 const COMMENTS: (usize, usize) = (4, 4096);
 
 impl<'a> Cursor<'a> {
@@ -41,7 +41,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Where reading has got to.
+    /// The current location.
     pub fn place(&self) -> Place {
         let position = self.reader.buffer_position().max(self.reader.error_position());
         let mut position = usize::try_from(position)
@@ -78,7 +78,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next element within `parent`; none at its end.
+    /// The next element within `parent`; `None` at its end.
     pub fn child(&mut self, parent: &str) -> Result<Option<Element>, HattProblem> {
         loop {
             match self.item()? {
@@ -104,7 +104,7 @@ impl<'a> Cursor<'a> {
         let mut whole = String::new();
         loop {
             match self.item()? {
-                // The common case is one piece, kept as it is.
+                // The common case is one piece, which is not copied.
                 Item::Text(text) if whole.is_empty() => whole = text,
                 Item::Text(text) => whole.push_str(&text),
                 Item::End => return Ok(whole),
@@ -158,7 +158,7 @@ impl<'a> Cursor<'a> {
         Ok(values)
     }
 
-    /// Makes sure that nothing follows the root element.
+    /// Checks that nothing follows the root element.
     pub fn end(&mut self) -> Result<(), HattProblem> {
         loop {
             match self.item()? {

@@ -1,11 +1,11 @@
-//! Which vertices of a toolkit file were measured. The file does not say; the rules by which the toolkit extends a map
-//! tell: border vertices repeat the filter of a measured one, and stand at the same places along opposite sides.
+//! Infers which vertices of a toolkit file were measured. The file does not contain it; it follows from how the toolkit
+//! extends a map: border vertices repeat the filter of a measured one, at the same positions along opposite sides.
 
 use crate::{ModelAt, VertexKind};
 use std::collections::HashSet;
 
-/// Sets each vertex's kind: measured inside the map, and one on the border for each filter that no vertex inside has:
-/// there, the one that stands where the opposite side has none, or else that of the largest speed and force.
+/// Sets the kind of each vertex. Vertices inside the map are measured. For each filter that no inner vertex has, one border
+/// vertex is measured: the one without a counterpart on the opposite side, else that of the largest speed and force.
 pub(super) fn infer(models: &mut [ModelAt]) {
     let max_speed = models.iter().map(|at| at.speed_m_s).fold(0.0, f64::max);
     let max_force = models.iter().map(|at| at.force_n).fold(0.0, f64::max);

@@ -1,14 +1,14 @@
-//! The Penn Haptic Texture Toolkit's (HaTT) XML files: models and taps, in and out.
+//! Reads and writes the XML files of the Penn Haptic Texture Toolkit (HaTT): models and taps.
 //!
 //! A model file stores each filter twice, its coefficients with twenty decimals and its line spectral frequencies with
-//! six, so that they agree to about 2e-5 only. Both are kept; rendering goes through the frequencies, as in the
-//! toolkit ([`crate::ArmaModel`]). Which vertices were measured the file does not say; it follows from which filters
-//! are repeated along the border of the map.
+//! six, so that they agree only to about 2e-5. Both are stored; rendering uses the frequencies, as in the toolkit
+//! ([`crate::ArmaModel`]). The file does not state which vertices were measured; it follows from the filters that are
+//! repeated along the border of the map.
 //!
-//! Reading is strict: fields that are unknown, missing or given twice, counts that do not match and units other than
-//! the toolkit's are errors. Writing obeys the toolkit's rules (order of fields, triangles numbered from 1,
-//! `type="array"`) and gives each number the shortest decimal that reads back to the same bits. What the toolkit has no
-//! field for, the kind of data behind the surface, is written as a comment, and read back from it.
+//! Reading is strict: unknown, missing and duplicate fields, wrong counts and units other than the toolkit's are errors.
+//! Writing follows the toolkit's rules (order of fields, triangles numbered from 1, `type="array"`) and writes each number
+//! as the shortest decimal that reads back to the same bits. The origin of the surface, for which the toolkit has no field,
+//! is stored in a comment.
 
 mod cursor;
 mod kinds;
@@ -22,12 +22,12 @@ pub use write::{write_models, write_taps};
 use super::{Problem, ReadError};
 use crate::{Origin, Provenance, Surface};
 
-/// The rate of the toolkit's taps.
+/// The rate of the toolkit's taps, Hz.
 pub const TAP_RATE_HZ: f64 = 1000.0;
 /// Samples of each of the toolkit's taps.
 pub const TAP_SAMPLES: usize = 100;
 
-/// Fields of a model file that no surface needs, but its toolkit does: kept among the settings of the provenance.
+/// Fields of a model file that only the toolkit needs; they are stored in the settings of the provenance.
 const KEPT: [&str; 5] = [
     "htmlPicture",
     "htmlLinuxPicture",
@@ -36,10 +36,10 @@ const KEPT: [&str; 5] = [
     "LinuxDTpicture",
 ];
 
-/// Begins the comment that says where a surface comes from.
+/// The start of the comment with the origin of a surface.
 const LABEL: &str = "haptograph surface: ";
 
-/// A surface from the text of a model or tap file.
+/// Reads a surface from the text of a model or tap file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
     let mut cursor = Cursor::new(text);
     let surface = read_root(&mut cursor);
@@ -68,9 +68,9 @@ fn read_root(cursor: &mut Cursor) -> Result<Surface, Problem> {
     Ok(surface)
 }
 
-/// The comment that labels an exported surface; dashes that would end it are bent.
+/// The comment that labels an exported surface; double dashes, which would end it, are replaced.
 fn label(provenance: &Provenance) -> String {
-    let origin = provenance.origin.word();
+    let origin = provenance.origin.as_str();
     let label = format!(
         "{LABEL}{origin}; made by {}; from {}",
         provenance.version, provenance.source
@@ -81,23 +81,20 @@ fn label(provenance: &Provenance) -> String {
 fn parse_label(comment: &str) -> Option<(Origin, String, String)> {
     let (origin, rest) = comment.trim().strip_prefix(LABEL)?.split_once("; made by ")?;
     let (made_by, source) = rest.split_once("; from ")?;
-    let origins = [
-        Origin::Simulated,
-        Origin::Measured,
-        Origin::Imported,
-        Origin::Procedural,
-    ];
-    let origin = origins.into_iter().find(|known| known.word() == origin)?;
-    Some((origin, source.to_owned(), made_by.to_owned()))
+    Some((
+        origin.parse::<Origin>().ok()?,
+        source.to_owned(),
+        made_by.to_owned(),
+    ))
 }
 
-/// What may be wrong with a toolkit file.
+/// A problem in a toolkit file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HattProblem {
     /// Not well-formed XML.
-    #[error("this is not well-formed XML: {message}")]
+    #[error("the file is not well-formed XML: {message}")]
     Xml {
-        /// What the parser says.
+        /// The parser's message.
         message: String,
     },
     /// The file ends too early.
@@ -107,10 +104,10 @@ pub enum HattProblem {
         element: String,
     },
     /// A document type, whose entities could grow without bound.
-    #[error("the file declares a document type; the toolkit's files have none, remove the <!DOCTYPE ...>")]
+    #[error("the file declares a document type, which toolkit files do not have; remove the <!DOCTYPE ...>")]
     DocumentType,
     /// A reference other than the predefined ones.
-    #[error("&{name}; is not one of XML's own references")]
+    #[error("&{name}; is not one of XML's predefined references")]
     Reference {
         /// The reference's name.
         name: String,
@@ -121,8 +118,8 @@ pub enum HattProblem {
         /// Its name.
         found: String,
     },
-    /// Something after the root element, or text where only elements belong.
-    #[error("text or an element where none belongs, in or after <{element}>")]
+    /// Content after the root element, or text between elements.
+    #[error("unexpected text or element in or after <{element}>")]
     Stray {
         /// The element around or before it.
         element: String,
@@ -152,7 +149,7 @@ pub enum HattProblem {
         parent: &'static str,
     },
     /// Text that is not a number.
-    #[error("<{field}> has \"{text}\" where a number belongs")]
+    #[error("<{field}> is \"{text}\"; expected a number")]
     Number {
         /// The element.
         field: String,
@@ -164,21 +161,21 @@ pub enum HattProblem {
     TooMany {
         /// The element.
         field: &'static str,
-        /// The most there may be.
+        /// The limit.
         most: usize,
     },
     /// A number that does not match what it describes.
-    #[error("<{field}> is {says}, but the file has {has}")]
+    #[error("<{field}> is {stated}, but the file has {actual}")]
     Mismatch {
         /// The element.
         field: &'static str,
-        /// What it says.
-        says: f64,
-        /// What is so.
-        has: f64,
+        /// The number in the element.
+        stated: f64,
+        /// The number in the file.
+        actual: f64,
     },
     /// Units other than the toolkit's.
-    #[error("<{field}> is \"{found}\"; only \"{expected}\" is read")]
+    #[error("<{field}> is \"{found}\"; expected \"{expected}\"")]
     Units {
         /// The element.
         field: &'static str,
@@ -195,26 +192,28 @@ pub enum HattProblem {
     },
 }
 
-/// Why a surface cannot be written as a toolkit file.
+/// An error of writing a surface as a toolkit file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum HattWriteError {
     /// A model file needs a texture.
-    #[error("the surface has no texture, and a toolkit model file is nothing else; write a .ron")]
+    #[error("the surface has no texture, which a toolkit model file requires; write a .ron file")]
     NoTexture,
-    /// The toolkit knows plain delays only.
+    /// The toolkit supports only plain delays.
     #[error(
-        "a toolkit model file has no place for a warped texture; write a .ron, or learn with the thesis's method"
+        "a toolkit model file cannot store a warped texture; write a .ron file, or learn the texture with --method thesis"
     )]
     Warped,
     /// A model file needs a friction coefficient.
-    #[error("a toolkit model file needs a friction coefficient, and the surface has none; write a .ron")]
+    #[error(
+        "the surface has no friction coefficient, which a toolkit model file requires; write a .ron file"
+    )]
     NoFriction,
     /// A tap file needs taps.
-    #[error("the surface has no taps, and a toolkit tap file is nothing else; write a .ron")]
+    #[error("the surface has no taps, which a toolkit tap file requires; write a .ron file")]
     NoTaps,
     /// The toolkit's taps have one rate and length.
     #[error(
-        "toolkit taps have {TAP_SAMPLES} samples at {TAP_RATE_HZ} Hz, these have {samples} at {rate_hz} Hz; write a .ron"
+        "the taps have {samples} samples at {rate_hz} Hz, but a toolkit file requires {TAP_SAMPLES} at {TAP_RATE_HZ} Hz; write a .ron file"
     )]
     TapShape {
         /// Samples of each tap.
@@ -222,8 +221,8 @@ pub enum HattWriteError {
         /// Their rate.
         rate_hz: f64,
     },
-    /// XML cannot hold some control characters.
-    #[error("the name {name:?} has characters that XML cannot hold; rename the surface")]
+    /// XML cannot store some control characters.
+    #[error("the name {name:?} has characters that XML cannot store; rename the surface")]
     Name {
         /// The name.
         name: String,

@@ -1,4 +1,4 @@
-//! Reading model files.
+//! Reads model files.
 
 use super::cursor::{Cursor, Element};
 use super::{HattProblem, KEPT, kinds};
@@ -33,7 +33,7 @@ const UNITS: [(&str, &str); 3] = [
 ];
 const SET: &str = "modelSet";
 
-/// Reads a model set whose root element has begun.
+/// Reads a model set after the start of its root element.
 pub(super) fn read(cursor: &mut Cursor, root: &Element) -> Result<Surface, Problem> {
     let mut set = ModelSet::default();
     let mut filters = Vec::new();
@@ -129,8 +129,8 @@ fn read_label(cursor: &mut Cursor, name: &str, set: &mut ModelSet) -> Result<(),
 fn triangle(values: &[f64]) -> Result<[u32; 3], HattProblem> {
     let wrong = || HattProblem::Mismatch {
         field: "tri",
-        says: values.len() as f64,
-        has: 3.0,
+        stated: values.len() as f64,
+        actual: 3.0,
     };
     let [a, b, c] = *values else { return Err(wrong()) };
     let mut triangle = [0; 3];
@@ -242,7 +242,7 @@ fn monic(mut polynomial: Vec<f64>, field: &'static str) -> Result<Vec<f64>, Hatt
     Ok(polynomial)
 }
 
-/// The model, sharing the filter of one read before that has the same: a file repeats each along the border of its map.
+/// The model. It shares the filter of an earlier model with an equal one, because a file repeats filters along the border.
 fn shared(filters: &mut Vec<ArmaModel>, stored: StoredModel) -> Result<ArmaModel, ModelError> {
     let model = ArmaModel::from_stored(stored)?;
     match filters.iter().find(|filter| filter.same_filter(&model)) {
@@ -340,10 +340,14 @@ pub(super) fn need<T>(value: Option<T>, field: &'static str, parent: &'static st
     value.ok_or(HattProblem::Missing { field, parent })
 }
 
-pub(super) fn same(field: &'static str, says: f64, has: f64) -> Result<(), HattProblem> {
-    if says == has {
+pub(super) fn same(field: &'static str, stated: f64, actual: f64) -> Result<(), HattProblem> {
+    if stated == actual {
         Ok(())
     } else {
-        Err(HattProblem::Mismatch { field, says, has })
+        Err(HattProblem::Mismatch {
+            field,
+            stated,
+            actual,
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! Reading tap files.
+//! Reads tap files.
 
 use super::cursor::Cursor;
 use super::models::{need, once, same};
@@ -9,7 +9,7 @@ use crate::{Origin, Provenance, Surface, Tap, Taps};
 const SET: &str = "tapSet";
 const TAP: &str = "tap";
 
-/// Reads a tap set whose root element has begun. The file does not name its material.
+/// Reads a tap set after the start of its root element. The file does not name its material.
 pub(super) fn read(cursor: &mut Cursor) -> Result<Surface, Problem> {
     let (mut count, mut speeds, mut taps) = (None, None, Vec::new());
     while let Some(element) = cursor.child(SET)? {

@@ -130,7 +130,7 @@ fn errors_say_where() {
     let (line, message) = place_and_message(&text.replacen("<var>", "<var>?", 1));
     assert_eq!(line, line_of("<var>"), "{message}");
     let (_, message) = place_and_message(&text.replace("mm/s", "m/s"));
-    assert!(message.contains("only \"mm/s\""), "{message}");
+    assert!(message.contains("expected \"mm/s\""), "{message}");
     let (_, message) = place_and_message(&text.replacen("<modNum>2<", "<modNum>7<", 1));
     assert!(message.contains("<modNum> is 7, but the file has 2"), "{message}");
     let (_, message) = place_and_message(&text.replacen("</mu>", "</mu><mu>1</mu>", 1));

@@ -1,4 +1,4 @@
-//! Writing toolkit files.
+//! Writes toolkit files.
 
 use super::{HattWriteError, KEPT, TAP_RATE_HZ, TAP_SAMPLES, label};
 use crate::files::decimal::format_thousandfold;
@@ -6,8 +6,8 @@ use crate::{ArmaModel, ModelAt, Surface, TextureModel};
 use quick_xml::escape::escape;
 use std::fmt::Write;
 
-/// The text of a model file. Stiffness, taps and the R² of friction have no place in it. The toolkit's own renderer
-/// reads beyond its arrays where a file has fewer than 16 triangles.
+/// The text of a model file. It cannot store stiffness, taps and the R² of friction. The toolkit's renderer reads beyond
+/// its arrays if a file has fewer than 16 triangles.
 pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     let texture = surface.texture.as_ref().ok_or(HattWriteError::NoTexture)?;
     if texture.warping() != 0.0 {
@@ -77,7 +77,7 @@ pub fn write_models(surface: &Surface) -> Result<String, HattWriteError> {
     Ok(out.text)
 }
 
-/// The toolkit's own models have a gain at 1 kHz and none at 10 kHz, where it is 1.
+/// The toolkit's models have a gain at 1 kHz, and none at 10 kHz, where it is 1.
 fn has_gain(texture: &TextureModel) -> bool {
     let plain = |model: &ArmaModel| model.ma().is_empty() && model.gain() == 1.0;
     texture.rate_hz() != 10_000.0 || !texture.models().iter().all(|at| plain(&at.model))
@@ -101,7 +101,7 @@ fn write_model(out: &mut Xml, number: usize, at: &ModelAt, has_gain: bool) {
     out.line(1, "</model>");
 }
 
-/// The text of a tap file, which has taps alone, without a name.
+/// The text of a tap file, which has only taps and no name.
 pub fn write_taps(surface: &Surface) -> Result<String, HattWriteError> {
     let taps = surface.taps.as_ref().ok_or(HattWriteError::NoTaps)?;
     if taps.rate_hz() != TAP_RATE_HZ || taps.length() != TAP_SAMPLES {
@@ -136,7 +136,7 @@ pub fn write_taps(surface: &Surface) -> Result<String, HattWriteError> {
 
 fn checked_name(surface: &Surface) -> Result<&str, HattWriteError> {
     let name = surface.name.as_str();
-    // XML also trims and joins some white space; names with such are refused rather than changed.
+    // XML trims and joins some white space; names with it are refused, because they would change.
     let unfit = |c: char| c.is_control() || c == '\u{fffe}' || c == '\u{ffff}';
     if name.contains(unfit) {
         Err(HattWriteError::Name {
@@ -147,7 +147,7 @@ fn checked_name(surface: &Surface) -> Result<&str, HattWriteError> {
     }
 }
 
-/// Where the toolkit looks for a material's pictures.
+/// The toolkit's path of a material's picture.
 fn default_picture(field: &str, name: &str) -> String {
     match field {
         "htmlPicture" => format!("..\\..\\..\\TextureImages\\{name}_square.bmp"),

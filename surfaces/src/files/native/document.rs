@@ -1,4 +1,4 @@
-//! The file's own model: what may be written, field by field. No internal type carries serde.
+//! The structure of the file, field by field. Other types of the crate do not use serde.
 
 use crate::files::{MAX_MODELS, MAX_TAP_SAMPLES, MAX_TAPS, decimal};
 use crate::lines::MAX_LINES;
@@ -139,7 +139,7 @@ pub(super) enum KindDocument {
     Edge,
 }
 
-/// A list that refuses to grow beyond what any surface needs, so that a hostile file cannot ask for memory.
+/// A list of limited length, so that a hostile file cannot exhaust memory.
 pub(super) struct Bounded<T, const MAX: usize>(pub Vec<T>);
 
 impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T, MAX> {
@@ -197,20 +197,20 @@ impl<'de> Deserialize<'de> for Settings {
     }
 }
 
-/// A number written in another unit than SI's, 10^`PLACES` of it, and kept exactly in SI.
+/// A number that the file has in 10^`PLACES` of the SI unit, converted exactly to SI.
 pub(super) struct Scaled<const PLACES: i32> {
     pub si: f64,
 }
 
-/// In mm/s or ms.
+/// A number in mm/s or ms.
 pub(super) type Thousandths = Scaled<-3>;
-/// By the millimetre.
+/// A number per millimetre.
 pub(super) type PerMm = Scaled<3>;
 
 impl<'de, const PLACES: i32> Deserialize<'de> for Scaled<PLACES> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let raw = <&'de ron::value::RawValue>::deserialize(deserializer)?;
-        // What is not a plain decimal (with a comment beside it, or digits grouped) loses the last bit at most.
+        // A number that is not a plain decimal (with a comment or grouped digits) can lose the last bit.
         let grouped = || {
             let scale = 10_f64.powi(PLACES.abs());
             let number = raw.into_rust::<f64>();
@@ -222,7 +222,7 @@ impl<'de, const PLACES: i32> Deserialize<'de> for Scaled<PLACES> {
     }
 }
 
-/// Where filters and vertices begin in the text: read only to tell where an error is.
+/// The locations of filters and vertices in the text, for error messages.
 #[derive(Deserialize)]
 #[serde(rename = "Surface")]
 pub(super) struct Places<'a> {
@@ -238,7 +238,7 @@ pub(super) struct TexturePlaces<'a> {
     pub vertices: Vec<&'a ron::value::RawValue>,
 }
 
-/// The version alone, for files of another one.
+/// The version only, for files of another version.
 #[derive(Deserialize)]
 #[serde(rename = "Surface")]
 pub(super) struct Head {

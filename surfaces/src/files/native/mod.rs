@@ -1,4 +1,4 @@
-//! haptograph's own surface format: RON that a person can read and write.
+//! haptograph's surface format: RON, readable and editable by hand.
 //!
 //! ```ron
 //! Surface(
@@ -31,18 +31,19 @@
 //! )
 //! ```
 //!
-//! Friction, stiffness, taps and texture may each be left out. So may the largest normal force of a tap. A filter may also have `ma` (and `ma_lsf`) and `gain`.
+//! Friction, stiffness, taps and texture are optional. So is the peak normal force of a tap. A filter can also have `ma`
+//! (and `ma_lsf`) and `gain`.
 //!
-//! Further fields of a texture that may be left out: `warping`, the factor of the models' frequency axis (vertices then have
+//! Further optional fields of a texture: `warping`, the factor of the models' frequency axis (vertices then have
 //! `power_m2_s4`, the power of the vibration, instead of `variance`); `highpass_hz`, the high-pass that the models leave to
 //! the renderer; `crackle: (depth: 0.6, time_constant_ms: 8)`, how strongly and how fast the level of the excitation
 //! fluctuates ([`crate::Crackle`]); and at most three `lines: [(cycles_per_mm: 0.34, diffusion_rad2_per_mm: 0.02, powers_m2_s4:
-//! [...])]`, each with a power for every vertex, 0 at rest ([`crate::SpatialLine`]). A file without them means what it always meant, so the version stays 1; a program that
-//! does not know one of them refuses the file.
+//! [...])]`, each with a power for every vertex, 0 at rest ([`crate::SpatialLine`]). The version stays 1, because they do not
+//! change the meaning of a file without them; a program that does not support one of them refuses the file.
 //!
-//! LSFs are in radians. Where a filter has coefficients and LSFs, both are kept and the LSFs lead
-//! ([`crate::ArmaModel`]). Fields that are not known and keys given twice are errors. Numbers are written by the
-//! shortest decimal that reads back to the same bits, speeds included.
+//! LSFs are in radians. If a filter has coefficients and LSFs, both are stored and the LSFs take precedence
+//! ([`crate::ArmaModel`]). Unknown fields and duplicate keys are errors. Numbers, speeds included, are written as the
+//! shortest decimal that reads back to the same bits.
 
 mod document;
 mod read;

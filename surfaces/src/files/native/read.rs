@@ -1,4 +1,4 @@
-//! From text to a surface.
+//! Reads a surface from RON.
 
 use super::FORMAT;
 use super::document::{
@@ -13,7 +13,7 @@ use crate::{
 };
 use ron::extensions::Extensions;
 
-/// A surface from the text of a `.ron` file.
+/// Reads a surface from the text of a `.ron` file.
 pub fn read(text: &str) -> Result<Surface, ReadError> {
     let document = parse(text)?;
     surface(document).map_err(|problem| ReadError {
@@ -32,7 +32,7 @@ fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
     let document = options().from_str::<SurfaceDocument>(text);
     let version = match &document {
         Ok(document) => Some(document.format),
-        // Another version may fail for fields that this one does not know: that it is another is the better message.
+        // A file of another version may have unknown fields; the message about the version is the more useful one.
         Err(_) => options().from_str::<Head>(text).ok().map(|head| head.format),
     };
     if let Some(found) = version.filter(|&found| found != FORMAT) {
@@ -141,7 +141,7 @@ fn texture(document: TextureDocument) -> Result<TextureModel, Problem> {
         .with_lines(lines.collect::<Result<_, _>>()?)?)
 }
 
-/// A filter with whichever of coefficients and LSFs the file leaves out worked out from the other.
+/// A filter; computes coefficients from LSFs, or LSFs from coefficients, if the file has only one of them.
 fn filter(number: usize, document: FilterDocument, warping: Option<f64>) -> Result<ArmaModel, Problem> {
     let failed = |error: ModelError| Problem::Filter {
         filter: number,
@@ -205,7 +205,7 @@ fn both(
     }
 }
 
-/// Where in the text the filter or vertex stands that a problem is about.
+/// The location in the text of the filter or vertex of a problem.
 fn place_of(problem: &Problem, text: &str) -> Option<Place> {
     enum At {
         Filter(usize),

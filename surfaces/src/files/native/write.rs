@@ -1,11 +1,11 @@
-//! From a surface to text: laid out by hand, as RON's own printer gives each number a line.
+//! Writes a surface as RON with its own layout, because RON's printer puts each number on a line.
 
 use super::FORMAT;
 use crate::files::decimal::{format_shifted, format_thousandfold};
 use crate::{ArmaModel, Surface, Taps, TextureModel, VertexKind};
 use std::fmt::Write;
 
-/// The text of a `.ron` file that reads back to an equal surface, bit for bit.
+/// Writes the text of a `.ron` file. Reading it gives a bitwise equal surface.
 pub fn write(surface: &Surface) -> String {
     let mut out = String::from(
         "// A haptograph surface. Speeds in mm/s, forces in N, accelerations in m/s2, line spectral frequencies in radians.\n",
@@ -25,7 +25,7 @@ fn write_surface(out: &mut String, surface: &Surface) -> std::fmt::Result {
     writeln!(
         out,
         "    provenance: (\n        origin: {},",
-        provenance.origin.word()
+        provenance.origin.as_str()
     )?;
     writeln!(out, "        source: {},", quoted(&provenance.source))?;
     writeln!(out, "        made_by: {},", quoted(&provenance.version))?;
@@ -165,7 +165,7 @@ fn write_lines(out: &mut String, texture: &TextureModel) -> std::fmt::Result {
     writeln!(out, "        ],")
 }
 
-/// Each filter once, and which one each vertex has.
+/// The distinct filters, and the filter of each vertex.
 fn distinct_filters(texture: &TextureModel) -> (Vec<&ArmaModel>, Vec<usize>) {
     let mut filters: Vec<&ArmaModel> = Vec::new();
     let filter_of = texture
@@ -210,8 +210,7 @@ fn write_numbers(out: &mut String, head: &str, numbers: &[f64]) -> std::fmt::Res
     Ok(())
 }
 
-/// Text in RON's quotes. Letters of any language stay as they are; quotes, backslashes and control characters are
-/// escaped.
+/// Quotes text for RON. Escapes quotes, backslashes and control characters only.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for c in text.chars() {

@@ -1,13 +1,13 @@
-//! Lines fixed in space, found by order tracking: periods of the tool's way in the whitened recording.
+//! Finds lines fixed in space by order tracking: spatial periods in the whitened recording.
 //!
 //! ```text
-//! whitened ─► windows of the way ─► spectrum over cycles a metre ─► peaks that slow and fast windows share
-//!                                                                    │  more than any surrogate has?
-//!                                                        tracking ◄──┘  power by speed and force, coherence over the way
+//! whitened ─► windows of distance ─► spectrum over cycles/m ─► peaks that slow and fast windows share
+//!                                                                    │  higher than in every surrogate?
+//!                                                        tracking ◄──┘  power by speed and force, coherence over distance
 //! ```
 //!
-//! A surrogate is the same recording with its speed shifted in time: a line that keeps its frequency stays as it was, one
-//! that keeps its place in space is smeared.
+//! A surrogate is the same recording with its speed shifted in time: a line fixed in frequency does not change, a line fixed
+//! in space is smeared.
 
 mod orders;
 mod removal;
@@ -22,17 +22,16 @@ use crate::recording::ProcessedRecording;
 use crate::{SpatialLine, TextureError, TextureModel};
 use std::ops::Range;
 
-/// Way of a window, m: its inverse is the resolution in cycles a metre.
+/// Distance of a window, m: its inverse is the resolution in cycles per metre.
 const WINDOW_M: f64 = 0.06;
 
-/// A stretch of a recording over which something was dragged all the time.
+/// A stretch of a recording during which the tool was dragged.
 struct Stretch {
     recording: usize,
     samples: Range<usize>,
 }
 
-/// The lines of the recordings that `texture` was learned from, strongest first; none where their speeds vary by less than
-/// 1.5 to 1.
+/// Finds the lines in the recordings of `texture`, strongest first; none if their speeds vary by less than 1.5 to 1.
 pub(super) fn find_lines(
     recordings: &[ProcessedRecording],
     whitened: &[Whitened],
@@ -55,7 +54,7 @@ pub(super) fn find_lines(
     lines
 }
 
-/// `texture` with these lines, their powers laid on its models.
+/// `texture` with these lines, whose powers are evaluated at its models.
 pub(super) fn with_lines(texture: TextureModel, found: &[FoundLine]) -> Result<TextureModel, TextureError> {
     let lines = found.iter().map(|line| {
         let powers = texture
@@ -68,7 +67,7 @@ pub(super) fn with_lines(texture: TextureModel, found: &[FoundLine]) -> Result<T
     texture.with_lines(lines)
 }
 
-/// Stretches of half a window's way at least.
+/// Stretches of at least half a window's distance.
 fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened]) -> Vec<Stretch> {
     let mut all = vec![];
     for (recording, (signals, whitened)) in recordings.iter().map(|r| r.signals()).zip(whitened).enumerate() {
@@ -85,7 +84,7 @@ fn stretches(recordings: &[ProcessedRecording], whitened: &[Whitened]) -> Vec<St
     all
 }
 
-/// The samples of each of the equal windows into which a way is divided, given its steps, m.
+/// Divides a distance, given its steps in m, into equal windows; returns the samples of each.
 fn windows(steps_m: &[f64]) -> Vec<Range<usize>> {
     let total: f64 = steps_m.iter().sum();
     let count = (total / WINDOW_M).round() as usize;

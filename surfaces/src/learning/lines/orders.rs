@@ -1,4 +1,4 @@
-//! Spectra over cycles a metre, and which of their peaks no surrogate has.
+//! Spectra over cycles per metre, and their peaks that exceed all surrogates.
 
 use super::super::whitening::Whitened;
 use super::{Stretch, WINDOW_M, windows};
@@ -10,29 +10,29 @@ use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::f64::consts::PI;
 
-/// Frequencies that hands feel end here, Hz; and periods that tools follow, cycles a metre.
+/// Highest frequency that a hand feels, Hz; and range of spatial frequencies that a tool follows, cycles per metre.
 const FELT_HZ: f64 = 1000.0;
 const FINEST_PER_M: f64 = 10_000.0;
-/// Fewest cycles in a window: fewer do not tell how well a line keeps its distance.
+/// Fewest cycles in a window; fewer are not enough to estimate the coherence.
 const MIN_CYCLES: f64 = 8.0;
-/// Ratio of the speeds, without their tenths at both ends, that a line must be seen over.
+/// Least ratio of speeds, without a tenth at both ends, over which a line must be visible.
 const SPEED_RATIO: f64 = 1.5;
 /// Groups of windows by speed, all of which must have a line.
 const MIN_GROUPS: usize = 3;
 const MAX_GROUPS: usize = 6;
-/// Columns on each side that tell a peak's background, and those next to it that do not.
+/// Columns on each side for a peak's background, and the excluded columns next to it.
 const BACKGROUND: usize = 20;
 const PEAK: usize = 3;
-/// Surrogates, all of which a line must exceed: one false alarm in 41.
+/// Number of surrogates, all of which a line must exceed: one false alarm in 41.
 const SURROGATES: usize = 40;
-/// A shift is no surrogate if over more than this part of the way the speed stays the same to a twentieth.
+/// A shift is not a surrogate if the speed is equal to within a twentieth over more than this fraction of the distance.
 const SAME: f64 = 0.3;
 const SHIFTS: usize = 20;
 const SEED: u64 = 0x6c69_6e65_735f_6b21;
-/// Samples of a window that tell anything.
+/// Least samples of a usable window.
 const MIN_SAMPLES: usize = 32;
 
-/// Whitened samples and the way of each, stretch after stretch.
+/// Whitened samples and the distance of each, stretch after stretch.
 struct Track {
     samples: Vec<f64>,
     steps_m: Vec<f64>,
@@ -40,7 +40,7 @@ struct Track {
     rate_hz: f64,
 }
 
-/// Cycles a metre of the lines, strongest first.
+/// Cycles per metre of the lines, strongest first.
 pub(super) fn found(
     recordings: &[ProcessedRecording],
     whitened: &[Whitened],
@@ -65,7 +65,7 @@ pub(super) fn found(
     lines.map(|(cycles_per_m, _)| *cycles_per_m).collect()
 }
 
-/// The highest score of the surrogates; `None` as soon as one exceeds the strongest peak, or where there can be none.
+/// The highest score of the surrogates; `None` if one exceeds the strongest peak, or if no surrogate is possible.
 fn threshold(track: &Track, axis: &Axis, groups: usize, strongest: f64) -> Option<f64> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(SEED);
     let mut highest = f64::NEG_INFINITY;
@@ -80,7 +80,7 @@ fn threshold(track: &Track, axis: &Axis, groups: usize, strongest: f64) -> Optio
     Some(highest)
 }
 
-/// The highest scores, each apart from the others by what a window resolves.
+/// The highest scores, at least a window's resolution apart.
 fn peaks(scores: &[f64], axis: &Axis) -> Vec<(f64, f64)> {
     let apart = (1.5 / (WINDOW_M * axis.column_per_m)).ceil() as usize;
     let mut left = scores.to_vec();
@@ -121,7 +121,7 @@ impl Track {
         track
     }
 
-    /// The steps shifted in time, around the end, so far that they are others.
+    /// The steps shifted circularly in time, far enough to differ.
     fn shifted(&self, random: &mut Xoshiro256PlusPlus) -> Option<Vec<f64>> {
         let count = self.steps_m.len();
         let way: f64 = self.steps_m.iter().sum();
@@ -142,7 +142,7 @@ impl Track {
     }
 }
 
-/// The axis of cycles a metre.
+/// The axis of cycles per metre.
 struct Axis {
     bin_m: f64,
     bins: usize,
@@ -151,7 +151,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// `None` for a track of too little way.
+    /// `None` if the track is too short.
     fn new(track: &Track) -> Option<Self> {
         let mut speeds: Vec<f64> = track.steps_m.iter().map(|step| step * track.rate_hz).collect();
         let quarter = speeds.len() / 4;
@@ -172,7 +172,7 @@ impl Axis {
     }
 }
 
-/// Spectra over cycles a metre of windows of the way, by speed.
+/// Spectra over cycles per metre of windows of distance, by speed.
 struct Spectra {
     speeds_m_s: Vec<f64>,
     /// Sums of the spectra of all slower windows, a row for each window and one more.
@@ -191,7 +191,7 @@ impl Spectra {
             start += length;
             for window in windows(steps) {
                 if window.len() >= MIN_SAMPLES {
-                    laid.push(Laid::new(
+                    laid.push(ResampledWindow::new(
                         &samples[window.clone()],
                         &steps[window],
                         track.rate_hz,
@@ -218,14 +218,15 @@ impl Spectra {
         }
     }
 
-    /// How far each column stands out of its neighbours in that group of windows, slow to fast, in which it does least, in
-    /// standard errors; minus infinity where too few speeds tell.
+    /// The excess of each column over its neighbours, in standard errors: the minimum over the groups of windows from slow to
+    /// fast; minus infinity if there are too few speeds.
     fn scores(&self, axis: &Axis, groups: usize, rate_hz: f64) -> Vec<f64> {
         let mut scores = vec![f64::NEG_INFINITY; axis.columns];
         let mut known = vec![];
         let mut logs = vec![vec![]; groups];
         for column in 0..axis.columns {
-            let Some((low, high)) = self.telling(column as f64 * axis.column_per_m, groups, rate_hz) else {
+            let Some((low, high)) = self.audible_windows(column as f64 * axis.column_per_m, groups, rate_hz)
+            else {
                 continue;
             };
             known.push((column, high - low));
@@ -247,8 +248,8 @@ impl Spectra {
         scores
     }
 
-    /// The windows in which a line would be heard, if they are enough and of enough speeds.
-    fn telling(&self, cycles_per_m: f64, groups: usize, rate_hz: f64) -> Option<(usize, usize)> {
+    /// The windows in which a line would be audible, if they are enough and cover enough speeds.
+    fn audible_windows(&self, cycles_per_m: f64, groups: usize, rate_hz: f64) -> Option<(usize, usize)> {
         if cycles_per_m < MIN_CYCLES / WINDOW_M {
             return None;
         }
@@ -264,7 +265,7 @@ impl Spectra {
     }
 }
 
-/// Logarithms less the mean of those around them.
+/// Logarithms minus the mean of their neighbours.
 fn lifts(logs: &[f64]) -> Vec<f64> {
     let mut sums = vec![0.0];
     for log in logs {
@@ -279,14 +280,14 @@ fn lifts(logs: &[f64]) -> Vec<f64> {
     (0..logs.len()).map(lift).collect()
 }
 
-/// A window laid out along its way.
-struct Laid {
+/// A window resampled over distance.
+struct ResampledWindow {
     speed_m_s: f64,
     bins: Vec<f64>,
 }
 
-impl Laid {
-    /// Tapered, and of the same energy whatever the window's level is.
+impl ResampledWindow {
+    /// The tapered window, normalised to equal energy.
     fn new(samples: &[f64], steps_m: &[f64], rate_hz: f64, axis: &Axis) -> Self {
         let total: f64 = steps_m.iter().sum();
         let energy = samples.iter().map(|e| e * e).sum::<f64>() / samples.len() as f64;
@@ -309,7 +310,7 @@ impl Laid {
 }
 
 /// Power spectra of one or two windows by one transform, as its real and its imaginary part.
-fn pair_spectra(pair: &[Laid], transform: &fft::Transform, columns: usize) -> Vec<Vec<f64>> {
+fn pair_spectra(pair: &[ResampledWindow], transform: &fft::Transform, columns: usize) -> Vec<Vec<f64>> {
     let second = |n: usize| pair.get(1).map_or(0.0, |window| window.bins[n]);
     let both = pair[0].bins.iter().enumerate();
     let mut spectrum: Vec<Complex64> = both.map(|(n, bin)| Complex64::new(*bin, second(n))).collect();

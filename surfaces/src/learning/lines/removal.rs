@@ -1,4 +1,4 @@
-//! Recordings without their lines, for the noise that is left to be learned.
+//! Removes lines from recordings, so that the remaining noise can be learned.
 
 use super::super::whitening::Whitened;
 use super::tracking::FoundLine;
@@ -7,7 +7,7 @@ use crate::recording::ProcessedRecording;
 use haptograph_signal::Complex64;
 use std::f64::consts::{PI, TAU};
 
-/// The recordings less their lines, as much of them as leaves the noise around a line at its level.
+/// The recordings without their lines; the noise around a line keeps its level.
 pub(in super::super) fn without_lines(
     recordings: &[ProcessedRecording],
     whitened: &[Whitened],
@@ -30,13 +30,13 @@ pub(in super::super) fn without_lines(
         .map(|(signals, recording)| {
             let cleaned =
                 ProcessedRecording::new(signals, recording.gesture(), recording.provenance().clone());
-            // As many samples, all finite: it cannot fail, and would leave the recording as it is.
+            // The samples have the same number and are finite, so this cannot fail.
             cleaned.unwrap_or_else(|_| recording.clone())
         })
         .collect()
 }
 
-/// Takes a line out of a stretch.
+/// Removes a line from a stretch.
 fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
     let ways_m: Vec<f64> = steps_m
         .iter()
@@ -51,7 +51,7 @@ fn remove(samples: &mut [f64], steps_m: &[f64], line: &FoundLine) {
         .max(2.0 * line.cell_m());
     let decay = (-line.cell_m() / coherence_m).exp();
     let (smooth, kept) = smoothed(&amplitudes, decay, line);
-    // Of amplitudes two cells apart the noise differs: their product is the line's.
+    // Amplitudes two cells apart have independent noise: their product is that of the line.
     let products = amplitudes.iter().zip(amplitudes.get(2..).unwrap_or_default());
     let count = products.len().max(1) as f64;
     let squared = products.map(|(a, b)| (b * a.conj()).re).sum::<f64>() / count;

@@ -1,4 +1,4 @@
-//! A line followed over the way: how well it keeps its distance, and its power by speed and force.
+//! Tracks a line over distance: its coherence, and its power by speed and force.
 
 use super::super::regression::{Law, Prior, fit_robustly};
 use super::super::spectral_law::POWER_SLOPES;
@@ -13,23 +13,23 @@ use haptograph_signal::warped::squared_response;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 
-/// Power of lines over speed and force: like that of textures unless the data say otherwise.
+/// Prior of a line's power over speed and force: that of textures.
 const POWER: Prior = Prior {
     slopes: POWER_SLOPES,
     strength: 1.0,
 };
 const SPEED_EXPONENTS: (f64, f64) = (-1.0, 4.0);
 const FORCE_EXPONENTS: (f64, f64) = (0.0, 1.5);
-/// How far beyond the data the law goes on, as a ratio; and how much louder than the loudest window it may become, 6 dB.
+/// Extrapolation of the law beyond the data, as a ratio; and its limit over the loudest window, 6 dB.
 const BEYOND: f64 = 1.5;
 const LOUDEST: f64 = 4.0;
-/// Cells of a window, and cycles in a cell at least.
+/// Cells in a window, and the least number of cycles in a cell.
 const CELLS: f64 = 8.0;
 const MIN_CYCLES: f64 = 2.0;
-/// Lags, in cells, that tell the coherence; and those that tell a window's power.
+/// Lags, in cells, for estimating the coherence, and for a window's power.
 const LAGS: usize = 6;
 const POWER_LAGS: usize = 3;
-/// A window's power is at least this part of their mean: a logarithm needs one.
+/// Lower limit of a window's power, relative to the mean, so that its logarithm is finite.
 const LEAST: f64 = 1e-3;
 
 /// A line found in recordings.
@@ -46,7 +46,7 @@ pub(in super::super) struct FoundLine {
 }
 
 impl FoundLine {
-    /// Power at a speed and force, (m/s²)²: none at rest; below the lightest force the amplitude falls linearly.
+    /// Power at a speed and force, (m/s²)²: 0 at rest; below the lightest force the amplitude falls linearly.
     pub fn power_at(&self, speed_m_s: f64, force_n: f64) -> f64 {
         if speed_m_s <= 0.0 || force_n <= 0.0 {
             return 0.0;
@@ -59,7 +59,7 @@ impl FoundLine {
         fall * power.min(self.loudest_m2_s4)
     }
 
-    /// Way of a cell: of [`MIN_CYCLES`] at least.
+    /// Distance of a cell: at least [`MIN_CYCLES`] cycles.
     pub fn cell_m(&self) -> f64 {
         cell_m(self.cycles_per_m)
     }
@@ -69,18 +69,18 @@ fn cell_m(cycles_per_m: f64) -> f64 {
     (WINDOW_M / CELLS).max(MIN_CYCLES / cycles_per_m)
 }
 
-/// A window in which a line would be heard.
+/// A window in which a line would be audible.
 struct Window {
     speed_m_s: f64,
     force_n: f64,
-    /// What whitening divided the line's power by, (m/s²)².
+    /// The divisor of the line's power in whitening, (m/s²)².
     density: f64,
-    /// Sums of products of the line's complex amplitudes by their distance in cells, from 1, and how many.
+    /// Sums of products of the line's complex amplitudes by their lag in cells, from 1, and the number of products.
     products: [Complex64; LAGS],
     counts: [usize; LAGS],
 }
 
-/// Follows a line of about `cycles_per_m`. `None` if it has no power after all.
+/// Tracks a line of about `cycles_per_m`. `None` if it has no power.
 pub(super) fn track(
     cycles_per_m: f64,
     recordings: &[ProcessedRecording],
@@ -90,7 +90,7 @@ pub(super) fn track(
 ) -> Option<FoundLine> {
     let follow = |cycles_per_m: f64| followed(cycles_per_m, recordings, whitened, stretches, texture);
     let (products, _) = pooled(&follow(cycles_per_m));
-    // By how much the peak's place is off; by more than a window resolves only where another line is near.
+    // The error of the peak's position; it exceeds the resolution of a window only near another line.
     let most_per_m = 0.5 / WINDOW_M;
     let off_per_m = products[0].arg() / (TAU * cell_m(cycles_per_m));
     let cycles_per_m = cycles_per_m + off_per_m.clamp(-most_per_m, most_per_m);
@@ -110,11 +110,11 @@ fn pooled(windows: &[Window]) -> ([Complex64; LAGS], [usize; LAGS]) {
     sums
 }
 
-/// Growth of the phase's variance with the way, from the coherence's decay.
+/// Growth of the phase variance with distance, from the decay of the coherence.
 fn diffusion(windows: &[Window], cell_m: f64) -> f64 {
     let (products, counts) = pooled(windows);
     let coherence = |lag: usize| products[lag].norm() / counts[lag].max(1) as f64;
-    // What has decayed to a fifth of the first is noise as much as line.
+    // Below a fifth of the first value, noise dominates.
     let telling: Vec<(f64, f64)> = (0..LAGS)
         .take_while(|lag| counts[*lag] > 0 && coherence(*lag) > 0.2 * coherence(0))
         .map(|lag| ((lag + 1) as f64 * cell_m, coherence(lag).ln()))
@@ -167,7 +167,7 @@ fn law(cycles_per_m: f64, diffusion_rad2_per_m: f64, windows: &[Window]) -> Opti
     })
 }
 
-/// The line's complex amplitudes in the windows in which it would be heard.
+/// The line's complex amplitudes in the windows in which it would be audible.
 fn followed(
     cycles_per_m: f64,
     recordings: &[ProcessedRecording],

@@ -6,13 +6,13 @@ use nalgebra::{Matrix3, SymmetricEigen};
 
 pub(super) type Vector = [f64; 3];
 
-/// Where the surface's outward normal comes from. Its sign is always such that the surface pushes the tool away on average.
+/// Source of the surface's outward normal. Its sign is such that the mean force pushes the tool away.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum SurfaceNormal {
     /// The plane fitted to the tip's path in contact, as in the thesis.
     #[default]
     PlaneFit,
-    /// The mean force in contact: for tapping and pressing, which trace no plane.
+    /// The mean force in contact: for tapping and pressing, whose paths do not define a plane.
     ForceDirection,
     /// A direction in the world.
     Given([f64; 3]),
@@ -48,7 +48,7 @@ pub(super) fn rotate([w, x, y, z]: [f64; 4], v: Vector) -> Vector {
     along(along(v, w, twice), 1.0, cross(axis, twice))
 }
 
-/// The orientation at a time: along the shorter way between samples.
+/// The orientation at a time, interpolated along the shorter arc between samples.
 pub(super) fn interpolated_orientation(motion: &Series<Pose>, time_s: f64) -> [f64; 4] {
     let (before, part) = motion.place(time_s);
     let a = motion.samples[before].orientation;
@@ -91,7 +91,7 @@ pub(super) fn surface_normal(
                 .filter(touches)
                 .map(|(_, &tip)| tip)
                 .collect();
-            // A recording without a force worth the name is taken to be in contact all the time.
+            // A recording with almost no force counts as in contact all the time.
             fit_plane(if touching.len() * 10 > tips.len() {
                 &touching
             } else {

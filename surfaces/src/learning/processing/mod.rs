@@ -1,7 +1,8 @@
-//! From sensor readings to what models are learned from (thesis 2.2.3): acceleration on one axis, normal and tangential force, speed.
+//! Processes sensor readings to the signals from which models are learned (thesis 2.2.3): acceleration on one axis, normal and
+//! tangential force, speed.
 //!
-//! Everything runs offline and without phase shift. The thesis's slips are corrected: forces here act on the tool, so that with the
-//! surface's outward normal `n` and the direction of motion `t` pressing is `F.n > 0` and friction `-F.t > 0`.
+//! All filters run offline without phase shift. Signs differ from the thesis, which has errors: forces act on the tool, so that
+//! with the surface's outward normal `n` and the direction of motion `t` pressing is `F.n > 0` and friction `-F.t > 0`.
 
 mod geometry;
 mod rate;
@@ -21,22 +22,22 @@ use geometry::{Vector, along, dot, interpolated_orientation, norm, rotate};
 use haptograph_signal::filter::{DesignError, butterworth_highpass, butterworth_lowpass, filtfilt};
 use haptograph_signal::resample::ResampleError;
 
-/// How to process; the default is the thesis's, where it says.
+/// Settings for processing; the defaults are the thesis's if it states them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProcessingSettings {
     /// Removes gravity and the hand's own motion from the acceleration.
     pub highpass_hz: f64,
-    /// How three axes of acceleration become one.
+    /// Reduction of three axes of acceleration to one.
     pub reduction: AxisReduction,
     /// Smooths forces and speed; never above nine tenths of the tracker's (for forces the force sensor's) Nyquist frequency.
     pub lowpass_hz: f64,
     /// Smooths the velocity vector before its length is taken. Not in the thesis: a tracker that resolves 0.5 mm at 240 Hz has 25 mm/s
     /// of noise, whose length would count as speed. No hand moves faster than this.
     pub velocity_lowpass_hz: f64,
-    /// Where the surface's normal comes from.
+    /// Source of the surface normal.
     pub normal: SurfaceNormal,
-    /// What vibrations are brought down to for [`processed`]; their own rate if `None`. Models of the same order look back further at
-    /// a lower rate, and so follow lower frequencies.
+    /// Rate to which [`processed`] resamples vibrations; if `None`, their own rate. At a lower rate, models of the same order span
+    /// more time, and so resolve lower frequencies.
     pub rate_hz: Option<f64>,
 }
 
@@ -53,38 +54,38 @@ impl Default for ProcessingSettings {
     }
 }
 
-/// Order of the Butterworth low-passes; run forward and backward they count twice. The thesis does not give it.
+/// Order of the Butterworth low-passes; forward and backward filtering doubles it. The thesis does not state it.
 const LOWPASS_ORDER: usize = 2;
 /// A tool slower than this keeps its last direction of motion, m/s.
 const SLOWEST_DIRECTION_M_S: f64 = 0.002;
 
-/// Why a recording cannot be processed.
+/// An error of processing a recording.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum ProcessingError {
-    #[error("a filter of the processing cannot be made: {0}")]
+    #[error("cannot design a filter of the processing: {0}")]
     Filter(#[from] DesignError),
     #[error(
-        "the tip's path in contact shows no plane (it spreads {spread_mm:.2} mm along its second direction, {thickness_mm:.2} mm across): drag over an area, or take the normal from the force or as given"
+        "the tip's path in contact does not define a plane (it spreads {spread_mm:.2} mm along its second direction, {thickness_mm:.2} mm across): drag over an area, or take the normal from the force or as given"
     )]
     NoPlane { spread_mm: f64, thickness_mm: f64 },
-    #[error("the mean force is zero: it shows no direction to take as the normal")]
+    #[error("the mean force is zero, so it has no direction for the normal")]
     NoForce,
     #[error("the recording has no third axis {0}: axes are 0, 1 and 2")]
     Axis(usize),
-    #[error("the recording keeps no separate acceleration axes: it can only be used as it was combined")]
+    #[error("the recording has no separate acceleration axes, so their reduction cannot be changed")]
     NoAxes,
     #[error(
-        "vibrations of {own_hz} Hz cannot be brought to {rate_hz} Hz: give a rate from {LOWEST_RATE_HZ} Hz to their own"
+        "cannot resample vibrations of {own_hz} Hz to {rate_hz} Hz: give a rate from {LOWEST_RATE_HZ} Hz to {own_hz} Hz"
     )]
     Rate { rate_hz: f64, own_hz: f64 },
-    #[error("the vibration cannot be brought to that rate: {0}")]
+    #[error("cannot resample the vibration: {0}")]
     Resampling(ResampleError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
 
-/// A recording ready to learn from: processed if it was raw, as it is if it was processed before, at the rate that is asked for.
+/// A recording ready to learn from, at the requested rate: processes a raw one, and keeps a processed one.
 pub fn processed(
     recording: &AnyRecording,
     settings: &ProcessingSettings,
@@ -103,7 +104,7 @@ pub fn processed(
     }
 }
 
-/// Processes a raw recording. The result has the accelerometer's rate and covers the time in which all sensors were on.
+/// Processes a raw recording. The result has the accelerometer's rate and covers the time in which all sensors have samples.
 pub fn process(
     recording: &Recording,
     settings: &ProcessingSettings,
@@ -135,7 +136,7 @@ pub fn process(
     )?)
 }
 
-/// The same processed recording with its axes combined in another way.
+/// The same processed recording with another reduction of its axes.
 pub fn recombined(
     recording: &ProcessedRecording,
     settings: &ProcessingSettings,

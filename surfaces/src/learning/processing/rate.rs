@@ -1,11 +1,11 @@
-//! Processed signals at a lower rate, where models of the same order look back further.
+//! Resamples processed signals to a lower rate, at which models of the same order span more time.
 
 use super::ProcessingError;
 use crate::recording::{Series, Signals};
 use haptograph_signal::resample::{Quality, resample_whole};
 use haptograph_signal::time::Rate;
 
-/// Lower rates leave nothing of a vibration, Hz.
+/// Lowest rate of a vibration, Hz.
 pub const LOWEST_RATE_HZ: f64 = 100.0;
 
 /// The same signals at `rate_hz`, band-limited.

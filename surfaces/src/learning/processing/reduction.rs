@@ -1,10 +1,10 @@
-//! Three axes of vibration on one. People cannot tell its direction, but they can tell some of these reductions from the original, and the
-//! field argues which is best; so all of them are here.
+//! Reduces three axes of vibration to one. People do not feel its direction, but they can distinguish some of these reductions
+//! from the original, and the best one is disputed; so all common ones are available.
 
 use haptograph_signal::{Complex64, fft};
 use nalgebra::{Matrix3, SymmetricEigen};
 
-/// How three axes become one.
+/// A reduction of three axes to one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AxisReduction {
     /// The spectral magnitude is the root of the sum of squares over the axes, the phase that of their sum: energy and timing of all three
@@ -22,8 +22,8 @@ pub enum AxisReduction {
 }
 
 impl AxisReduction {
-    /// The word for people and files, such as `dft321`.
-    pub fn word(self) -> &'static str {
+    /// The name in files and messages, such as `dft321`.
+    pub fn as_str(self) -> &'static str {
         match self {
             AxisReduction::Dft321 => "dft321",
             AxisReduction::Sum => "sum",
@@ -36,7 +36,7 @@ impl AxisReduction {
     }
 }
 
-/// Three axes, equally long, on one. `None` if they are not equally long or there is no such axis.
+/// Reduces three axes of equal length to one. `None` if lengths differ or the axis does not exist.
 pub fn reduce(axes: &[Vec<f64>; 3], reduction: AxisReduction) -> Option<Vec<f64>> {
     let [x, y, z] = axes;
     if x.len() != y.len() || x.len() != z.len() {
@@ -75,7 +75,7 @@ fn dft321(axes: &[Vec<f64>; 3]) -> Vec<f64> {
     for k in 0..=n / 2 {
         let sum = x[k] + y[k] + z[k];
         let magnitude = (x[k].norm_sqr() + y[k].norm_sqr() + z[k].norm_sqr()).sqrt();
-        // Where the axes cancel the phase is undefined; any will do.
+        // If the axes cancel, the phase is undefined, and any phase is correct.
         let phase = if sum.norm() > 0.0 {
             sum / sum.norm()
         } else {

@@ -110,7 +110,7 @@ pub enum SegmentationMethod {
 
 /// Why a signal cannot be segmented.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
+#[allow(missing_docs)] // see the messages
 pub enum SegmentationError {
     #[error(
         "sample {index} is {value}: repair or cut the recording there, segmentation needs finite numbers"

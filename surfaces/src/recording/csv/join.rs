@@ -1,4 +1,4 @@
-//! Processed recordings from one table, or from several that share a clock: one has the vibration, others what is slower.
+//! Builds processed recordings from one table, or from several that share a clock: one has the vibration, others slower signals.
 
 use super::super::{ProcessedRecording, ReadError, Series, Signals};
 use super::table::{Even, Fault, Table};
@@ -7,7 +7,7 @@ use crate::Provenance;
 use crate::learning::processing;
 use crate::recording::import::{Finding, shown};
 
-/// What is taken besides the vibration.
+/// The quantities besides the vibration.
 const SLOW: [&str; 3] = ["force_normal", "speed", "force_tangential"];
 
 pub(super) fn processed(
@@ -108,10 +108,10 @@ fn zipped([x, y, z]: [Vec<f64>; 3]) -> Vec<[f64; 3]> {
     x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
 }
 
-/// Shorter rests need no word, s.
+/// Shorter unused parts are not reported, s.
 const UNUSED_S: f64 = 0.1;
 
-/// Where files of one take begin or end far from one another: what of the longest is not used.
+/// Findings for files of one take that begin or end at different times: the unused part of the longest.
 fn cuts(taken: &Even, series: &[(&str, Series<f64>)], own: &str, files: &[&str]) -> Vec<Finding> {
     let samples = taken.columns.first().map_or(0, Vec::len);
     let own_end = taken.start_s + samples.saturating_sub(1) as f64 / taken.rate_hz;
@@ -152,7 +152,7 @@ fn cut_to_common_time(taken: &mut Even, series: &[(&str, Series<f64>)]) -> Resul
     let end = series.iter().map(|(_, s)| s.end_s()).fold(own_end, f64::min);
     if begin >= end {
         return Err(format!(
-            "the files share no time: the last begins at {} s, the first ends at {} s",
+            "the files do not overlap in time: the last begins at {} s, the first ends at {} s",
             shown(begin),
             shown(end)
         ));

@@ -1,4 +1,4 @@
-//! Rows and columns, with every cell's place for those who have to mend it.
+//! Tables of rows and columns. Each cell keeps its location in the file for error messages.
 
 use super::super::import::{
     BadCell, Finding, ImportSettings, Timing, clipped, interpolate_missing, remove_outliers, resampled,
@@ -12,33 +12,33 @@ use haptograph_signal::quantity::Quantity;
 use std::collections::BTreeMap;
 use std::io::BufRead;
 
-/// At most so many rows of acceleration in a stretch are interpolated, ...
+/// Longest run of missing acceleration rows that is interpolated.
 const LONGEST_REPAIR: usize = 5;
-/// ... of quantities that change more slowly, so long a stretch, s.
+/// Longest run of missing values that is interpolated for slower quantities, s.
 const LONGEST_SLOW_REPAIR_S: f64 = 0.05;
-/// More unreadable cells than this part of a column are no accidents.
+/// A larger fraction of unreadable cells in a column is an error.
 const MOST_UNREADABLE: f64 = 0.01;
-/// Tables of this many rows or fewer may have one nevertheless.
+/// Tables of at most this many rows may always have one unreadable cell.
 const FEW_ROWS: usize = 100;
-/// Vibrations of a rate beyond these have times in another unit than their column says, Hz.
+/// Plausible rates of a vibration, Hz: outside them the time column has the wrong unit.
 const RATES_HZ: [f64; 2] = [100.0, 1e6];
 
 /// Which columns of a table are read.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::recording) enum Wanted<'a> {
-    /// Those of a recording.
+pub(in crate::recording) enum ColumnSelection<'a> {
+    /// The columns of a recording.
     Recording,
-    /// Time, and the column of this name, or else the acceleration or the only other column.
+    /// Time, and the column of this name; without a name, the acceleration or the only other column.
     Signal(Option<&'a str>),
-    /// The column of this name, its numbers as they stand.
-    AsItStands(&'a str),
+    /// The column of this name, without unit conversion.
+    Unscaled(&'a str),
     /// Time, current and acceleration of an actuator.
     Sweep,
 }
 
-/// The columns that are understood, in SI. Cells that were empty are NaN, cells that could not be read infinite.
+/// The known columns, in SI. Empty cells are NaN; unreadable cells are infinite.
 pub(in crate::recording) struct Table {
-    /// Which of a take's files it is.
+    /// Index of the file in the take.
     pub(in crate::recording) file: usize,
     /// The file's name.
     pub(in crate::recording) label: String,
@@ -47,7 +47,7 @@ pub(in crate::recording) struct Table {
     pub(in crate::recording) findings: Vec<Finding>,
     /// All columns of the file.
     pub(super) names: Vec<String>,
-    /// Whether it has lines (or rows of a sheet) that a person can go to.
+    /// Whether the file has lines (or rows of a sheet) that a message can name.
     has_lines: bool,
     columns: Vec<Column>,
     lines: Lines,
@@ -56,24 +56,24 @@ pub(in crate::recording) struct Table {
 }
 
 struct Column {
-    /// Without unit.
+    /// Name without unit.
     name: String,
-    /// In the file.
+    /// Name in the file.
     header: String,
-    /// In the file, from 1.
+    /// Number in the file, from 1.
     number: usize,
-    /// In SI of this unit, of columns that are no quantity of ours.
+    /// SI unit of a column that is not a known quantity.
     unit: Option<&'static str>,
     values: Vec<f64>,
     unreadable: usize,
     first_unreadable: Option<BadCell>,
 }
 
-/// The line of each row, kept where they do not simply follow.
+/// The line of each row; stores only the rows whose line does not follow the previous one.
 #[derive(Default)]
 pub(in crate::recording) struct Lines {
     rows: usize,
-    /// (row, line) from which on lines follow.
+    /// (row, line) where a run of consecutive lines begins.
     jumps: Vec<(usize, u64)>,
 }
 
@@ -100,29 +100,29 @@ impl Lines {
     }
 }
 
-/// A table that was not text: NaN for empty cells, infinite for unreadable ones.
+/// The cells of a table that is not text: NaN if empty, infinite if unreadable.
 #[derive(Default)]
 pub(in crate::recording) struct Cells {
-    /// 0 where the table has no lines.
+    /// 0 if the table has no lines.
     pub header_line: u64,
     pub names: Vec<String>,
-    /// Of the row below the names; may be empty.
+    /// Units in the row below the names; may be empty.
     pub units: Vec<String>,
     pub notes: BTreeMap<String, String>,
     pub columns: Vec<Vec<f64>>,
     pub lines: Lines,
-    /// Columns of another length, and that.
+    /// Columns of another length, with that length.
     pub others: Vec<(String, usize)>,
 }
 
-/// What is wrong, and with which of a take's files.
+/// An error, with the index of the file in the take.
 #[derive(Debug)]
 pub(in crate::recording) struct Fault {
     pub file: usize,
     pub error: ReadError,
 }
 
-/// What is wrong with a take as a whole is told of its first file.
+/// An error of a whole take is reported for its first file.
 impl From<ReadError> for Fault {
     fn from(error: ReadError) -> Self {
         Self { file: 0, error }
@@ -146,7 +146,7 @@ impl Table {
     pub(in crate::recording) fn read(
         source: impl BufRead,
         import: &ImportSettings,
-        wanted: Wanted<'_>,
+        wanted: ColumnSelection<'_>,
     ) -> Result<Self, ReadError> {
         let (mut rows, head) = Rows::new(source, &|name| is_wanted(name, import, wanted))?;
         let (chosen, mut table) = Self::empty(head, import, wanted)?;
@@ -180,7 +180,7 @@ impl Table {
     fn empty(
         head: Head,
         import: &ImportSettings,
-        wanted: Wanted<'_>,
+        wanted: ColumnSelection<'_>,
     ) -> Result<(Vec<Chosen>, Self), ReadError> {
         let mut table = Self {
             file: 0,
@@ -202,7 +202,7 @@ impl Table {
     pub(in crate::recording) fn of_cells(
         mut cells: Cells,
         import: &ImportSettings,
-        wanted: Wanted<'_>,
+        wanted: ColumnSelection<'_>,
     ) -> Result<Self, ReadError> {
         let head = Head {
             line: cells.header_line,
@@ -218,7 +218,7 @@ impl Table {
             let longest = head.names.iter().find(|name| is_wanted(name, import, wanted));
             let longest = longest.or(head.names.first()).map_or("another", String::as_str);
             return Err(ReadError::Io(format!(
-                "variable {name} has {length} values, {longest} {}: all need the same length",
+                "variable {name} has {length} values, {longest} has {}; all need the same length",
                 cells.lines.rows()
             )));
         }
@@ -245,8 +245,8 @@ impl Table {
         table.checked(import, wanted)
     }
 
-    /// The table, unless more is unreadable than accidents explain.
-    fn checked(mut self, import: &ImportSettings, wanted: Wanted<'_>) -> Result<Self, ReadError> {
+    /// Returns the table, unless too many cells are unreadable.
+    fn checked(mut self, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Self, ReadError> {
         let rows = self.lines.rows();
         let allowed =
             ((rows as f64 * MOST_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
@@ -256,18 +256,18 @@ impl Table {
         {
             let what = match &cell.text {
                 Some(text) => format!("{text:?} in {} is not a finite number", column.header),
-                None => format!("the cell of {} holds no number", column.header),
+                None => format!("the cell of {} is not a number", column.header),
             };
             let message = match import.strict {
                 true => what,
                 false => format!(
-                    "{what}; {} of {rows} cells of this column cannot be read; 1 in 100 is allowed",
+                    "{what}; {} of {rows} cells of this column are unreadable; at most 1 in 100 may be",
                     column.unreadable
                 ),
             };
             return Err(self.cell_error(cell.line, column.number, message));
         }
-        if matches!(wanted, Wanted::Recording) {
+        if matches!(wanted, ColumnSelection::Recording) {
             self.fill_constants(&import.constants);
         }
         Ok(self)
@@ -319,7 +319,7 @@ impl Table {
         self.columns.iter().any(|column| column.name == name)
     }
 
-    /// What a column is called in the file.
+    /// The name of a column in the file.
     pub(super) fn header_of(&self, name: &str) -> Option<&str> {
         let found = self.columns.iter().find(|column| column.name == name);
         found.map(|column| &*column.header)
@@ -330,7 +330,7 @@ impl Table {
         found.ok_or_else(|| missing_columns(&[self], vec![name.to_owned()]))
     }
 
-    /// Whether nothing says how fast the samples follow one another.
+    /// Whether neither times nor a rate are known.
     pub(super) fn lacks_rate(&self) -> bool {
         !self.has("time") && self.given_rate_hz.is_none() && !self.notes.contains_key("rate_hz")
     }
@@ -385,7 +385,7 @@ impl Table {
         let mut columns = vec![];
         for (name, place) in names.iter().zip(places) {
             let mut values = std::mem::take(&mut self.columns[place].values);
-            self.look_at(name, &values, &timing);
+            self.inspect(name, &values, &timing);
             self.repair(name, place, &mut values, timing.rate_hz)?;
             columns.push(match timing.is_uneven {
                 true => resampled(&times, &values, &timing, is_vibration(name)),
@@ -432,7 +432,7 @@ impl Table {
             let rows = missing.len();
             at(
                 missing.start,
-                format!("{name} is missing in {rows} rows from here on; at most {longest} can be interpolated: cut the file here"),
+                format!("{name} is missing in {rows} rows from here on; at most {longest} can be interpolated; cut the file here"),
             )
         })?;
         let outliers = remove_outliers(values).len();
@@ -456,8 +456,8 @@ impl Table {
         Ok(())
     }
 
-    /// What is odd in a vibration, and no repair mends.
-    fn look_at(&mut self, name: &str, values: &[f64], timing: &Timing) {
+    /// Adds findings about a vibration that no repair can correct.
+    fn inspect(&mut self, name: &str, values: &[f64], timing: &Timing) {
         if !is_vibration(name) {
             return;
         }
@@ -502,7 +502,7 @@ impl Table {
             if there == names.len() {
                 rows.push(row);
             } else if there > 0 {
-                let message = format!("{} must all be there or all be empty", names.join(", "));
+                let message = format!("{} must all have values or all be empty", names.join(", "));
                 return Err(self.error(self.lines.of(row), message));
             }
         }
@@ -510,9 +510,9 @@ impl Table {
         let mut columns = vec![];
         for (name, &place) in names.iter().zip(&places) {
             let mut values: Vec<f64> = rows.iter().map(|&row| self.columns[place].values[row]).collect();
-            self.look_at(name, &values, &timing);
+            self.inspect(name, &values, &timing);
             let unreadable = interpolate_missing(&mut values, LONGEST_REPAIR).map_err(|at| {
-                let message = format!("{name} cannot be read in {} rows from here on", at.len());
+                let message = format!("{name} is unreadable in {} rows from here on", at.len());
                 self.cell_error(self.lines.of(rows[at.start]), self.columns[place].number, message)
             })?;
             let quantity = (*name).to_owned();
@@ -563,35 +563,41 @@ impl Column {
     }
 }
 
-/// What is read as a signal, whatever it is.
+/// Internal name of a signal's column.
 const SIGNAL: &str = "signal";
 
 fn is_vibration(name: &str) -> bool {
     name.starts_with("accel") || name == SIGNAL
 }
 
-/// Whether a column of that name would be read.
-pub(in crate::recording) fn is_wanted(name: &str, import: &ImportSettings, wanted: Wanted<'_>) -> bool {
-    let is = |asked: &str| asked.trim().eq_ignore_ascii_case(name);
+/// Whether a column of that name is read.
+pub(in crate::recording) fn is_wanted(
+    name: &str,
+    import: &ImportSettings,
+    wanted: ColumnSelection<'_>,
+) -> bool {
+    let is = |requested: &str| requested.trim().eq_ignore_ascii_case(name);
     match wanted {
-        Wanted::AsItStands(asked) => is(asked),
-        Wanted::Signal(Some(asked)) => is(asked) || plain(name, import).is_some_and(|plain| plain == "time"),
-        Wanted::Recording | Wanted::Signal(None) => plain(name, import).is_some(),
-        Wanted::Sweep => plain(name, import).is_some() || is_of(name, "", Quantity::CURRENT),
+        ColumnSelection::Unscaled(requested) => is(requested),
+        ColumnSelection::Signal(Some(requested)) => {
+            is(requested) || plain(name, import).is_some_and(|plain| plain == "time")
+        }
+        ColumnSelection::Recording | ColumnSelection::Signal(None) => plain(name, import).is_some(),
+        ColumnSelection::Sweep => plain(name, import).is_some() || is_of(name, "", Quantity::CURRENT),
     }
 }
 
 impl Table {
-    /// Notes which columns to read, and which not.
+    /// Selects the columns to read, and records the others as a finding.
     fn choose(
         &mut self,
         units: &[String],
         import: &ImportSettings,
-        wanted: Wanted<'_>,
+        wanted: ColumnSelection<'_>,
     ) -> Result<Vec<Chosen>, ReadError> {
         let names = std::mem::take(&mut self.names);
         let chosen = match wanted {
-            Wanted::AsItStands(name) => self.find(&names, name).map(|index| {
+            ColumnSelection::Unscaled(name) => self.find(&names, name).map(|index| {
                 self.columns
                     .push(Column::new(SIGNAL.to_owned(), &names[index], index));
                 vec![(index, Scale::One)]
@@ -600,7 +606,7 @@ impl Table {
         };
         self.names = names;
         let chosen = chosen?;
-        if matches!(wanted, Wanted::Recording) {
+        if matches!(wanted, ColumnSelection::Recording) {
             let is_unused = |&(index, name): &(usize, &String)| {
                 !name.is_empty() && !chosen.iter().any(|(chosen, _)| *chosen == index)
             };
@@ -618,17 +624,17 @@ impl Table {
         names: &[String],
         units: &[String],
         import: &ImportSettings,
-        wanted: Wanted<'_>,
+        wanted: ColumnSelection<'_>,
     ) -> Result<Vec<Chosen>, ReadError> {
         let below = |index: usize| units.get(index).map_or("", String::as_str);
         let mut plain: Vec<Option<String>> = names.iter().map(|name| self::plain(name, import)).collect();
         match wanted {
-            Wanted::Recording | Wanted::AsItStands(_) => {}
-            Wanted::Sweep => self.choose_sweep(names, units, &mut plain)?,
-            Wanted::Signal(asked) => {
+            ColumnSelection::Recording | ColumnSelection::Unscaled(_) => {}
+            ColumnSelection::Sweep => self.choose_sweep(names, units, &mut plain)?,
+            ColumnSelection::Signal(requested) => {
                 let is = |plain: &Option<String>, wanted: &str| plain.as_deref() == Some(wanted);
                 let has = |wanted: &str| plain.iter().any(|plain| is(plain, wanted));
-                let signal = match asked {
+                let signal = match requested {
                     Some(name) => Some(self.find(names, name)?),
                     None if has("accel")
                         || ["accel_x", "accel_y", "accel_z"].iter().all(|axis| has(axis)) =>
@@ -642,7 +648,7 @@ impl Table {
                             [index] => Some(index),
                             _ => {
                                 let message = format!(
-                                    "which column is the signal? Say it by --column; there are {}",
+                                    "cannot choose the signal; select a column with --column: {}",
                                     listed(names)
                                 );
                                 return Err(self.error(self.header_line, message));
@@ -705,7 +711,7 @@ impl Table {
         Ok(chosen)
     }
 
-    /// The only columns of current and acceleration, where they are not said.
+    /// Finds the only columns of current and acceleration, unless the settings name them.
     fn choose_sweep(
         &self,
         names: &[String],
@@ -723,7 +729,7 @@ impl Table {
                 [index] => plain[index] = Some(wanted.to_owned()),
                 [first, ..] => {
                     let message = format!(
-                        "several columns are {wanted} by their unit; say which: --column {wanted}={:?}",
+                        "several columns have a unit of {wanted}; select one, such as --column {wanted}={:?}",
                         names[first]
                     );
                     return Err(self.error(self.header_line, message));
@@ -737,23 +743,26 @@ impl Table {
         Ok(())
     }
 
-    /// The column of that name; in other letter case if none has it exactly.
-    fn find(&self, names: &[String], asked: &str) -> Result<usize, ReadError> {
-        let exact = names.iter().position(|known| known == asked.trim());
+    /// Finds a column by name; ignores case if no name matches exactly.
+    fn find(&self, names: &[String], requested: &str) -> Result<usize, ReadError> {
+        let exact = names.iter().position(|known| known == requested.trim());
         let found = exact.or_else(|| {
             names
                 .iter()
-                .position(|known| known.eq_ignore_ascii_case(asked.trim()))
+                .position(|known| known.eq_ignore_ascii_case(requested.trim()))
         });
         found.ok_or_else(|| {
-            let message = format!("there is no column {asked:?}; there are {}", listed(names));
+            let message = format!(
+                "there is no column {requested:?}; the columns are {}",
+                listed(names)
+            );
             self.error(self.header_line, message)
         })
     }
 
-    /// A column that was chosen as a signal, as its numbers stand; in the table of a raw recording, where slower sensors leave cells empty,
-    /// without these.
-    pub(in crate::recording) fn as_it_stands(&mut self) -> Result<Vec<f64>, ReadError> {
+    /// The column that was selected as a signal, without unit conversion. In the table of a raw recording, where slower
+    /// sensors leave cells empty, empty cells are skipped.
+    pub(in crate::recording) fn unscaled(&mut self) -> Result<Vec<f64>, ReadError> {
         let place = self.needed(SIGNAL)?;
         let mut values = std::mem::take(&mut self.columns[place].values);
         match self.is_raw() {
@@ -780,7 +789,7 @@ impl Table {
         has("accel_x") && (has("force_x") || has("position_x"))
     }
 
-    /// The columns that were chosen as a signal, their name and unit, and their rate where it is known.
+    /// The columns that were selected as a signal, their name and unit, and their rate if known.
     pub(in crate::recording) fn signal(&mut self) -> Result<SignalColumns, ReadError> {
         let is_signal = |column: &&Column| column.name != "time";
         let chosen: Vec<&Column> = self.columns.iter().filter(is_signal).collect();
@@ -824,18 +833,18 @@ pub(in crate::recording) struct SignalColumns {
     pub values: Vec<Vec<f64>>,
 }
 
-/// The quantity of ours that a column holds, by the settings or else by its name.
+/// The quantity of a column, from the settings or else from its name.
 fn plain(name: &str, import: &ImportSettings) -> Option<String> {
     if let Some((plain, _)) = import.columns.iter().find(|(_, column)| *column == name) {
         return Some(plain.clone());
     }
     let (plain, _) = plain_name(&name.to_lowercase())?;
-    // What is mapped elsewhere counts, and not what is called so.
+    // A mapping in the settings overrides the column's name.
     let is_elsewhere = import.columns.contains_key(&plain) || import.constants.contains_key(&plain);
     (QUANTITIES.contains(&&*plain) && !is_elsewhere).then_some(plain)
 }
 
-/// The scale of a column, and the unit that was given where the file says another.
+/// The scale of a column, and the given unit if it contradicts the file's.
 fn scale(
     name: &str,
     below: &str,
@@ -855,7 +864,7 @@ fn scale(
     Ok((scale, contradicts.then(|| format!("{plain}={unit}"))))
 }
 
-/// That columns are missing, and which there are.
+/// The error for missing columns; it lists the columns of the file.
 pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<String>) -> ReadError {
     let names = tables.iter().flat_map(|table| &table.names).cloned();
     ReadError::Missing {
@@ -864,7 +873,7 @@ pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<Stri
     }
 }
 
-/// Columns that are asked for have to be in one of the tables.
+/// Checks that each column in the settings exists in one of the tables.
 pub(in crate::recording) fn check_mapping(
     tables: &[Table],
     import: &ImportSettings,
@@ -875,14 +884,17 @@ pub(in crate::recording) fn check_mapping(
         tables,
     ) {
         (Some(column), [first, ..]) => {
-            let message = format!("there is no column {column:?}; there are {}", listed(&names));
+            let message = format!(
+                "there is no column {column:?}; the columns are {}",
+                listed(&names)
+            );
             Err(first.error(first.header_line, message))
         }
         _ => Ok(()),
     }
 }
 
-/// The rate of a line `# rate_hz: ...`.
+/// The rate from a line `# rate_hz: ...`.
 pub(in crate::recording) fn noted_rate_hz(
     notes: &BTreeMap<String, String>,
 ) -> Result<Option<f64>, ReadError> {

@@ -1,13 +1,13 @@
-//! The quantities and units that a column's name may say.
+//! Quantities and units in the names of columns.
 
 use haptograph_signal::quantity::Quantity;
 use haptograph_signal::units;
 
-/// What a column's unit is in SI.
+/// The conversion of a column's unit to SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::recording) enum Scale {
     One,
-    /// Exact: in decimal, it only moves the point.
+    /// Exact, because it only moves the decimal point.
     Thousandth,
     Factor(f64),
 }
@@ -21,7 +21,7 @@ impl Scale {
         }
     }
 
-    /// A number in SI.
+    /// Converts a number to SI.
     pub fn si(self, value: f64) -> f64 {
         match self {
             Self::One => value,
@@ -31,7 +31,7 @@ impl Scale {
     }
 }
 
-/// What the columns of a recording hold, as `--column` and `--unit` name it.
+/// The quantities of a recording's columns, as in `--column` and `--unit`.
 pub const QUANTITIES: [&str; 21] = [
     "time",
     "accel",
@@ -64,13 +64,13 @@ static DIMENSIONS: [(&str, Quantity); 8] = [
     ("position", Quantity::LENGTH),
     ("speed", Quantity::SPEED),
     ("orientation", Quantity::NUMBER),
-    // Of sweeps of actuators.
+    // For sweeps of actuators.
     ("current", Quantity::CURRENT),
 ];
-/// What may stand between quantity and unit.
+/// The parts of a name between quantity and unit.
 const PARTS: [&str; 6] = ["x", "y", "z", "w", "normal", "tangential"];
 
-/// A name whose unit stands in brackets, as `speed (mm/s)` and `accel [g]`, and the unit.
+/// Splits a name with a unit in brackets, such as `speed (mm/s)` or `accel [g]`.
 fn bracketed(name: &str) -> Option<(&str, &str)> {
     let (before, unit) = match name.strip_suffix(']') {
         Some(rest) => rest.rsplit_once('[')?,
@@ -80,7 +80,7 @@ fn bracketed(name: &str) -> Option<(&str, &str)> {
     (!before.is_empty()).then_some((before, unit.trim()))
 }
 
-/// Quantity, name without unit, and what is left of a column's name; `None` for columns that are none of ours.
+/// Splits a column's name into quantity, name without unit, and the rest; `None` for unknown columns.
 fn parts(name: &str) -> Option<(Quantity, String, &str)> {
     if let Some((before, unit)) = bracketed(name) {
         let (quantity, plain, rest) = parts(before)?;
@@ -103,7 +103,7 @@ fn parts(name: &str) -> Option<(Quantity, String, &str)> {
     Some((*quantity, plain, unit))
 }
 
-/// The unit that the numbers of a column of ours are read in.
+/// The unit of the numbers in a known column.
 pub(in crate::recording) fn si_unit(name: &str) -> Option<&'static str> {
     parse_name(name)?.ok()?;
     let (quantity, ..) = parts(name)?;
@@ -111,7 +111,7 @@ pub(in crate::recording) fn si_unit(name: &str) -> Option<&'static str> {
     named.map(|(.., unit)| *unit)
 }
 
-/// The name without its unit, and the unit; `None` for columns that are none of ours.
+/// The name without its unit, and the unit; `None` for unknown columns.
 pub(in crate::recording) fn parse_name(name: &str) -> Option<Result<(String, Scale), String>> {
     let (quantity, plain, unit) = parts(name)?;
     Some(match scale_of(unit, quantity) {
@@ -125,16 +125,16 @@ fn no_unit(name: &str, plain: &str, quantity: Quantity) -> String {
         .map(|unit| format!("{plain}_{unit}"))
         .collect();
     format!(
-        "column {name:?} has no unit that is understood; name it {}, or say its unit: --unit {plain}={}",
+        "the unit of column {name:?} is unknown; rename it to {}, or give the unit with --unit {plain}={}",
         known.join(" or "),
         example_unit(plain)
     )
 }
 
-/// The unit of a quantity, by what its column says: in brackets, at the end of its name, or in a row below the header.
+/// The unit of a quantity from its column: in brackets, at the end of the name, or in a row below the header.
 ///
 /// # Errors
-/// What to say of it.
+/// The message.
 pub(in crate::recording) fn unit_in_file(
     header: &str,
     below: &str,
@@ -162,7 +162,7 @@ pub(in crate::recording) fn unit_in_file(
     }
     match is_mapped {
         true => Err(format!(
-            "the unit of {plain} in column {header:?} is not known; {}",
+            "the unit of {plain} in column {header:?} is unknown; {}",
             say_unit(plain)
         )),
         false => Err(no_unit(header, plain, quantity)),
@@ -170,7 +170,7 @@ pub(in crate::recording) fn unit_in_file(
 }
 
 fn say_unit(plain: &str) -> String {
-    format!("say it: --unit {plain}={}", example_unit(plain))
+    format!("give it with --unit {plain}={}", example_unit(plain))
 }
 
 /// A unit that a logger may have written.
@@ -188,7 +188,7 @@ pub(in crate::recording) fn example_unit(plain: &str) -> &'static str {
 }
 
 fn not_ours(plain: &str) -> String {
-    format!("{plain} is none of a recording's quantities")
+    format!("unknown quantity {plain}; a recording has no such quantity")
 }
 
 /// Whether a text, in brackets or not, is a unit of anything.
@@ -196,7 +196,7 @@ pub(in crate::recording) fn is_unit(text: &str) -> bool {
     unit_of_anything(text).is_some()
 }
 
-/// SI per unit, and the unit in SI, of a text that names a unit.
+/// Parses a unit: SI per unit, and the unit in SI.
 pub(in crate::recording) fn unit_of_anything(text: &str) -> Option<(Scale, &'static str)> {
     let unit = text.trim_matches(|c: char| c.is_whitespace() || "[]()".contains(c));
     // Of two quantities with one unit, g, vibrations have the first.
@@ -209,7 +209,7 @@ pub(in crate::recording) fn unit_of_anything(text: &str) -> Option<(Scale, &'sta
     all.find_map(|(quantity, _, si)| Some((scale_of(unit, *quantity)?, *si)))
 }
 
-/// The same of a column's name, by its brackets or its end, or of the cell below it.
+/// The same for a column's name (its brackets or its end) or for the cell below it.
 pub(in crate::recording) fn unit_of_column(header: &str, below: &str) -> Option<(Scale, &'static str)> {
     let lower = header.to_lowercase();
     if let Some(Ok((_, scale))) = parse_name(&lower) {
@@ -230,7 +230,7 @@ pub(in crate::recording) fn is_of(header: &str, below: &str, quantity: Quantity)
     }
 }
 
-/// The unit of a quantity of ours, such as `accel` or `force_normal`, that a person says; `1` stands for a unit that is not known.
+/// Parses a unit that the user gave for a quantity such as `accel` or `force_normal`; `1` is an unknown unit.
 pub(in crate::recording) fn parse_unit(plain: &str, unit: &str) -> Result<Scale, String> {
     let Some((quantity, _, "")) = parts(plain) else {
         return Err(not_ours(plain));
@@ -241,7 +241,7 @@ pub(in crate::recording) fn parse_unit(plain: &str, unit: &str) -> Result<Scale,
     scale_of(unit, quantity).ok_or_else(|| {
         let known: Vec<_> = units::of_quantity(quantity).collect();
         format!(
-            "{unit:?} is no unit of {plain}; known are {}, and 1 for one that is not known",
+            "{unit:?} is not a unit of {plain}; expected one of: {}, or 1 for an unknown unit",
             known.join(", ")
         )
     })
@@ -256,7 +256,7 @@ fn unit_at_end(name: &str, plain: &str) -> Option<Scale> {
     }
 }
 
-/// The quantity of ours without unit, such as `force_normal`, that a name begins with.
+/// The known quantity without unit, such as `force_normal`, with which a name begins.
 pub(in crate::recording) fn plain_name(name: &str) -> Option<(String, &str)> {
     parts(name).map(|(_, plain, unit)| (plain, unit))
 }

@@ -10,8 +10,8 @@ use crate::learning::processing;
 use std::collections::VecDeque;
 use std::io::Write;
 
-/// The bytes of a CSV file. A raw recording comes out calibrated: acceleration in m/s² and forces in the tool's frame, positions of
-/// the tip.
+/// Writes a recording as CSV. A raw recording is written calibrated: acceleration in m/s², forces in the tool's frame,
+/// positions of the tip.
 pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
     let mut bytes = origin_lines(recording.gesture(), recording.provenance()).into_bytes();
     match recording {
@@ -25,13 +25,13 @@ pub fn write_csv(recording: &AnyRecording) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// What stands above the header.
+/// The lines above the header.
 fn origin_lines(gesture: Gesture, provenance: &Provenance) -> String {
     let one_line = |text: &str| text.replace(['\n', '\r'], " ");
     format!(
         "# gesture: {}\n# origin: {}\n# source: {}\n",
-        gesture.word(),
-        provenance.origin.word(),
+        gesture.as_str(),
+        provenance.origin.as_str(),
         one_line(&provenance.source)
     )
 }
@@ -82,20 +82,20 @@ fn write_raw(raw: &Recording, bytes: &mut Vec<u8>) -> std::io::Result<()> {
     table.finish().map(|_| ())
 }
 
-/// When a sensor's samples were taken.
+/// The times of a sensor's samples.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
     rate_hz: f64,
     start_s: f64,
 }
 
-/// A raw recording that is written as a table while it is made: the same bytes as of the whole recording, in memory of
-/// what one sensor is ahead of the others.
+/// Writes a raw recording as a table during recording. The bytes equal those of [`write_csv`]; memory holds only the
+/// samples by which one sensor is ahead of the others.
 pub struct RawTable<W: Write> {
     writer: csv::Writer<W>,
     calibration: Calibration,
     clocks: [Clock; 3],
-    /// Samples of each sensor that were written, and those that wait for the other sensors.
+    /// Written samples of each sensor, and pending samples that wait for the other sensors.
     written: [u64; 3],
     acceleration: VecDeque<[f64; 3]>,
     loads: VecDeque<Wrench>,
@@ -107,7 +107,7 @@ impl<W: Write> RawTable<W> {
     /// Begins a table: the lines above its header, and the header.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn begin(mut to: W, head: &RawHead<'_>) -> std::io::Result<Self> {
         to.write_all(origin_lines(head.gesture, head.provenance).as_bytes())?;
         let clocks = [head.acceleration_hz, head.wrench_hz, head.motion_hz];
@@ -156,10 +156,10 @@ impl<W: Write> RawTable<W> {
         self.poses.push_back((tip, pose.orientation));
     }
 
-    /// Writes the rows that nothing can come before any more.
+    /// Writes the rows that no later sample can precede.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn write_due(&mut self) -> std::io::Result<()> {
         while !(self.acceleration.is_empty() || self.loads.is_empty() || self.poses.is_empty()) {
             self.write_row()?;
@@ -167,19 +167,19 @@ impl<W: Write> RawTable<W> {
         Ok(())
     }
 
-    /// Hands what was written to the file, which is returned to be synced.
+    /// Flushes the buffer and returns the file, so that the caller can sync it.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn flush(&mut self) -> std::io::Result<&W> {
         self.writer.flush()?;
         Ok(self.writer.get_ref())
     }
 
-    /// Writes all that waits; how many poses, loads and accelerations there are in all.
+    /// Writes all pending rows; returns the numbers of poses, loads and accelerations.
     ///
     /// # Errors
-    /// What the file system says.
+    /// An error of the file system.
     pub fn finish(mut self) -> std::io::Result<[u64; 3]> {
         while self.write_row()? {}
         self.writer.flush()?;
@@ -187,7 +187,7 @@ impl<W: Write> RawTable<W> {
         Ok([poses, loads, accelerations])
     }
 
-    /// Writes the row of the earliest time; was there one?
+    /// Writes the row of the earliest time; false if there is none.
     fn write_row(&mut self) -> std::io::Result<bool> {
         let waits = [
             !self.acceleration.is_empty(),
@@ -220,7 +220,7 @@ impl<W: Write> RawTable<W> {
         Ok(true)
     }
 
-    /// Writes numbers, or as many empty cells.
+    /// Writes numbers, or the same number of empty cells.
     fn cells<const N: usize>(
         &mut self,
         numbers: Option<[f64; N]>,

@@ -1,14 +1,14 @@
 //! Numeric variables of MATLAB's files of level 5 (`-v6` and `-v7`), as columns: vectors by their names, columns of matrices by name and
 //! number, fields of structures by their own names. A scalar `rate_hz` or `fs` is the rate.
 
-use super::super::csv::{Cells, Table, Wanted};
+use super::super::csv::{Cells, ColumnSelection, Table};
 use super::super::{ImportSettings, ReadError};
 use flate2::read::ZlibDecoder;
 use haptograph_signal::files::MAX_RECORDING_BYTES;
 use std::io::Read;
 
 const HEADER_BYTES: usize = 128;
-/// Structures inside structures; deeper ones hold no recordings.
+/// Deepest nesting of structures that is read.
 const DEEPEST: usize = 4;
 
 const MATRIX: u32 = 14;
@@ -26,19 +26,19 @@ struct Variable {
 pub(in crate::recording) fn matlab(
     bytes: &[u8],
     import: &ImportSettings,
-    wanted: Wanted<'_>,
+    wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
     let wrong = |message: &str| ReadError::Io(message.to_owned());
     if bytes.starts_with(b"\x89HDF") || bytes.starts_with(b"MATLAB 7.3") {
         return Err(wrong(
-            "MATLAB's format 7.3 is not read; save the variables with -v7",
+            "MATLAB format 7.3 is not supported; save the variables with -v7",
         ));
     }
     match bytes.get(126..HEADER_BYTES) {
         Some(b"IM") => {}
         Some(b"MI") => {
             return Err(wrong(
-                "the MATLAB file is of a big-endian machine; save it with -v7 on another",
+                "the MATLAB file is big-endian; save it with -v7 on a little-endian machine",
             ));
         }
         _ => {
@@ -62,7 +62,7 @@ pub(in crate::recording) fn matlab(
     Table::of_cells(cells(variables), &import, wanted)
 }
 
-/// The variables as columns of the longest length. Scalars may be settings of the logger, and are no columns.
+/// The variables as columns of the longest length. Scalars are not columns: they may be settings of the logger.
 fn cells(variables: Vec<Variable>) -> Cells {
     let length = |v: &Variable| v.rows.max(v.values.len() / v.rows.max(1));
     let samples = variables.iter().map(length).max().unwrap_or(0);
@@ -102,7 +102,7 @@ fn cells(variables: Vec<Variable>) -> Cells {
     cells
 }
 
-/// Takes in all variables; `None` where the bytes end too early or are none of the format's.
+/// Reads all variables; `None` if the bytes end too early or are not in the format.
 fn elements(mut bytes: &[u8], variables: &mut Vec<Variable>, depth: usize) -> Option<()> {
     while !bytes.is_empty() {
         let (kind, data, rest) = element(bytes, depth == 0)?;
@@ -123,7 +123,7 @@ fn elements(mut bytes: &[u8], variables: &mut Vec<Variable>, depth: usize) -> Op
     Some(())
 }
 
-/// The first element: its type, its bytes, and what follows it. Compressed ones are not padded.
+/// The first element: its type, its bytes, and the remaining bytes. Compressed elements are not padded.
 fn element(bytes: &[u8], may_be_compressed: bool) -> Option<(u32, &[u8], &[u8])> {
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
     let kind = word(0)?;
@@ -185,7 +185,7 @@ fn fields(bytes: &[u8], variables: &mut Vec<Variable>, depth: usize) -> Option<(
     Some(())
 }
 
-/// The numbers of an element; smaller types than the variable's save room.
+/// The numbers of an element, which may be stored in a smaller type than the variable's.
 fn numbers(kind: u32, data: &[u8]) -> Option<Vec<f64>> {
     fn all<const N: usize>(data: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
         data.as_chunks::<N>()

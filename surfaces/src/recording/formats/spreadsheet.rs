@@ -1,6 +1,6 @@
-//! The first sheet of a spreadsheet, laid out as a CSV file would be.
+//! Reads the first sheet of a spreadsheet, which has the layout of a CSV file.
 
-use super::super::csv::{Cells, Table, Wanted, is_unit, is_wanted, number_of};
+use super::super::csv::{Cells, ColumnSelection, Table, is_unit, is_wanted, number_of};
 use super::super::rows::{HEADER_WITHIN, header_of, is_without_numbers, listed};
 use super::super::{ImportSettings, ReadError};
 use calamine::{Cell, Data, DataRef, Range, Reader, Xlsx};
@@ -12,7 +12,7 @@ use zip::ZipArchive;
 pub(in crate::recording) fn spreadsheet(
     bytes: &[u8],
     import: &ImportSettings,
-    wanted: Wanted<'_>,
+    wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
     let sheet = bounded(bytes, MOST_INFLATED).and_then(|()| {
         let mut book =
@@ -48,7 +48,7 @@ pub(in crate::recording) fn spreadsheet(
         ReadError::Csv {
             line,
             message: format!(
-                "rows {line} and {other} could both be the header; remove what does not belong to the table"
+                "rows {line} and {other} could both be the header; remove the one that does not belong to the table"
             ),
         }
     })?;
@@ -71,7 +71,7 @@ pub(in crate::recording) fn spreadsheet(
             return Err(ReadError::Csv {
                 line,
                 message: format!(
-                    "the row below the header holds no number and no unit: {}; remove it, and say units by --unit",
+                    "the row below the header contains neither numbers nor units: {}; remove it, and give units with --unit",
                     listed(&units)
                 ),
             });
@@ -88,10 +88,10 @@ pub(in crate::recording) fn spreadsheet(
     Table::of_cells(cells, import, wanted)
 }
 
-/// What a workbook may inflate to, bytes: a few of the largest sheets that are read. Texts of all sheets are kept at once.
+/// Largest inflated size of a workbook, bytes: a few of the largest sheets that are read. All texts are in memory at once.
 const MOST_INFLATED: u64 = 1 << 29;
 
-/// Inflates all of it to nowhere, as what an archive says of its own length may be wrong.
+/// Inflates the whole archive and discards it, because the length in an archive's header may be wrong.
 fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
     let damaged = |e: &dyn std::fmt::Display| format!("the spreadsheet is damaged: {e}");
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged(&e))?;
@@ -100,21 +100,20 @@ fn bounded(bytes: &[u8], most: u64) -> Result<(), String> {
         let member = archive.by_index(member).map_err(|e| damaged(&e))?;
         let inflated = copy(&mut member.take(left + 1), &mut sink()).map_err(|e| damaged(&e))?;
         let room = left.checked_sub(inflated);
-        left = room.ok_or_else(|| {
-            format!("the spreadsheet is larger than {most} bytes when it is inflated; save it as CSV")
-        })?;
+        left = room
+            .ok_or_else(|| format!("the spreadsheet inflates to more than {most} bytes; save it as CSV"))?;
     }
     Ok(())
 }
 
 /// Cells of a sheet at most.
 const MOST_CELLS: usize = 1 << 24;
-/// Places of a sheet at most, for each cell in it and besides, and at all: all places within its extent take memory.
+/// Limits of a sheet's extent, per cell, besides and in total: every position within the extent takes memory.
 const MOST_PLACES: [u64; 3] = [64, 1 << 20, 1 << 25];
 
 /// The cells of the first sheet, bounded before memory is taken for its extent.
 fn first_sheet(book: &mut Xlsx<impl Read + Seek>) -> Result<Range<Data>, String> {
-    let name = book.sheet_names().into_iter().next().ok_or("there is none")?;
+    let name = book.sheet_names().into_iter().next().ok_or("there is no sheet")?;
     let mut reader = book.worksheet_cells_reader(&name).map_err(|e| e.to_string())?;
     let (mut cells, mut rows, mut columns) = (vec![], 0, 0);
     while let Some(cell) = reader.next_cell().map_err(|e| e.to_string())? {
@@ -144,7 +143,7 @@ fn note_of(text: &str, notes: &mut BTreeMap<String, String>) {
     }
 }
 
-/// NaN for an empty cell, infinite for one that holds no number.
+/// NaN for an empty cell, infinity for a cell that is not a number.
 fn value(cell: &Data) -> f64 {
     match cell {
         Data::Float(value) => *value,

@@ -1,21 +1,21 @@
 //! Vibrations in WAV files.
 
-use super::super::csv::{Cells, Table, Wanted};
+use super::super::csv::{Cells, ColumnSelection, Table};
 use super::super::{ImportSettings, ReadError};
 use hound::{SampleFormat, WavReader};
 
-/// One channel is the acceleration, three are its axes; of others one is chosen by its number.
+/// One channel is the acceleration, three are its axes; of any other number, one channel is selected by its number.
 pub(in crate::recording) fn wav(
     bytes: &[u8],
     import: &ImportSettings,
-    wanted: Wanted<'_>,
+    wanted: ColumnSelection<'_>,
 ) -> Result<Table, ReadError> {
     let wrong = |message: String| ReadError::Io(message);
     let mut reader = WavReader::new(bytes).map_err(|e| wrong(format!("the WAV file is damaged: {e}")))?;
     let spec = reader.spec();
     let full_scale = import.full_scale_m_s2.ok_or_else(|| {
         wrong(
-            "a WAV file does not say its unit: say how many m/s² its full scale of 1.0 is (--full-scale)"
+            "a WAV file contains no unit; give the acceleration of its full scale 1.0 in m/s² with --full-scale"
                 .to_owned(),
         )
     })?;
@@ -53,7 +53,7 @@ pub(in crate::recording) fn wav(
         cells.lines.push(row as u64 + 1);
     }
     let mut import = import.clone();
-    // The full scale has said it.
+    // The full scale gives the unit.
     import.units.insert("accel".to_owned(), "m_s2".to_owned());
     import.rate_hz = Some(f64::from(spec.sample_rate));
     Table::of_cells(cells, &import, wanted)

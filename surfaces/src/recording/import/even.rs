@@ -1,18 +1,18 @@
-//! From times as loggers write them to samples at an even rate.
+//! Converts a logger's times to samples at an even rate.
 
 use super::{Finding, shown};
 
-/// More rows than these in a stretch are a gap, which nothing can fill.
+/// More missing rows than this in a stretch are a gap, which cannot be filled.
 const LONGEST_GAP: f64 = 5.0;
 /// Times within this part of the interval are even.
 const EVEN: f64 = 0.02;
 /// As before anything is repaired.
 const STRICTLY_EVEN: f64 = 0.25;
-/// A rate this close to a whole number is that number: of times that are even but rounded, and of uneven ones.
+/// A rate this close to a whole number is rounded to it: for even but rounded times, and for uneven times.
 const ROUND_EVEN: f64 = 1e-5;
 const ROUND_UNEVEN: f64 = 1e-2;
 
-/// How rows follow one another.
+/// The rate and the spacing of rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::recording) struct Timing {
     pub rate_hz: f64,
@@ -22,7 +22,7 @@ pub(in crate::recording) struct Timing {
     pub finding: Option<Finding>,
 }
 
-/// Why times give no rate: the row, and what is wrong there.
+/// An error in the times: the row and the message.
 pub(in crate::recording) type TimeFault = (usize, String);
 
 /// The rate of rows at these times.
@@ -32,7 +32,7 @@ pub(in crate::recording) fn timing(times: &[f64], strict: bool) -> Result<Timing
     };
     let rate = (times.len() - 1) as f64 / (last - start_s);
     if !(rate.is_finite() && rate > 0.0) {
-        let message = "time must ascend, and there must be two samples at least";
+        let message = "times must ascend, and there must be at least two samples";
         return Err((times.len() - 1, message.to_owned()));
     }
     let resolution_s = resolution(times);
@@ -112,7 +112,7 @@ fn uneven(times: &[f64]) -> Result<Timing, TimeFault> {
         let step = pair[1] - pair[0];
         if step > (LONGEST_GAP + 0.5) * usual {
             let message = format!(
-                "there is a gap of {} s, from {} s to {} s, where rows are {} s apart; make two files of it, cut here",
+                "there is a gap of {} s, from {} s to {} s, where rows are {} s apart; split the file into two here",
                 shown(step),
                 shown(pair[0]),
                 shown(pair[1]),
@@ -164,7 +164,7 @@ fn rounded(rate_hz: f64, within: f64) -> f64 {
     }
 }
 
-/// The last decimal that times are written with, s.
+/// The resolution of the times as written, s.
 fn resolution(times: &[f64]) -> f64 {
     let mut decimals = (0..9).map(|digits| 10_f64.powi(-digits));
     let is_multiple = |unit: f64| {

@@ -1,4 +1,4 @@
-//! Single cells that are missing or wrong.
+//! Repairs single cells that are missing or wrong.
 
 use std::ops::Range;
 
@@ -36,10 +36,10 @@ pub(in crate::recording) fn interpolate_missing(
 const BEYOND: f64 = 10.0;
 /// ... and its neighbours are nearer to one another than this part of its distance from them. No vibration below half the rate does so.
 const AGREEMENT: f64 = 0.1;
-/// As many samples say what is usual.
+/// Number of samples from which the usual level is estimated.
 const SAMPLED: usize = 100_000;
 
-/// Replaces single samples that are far off both neighbours by the neighbours' mean; returns where they were.
+/// Replaces single samples that are far from both neighbours by the neighbours' mean; returns their indices.
 pub(in crate::recording) fn remove_outliers(values: &mut [f64]) -> Vec<usize> {
     if values.len() < 20 {
         return vec![];
@@ -49,7 +49,7 @@ pub(in crate::recording) fn remove_outliers(values: &mut [f64]) -> Vec<usize> {
     let mut usual: Vec<f64> = values.iter().step_by(step).map(|x| (x - mean).abs()).collect();
     let rank = usual.len() - 2 - usual.len() / 1000;
     let (_, usual, _) = usual.select_nth_unstable_by(rank, f64::total_cmp);
-    // Of a quantity that never changes, any difference is an outlier: there is no telling.
+    // If a quantity never changes, every difference would be an outlier.
     let bound = BEYOND * *usual;
     let mut found = vec![];
     for index in 1..values.len() - 1 {
@@ -64,10 +64,10 @@ pub(in crate::recording) fn remove_outliers(values: &mut [f64]) -> Vec<usize> {
     found
 }
 
-/// So many samples that stay at an extreme value are no accident.
+/// At least this many samples at an extreme value mean clipping.
 const CLIPPED: usize = 10;
 
-/// How many samples stay, with a neighbour, at the largest or smallest value; 0 where they are few.
+/// Number of samples that are, with a neighbour, at the largest or smallest value; 0 if they are few.
 pub(in crate::recording) fn clipped(values: &[f64]) -> usize {
     let finite = || values.iter().copied().filter(|x| x.is_finite());
     let (least, most) = (

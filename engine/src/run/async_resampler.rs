@@ -1,12 +1,12 @@
-//! How a signal goes from one clock to another: a ring, and a resampler at its far end that is steered by how full it
-//! is. Bridges between drivers are such rings, and so is what comes from hardware with a clock of its own.
+//! The asynchronous resampler: a ring between two clocks, and a resampler at its read end whose ratio follows the fill.
+//! Bridges between drivers use it, and so does hardware with a clock of its own.
 //!
-//! Neither end knows the other's clock. The reader looks at the ring before it runs (once a callback), takes the fill
-//! for the delay, and corrects its ratio by a slow delay-locked loop. Everything after that look depends on the counts
-//! seen alone: the same counts give the same bits, which is what replays rest on.
+//! Neither end has access to the other's clock. The reader polls the ring once per callback, uses the fill as a measure
+//! of the delay, and corrects its ratio by a slow delay-locked loop. Its output depends only on the polled counts: a
+//! replay with the same counts gives the same bits.
 //!
-//! **Fill** is counted from the newest frame that has arrived to the one that the next output shows, so that the
-//! resampler's own delay is part of it, and the target is the whole of the declared latency.
+//! **Fill** counts the frames from the newest one that has arrived to the one that the next output shows. It includes
+//! the resampler's own delay, so that its target is the declared latency.
 
 mod meter;
 
@@ -19,151 +19,158 @@ use haptograph_signal::resample::{MAX_CORRECTION_PPM, SteeredResampler};
 use rtrb::{Consumer, Producer};
 use std::sync::Arc;
 
-/// How long a signal takes to nothing when the ring has run dry, and back from it.
+/// Duration of the fade-out when the ring runs dry, and of the fade-in after it, s.
 pub const DRY_FADE_S: f64 = 0.005;
-/// What the ring holds beyond twice its target: the longest callbacks and stalls that are caught up with.
+/// Capacity of the ring beyond twice its target, s: the longest callbacks and stalls that it absorbs.
 const SPARE_S: f64 = 0.1;
-/// A drift of 500 ppm that begins at once moves the fill by 0.46 of the reserve: MAX / (e wn), for a damping of 1.
+/// Natural frequency of the loop times the reserve. A step of 500 ppm in drift then moves the fill by 0.46 of the
+/// reserve: MAX / (e wn), for a damping of 1.
 const NATURAL_FREQUENCY: f64 = 4e-4;
-/// The pole that takes the steps of both sides' callbacks out of the fill, as a multiple of the natural frequency.
+/// Pole that smooths the steps that callbacks cause in the fill, as a multiple of the natural frequency.
 const SMOOTHING: f64 = 10.0;
 const MAX_CORRECTION: f64 = MAX_CORRECTION_PPM * 1e-6;
-/// Lanes of a wrench, the widest frame that can be resampled.
-const LANES: usize = 6;
+/// Components of a wrench, the widest frame that can be resampled.
+const MAX_WIDTH: usize = 6;
 
-/// What a ring's latency leaves beyond the resampler's, s.
+/// Latency of a ring beyond the resampler's, s.
 pub(super) fn reserve_s(plan: &RingSpec) -> f64 {
     let kernel_s = steered(plan.from, plan.to).map_or(0.0, |one| one.latency_s());
     (plan.latency_s - kernel_s).max(plan.from.period_s())
 }
 
-/// Both ends of a ring. Allocates here and never again.
-pub fn link(plan: &RingSpec) -> (LinkWriter, LinkReader) {
+/// Makes both ends of a ring. Allocates here only.
+pub fn async_resampler(plan: &RingSpec) -> (AsyncResamplerWriter, AsyncResamplerReader) {
     let spare = SPARE_S * plan.from.hz();
     let frames = (2.0 * plan.latency_s * plan.from.hz() + spare).ceil() as usize + 64;
     let (into, out) = touched_ring(frames * plan.width);
     let meter = Arc::new(RingMeter::new(plan));
-    let writer = LinkWriter {
+    let writer = AsyncResamplerWriter {
         ring: into,
         width: plan.width,
-        // All of it, for the end that is first looked at after it was written.
+        // The whole ring, for a writer that writes before its first poll.
         room: frames as u64,
         accepted: 0,
         meter: Arc::clone(&meter),
     };
-    (writer, LinkReader::new(plan, out, meter))
+    (writer, AsyncResamplerReader::new(plan, out, meter))
 }
 
-/// The end that a producer fills.
-pub struct LinkWriter {
+/// The write end.
+pub struct AsyncResamplerWriter {
     ring: Producer<f64>,
     width: usize,
-    /// Frames that may be pushed before the next look.
+    /// Frames that may be pushed before the next poll.
     room: u64,
-    /// Frames pushed since the last look.
+    /// Frames pushed since the last poll.
     accepted: u64,
     meter: Arc<RingMeter>,
 }
 
-impl LinkWriter {
-    /// Finds out how many frames there is room for, to stay with that until the next look.
-    pub fn look(&mut self) {
-        self.look_as(self.free());
+impl AsyncResamplerWriter {
+    /// Polls the free space, which holds until the next poll.
+    pub fn poll(&mut self) {
+        self.poll_as(self.free());
     }
 
-    /// Goes by room for so many frames until the next look.
-    pub fn look_as(&mut self, room: u64) {
+    /// Sets the free space until the next poll, in frames; for replays.
+    pub fn poll_as(&mut self, room: u64) {
         self.room = room;
         self.accepted = 0;
     }
 
-    /// Frames there is room for now.
+    /// Free space now, in frames.
     pub fn free(&self) -> u64 {
         (self.ring.slots() / self.width) as u64
     }
 
-    /// Frames pushed since the last look.
+    /// Frames pushed since the last poll.
     pub fn accepted(&self) -> u64 {
         self.accepted
     }
 
-    /// Sends frames; those without room are lost and counted.
+    /// Pushes frames; counts those that do not fit as lost.
     pub fn write(&mut self, x: &[f64]) {
         let frames = (x.len() / self.width) as u64;
         let fitting = frames.min(self.room);
-        let lanes = fitting as usize * self.width;
-        let sent = match self.ring.push_entire_slice(&x[..lanes]) {
+        let components = fitting as usize * self.width;
+        let sent = match self.ring.push_entire_slice(&x[..components]) {
             Ok(()) => fitting,
             Err(_) => 0,
         };
         self.room -= sent;
         self.accepted += sent;
-        // What comes before the other end first looks was never wanted.
+        // Frames before the reader's first poll do not count as lost.
         if sent < frames && self.meter.is_read() {
             self.meter.lose(frames - sent);
         }
     }
 
-    /// What is counted of the ring.
+    /// The ring's meter.
     pub fn meter(&self) -> &Arc<RingMeter> {
         &self.meter
     }
 }
 
-/// The end that a consumer reads, at its own rate.
-pub struct LinkReader {
+/// The read end, with the resampler.
+pub struct AsyncResamplerReader {
     ring: Consumer<f64>,
     width: usize,
     resamplers: Vec<SteeredResampler>,
-    /// One lane of what is taken at once, and of what is made of it.
+    /// Scratch: one component of the input frames.
     gathered: Vec<f64>,
+    /// Scratch: input frames.
     taken_frames: Vec<f64>,
+    /// Scratch: one component of the output frames.
     resampled: Vec<f64>,
-    /// Frames that had arrived when it looked last, and frames taken, both since the beginning.
+    /// Frames arrived by the last poll and frames taken, both since the start.
     arrived: u64,
     taken: u64,
     flow: Flow,
-    /// Until the resampler has seen nothing but what has arrived since it began, and then until nothing is faded.
+    /// Output ticks until the resampler contains only frames since its reset, and output ticks of the fade-in after
+    /// that.
     quiet_ticks: u32,
     fade_ticks: u32,
-    /// The frame put out last.
-    latest: [f64; LANES],
+    /// The last output frame.
+    latest: [f64; MAX_WIDTH],
     steering: Steering,
-    /// Ticks read since the last look.
+    /// Ticks read since the last poll.
     ticks: u64,
     meter: Arc<RingMeter>,
 }
 
-/// What the reader is doing.
+/// State of the reader.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Flow {
-    /// Silent, until as much has arrived as it aims at.
+    /// Silent until the fill has reached its target.
     Waiting,
-    /// Running, for so many ticks, of which the first are silent and the next rise from nothing.
+    /// Running for this many ticks; the first are silent, the next fade in.
     Running(u32),
-    /// The latest frame falls to nothing, for so many ticks so far.
+    /// Fading out the latest frame for this many ticks so far.
     Falling(u32),
 }
 
-/// A delay-locked loop of second order, with one more pole to smooth what it sees.
+/// A delay-locked loop of second order, with a third pole that smooths the fill.
 #[derive(Debug, Clone, Copy)]
 struct Steering {
-    /// Frames a second of the input, and seconds a tick of the output.
+    /// Rate of the input.
     rate_hz: f64,
+    /// Period of the output.
     period_s: f64,
-    /// Frames that the fill should be, and how many of them are the resampler's.
+    /// Target fill, frames.
     target: f64,
+    /// Delay of the resampler, frames.
     half_width: f64,
-    /// rad/s
+    /// Natural frequency, rad/s.
     natural: f64,
-    /// What it sees, smoothed, s; and the drift that it has learnt.
+    /// Smoothed deviation of the fill, s.
     error_s: f64,
+    /// Estimated drift.
     drift: f64,
 }
 
-impl LinkReader {
+impl AsyncResamplerReader {
     fn new(plan: &RingSpec, ring: Consumer<f64>, meter: Arc<RingMeter>) -> Self {
-        // A checked graph has no rates that cannot be joined.
+        // The check refuses rates that cannot be resampled.
         let resamplers: Vec<SteeredResampler> = steered(plan.from, plan.to)
             .map(|one| vec![one; plan.width])
             .unwrap_or_default();
@@ -182,7 +189,7 @@ impl LinkReader {
             flow: Flow::Waiting,
             quiet_ticks: (2.0 * kernel_s * plan.to.hz()).ceil() as u32,
             fade_ticks: (DRY_FADE_S * plan.to.hz()).ceil() as u32,
-            latest: [0.0; LANES],
+            latest: [0.0; MAX_WIDTH],
             steering: Steering {
                 rate_hz: plan.from.hz(),
                 period_s: plan.to.period_s(),
@@ -197,32 +204,32 @@ impl LinkReader {
         }
     }
 
-    /// How many frames have arrived since the beginning.
+    /// Frames that have arrived since the start.
     pub fn arrivals(&self) -> u64 {
         self.taken + (self.ring.slots() / self.width) as u64
     }
 
-    /// How many of them it goes by.
+    /// Frames that had arrived by the last poll.
     pub fn arrived(&self) -> u64 {
         self.arrived
     }
 
-    /// Goes by `arrived` frames until the next look.
-    pub fn look(&mut self, arrived: u64) {
-        // What the last callback left, as a late one finds more, and takes more.
+    /// Polls the ring: `arrived` frames count as arrived until the next poll.
+    pub fn poll(&mut self, arrived: u64) {
+        // Before new frames count: a late callback finds more, and takes more.
         let left = self.fill();
         self.arrived = arrived.max(self.arrived);
         let elapsed_s = self.ticks as f64 * self.steering.period_s;
         self.ticks = 0;
         match self.flow {
-            Flow::Waiting => self.begin_where_it_can(),
+            Flow::Waiting => self.start_if_filled(),
             Flow::Running(_) => {
                 let fill = self.fill();
                 let correction = self.steering.steer(fill, elapsed_s);
                 for resampler in &mut self.resamplers {
                     resampler.set_correction_ppm(correction * 1e6);
                 }
-                self.meter.saw(fill / self.steering.rate_hz, correction * 1e6);
+                self.meter.record(fill / self.steering.rate_hz, correction * 1e6);
                 if left > 2.0 * self.steering.target {
                     self.meter.count_overrun();
                     self.flow = Flow::Falling(0);
@@ -232,24 +239,23 @@ impl LinkReader {
         }
     }
 
-    /// Does what has arrived come out, be it still rising from nothing?
+    /// Whether it gives the signal, the fade-in included.
     pub fn is_running(&self) -> bool {
         matches!(self.flow, Flow::Running(_))
     }
 
-    /// How old what the next output shows is by the newest frame that has arrived, s.
+    /// Age of the next output relative to the newest frame that has arrived, s.
     pub fn fill_s(&self) -> f64 {
         self.fill() / self.steering.rate_hz
     }
 
-    /// Frames from the newest one that has arrived to the one that the next output shows. On average a frame arrives
-    /// half a period after its time has come.
+    /// The fill in frames. On average a frame arrives half a period after its time.
     fn fill(&self) -> f64 {
         let ahead = self.resamplers.first().map_or(1.0, SteeredResampler::ahead);
         (self.arrived - self.taken) as f64 + 0.5 - ahead + self.steering.half_width
     }
 
-    fn begin_where_it_can(&mut self) {
+    fn start_if_filled(&mut self) {
         for resampler in &mut self.resamplers {
             resampler.reset();
         }
@@ -259,7 +265,7 @@ impl LinkReader {
         }
         let skipped = (beyond as u64).min(self.arrived - self.taken);
         self.drop_frames(skipped);
-        // What came before it first ran was never wanted.
+        // Frames before the first start do not count as lost.
         if self.meter.counts().fill_s.is_some() {
             self.meter.lose(skipped);
         }
@@ -274,7 +280,7 @@ impl LinkReader {
         }
     }
 
-    /// The frames of the ticks that come next.
+    /// Gives the frames of the next ticks.
     pub fn read(&mut self, y: &mut [f64]) {
         self.ticks += (y.len() / self.width) as u64;
         let mut done = 0;
@@ -288,11 +294,11 @@ impl LinkReader {
             }
         }
         for frame in y[done..].chunks_exact_mut(self.width) {
-            self.fall(frame);
+            self.fade_out(frame);
         }
     }
 
-    /// How many of the next `ticks` outputs what has arrived is enough for.
+    /// Number of the next `ticks` outputs for which enough frames have arrived.
     fn ticks_within_reach(&self, ticks: usize) -> usize {
         let Some(resampler) = self.resamplers.first() else {
             return 0;
@@ -312,7 +318,7 @@ impl LinkReader {
         enough
     }
 
-    /// Frames that what has arrived is enough for.
+    /// Gives frames for which enough input has arrived.
     fn resample(&mut self, y: &mut [f64]) {
         let (width, ticks) = (self.width, y.len() / self.width);
         let needed = self.resamplers.first().map_or(0, |one| one.inputs_needed(ticks));
@@ -326,27 +332,27 @@ impl LinkReader {
         } = self;
         let frames = &mut taken_frames[..needed * width];
         if ring.pop_entire_slice(frames).is_err() {
-            // Never so: what has arrived stays until it is taken.
+            // Unreachable: arrived frames stay in the ring until they are taken.
             frames.fill(0.0);
         }
         self.taken += needed as u64;
-        for (lane, resampler) in resamplers.iter_mut().enumerate() {
+        for (component, resampler) in resamplers.iter_mut().enumerate() {
             for (gathered, frame) in gathered.iter_mut().zip(frames.chunks_exact(width)) {
-                *gathered = frame[lane];
+                *gathered = frame[component];
             }
             resampler.process(&gathered[..needed], &mut resampled[..ticks]);
             for (resampled, frame) in resampled.iter().zip(y.chunks_exact_mut(width)) {
-                frame[lane] = *resampled;
+                frame[component] = *resampled;
             }
         }
-        self.rise(y);
+        self.fade_in(y);
         if let Some(last) = y.chunks_exact(width).last() {
             self.latest[..width].copy_from_slice(last);
         }
     }
 
-    /// The first ticks rise from nothing.
-    fn rise(&mut self, y: &mut [f64]) {
+    /// Fades in the first ticks.
+    fn fade_in(&mut self, y: &mut [f64]) {
         let Flow::Running(risen) = &mut self.flow else {
             return;
         };
@@ -360,8 +366,8 @@ impl LinkReader {
         }
     }
 
-    /// A frame of the way to nothing, and then of nothing.
-    fn fall(&mut self, frame: &mut [f64]) {
+    /// Gives a frame of the fade-out, and zeros after it.
+    fn fade_out(&mut self, frame: &mut [f64]) {
         let Flow::Falling(fallen) = self.flow else {
             frame.fill(0.0);
             return;
@@ -379,7 +385,7 @@ impl LinkReader {
 }
 
 impl Steering {
-    /// The correction of the ratio for a fill in frames, seen `elapsed_s` after the last one.
+    /// Correction of the ratio for a fill in frames, `elapsed_s` after the last one.
     fn steer(&mut self, fill: f64, elapsed_s: f64) -> f64 {
         let latency_s = self.target / self.rate_hz;
         let error_s = ((fill - self.target) / self.rate_hz).clamp(-latency_s, latency_s);

@@ -1,19 +1,18 @@
-//! How much of what a graph asks for reaches the actuators: nothing before the start, everything while running, and
-//! straight lines between, ahead of the limiters.
+//! The fade gate in front of the limiters: linear fades between 0 and 1.
 
-/// The factor on every actuator's request as a function of time, in units of the plan's time base.
+/// Factor on every actuator's input as a function of time, in units of the plan's time base.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) enum Drive {
-    /// All of it.
+pub(crate) enum FadeGate {
+    /// Factor 1.
     #[default]
     Full,
-    /// From nothing at `begin` to everything at `end`.
+    /// From 0 at `begin` to 1 at `end`.
     Rising { begin: u64, end: u64 },
-    /// From a part of it at `begin` to nothing at `end`, and nothing after.
+    /// From `from` at `begin` to 0 at `end`, and 0 after.
     Falling { begin: u64, end: u64, from: f64 },
 }
 
-impl Drive {
+impl FadeGate {
     #[inline]
     pub(crate) fn factor(self, time: u64) -> f64 {
         let along = |begin: u64, end: u64| {
@@ -30,7 +29,7 @@ impl Drive {
         }
     }
 
-    /// Is nothing let through at `time` and after?
+    /// Whether the factor is 0 at `time` and after.
     pub(crate) fn is_zero_from(self, time: u64) -> bool {
         matches!(self, Self::Falling { end, .. } if time >= end)
     }

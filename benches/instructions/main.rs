@@ -1,7 +1,7 @@
 //! How many instructions a block of 64 driver frames of each pipeline takes, beside what it took when that was last
 //! looked at. Counted by valgrind's callgrind, so that a busy machine changes nothing.
 //!
-//! `cargo bench --bench instructions` fails where a graph got dearer by more than a tenth; `-- --keep` writes down the
+//! `cargo run --release -p haptograph-instructions` fails where a graph got dearer by more than a tenth; `-- --keep` writes down the
 //! counts as they are now.
 
 use haptograph::engine::document::{Document, LoadOptions};
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
     compare(arguments.iter().any(|argument| argument == "--keep"))
 }
 
-fn root() -> &'static Path {
+fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
@@ -51,7 +51,7 @@ fn say(line: &str) {
 
 /// What is counted: a graph is loaded and runs for so many blocks.
 fn run(graph: &str, blocks: u64) -> ExitCode {
-    let path = root().join("graphs").join(graph).with_extension("ron");
+    let path = here().join("../../graphs").join(graph).with_extension("ron");
     let graph = Document::load(&path, &LoadOptions::default())
         .and_then(|document| {
             check(
@@ -70,7 +70,7 @@ fn run(graph: &str, blocks: u64) -> ExitCode {
 }
 
 fn compare(keep: bool) -> ExitCode {
-    let kept_in: PathBuf = root().join("benches/instructions.json");
+    let kept_in: PathBuf = here().join("counts.json");
     let text = std::fs::read_to_string(&kept_in).unwrap_or_default();
     let kept: Value = serde_json::from_str(&text).unwrap_or_default();
     let mut counted = Map::new();
@@ -100,7 +100,9 @@ fn compare(keep: bool) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if dearer {
-        say("where that is meant, `cargo bench --bench instructions -- --keep` keeps the new counts");
+        say(
+            "where that is meant, `cargo run --release -p haptograph-instructions -- --keep` keeps the new counts",
+        );
         return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS

@@ -1,38 +1,38 @@
-//! What leaves a run besides what drives its devices: outputs that are tapped, and the writers that take their frames.
+//! Recorded outputs of a run: taps and the writers of their frames.
 
 use crate::graph::{Graph, NodeId, Work};
 use crate::node::{FrameWriter, Stream};
 use std::path::{Path, PathBuf};
 
-/// An output whose frames are wanted, and who takes them.
+/// An output to record, and its writer.
 pub struct Probe {
     /// The node.
     pub node: NodeId,
-    /// Index among its outputs.
+    /// Index of the output at the node.
     pub output: usize,
-    /// Takes the frames, as stream 0.
+    /// Writer of the frames, as stream 0.
     pub writer: Box<dyn FrameWriter>,
 }
 
 /// The tapped outputs of a graph and their writers.
-pub struct Outlets<'a> {
+pub struct FileSinks<'a> {
     pub(super) graph: &'a Graph,
     pub(super) taps: Vec<(NodeId, usize)>,
-    pub(super) written: Vec<Written>,
+    pub(super) written: Vec<WrittenFile>,
 }
 
-/// A writer and the taps that are its streams.
-pub(super) struct Written {
-    /// None: the caller reads the ring itself.
+/// A writer and the taps of its streams.
+pub(super) struct WrittenFile {
+    /// `None`: the caller reads the ring.
     pub writer: Option<Box<dyn FrameWriter>>,
     pub taps: Vec<usize>,
     pub what: PathBuf,
-    /// The file sink that it belongs to, by its file's name; none for probes.
+    /// File name of the file sink that it belongs to; `None` for probes.
     pub sink: Option<PathBuf>,
 }
 
-impl Written {
-    /// A writer of something that no tap carries.
+impl WrittenFile {
+    /// Makes a writer without taps.
     pub fn apart(writer: Box<dyn FrameWriter>, what: PathBuf) -> Self {
         Self {
             writer: Some(writer),
@@ -47,23 +47,23 @@ impl Written {
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {error}", path.display())]
 pub struct WriteError {
-    /// Which.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the file system says.
+    /// Error of the file system.
     pub error: std::io::Error,
 }
 
-impl<'a> Outlets<'a> {
-    /// None yet.
+impl<'a> FileSinks<'a> {
+    /// Makes an empty list.
     pub fn new(graph: &'a Graph) -> Self {
         let (taps, written) = (Vec::new(), Vec::new());
         Self { graph, taps, written }
     }
 
-    /// Also hands an output's frames to a writer.
+    /// Adds a probe.
     pub fn probe(&mut self, probe: Probe) {
         self.taps.push((probe.node, probe.output));
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: Some(probe.writer),
             taps: vec![self.taps.len() - 1],
             what: PathBuf::from(stream(self.graph, (probe.node, probe.output)).name),
@@ -71,11 +71,11 @@ impl<'a> Outlets<'a> {
         });
     }
 
-    /// Also keeps an output's frames for the caller of a live run; says what they are.
+    /// Adds an output whose frames the caller of a live run reads; returns its description.
     pub(crate) fn hand_over(&mut self, node: NodeId, output: usize) -> Stream {
         let carried = stream(self.graph, (node, output));
         self.taps.push((node, output));
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: None,
             taps: vec![self.taps.len() - 1],
             what: PathBuf::from(&carried.name),
@@ -95,12 +95,12 @@ impl<'a> Outlets<'a> {
         Ok(())
     }
 
-    /// Removes the files that were opened: nothing will be written.
+    /// Removes the opened files: the change of graph failed.
     pub(super) fn take_back(self) {
         for written in self.written {
             drop(written.writer);
             if written.sink.is_some() {
-                // What cannot be removed was perhaps never there.
+                // The file may not exist.
                 let _ = std::fs::remove_file(&written.what);
             }
         }
@@ -126,7 +126,7 @@ impl<'a> Outlets<'a> {
         })?;
         let first = self.taps.len();
         self.taps.extend(ports);
-        self.written.push(Written {
+        self.written.push(WrittenFile {
             writer: Some(writer),
             taps: (first..self.taps.len()).collect(),
             what: path,
@@ -136,13 +136,13 @@ impl<'a> Outlets<'a> {
     }
 }
 
-/// The ports that a file sink writes, by input.
+/// The outputs that a file sink writes, in the order of its inputs.
 pub(super) fn file_ports(graph: &Graph, index: NodeId) -> Vec<(NodeId, usize)> {
     let connections = graph.nodes().incoming(index).into_iter();
     connections.map(|read| (read.from, read.edge.output)).collect()
 }
 
-/// What an output carries.
+/// Description of an output's signal.
 pub(super) fn stream(graph: &Graph, (source, output): (NodeId, usize)) -> Stream {
     let node = &graph.nodes()[source];
     Stream {

@@ -9,8 +9,8 @@ const ROUND_S: f64 = 1e-3;
 
 struct World {
     plan: RingSpec,
-    writer: LinkWriter,
-    reader: LinkReader,
+    writer: AsyncResamplerWriter,
+    reader: AsyncResamplerReader,
     /// Drifts of both clocks, as parts of their rates.
     drift: (f64, f64),
     written: u64,
@@ -29,7 +29,7 @@ impl World {
             latency_s,
             max_to: 1024,
         };
-        let (writer, reader) = link(&plan);
+        let (writer, reader) = async_resampler(&plan);
         Self {
             plan,
             writer,
@@ -54,8 +54,8 @@ impl World {
     /// Both sides look, then both run all that is due within the round; returns what was read.
     fn round(&mut self, signal: impl Fn(f64) -> f64, producing: bool) -> Vec<f64> {
         self.now_s += ROUND_S;
-        self.writer.look();
-        self.reader.look(self.reader.arrivals());
+        self.writer.poll();
+        self.reader.poll(self.reader.arrivals());
         let mut x = Vec::new();
         while self.frame_s(self.written) < self.now_s {
             x.push(signal(self.frame_s(self.written)));
@@ -230,7 +230,7 @@ fn a_stalled_consumer_skips_to_the_declared_latency_and_says_so() {
     }
     // The producer alone, for longer than the ring can hold.
     for _ in 0..500 {
-        world.writer.look();
+        world.writer.poll();
         world.writer.write(&[7.0]);
     }
     let y: Vec<f64> = (0..300).flat_map(|_| world.round(|_| 3.0, true)).collect();
@@ -248,9 +248,9 @@ fn the_same_counts_give_the_same_bits_however_blocks_are_cut() {
         let mut heard = Vec::new();
         for round in 0..2000_u64 {
             let x = [(round as f64 * 0.01).sin(), (round as f64 * 0.01 + 0.005).sin()];
-            world.writer.look();
+            world.writer.poll();
             let arrived = world.reader.arrivals();
-            world.reader.look(arrived);
+            world.reader.poll(arrived);
             let mut y = [0.0; 3];
             y.chunks_mut(cut).for_each(|part| world.reader.read(part));
             // A gap, so that it runs dry on the way.
@@ -274,14 +274,14 @@ fn every_lane_of_a_wide_frame_goes_as_a_scalar_would() {
         ..World::new(1000, 1500, 0.015, (0.0, 0.0)).plan
     };
     let play = |width: usize, lane: usize| {
-        let (mut writer, mut reader) = link(&wide(width));
+        let (mut writer, mut reader) = async_resampler(&wide(width));
         let mut heard = Vec::new();
         for round in 0..400_u64 {
             let number = |lane: usize| (round as f64 * 0.05).sin() + lane as f64;
             let lanes = if width == 1 { lane..lane + 1 } else { 0..width };
             let x: Vec<f64> = lanes.map(number).collect();
-            writer.look();
-            reader.look(reader.arrivals());
+            writer.poll();
+            reader.poll(reader.arrivals());
             let mut y = vec![0.0; width * (1 + round as usize % 2)];
             reader.read(&mut y);
             // A gap, so that it also falls and rises.

@@ -1,9 +1,9 @@
-//! What is counted of a ring while it runs.
+//! Counters of a ring.
 
 use crate::plan::RingSpec;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// What is known of a ring while it runs; both ends write it, anybody may read it.
+/// Counters of a running ring. Both ends write them; any thread may read them.
 #[derive(Debug)]
 pub struct RingMeter {
     /// Output and input: `force.output to drive.current`.
@@ -19,20 +19,20 @@ pub struct RingMeter {
     correction: AtomicU64,
 }
 
-/// A ring's counts at a moment.
+/// A snapshot of a ring's counters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RingCounts {
-    /// How often it ran dry.
+    /// How often the ring ran dry.
     pub underruns: u64,
-    /// How often it had become too full and frames were skipped.
+    /// How often the ring was too full and frames were skipped.
     pub overruns: u64,
-    /// Frames that were skipped or found no room.
+    /// Frames that were skipped or did not fit.
     pub lost_frames: u64,
-    /// How full it was last, in seconds of its signal; none before it first ran.
+    /// Last fill, s; `None` before the first start.
     pub fill_s: Option<f64>,
-    /// The least and the most.
+    /// Smallest and largest fill, s.
     pub range_s: Option<(f64, f64)>,
-    /// How much faster than nominal it is read, in parts per million.
+    /// Correction of the ratio, ppm; positive reads faster than nominal.
     pub correction_ppm: f64,
 }
 
@@ -52,7 +52,7 @@ impl RingMeter {
         }
     }
 
-    /// What was counted so far.
+    /// A snapshot of the counters.
     pub fn counts(&self) -> RingCounts {
         let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
         let fill_s = Some(float(&self.fill)).filter(|fill| !fill.is_nan());
@@ -66,7 +66,7 @@ impl RingMeter {
         }
     }
 
-    /// Has the reader ever looked?
+    /// Whether the reader has polled while running.
     pub(super) fn is_read(&self) -> bool {
         !f64::from_bits(self.fill.load(Relaxed)).is_nan()
     }
@@ -83,8 +83,8 @@ impl RingMeter {
         self.lost.fetch_add(frames, Relaxed);
     }
 
-    /// Only the reader calls this.
-    pub(super) fn saw(&self, fill_s: f64, correction_ppm: f64) {
+    /// Records the fill and the correction. Only the reader calls it.
+    pub(super) fn record(&self, fill_s: f64, correction_ppm: f64) {
         let float = |value: &AtomicU64| f64::from_bits(value.load(Relaxed));
         self.fill.store(fill_s.to_bits(), Relaxed);
         self.least

@@ -4,7 +4,7 @@ use super::Heard;
 use super::world::random_graph_with_drivers;
 use crate::graph::{Bridge, Graph};
 use crate::plan::{Plan, PlanOptions};
-use crate::run::{Fleet, Offline, Outcome, Outlets, Probe};
+use crate::run::{FileSinks, Offline, Outcome, Probe, Runner};
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -27,16 +27,16 @@ pub fn bits(heard: &[f64]) -> Vec<u64> {
 }
 
 /// All outputs of a graph, and where they are heard.
-pub fn listening(graph: &Graph) -> (Outlets<'_>, Vec<Heard>) {
-    let mut outlets = Outlets::new(graph);
+pub fn listening(graph: &Graph) -> (FileSinks<'_>, Vec<Heard>) {
+    let mut file_sinks = FileSinks::new(graph);
     let mut heard = Vec::new();
     for node in graph.nodes().ids() {
         heard.push(Heard::default());
         let writer = Box::new(heard[node.index()].clone());
         let output = 0;
-        outlets.probe(Probe { node, output, writer });
+        file_sinks.probe(Probe { node, output, writer });
     }
-    (outlets, heard)
+    (file_sinks, heard)
 }
 
 pub fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
@@ -45,8 +45,8 @@ pub fn all_bits(heard: &[Heard]) -> Vec<Vec<u64>> {
 
 /// All outputs over a second and a half.
 fn play(graph: &Graph, block: usize, threads: usize) -> (Vec<Vec<u64>>, Outcome) {
-    let (outlets, heard) = listening(graph);
-    let outcome = Offline::new(outlets, block)
+    let (file_sinks, heard) = listening(graph);
+    let outcome = Offline::new(file_sinks, block)
         .threads(threads)
         .run(1.5, &AtomicBool::new(false), &mut |_| {})
         .unwrap();
@@ -97,9 +97,9 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
                 .map(Arc::new)
                 .collect();
             let mut heard = vec![Vec::new(); graph.nodes.node_count()];
-            let mut fleet = Fleet::new(&plans).drifting(ppm);
+            let mut runner = Runner::new(&plans).drifting(ppm);
             for _ in 0..1500 {
-                let Ok(()) = fleet.round(|driver, run| {
+                let Ok(()) = runner.run_quantum(|driver, run| {
                     for (local, place) in plans[driver].tap_places.iter().enumerate() {
                         heard[*place].extend(bits(run.tap(local)));
                     }
@@ -107,7 +107,7 @@ fn drifting_clocks_give_the_same_bits_for_any_block_and_other_ones_than_true_clo
                 });
             }
             assert!(
-                fleet.rings().iter().all(|ring| ring.counts().underruns == 0),
+                runner.rings().iter().all(|ring| ring.counts().underruns == 0),
                 "seed {seed}"
             );
             heard

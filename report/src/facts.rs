@@ -1,0 +1,240 @@
+//! The facts of a run: those of `run.json`, of its page, and its warnings, whichever program made the run.
+
+use super::headlines::Headline;
+use haptograph_engine::graph::Graph;
+use haptograph_engine::limiter::ClipCounts;
+use haptograph_engine::node::AfterData;
+use haptograph_engine::run::{ActuatorReport, Outcome, RingReport};
+use haptograph_nodes::sinks::plots::GROUP as PLOTS;
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+/// The file with the facts, in the folder of a run.
+pub const FILE: &str = "run.json";
+
+/// A fact: its key in `run.json`, its name on the page, and its value.
+pub type Fact = (&'static str, &'static str, Value);
+
+/// The facts and the warnings of a run.
+#[derive(Debug, Clone)]
+pub struct Facts {
+    facts: Vec<Fact>,
+    /// One sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Facts {
+    /// Of a run of the graph in the file at `path`, with these parameters `set` and this set of endpoints.
+    pub fn of<'s>(
+        graph: &Graph,
+        outcome: &Outcome,
+        path: &Path,
+        set: impl Iterator<Item = (&'s str, &'s str)>,
+        endpoints: &str,
+    ) -> Self {
+        let mut files: Vec<&PathBuf> = graph.nodes().iter().flat_map(|node| &node.files).collect();
+        files.sort();
+        files.dedup();
+        let files: Vec<_> = files.iter().map(|path| path.to_string_lossy()).collect();
+        let clocks = graph.clocks().iter();
+        let clocks: Vec<_> = clocks
+            .map(|clock| format!("{} {}", clock.name, clock.rate))
+            .collect();
+        let set: Vec<_> = set.map(|(name, value)| format!("{name}={value}")).collect();
+        let mut facts = vec![
+            ("graph", "Graph", json!(path.to_string_lossy())),
+            ("set", "Set", json!(set)),
+            ("endpoints", "Endpoints", json!(endpoints)),
+            ("seed", "Seed", json!(graph.seed())),
+            ("files", "Files read", json!(files)),
+            ("clocks", "Clocks", json!(clocks)),
+            ("nodes", "Nodes", json!(graph.nodes().len())),
+            ("seconds", "Seconds", json!(outcome.seconds)),
+            ("driver_frames", "Driver frames", json!(outcome.driver_frames)),
+            ("stopped", "Stopped early", json!(outcome.stopped)),
+            ("faults", "NaN or infinity at actuators", faults(outcome)),
+            ("haptograph", "haptograph", json!(env!("CARGO_PKG_VERSION"))),
+        ];
+        if !outcome.rings.is_empty() {
+            let rings: Map<String, Value> = outcome.rings.iter().map(ring).collect();
+            facts.push(("rings", "Rings", Value::Object(rings)));
+        }
+        let warnings = warnings(outcome).into_iter().chain(ended_data(graph, outcome));
+        Self {
+            facts,
+            warnings: warnings.collect(),
+        }
+    }
+
+    /// Adds facts; one of a key that is there already replaces it.
+    pub fn extend(&mut self, facts: impl IntoIterator<Item = Fact>) {
+        let facts: Vec<Fact> = facts.into_iter().collect();
+        self.facts
+            .retain(|(key, ..)| facts.iter().all(|(new, ..)| new != key));
+        self.facts.extend(facts);
+    }
+
+    /// The text of `run.json`.
+    pub fn to_json(&self) -> String {
+        let facts = self.facts.iter();
+        let mut object: Map<String, Value> = facts
+            .map(|(key, _, value)| ((*key).to_owned(), value.clone()))
+            .collect();
+        object.insert("warnings".to_owned(), json!(self.warnings));
+        format!("{:#}\n", Value::Object(object))
+    }
+
+    /// For the page: key, name and text of each fact that says something.
+    pub fn listed(&self) -> impl Iterator<Item = (&'static str, &'static str, String)> {
+        let facts = self.facts.iter();
+        let facts = facts.filter(|(_, _, value)| !matches!(value, Value::Array(list) if list.is_empty()));
+        facts.map(|(key, name, value)| (*key, *name, plain(value)))
+    }
+}
+
+/// For how much of the time each actuator's limits held its signal back.
+pub fn limited(outcome: &Outcome) -> Vec<Headline> {
+    let limited = |actuator: &ActuatorReport| {
+        let ClipCounts {
+            peak,
+            continuous,
+            slew,
+            ticks,
+            ..
+        } = actuator.clipped;
+        let held = peak.max(continuous).max(slew);
+        let part = 100.0 * held as f64 / ticks.max(1) as f64;
+        let part = match held {
+            0 => "none".to_owned(),
+            _ => format!("{part:.2} %"),
+        };
+        Headline::new(
+            "Held back by limits",
+            part,
+            format!("of the time of {}", actuator.path),
+        )
+    };
+    outcome.actuators.iter().map(limited).collect()
+}
+
+/// The files that a run leaves beside its page, and what each holds; `own` are those that no sink writes.
+pub fn files_beside(graph: &Graph, own: &[(&str, &str)]) -> Vec<(String, String)> {
+    let written = graph.written_files().filter_map(|(node, file)| {
+        let node = &graph.nodes()[node];
+        let holds = format!("the input of `{}`", node.path);
+        // Plots are on the page.
+        (node.entry.spec.group != PLOTS).then(|| (file.to_string_lossy().into_owned(), holds))
+    });
+    let own = own
+        .iter()
+        .map(|(file, holds)| ((*file).to_owned(), (*holds).to_owned()));
+    let facts = (FILE.to_owned(), "the facts of the run, for programs".to_owned());
+    written.chain([facts]).chain(own).collect()
+}
+
+/// The counts of a ring between two drivers, by its name.
+fn ring(report: &RingReport) -> (String, Value) {
+    let ms = |seconds: f64| (seconds * 1e6).round() / 1e3;
+    let counts = &report.counts;
+    let facts = json!({
+        "latency_ms": ms(report.latency_s),
+        "fill_ms": counts.fill_s.map(ms),
+        "least_ms": counts.range_s.map(|(least, _)| ms(least)),
+        "most_ms": counts.range_s.map(|(_, most)| ms(most)),
+        "correction_ppm": (counts.correction_ppm * 10.0).round() / 10.0,
+        "underruns": counts.underruns,
+        "overruns": counts.overruns,
+        "lost_frames": counts.lost_frames,
+    });
+    (report.name.clone(), facts)
+}
+
+/// The number of ticks in which actuators received NaN or infinity, and the node where it began; an empty list for none.
+fn faults(outcome: &Outcome) -> Value {
+    match &outcome.faults {
+        faults if faults.ticks == 0 => json!([]),
+        faults => json!([{ "ticks": faults.ticks, "origin": faults.origin.as_deref() }]),
+    }
+}
+
+/// What followed where the data of sources ended within the run.
+fn ended_data(graph: &Graph, outcome: &Outcome) -> Vec<String> {
+    let driver = &graph.clocks()[graph.drivers()[0]];
+    let mut list = Vec::new();
+    for source in graph.data_ends() {
+        let data_frames = source.driver_frames(driver.rate);
+        let (path, seconds) = (source.path, source.seconds());
+        list.extend(match source.end.then {
+            AfterData::Stop if outcome.driver_frames == data_frames && !outcome.stopped => Some(format!(
+                "the data of `{path}` ended after {seconds:.3} s, and the run with them; `at_end: Hold`, `Silence` or `Loop` goes on"
+            )),
+            AfterData::Hold if outcome.driver_frames > data_frames => Some(format!(
+                "the data of `{path}` ended after {seconds:.3} s; from there on it held its last value"
+            )),
+            AfterData::Silence if outcome.driver_frames > data_frames => {
+                Some(format!("the data of `{path}` ended after {seconds:.3} s; from there on it was zero"))
+            }
+            _ => None,
+        });
+    }
+    list
+}
+
+fn warnings(outcome: &Outcome) -> Vec<String> {
+    let mut list = Vec::new();
+    for ring in &outcome.rings {
+        let counts = &ring.counts;
+        if counts.underruns + counts.overruns + counts.lost_frames > 0 {
+            list.push(format!(
+                "ring {}: {} underruns, {} overruns, {} frames lost; a latency above {} ms may help",
+                ring.name,
+                counts.underruns,
+                counts.overruns,
+                counts.lost_frames,
+                ring.latency_s * 1e3
+            ));
+        }
+    }
+    for actuator in &outcome.actuators {
+        let clipped = actuator.clipped;
+        let ticks = clipped.ticks;
+        for (count, limit) in [
+            (clipped.peak, "peak"),
+            (clipped.continuous, "continuous"),
+            (clipped.slew, "slew"),
+        ] {
+            if count > 0 {
+                list.push(format!(
+                    "{}: the {limit} limit held back {count} of {ticks} ticks; lower the signal, or raise that limit \
+                     if the actuator allows it",
+                    actuator.path
+                ));
+            }
+        }
+    }
+    if outcome.faults.ticks > 0 {
+        let origin = outcome.faults.origin.as_ref();
+        let origin = origin.map_or_else(String::new, |path| format!("; it came from {path}"));
+        list.push(format!(
+            "an actuator received NaN or infinity in {} ticks; its output was forced to zero{origin}",
+            outcome.faults.ticks
+        ));
+    }
+    list
+}
+
+/// A value as a person reads it.
+pub fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(list) => list.iter().map(plain).collect::<Vec<_>>().join(", "),
+        Value::Object(fields) => fields
+            .iter()
+            .map(|(name, value)| format!("{name} {}", plain(value)))
+            .collect::<Vec<_>>()
+            .join(", "),
+        Value::Bool(true) => "yes".to_owned(),
+        Value::Bool(false) => "no".to_owned(),
+        other => other.to_string(),
+    }
+}
