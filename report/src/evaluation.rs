@@ -55,12 +55,12 @@ fn headlines(found: &Evaluation) -> Vec<Headline> {
             "textures, by spectral difference",
         ),
         Headline::new(
-            "Baseline",
+            "Largest expected difference to the own material",
             fixed(table.baseline(), 2),
-            "spectral difference to their own",
+            "mean + 2 SD of spectral differences",
         ),
     ];
-    if let Some(map) = &found.map {
+    if let Some(map) = found.map.as_ref().filter(|map| map_figures::has_groups(map)) {
         let purity = format!("{} %", fixed(100.0 * map.k_means_purity, 0));
         list.push(Headline::new(
             "Grouped with their own material",
@@ -71,10 +71,12 @@ fn headlines(found: &Evaluation) -> Vec<Headline> {
     list
 }
 
-/// Table 2.1 with deviations pooled in either way.
+/// Table 2.1 with deviations pooled in either way, the chosen one first.
 fn materials(found: &Evaluation) -> String {
     let chosen = &found.materials_table;
-    let tables: String = [Pooling::Pair, Pooling::All]
+    let mut poolings = [Pooling::All, Pooling::Pair];
+    poolings.sort_by_key(|pooling| *pooling != chosen.pooling);
+    let tables: String = poolings
         .map(|pooling| {
             let over = match pooling {
                 Pooling::Pair => "the compared pair",
@@ -126,7 +128,7 @@ fn materials_table(table: &DifferenceTable) -> String {
         "Not every texture is nearest to its own material."
     };
     format!(
-        "<div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}</tr>{}</table></div><p>{yes} Baseline (mean + 2 standard deviations of the framed): {:.2}.</p>",
+        "<div class=\"scroll\"><table class=\"grid\"><tr><th></th>{}</tr>{}</table></div><p>{yes} Largest expected difference to the own material (mean + 2 SD of the framed): {:.2}.</p>",
         head(&table.columns),
         rows.collect::<String>(),
         table.baseline()
@@ -170,11 +172,17 @@ fn map_section(map: &PerceptualMap) -> String {
     let angle = map.angle_deg.map_or_else(String::new, |angle| {
         format!(" The directions in which roughness and fineness grow are {angle:.0} degrees apart.")
     });
+    // With a group for each texture there is nothing to group.
+    let groups = match map_figures::has_groups(map) {
+        true => format!(
+            " Of the textures, {:.0} % lie in a k-means group (outlined) of mostly their own material, {:.0} % in such a group of the tree.",
+            100.0 * map.k_means_purity,
+            100.0 * map.tree_purity
+        ),
+        false => String::new(),
+    };
     format!(
-        "<p>All textures played along one random walk and placed by their spectral differences. Of the textures, {:.0} % lie in a k-means \
-         group (outlined) of mostly their own material, {:.0} % in such a group of the tree.{angle}</p>{}",
-        100.0 * map.k_means_purity,
-        100.0 * map.tree_purity,
+        "<p>All textures played along one random walk and placed by their spectral differences.{groups}{angle}</p>{}",
         figures_of(&[map_figures::places(map), scree(map), map_figures::tree(map)])
     )
 }

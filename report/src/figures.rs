@@ -2,14 +2,16 @@
 
 use super::plot::{Axis, Image, Mark, Plot, Style, Weight};
 use super::raster::Grid;
-use super::record::{Content, Recorded, SPECTRAL_RATE_HZ, Spectra};
+use super::record::{Content, Recorded, SPECTRAL_RATE_HZ};
 use super::scale::plain;
+use super::spectra::{SHOWN_HZ, Spectra};
 use super::theme::Ink;
 use super::thinning::Envelope;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::node::Stream;
 use haptograph_signal::quantity::Quantity;
-use haptograph_surfaces::{TextureModel, VertexKind};
+
+pub use super::texture_map::{strokes_on_map, triangulation};
 
 /// The unit that a quantity is shown in: millimetres and degrees Celsius where the field uses them.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,27 +57,42 @@ impl Unit {
     }
 }
 
-/// `Force`, by the quantity.
+/// The name of a quantity: `Force`.
 pub(super) fn quantity_name(quantity: Quantity) -> String {
     let name = match quantity {
         Quantity::NUMBER => "value",
         other => other.name().unwrap_or("value"),
     };
-    let mut letters = name.chars();
-    let capital = letters
-        .next()
-        .map(|c| c.to_uppercase().collect::<String>())
-        .unwrap_or_default();
-    capital + letters.as_str()
+    capitalised(name)
 }
 
-/// `Force (N)`, by the quantity.
-pub(super) fn axis_label(quantity: Quantity) -> String {
-    let name = quantity_name(quantity);
+/// What an axis shows of a signal: `Force (N)`, `Position (mm)`; of a plain number its own name, `Trim (1)`.
+pub(super) fn axis_label(stream: &Stream) -> String {
+    match (stream.quantity, stream.kind) {
+        (Quantity::NUMBER, _) => format!("{} (1)", capitalised(&stream.name)),
+        (Quantity::LENGTH, Kind::Vector) => with_unit("Position", Quantity::LENGTH),
+        (quantity, _) => with_unit(&quantity_name(quantity), quantity),
+    }
+}
+
+fn with_unit(name: &str, quantity: Quantity) -> String {
     match Unit::of(quantity).symbol.as_str() {
-        "" => name,
+        "" => name.to_owned(),
         symbol => format!("{name} ({symbol})"),
     }
+}
+
+/// The same of a number that is 0 or 1 all the time.
+pub(super) fn switch_label(name: &str) -> String {
+    format!("{} (0 or 1)", capitalised(name))
+}
+
+/// A text with a capital first letter.
+pub(super) fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters
+        .next()
+        .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The unit of a power spectral density of a quantity: `A²/Hz`, `(m/s²)²/Hz`.
@@ -159,9 +176,16 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
                 .collect(),
         };
         let marks = lanes.iter().zip(styles);
+        let label = match lanes.as_slice() {
+            [lane] if lane.is_switch() => switch_label(&recorded.stream.name),
+            _ => axis_label(&Stream {
+                quantity: *quantity,
+                ..recorded.stream.clone()
+            }),
+        };
         Plot {
             title: format!("{}{suffix}", recorded.stream.name),
-            y: Axis::of(axis_label(*quantity)),
+            y: Axis::of(label),
             marks: marks
                 .map(|(lane, style)| Mark::signal(style, lane, |si| unit.show(si)))
                 .collect(),
@@ -172,20 +196,43 @@ fn components(recorded: &Recorded, lanes: &[Envelope], ink: Ink) -> Vec<Plot> {
     groups.iter().map(plot).collect()
 }
 
-/// What a person looks for in a signal first: its range, and how strong it is about zero.
+/// What is read of a signal first, as a sentence.
 fn levels(recorded: &Recorded, lanes: &[&Envelope], unit: &Unit) -> String {
     let [lane] = lanes else {
         let most = lanes.iter().map(|lane| lane.peak()).fold(0.0, f64::max);
-        return format!("No component goes beyond ±{}.", unit.text(most));
+        return format!("Largest component {}.", unit.text(most));
     };
-    let Some((low, high)) = lane.range() else {
-        return "No sample of it is a number.".to_owned();
-    };
+    level(&recorded.stream, lane).map_or_else(
+        || "All of its samples are NaN or infinite.".to_owned(),
+        |level| format!("{}.", capitalised(&level)),
+    )
+}
+
+/// How large a signal is: the part of the time that a switch is on, the end of what only rises, else its range with the root
+/// mean square of one that goes both ways, the mean of another. `None` where no sample is finite.
+pub(super) fn level(stream: &Stream, lane: &Envelope) -> Option<String> {
+    let unit = Unit::of(stream.quantity);
+    let (low, high) = lane.range()?;
+    if lane.is_switch() {
+        return Some(format!("1 for {} % of the time", percent(lane.presence())));
+    }
+    if let Some((first, last)) = lane.rises() {
+        let first = plain(unit.show(first));
+        return Some(format!("rises from {first} to {}", unit.text(last)));
+    }
     let range = format!("from {} to {}", plain(unit.show(low)), unit.text(high));
-    let heating = heating(&recorded.stream, lane);
-    match low < 0.0 && high > 0.0 {
-        true => format!("RMS {}, {range}{heating}.", unit.text(lane.rms())),
-        false => format!("Mean {}, {range}{heating}.", unit.text(lane.mean())),
+    let heating = heating(stream, lane);
+    Some(match low < 0.0 && high > 0.0 {
+        true => format!("RMS {}, {range}{heating}", unit.text(lane.rms())),
+        false => format!("mean {}, {range}{heating}", unit.text(lane.mean())),
+    })
+}
+
+/// A part of the time, in whole percent where that is not nothing.
+fn percent(part: f64) -> String {
+    match 100.0 * part {
+        little if little < 1.0 => plain(little),
+        percent => format!("{percent:.0}"),
     }
 }
 
@@ -217,7 +264,7 @@ fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plo
     let heads = kept.iter().map(|(t, v)| (*t, unit.show(*v))).collect();
     Plot {
         title: format!("{}, {count} events", recorded.stream.name),
-        y: Axis::of(axis_label(recorded.stream.quantity)),
+        y: Axis::of(axis_label(&recorded.stream)),
         marks: vec![
             Mark::Segments(Style::of(ink), stems),
             Mark::Dots(Style::of(ink), heads),
@@ -231,6 +278,25 @@ fn events(recorded: &Recorded, kept: &[(f64, f64)], count: u64, ink: Ink) -> Plo
 const HIGHEST_SHOWN_HZ: f64 = 2000.0;
 /// Decibels below the loudest that are still told apart.
 const DEPTH_DB: f64 = 60.0;
+/// The loudest colour is at a multiple of this many decibels.
+const ROUND_DB: f64 = 5.0;
+
+/// What spectrograms and mean spectra show, each said once on a page.
+pub(super) const EXPLAINED: [&str; 2] = [
+    "How strong each frequency is at each time: a tap is an upright line, a resonance a level band; what follows the hand \
+     grows brighter where it is faster or harder.",
+    "The skin is most sensitive to vibration near 250 Hz, and hardly senses it above 1 kHz.",
+];
+
+/// Leaves each of the sentences [`EXPLAINED`] in the first caption that has it only.
+pub(super) fn explain_once(plots: &mut [Plot]) {
+    for sentence in EXPLAINED {
+        let explained = plots.iter_mut().filter(|plot| plot.caption.contains(sentence));
+        for plot in explained.skip(1) {
+            plot.caption = plot.caption.replace(sentence, "").trim().to_owned();
+        }
+    }
+}
 
 fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
     let bin_hz = spectra.bin_hz();
@@ -247,6 +313,7 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
     if loudest <= decibel(0.0) {
         return None; // silence
     }
+    let loudest = (loudest / ROUND_DB).ceil() * ROUND_DB;
     Some(Plot {
         title: format!("{}, spectrogram", recorded.stream.name),
         x: Axis::time().over(0.0, recorded.duration_s()),
@@ -264,9 +331,7 @@ fn spectrogram(recorded: &Recorded, spectra: &Spectra) -> Option<Plot> {
             label: format!("dB re 1 {}", density_unit(recorded.stream.quantity)),
         })],
         size: (0.0, 250.0),
-        caption: "How strong each frequency is at each time: a tap is an upright line, a resonance a level band; what follows \
-                  the hand grows brighter where it is faster or harder."
-            .to_owned(),
+        caption: EXPLAINED[0].to_owned(),
         ..frame(recorded)
     })
 }
@@ -278,112 +343,24 @@ pub fn mean_spectrum(recorded: &Recorded, ink: Ink) -> Option<Plot> {
     };
     let mut spectra = spectra.as_ref().clone();
     spectra.finish();
-    let mean = spectra.mean();
-    let points: Vec<(f64, f64)> = mean
-        .iter()
-        .enumerate()
-        .skip(1)
-        .map(|(i, d)| (i as f64 * spectra.bin_hz(), *d))
-        .filter(|p| p.1 > 0.0)
-        .collect();
+    let points = spectra.shown();
     let (_, loudest) = points.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let strongest_hz = spectra.strongest_hz(spectra.bin_hz())?;
-    let last_hz = points.last()?.0;
+    let strongest_hz = spectra.strongest_hz()?;
     Some(Plot {
         title: format!("{}, mean spectrum", recorded.stream.name),
         note: note(recorded),
-        x: Axis::of("Frequency (Hz)").over(points[0].0, last_hz).log(),
+        x: Axis::of("Frequency (Hz)").over(SHOWN_HZ.0, SHOWN_HZ.1).log(),
         y: Axis::of(format!("Density ({})", density_unit(recorded.stream.quantity)))
             .over(loudest * 10f64.powf(-DEPTH_DB / 10.0), loudest * 2.0)
             .log(),
         marks: vec![Mark::Line(Style::of(ink), points)],
         size: (0.0, 230.0),
         caption: format!(
-            "Over the whole run, strongest at {} Hz. The skin feels vibration best near 250 Hz, and hardly any above 1 kHz.",
-            plain(strongest_hz)
+            "Over the whole run, strongest at {strongest_hz:.0} Hz. {}",
+            EXPLAINED[1]
         ),
         ..Plot::default()
     })
-}
-
-/// Where hands went on a texture's map of speed and force (Fig. 2.8, 4.9), over its triangles where they are known: named
-/// strokes, of one signal in one run or in several.
-pub fn strokes_on_map(strokes: &[(&str, &Recorded)], texture: Option<&TextureModel>) -> Option<Plot> {
-    let (_, first) = strokes.first()?;
-    let paths = strokes
-        .iter()
-        .filter_map(|(name, recorded)| match &recorded.content {
-            Content::Map(points) => {
-                let path = points.kept().iter().map(|(v, f)| (v * 1e3, *f));
-                Some((*name, path.collect::<Vec<_>>()))
-            }
-            _ => None,
-        });
-    let paths: Vec<_> = paths.collect();
-    if paths.is_empty() {
-        return None;
-    }
-    let mut plot = Plot {
-        title: format!("The stroke over speed and force, {}", first.stream.name),
-        note: if first.stream.simulated {
-            "simulated".to_owned()
-        } else {
-            String::new()
-        },
-        x: Axis::of("Speed (mm/s)"),
-        y: Axis::of("Normal force (N)"),
-        size: (0.0, 380.0),
-        caption: "Every place on the map has a vibration of its own, mixed of the models at the corners of its triangle; the \
-                  curve is where the hand went."
-            .to_owned(),
-        ..Plot::default()
-    };
-    if let Some(texture) = texture {
-        let (speed, force) = (texture.max_speed_m_s() * 1e3, texture.max_force_n());
-        plot.x = plot.x.over(-0.015 * speed, 1.015 * speed);
-        plot.y = plot.y.over(-0.02 * force, 1.02 * force);
-        plot.marks.extend(triangulation(texture));
-    }
-    for (number, (name, path)) in paths.into_iter().enumerate() {
-        let ink = Ink::of_run(number);
-        let line = Style::named(ink, name).weight(Weight::Hair);
-        plot.marks.push(Mark::Line(line, path.clone()));
-        plot.marks
-            .push(Mark::Dots(Style::of(ink).weight(Weight::Hair), path));
-    }
-    Some(plot)
-}
-
-/// The triangles of a texture and its models, those of each kind that there are: measured, of a law, extending it to the border.
-pub fn triangulation(texture: &TextureModel) -> Vec<Mark> {
-    let at = |i: usize| {
-        let model = &texture.models()[i];
-        (model.speed_m_s * 1e3, model.force_n)
-    };
-    let triangles = texture
-        .triangles()
-        .iter()
-        .map(|t| t.iter().map(|i| at(*i as usize)).collect())
-        .collect();
-    let of = |kind: VertexKind| {
-        (0..texture.models().len())
-            .filter(|i| texture.models()[*i].kind == kind)
-            .map(at)
-            .collect::<Vec<_>>()
-    };
-    let kinds = [
-        (Style::named(Ink::Grey, "beyond the recording"), VertexKind::Edge),
-        (
-            Style::named(Ink::Blue, "model").weight(Weight::Bold),
-            VertexKind::Measured,
-        ),
-        (Style::named(Ink::Blue, "law"), VertexKind::Fitted),
-    ];
-    let dots = kinds.into_iter().map(|(style, kind)| (style, of(kind)));
-    let dots = dots.filter(|(_, places)| !places.is_empty());
-    std::iter::once(Mark::Areas(Style::of(Ink::Grey), triangles))
-        .chain(dots.map(|(style, places)| Mark::Dots(style, places)))
-        .collect()
 }
 
 /// Where the proxy went while it touched, seen from above.

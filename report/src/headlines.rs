@@ -31,9 +31,6 @@ impl Headline {
     }
 }
 
-/// Frequencies below this are motion, not vibration.
-const LOWEST_HZ: f64 = 10.0;
-
 /// Of the vibration: its level, its peak, where it is strongest, and the part of a current that is not felt; then the
 /// friction, how hard and how fast the hand was.
 pub(super) fn of_signals(
@@ -102,11 +99,17 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
         (Quantity::CURRENT, Some(actuator)) => format!("Current to {actuator}"),
         (quantity, _) => quantity_name(quantity),
     };
-    let mut found = vec![Headline::new(
-        &format!("{what}, RMS"),
-        unit.text(rms(lanes(signal))),
-        name,
-    )];
+    // A sensor of three axes measures gravity too, of which a turning hand makes a slow motion.
+    let first = match (signal.stream.quantity, signal.stream.kind) {
+        (Quantity::ACCELERATION, Kind::Vector) => {
+            let about_mean = |lane: &Envelope| (lane.rms().powi(2) - lane.mean().powi(2)).max(0.0);
+            let level = lanes(signal).iter().map(about_mean).sum::<f64>().sqrt();
+            let of = format!("{name}, with what turning adds of gravity");
+            Headline::new("Acceleration about its mean, RMS", unit.text(level), of)
+        }
+        _ => Headline::new(&format!("{what}, RMS"), unit.text(rms(lanes(signal))), name),
+    };
+    let mut found = vec![first];
     if let [lane] = lanes(signal) {
         found.push(Headline::new(
             &format!("{what}, peak"),
@@ -117,10 +120,8 @@ fn vibration(signal: &Recorded) -> Vec<Headline> {
     if let Content::Lanes(_, Some(spectra)) = &signal.content {
         let mut spectra = spectra.as_ref().clone();
         spectra.finish();
-        let strongest = spectra.strongest_hz(LOWEST_HZ);
-        found.extend(
-            strongest.map(|hz| Headline::new("Strongest frequency", format!("{} Hz", plain(hz)), name)),
-        );
+        let strongest = spectra.strongest_hz();
+        found.extend(strongest.map(|hz| Headline::new("Strongest frequency", format!("{hz:.0} Hz"), name)));
     }
     found
 }
@@ -208,16 +209,43 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
             "<div><span>{}</span><b>{}</b><span>{}</span></div>",
             escape(&headline.label),
             escape(&headline.value),
-            escape(&headline.of)
+            breakable(&escape(&headline.of))
         )
     };
     match headlines {
         [] => String::new(),
         some => format!(
-            "<div class=\"heads\">{}</div>",
+            "<div class=\"heads\" style=\"--few:{};--many:{}\">{}</div>",
+            columns(some.len(), 4),
+            columns(some.len(), 6),
             some.iter().map(card).collect::<String>()
         ),
     }
+}
+
+/// Columns, this many at most, in which the last row of so many cards has the fewest gaps, and more than one card.
+fn columns(cards: usize, most: usize) -> usize {
+    let gaps = |columns: &usize| (columns - cards % columns) % columns;
+    let is_alone = |columns: &usize| cards > *columns && cards % columns == 1;
+    let fitting = (most / 2 + 1..=most)
+        .rev()
+        .map(|columns| columns.min(cards).max(1));
+    fitting
+        .min_by_key(|columns| (is_alone(columns), gaps(columns)))
+        .unwrap_or(1)
+}
+
+/// Names of signals may break behind the slashes and dots in them: `texture/filter.acceleration`.
+fn breakable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        shown.push(letter);
+        if matches!(letter, '/' | '.') && letters.peek().is_some_and(|next| next.is_alphabetic()) {
+            shown.push_str("<wbr/>");
+        }
+    }
+    shown
 }
 
 #[cfg(test)]
@@ -270,6 +298,35 @@ mod tests {
             .remove(0)
             .caption;
         assert!(text.contains("heats the coil"), "{text}");
+    }
+
+    #[test]
+    fn no_card_is_left_alone_in_the_last_row() {
+        for cards in 1..=12 {
+            for most in [4, 6] {
+                let columns = columns(cards, most);
+                assert!((1..=most).contains(&columns));
+                assert!(cards <= columns || cards % columns != 1, "{cards} in {columns}");
+            }
+        }
+        assert_eq!(breakable("a/b.c of 0.5."), "a/<wbr/>b.<wbr/>c of 0.5.");
+    }
+
+    #[test]
+    fn gravity_is_no_vibration() {
+        let tool = signal(
+            "tool.acceleration",
+            Kind::Vector,
+            Quantity::ACCELERATION,
+            10_000,
+            |t| 5.0 + hum(t),
+        );
+        let found = of_signals(None, &[tool], None);
+        // Three axes with 0.707 m/s² each.
+        assert_eq!(
+            value(&found, "Acceleration about its mean, RMS").0,
+            "1.22 m/s\u{b2}"
+        );
     }
 
     #[test]

@@ -1,21 +1,31 @@
-//! The page of textures on parts of recordings that they were not learned from: a table and two figures for each split.
+//! The page of textures on parts of recordings that they were not learned from: the result first, then the tables that
+//! the terminal prints, and two figures for each split.
 
+pub mod tables;
+
+use super::headlines::{Headline, cards};
 use super::learning;
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
-use super::scale::fixed;
 use super::svg::escape;
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::Holdout;
-use haptograph_surfaces::evaluate::holdout::{Mean, Method, MethodMean, SplitResult};
+use haptograph_surfaces::evaluate::holdout::{ContactResult, Mean, Method, MethodMean, SplitResult};
+use tables::Table;
 
 /// The page.
-pub fn page(title: &str, found: &Holdout, simulated: bool) -> String {
+pub fn page(title: &str, found: &Holdout, contact: &[ContactResult], simulated: bool) -> String {
     let splits = found.splits();
-    let sections: Vec<(&str, String)> = splits
-        .iter()
-        .map(|split| (split.split.as_str(), section(found, split)))
-        .collect();
+    let mut sections = vec![("", splits.first().map_or_else(String::new, result))];
+    sections.extend(
+        splits
+            .iter()
+            .map(|split| (split.split.as_str(), section(found, split))),
+    );
+    let contacts: String = tables::contacts(contact).iter().map(html).collect();
+    if !contacts.is_empty() {
+        sections.push(("Taps, friction and stiffness", format!("{CONTACTS}{contacts}")));
+    }
     let about = format!(
         "What is learned from one part of a recording against another part, {} materials, powers of {} seeds of noise averaged.",
         found.materials.len(),
@@ -31,52 +41,71 @@ pub fn page(title: &str, found: &Holdout, simulated: bool) -> String {
     .to_html()
 }
 
+/// What the first split comes to: the default method between the floor and the better plain baseline.
+fn result(split: &SplitResult) -> String {
+    let of = |label: &str, method: Method| {
+        let found = split.methods.iter().find(|found| found.method == method)?;
+        let Mean { mean, error } = found.lsd_db;
+        let error = error.map_or_else(String::new, |error| format!(" ± {error:.2}"));
+        let title = match method {
+            Method::Default => "log-spectral distance to what was held out",
+            other => other.title(),
+        };
+        let of = format!("{title}, {}", split.split.as_str());
+        Some(Headline::new(label, format!("{mean:.2}{error} dB"), of))
+    };
+    let found = [
+        of("Default", Method::Default),
+        of("Best plain baseline", split.best_baseline),
+        of("Floor", Method::Floor),
+    ];
+    cards(&found.into_iter().flatten().collect::<Vec<_>>())
+}
+
 fn section(found: &Holdout, split: &SplitResult) -> String {
-    let rows: String = split.methods.iter().map(row).collect();
+    let materials = tables::materials(found, split)
+        .as_ref()
+        .map_or_else(String::new, html);
     format!(
-        "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power. Two \
-         stationary takes as long as these parts are {:.2} dB apart.</p>\
-         <div class=\"scroll\"><table class=\"grid\"><tr><th></th><th>LSD (dB)</th><th>over the floor</th><th>100 to 500 Hz</th><th>felt</th>\
-         <th>20 to 40 Hz</th><th>total</th><th>envelope</th><th>envelope between seeds</th></tr>{rows}</table></div>{TERMS}{}",
-        split.estimator_db.0,
+        "<p>Mean over materials ± standard error. LSD: root mean square over third octaves from 20 to 1000 Hz of the error of power, dB. \
+         * loses to a plain baseline.</p>{}{TERMS}<p>{}</p>{materials}{}",
+        html(&tables::methods(split)),
+        tables::limits(split).replace('\n', " "),
         figures_of(&[by_band(split), by_material(found, split)])
     )
 }
 
-/// What the heads of the table mean.
+/// What the heads of the first table mean.
 const TERMS: &str = "<p class=\"remark\"><b>floor</b>: the training part's own spectrum, which no method that knows the material \
-    alone can be expected to beat by much; <b>over the floor</b>: LSD less the floor's. <b>felt</b>: LSD from 40 to 250 Hz, which skin feels \
-    best. <b>20 to 40 Hz</b> and <b>total</b>: error of the power there and of all of it, positive where too loud. \
-    <b>envelope</b>: error of the levels over 50 ms, and <b>between seeds</b> what two noises of one texture differ by.</p>";
+    alone can be expected to beat by much; <b>over the floor</b>, <b>over the best plain</b>: LSD less that of the floor, of the better \
+    plain baseline. <b>felt</b>: LSD from 40 to 250 Hz, where skin is most sensitive to vibration. <b>absolute</b>: mean size of \
+    the error over bands, dB. <b>20-40 Hz</b> and <b>total</b>: error of the power there and of all of it, dB, positive where too loud. \
+    <b>misplaced</b>: energy in the wrong one of nine bands. <b>kurtosis</b>: error of the excess kurtosis. <b>envelope</b>: error of the \
+    levels over 50 ms, dB, and in brackets what two noises of one texture differ by. <b>NSE</b>, <b>PE</b>: normalized spectral error and \
+    power error.</p>";
 
-fn row(method: &MethodMean) -> String {
-    let loses = if method.loses {
-        ": <b>loses to a plain baseline</b>"
-    } else {
-        ""
+const CONTACTS: &str = "<p>Errors at speeds and forces that were not learned from; in brackets how many materials. * loses to a plain \
+    alternative.</p>";
+
+fn html(table: &Table) -> String {
+    let head: String = table
+        .head
+        .iter()
+        .map(|name| format!("<th>{}</th>", escape(name)))
+        .collect();
+    let row = |row: &Vec<String>| {
+        let (name, cells) = row
+            .split_first()
+            .map_or(("", &[][..]), |(name, cells)| (name.as_str(), cells));
+        let cells: String = cells
+            .iter()
+            .map(|cell| format!("<td>{}</td>", escape(&cell.replace('-', "\u{2212}"))))
+            .collect();
+        format!("<tr><td>{}</td>{cells}</tr>", escape(name))
     };
-    let shown = |mean: Option<Mean>| match mean {
-        Some(Mean {
-            mean,
-            error: Some(error),
-        }) => format!("<td>{} ± {error:.2}</td>", fixed(mean, 2)),
-        Some(Mean { mean, error: None }) => format!("<td>{}</td>", fixed(mean, 2)),
-        None => "<td>–</td>".to_owned(),
-    };
-    let cells = [
-        Some(method.lsd_db),
-        Some(method.above_floor_db),
-        method.middle_lsd_db,
-        Some(method.pacinian_lsd_db),
-        method.low_db,
-        Some(method.total_db),
-        method.envelope_db,
-        method.envelope_floor_db,
-    ];
     format!(
-        "<tr><td>{}{loses}</td>{}</tr>",
-        escape(method.method.title()),
-        cells.map(shown).concat()
+        "<div class=\"scroll\"><table class=\"grid\"><tr>{head}</tr>{}</table></div>",
+        table.rows.iter().map(row).collect::<String>()
     )
 }
 

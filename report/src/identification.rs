@@ -3,7 +3,7 @@
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, Simulation, facts, figures_of};
 use super::plot::{Axis, Mark, Plot, Style};
-use super::scale::plain;
+use super::scale::{fixed, plain};
 use super::theme::Ink;
 use haptograph_nodes::actuators::identify::{BandAnswer, Identified};
 
@@ -78,7 +78,10 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
     };
     let frequency = || {
         let ends = [bands.first(), bands.last()].map(|band| band.map_or(1.0, |band| band.frequency_hz));
-        Axis::of("Frequency (Hz)").log().over(ends[0], ends[1])
+        // With room for the dots at both ends.
+        Axis::of("Frequency (Hz)")
+            .log()
+            .over(ends[0] / 1.03, ends[1] * 1.03)
     };
     let both = |measured, fitted| {
         vec![
@@ -86,6 +89,12 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
             Mark::Line(Style::named(Ink::Orange, "fit"), fitted),
         ]
     };
+    let fitted_deg = unwrapped(curve(&|b| b.fitted.arg().to_degrees()));
+    let measured_deg = near(curve(&|b| b.measured.arg().to_degrees()), &fitted_deg);
+    let (low_deg, high_deg) = quarters(fitted_deg.iter().chain(&measured_deg));
+    let right_angles = (0..=((high_deg - low_deg) / 90.0) as usize)
+        .map(|i| low_deg + 90.0 * i as f64)
+        .map(|deg| (deg, fixed(deg, 0)));
     let sizes = || bands.iter().flat_map(|b| [b.measured.norm(), b.fitted.norm()]);
     let (low, high) = sizes().fold((f64::INFINITY, 0.0_f64), |(low, high), x| {
         (low.min(x), high.max(x))
@@ -109,11 +118,8 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
             title: "Phase".into(),
             note: "without the recording's whole samples of delay".into(),
             x: frequency(),
-            y: Axis::of("Phase (degrees)").over(-180.0, 180.0),
-            marks: both(
-                curve(&|b| b.measured.arg().to_degrees()),
-                turned(curve(&|b| b.fitted.arg().to_degrees())),
-            ),
+            y: Axis::of("Phase (degrees)").over(low_deg, high_deg).named(right_angles),
+            marks: both(measured_deg, fitted_deg),
             size: (0.0, 260.0),
             caption: "It falls by 180° through each resonance, the more suddenly the higher its quality.".into(),
             ..Plot::default()
@@ -132,16 +138,46 @@ fn plots(bands: &[BandAnswer]) -> Vec<Plot> {
     ]
 }
 
-/// A phase that is broken where it jumps from one end of its circle to the other.
-fn turned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let mut broken: Vec<(f64, f64)> = Vec::with_capacity(points.len());
-    for point in points {
-        if let Some(last) = broken.last()
-            && (point.1 - last.1).abs() > 180.0
-        {
-            broken.push((point.0, f64::NAN));
+/// Phases in degrees without jumps, from the first on.
+fn unwrapped(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let (mut turns, mut last): (f64, Option<f64>) = (0.0, None);
+    let unwrap = |(hz, deg): (f64, f64)| {
+        if let Some(last) = last {
+            turns -= 360.0 * ((deg - last) / 360.0).round();
         }
-        broken.push(point);
+        last = Some(deg);
+        (hz, deg + turns)
+    };
+    points.into_iter().map(unwrap).collect()
+}
+
+/// A phase near another one: whole turns are taken off.
+fn near(points: Vec<(f64, f64)>, to: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let pairs = points.into_iter().zip(to);
+    pairs
+        .map(|((hz, deg), (_, other))| (hz, deg - 360.0 * ((deg - other) / 360.0).round()))
+        .collect()
+}
+
+/// Multiples of 90 degrees around all of these.
+fn quarters<'a>(points: impl Iterator<Item = &'a (f64, f64)>) -> (f64, f64) {
+    let (low, high) = points.fold((0.0_f64, 0.0_f64), |(low, high), (_, deg)| {
+        (low.min(*deg), high.max(*deg))
+    });
+    ((low / 90.0).floor() * 90.0, (high / 90.0).ceil() * 90.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phases_go_on_where_they_would_jump() {
+        let points = [170.0, -175.0, -100.0, 179.0].map(|deg| (1.0, deg)).to_vec();
+        let deg: Vec<f64> = unwrapped(points).iter().map(|(_, deg)| *deg).collect();
+        assert_eq!(deg, [170.0, 185.0, 260.0, 179.0]);
+        let close = near(vec![(1.0, -175.0)], &[(1.0, 190.0)]);
+        assert_eq!(close, [(1.0, 185.0)]);
+        assert_eq!(quarters(close.iter()), (0.0, 270.0));
     }
-    broken
 }

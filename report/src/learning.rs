@@ -1,28 +1,27 @@
 //! The page that learning a surface leaves behind: what each part was learned from, and how well it fits.
 
+mod fits;
+
 use super::headlines::{Headline, cards};
 use super::page::{Sheet, figures_of};
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::scale::{peak, plain};
 use super::svg::escape;
 use super::theme::Ink;
-use super::thinning::Decimated;
-use super::{figures, loci, responses};
+use super::{figures, loci, responses, texture_map};
+use fits::{contacts, friction, stiffness};
 use haptograph_signal::spectrum::welch;
 use haptograph_signal::window::Window;
 use haptograph_surfaces::evaluate::{Trajectory, synthesise};
 use haptograph_surfaces::learning::LearningReport;
-use haptograph_surfaces::learning::friction::FrictionReport;
-use haptograph_surfaces::learning::stiffness::StiffnessReport;
-use haptograph_surfaces::learning::taps::TapReport;
 use haptograph_surfaces::learning::texture::{Fate, SegmentReport, TextureReport};
 use haptograph_surfaces::recording::ProcessedRecording;
-use haptograph_surfaces::{Line, Origin, Surface, Taps, TextureModel, VertexKind};
+use haptograph_surfaces::{Origin, Surface, TextureModel, VertexKind};
 
 /// The page.
 pub fn page(surface: &Surface, report: &LearningReport) -> String {
     let simulated = is_simulated(surface);
-    let facts: String = surface
+    let made: String = surface
         .provenance
         .settings
         .iter()
@@ -30,11 +29,15 @@ pub fn page(surface: &Surface, report: &LearningReport) -> String {
         .collect();
     let warnings: Vec<String> = report.missing.iter().map(ToString::to_string).collect();
     let mut sections = sections(surface, report);
-    sections.push(("How it was made", format!("<dl>{facts}</dl>")));
-    let about = format!(
-        "Learned by {} from {}.",
-        surface.provenance.version, surface.provenance.source
-    );
+    sections.push((
+        "",
+        format!("<details><summary>How it was made</summary><dl>{made}</dl></details>"),
+    ));
+    let source = match surface.provenance.source.as_str() {
+        tool @ ("recording tool" | "simulated recording tool") => format!("a {tool}"),
+        source => source.to_owned(),
+    };
+    let about = format!("Learned by {} from {source}.", surface.provenance.version);
     Sheet {
         title: &surface.name,
         about: &about,
@@ -313,9 +316,11 @@ fn map(texture: &TextureModel, found: &TextureReport) -> Plot {
         y: Axis::of("Normal force (N)").over(lightest, 1.05 * force).log(),
         marks,
         size: (0.0, 400.0),
-        caption: "Every dot is a model of the vibration at this speed and force; between dots it is mixed of those at the corners of \
-                  the triangle. Speeds and forces beyond the recording are played by the grey ones."
-            .to_owned(),
+        caption: format!(
+            "Every dot is a model of the vibration at this speed and force; between dots it is mixed of those at the corners of the \
+             triangle. {}",
+            texture_map::legend(texture)
+        ),
         ..Plot::default()
     }
 }
@@ -329,7 +334,6 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
     };
     let loudest = 1.05 * peak(recorded).max(peak(&played));
     let over_time = |title: &str, ink: Ink, samples: &[f64]| Plot {
-        caption: "The two are to be as strong at the same moments; the noise in them is another.".to_owned(),
         title: title.into(),
         x: Axis::of("Time (s)").over(0.0, samples.len() as f64 / rate_hz),
         y: Axis::of("Acceleration (m/s²)").over(-loudest, loudest),
@@ -339,7 +343,11 @@ fn recorded_and_synthesised(texture: &TextureModel, drag: &ProcessedRecording) -
     };
     let plots = [
         over_time("Recorded", Ink::Blue, recorded),
-        over_time("Synthesised along the same speed and force", Ink::Orange, &played),
+        Plot {
+            caption: "It should be as strong as the recording at each moment; the noise in it is another."
+                .to_owned(),
+            ..over_time("Synthesised along the same speed and force", Ink::Orange, &played)
+        },
         spectra(
             rate_hz,
             &[
@@ -378,111 +386,9 @@ fn spectra(rate_hz: f64, signals: &[(&str, Ink, &[f64])]) -> Plot {
         y: Axis::of("Density ((m/s²)²/Hz)").log(),
         marks: signals.iter().filter_map(line).collect(),
         size: (0.0, 250.0),
-        caption: "Where the curves lie on each other, what is played feels like what was recorded."
-            .to_owned(),
-        ..Plot::default()
-    }
-}
-
-/// A fitted line over a range of x.
-fn fitted(line: &Line, (from, to): (f64, f64), x_factor: f64, name: String) -> Mark {
-    let at = |x: f64| (x * x_factor, line.intercept + line.slope * x);
-    Mark::Line(
-        Style::named(Ink::Orange, name).weight(Weight::Bold),
-        vec![at(from), at(to)],
-    )
-}
-
-/// At most this many dots, evenly taken.
-const MOST_DOTS: usize = 1500;
-
-fn thinned(points: impl IntoIterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
-    let mut kept = Decimated::new(MOST_DOTS);
-    points.into_iter().for_each(|point| kept.push(point));
-    kept.kept().to_vec()
-}
-
-fn friction(found: &FrictionReport) -> Plot {
-    let of = |used: bool| {
-        let points = found
-            .points
-            .iter()
-            .zip(&found.used)
-            .filter(move |(_, u)| **u == used);
-        thinned(points.map(|(point, _)| *point))
-    };
-    let hardest = found.points.iter().fold(0.0_f64, |most, point| most.max(point.0));
-    let mut marks = vec![Mark::Dots(
-        Style::named(Ink::Blue, "moment").weight(Weight::Hair),
-        of(true),
-    )];
-    if found.used.contains(&false) {
-        marks.push(Mark::Dots(
-            Style::named(Ink::Rose, "outlier").weight(Weight::Hair),
-            of(false),
-        ));
-    }
-    let name = format!("mu = {:.3}, R² = {:.3}", found.line.slope, found.line.r_squared);
-    marks.push(fitted(&found.line, (0.0, hardest), 1.0, name));
-    Plot {
-        title: "Tangential over normal force".into(),
-        x: Axis::of("Normal force (N)").over(0.0, 1.02 * hardest),
-        y: Axis::of("Tangential force (N)"),
-        marks,
-        size: (0.0, 330.0),
-        caption: "The slope of the line is the friction coefficient.".to_owned(),
-        ..Plot::default()
-    }
-}
-
-/// Peak force over incoming speed: the tap response factor is the slope (4.4.2).
-fn contacts(taps: &Taps, found: &TapReport) -> Plot {
-    let of = |used: bool| {
-        let contacts = found.contacts.iter().filter(move |contact| contact.used == used);
-        contacts
-            .map(|c| (c.speed_m_s * 1e3, c.peak_force_n))
-            .collect::<Vec<_>>()
-    };
-    let fastest = found
-        .contacts
-        .iter()
-        .fold(0.0_f64, |most, contact| most.max(contact.speed_m_s));
-    let mut marks = vec![Mark::Dots(Style::named(Ink::Blue, "tap"), of(true))];
-    if found.contacts.iter().any(|contact| !contact.used) {
-        marks.push(Mark::Dots(Style::named(Ink::Rose, "not used"), of(false)));
-    }
-    if let Some(line) = taps.response() {
-        let name = format!("{:.1} N per m/s, R² = {:.3}", line.slope, line.r_squared);
-        marks.push(fitted(&line, (0.0, fastest), 1e3, name));
-    }
-    Plot {
-        title: "Peak force over incoming speed".into(),
-        x: Axis::of("Incoming speed (mm/s)").over(0.0, 1.02e3 * fastest),
-        y: Axis::of("Peak normal force (N)"),
-        marks,
-        size: (0.0, 260.0),
-        caption: "The faster a tap, the harder: by this line a rendered tap grows with its speed.".to_owned(),
-        ..Plot::default()
-    }
-}
-
-fn stiffness(found: &StiffnessReport) -> Plot {
-    let deepest = found.curve.iter().fold(0.0_f64, |most, point| most.max(point.0));
-    let (line, slope) = (&found.line, found.line.slope);
-    // The line from where it meets no force to where the tip went.
-    let from = (-line.intercept / slope).clamp(0.0, deepest);
-    let name = format!("{:.1} N/mm, R² = {:.3}", slope * 1e-3, line.r_squared);
-    let path = thinned(found.curve.iter().map(|(depth, force)| (depth * 1e3, *force)));
-    Plot {
-        title: "Force of a press".into(),
-        x: Axis::of("Indentation (mm)").over(0.0, 1.02e3 * deepest),
-        y: Axis::of("Normal force (N)"),
-        marks: vec![
-            Mark::Line(Style::named(Ink::Blue, "press"), path),
-            fitted(line, (from, deepest), 1e3, name),
-        ],
-        size: (0.0, 280.0),
-        caption: "The slope of the line is the stiffness.".to_owned(),
+        caption:
+            "Where the curves lie on each other, what is played has the mean spectrum of what was recorded."
+                .to_owned(),
         ..Plot::default()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::page::figures_of;
 use super::plot::{Axis, Mark, Plot, Style, Weight};
+use super::scale::plain;
 use super::theme::Ink;
 use haptograph_surfaces::lsf::lsf_to_ar;
 use haptograph_surfaces::resampling::poles;
@@ -11,18 +12,25 @@ use std::f64::consts::TAU;
 /// Steps along each side of the triangle.
 const STEPS: usize = 24;
 
-/// Both loci around the triangle in which interpolation by coefficients comes nearest to the circle, or farthest out.
+/// Both loci around the triangle in which they differ most; a sentence where they do not.
 pub(super) fn section(texture: &TextureModel) -> String {
     let models = |triangle: &[u32; 3]| triangle.map(|vertex| &texture.models()[vertex as usize]);
     let inside = |triangle: &&[u32; 3]| models(triangle).iter().all(|at| at.kind != VertexKind::Edge);
     let of = |triangle: &[u32; 3]| {
         let models = models(triangle).map(|at| &at.model);
-        (models, both_ways(&models))
+        let paths = both_ways(&models);
+        (apart(&paths, models[0].ar().len()), models, paths)
     };
     let loci = texture.triangles().iter().filter(inside).map(of);
-    let Some((models, paths)) = loci.max_by(|(_, a), (_, b)| radius(&a[0]).total_cmp(&radius(&b[0]))) else {
+    let Some((apart, models, paths)) = loci.max_by(|a, b| a.0.total_cmp(&b.0)) else {
         return "<p>No triangle lies inside the map.</p>".to_owned();
     };
+    if apart < SEEN {
+        return format!(
+            "<p>Between the models of this map, poles interpolated by coefficients and by line spectral frequencies are less than {SEEN} \
+             apart: both ways give the same filters.</p>"
+        );
+    }
     let own: Vec<(f64, f64)> = models
         .iter()
         .flat_map(|model| places(model.ar(), model.warping()))
@@ -41,10 +49,27 @@ pub(super) fn section(texture: &TextureModel) -> String {
         ),
     };
     format!(
-        "<p>Poles along the sides of one triangle of the map, the corners being models: interpolated by \
-         their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.{axis}</p>\
-         <div class=\"pair\">{figures}</div>"
+        "<p>Poles along the sides of the triangle of the map in which the two ways differ most (by {}), the corners being models: \
+         interpolated by their coefficients, which may leave the circle, and by their line spectral frequencies, which never do.{axis}</p>\
+         <div class=\"pair\">{figures}</div>",
+        plain(apart)
     )
+}
+
+/// Poles that are no farther apart look the same in a plot.
+const SEEN: f64 = 0.02;
+
+/// How far a pole of one way is at most from the nearest of the other at the same place of the triangle.
+fn apart([a, b]: &[Vec<(f64, f64)>; 2], order: usize) -> f64 {
+    let nearest = |(x, y): (f64, f64), others: &[(f64, f64)]| {
+        let distances = others.iter().map(|other| (x - other.0).hypot(y - other.1));
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let places = a.chunks(order.max(1)).zip(b.chunks(order.max(1)));
+    places
+        .flat_map(|(a, b)| a.iter().map(|pole| nearest(*pole, b)))
+        .filter(|distance| distance.is_finite())
+        .fold(0.0, f64::max)
 }
 
 #[derive(Debug, Clone, Copy)]

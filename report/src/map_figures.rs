@@ -3,10 +3,16 @@
 use super::plot::{Axis, Mark, Plot, Style, Weight};
 use super::theme::Ink;
 use haptograph_surfaces::evaluate::PerceptualMap;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Frame of the map in pixels, less its margins: one unit is as long on both axes.
 const ASPECT: f64 = 676.0 / 412.0;
+
+/// Are there fewer k-means groups than textures?
+pub(super) fn has_groups(map: &PerceptualMap) -> bool {
+    let groups: BTreeSet<usize> = map.k_means.iter().copied().collect();
+    groups.len() < map.names.len()
+}
 
 /// The first two dimensions of the map, k-means groups outlined, with the directions of roughness and fineness.
 pub(super) fn places(map: &PerceptualMap) -> Plot {
@@ -23,10 +29,13 @@ pub(super) fn places(map: &PerceptualMap) -> Plot {
     all.iter()
         .zip(&map.k_means)
         .for_each(|(place, group)| groups.entry(*group).or_default().push(*place));
-    let outlines = groups
-        .into_values()
-        .map(|group| outline(group, 0.05 * half))
-        .collect();
+    let outlines = match has_groups(map) {
+        true => groups
+            .into_values()
+            .map(|group| outline(group, 0.05 * half))
+            .collect(),
+        false => Vec::new(),
+    };
     let mut marks = vec![Mark::Areas(Style::of(Ink::Grey), outlines)];
     for (name, direction, weight) in [
         ("rougher (power)", &map.roughness_direction, Weight::Normal),

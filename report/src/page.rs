@@ -2,8 +2,10 @@
 
 pub(super) mod signals;
 
+use super::asked::{Asked, Drawn, Trace};
 use super::figures;
 use super::headlines::{Headline, cards, of_signals};
+use super::inks::Inks;
 use super::player;
 use super::plot::Plot;
 use super::record::{Friction, Recorded};
@@ -36,12 +38,10 @@ pub struct Page<'a> {
     pub files: Vec<(String, String)>,
     /// What there is to hear.
     pub sound: Option<&'a Sound>,
-    /// The plots that the graph asks for.
-    pub asked: Vec<Plot>,
+    /// The plots that the graph asks for, each with a trace for each of its signals.
+    pub asked: Vec<(&'a Asked, &'a [Trace])>,
     /// The signals.
     pub signals: Vec<Recorded>,
-    /// Names of the signals that the plots which are asked for show.
-    pub asked_signals: Vec<String>,
     /// The texture that a signal on a map belongs to, by the signal's name.
     pub textures: Vec<(String, &'a TextureModel)>,
     /// The drawing of the graph.
@@ -58,6 +58,8 @@ pub enum Simulation {
     All,
     /// Some of its devices: which, in whole sentences.
     Some(String),
+    /// All that it is of, in whole sentences.
+    Whole(String),
 }
 
 impl Simulation {
@@ -65,7 +67,7 @@ impl Simulation {
     pub(super) fn badge(&self) -> &'static str {
         match self {
             Self::None => "",
-            Self::All => "simulated",
+            Self::All | Self::Whole(_) => "simulated",
             Self::Some(_) => "partly simulated",
         }
     }
@@ -75,7 +77,7 @@ impl Simulation {
         let text = match self {
             Self::None => return String::new(),
             Self::All => ALL_SIMULATED,
-            Self::Some(text) => text,
+            Self::Some(text) | Self::Whole(text) => text,
         };
         format!("<p class=\"remark\">{}</p>", escape(text))
     }
@@ -91,8 +93,15 @@ impl Page<'_> {
         let mut headlines = of_signals(self.sound, &self.signals, self.friction.as_ref());
         headlines.extend(self.headlines.iter().cloned());
         let heads = cards(&headlines) + &self.simulation.remark();
-        let mut main: Vec<Plot> = self.asked.iter().cloned().chain(self.maps()).collect();
+        let mut inks = Inks::default();
+        let mut main: Vec<Plot> = Vec::new();
+        for (asked, traces) in &self.asked {
+            let run = Drawn { name: "", traces };
+            main.extend(asked.plots(&[run], &mut inks));
+        }
+        main.extend(self.maps());
         line_up(&mut main, &self.signals);
+        let signals = signals::section(&self.signals, &self.asked, &mut inks);
         let drawing = match self.drawing.as_str() {
             "" => String::new(),
             drawing => format!("<figure class=\"wide\">{drawing}</figure>"),
@@ -102,7 +111,7 @@ impl Page<'_> {
             ("Listen", self.sound.map_or_else(String::new, player::section)),
             ("The graph", drawing),
             ("What happened", figures_of(&main)),
-            ("Signals", signals::section(&self.signals, &self.asked_signals)),
+            ("Signals", signals),
             ("Files", self.list_files()),
             ("The run", facts(&self.facts)),
         ];
@@ -210,7 +219,7 @@ impl Sheet<'_> {
              <meta name=\"viewport\" content=\"width=device-width\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
              <title>{title}</title>\n<style>{}{}{}{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <header><h1>{title} {badge}</h1>{}</header>\n{warnings}\n\
-             <div class=\"tools\" hidden=\"\">Drag over a plot to zoom, double-click for the whole.</div>\n\
+             <div class=\"tools\" hidden=\"\"><span class=\"fine\">Drag over a plot to zoom, double-click for the whole.</span></div>\n\
              {sections}<footer>Made by haptograph {}</footer>\n</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
             policy(),
             theme::css(),

@@ -59,7 +59,7 @@ fn close_up(sound: &Sound) -> String {
         title: format!("{}, 50 ms up close", sound.stream.name),
         note: if sound.stream.simulated { "simulated" } else { "" }.to_owned(),
         x: Axis::time().over(at(0), at(count)),
-        y: Axis::of(axis_label(sound.stream.quantity)).over(-most, most),
+        y: Axis::of(axis_label(&sound.stream)).over(-most, most),
         marks: vec![Mark::Line(
             Style::of(Ink::Blue),
             (0..count).map(|i| (at(i), value(i))).collect(),

@@ -65,7 +65,11 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
     }
     match spread {
         Spread::Log if low == high => (low / 2.0, high * 2.0),
-        Spread::Log => (low, high),
+        Spread::Log => {
+            // Not more than what leaves the ratio of both a number.
+            let air = (0.04 * (high.ln() - low.ln())).min(1.0).exp();
+            (low / air, high * air)
+        }
         Spread::Linear if low == high => {
             let air = if low == 0.0 { 1.0 } else { low.abs() * 0.5 };
             (low - air, high + air)
@@ -89,7 +93,7 @@ pub(crate) fn padded(values: impl Iterator<Item = f64>, spread: Spread) -> (f64,
 }
 
 /// A number in a sentence, with three digits that count.
-pub(crate) fn plain(value: f64) -> String {
+pub fn plain(value: f64) -> String {
     let magnitude = value.abs().log10().floor();
     if value == 0.0 || !magnitude.is_finite() {
         return "0".to_owned();
@@ -108,7 +112,13 @@ pub(crate) fn plain(value: f64) -> String {
 
 /// A number with so many decimals and a true minus sign.
 pub(crate) fn fixed(value: f64, decimals: usize) -> String {
-    format!("{value:.decimals$}").replace('-', "\u{2212}")
+    let text = format!("{value:.decimals$}");
+    // What rounds to nothing has no sign.
+    match text.strip_prefix('-') {
+        Some(size) if !size.contains(|digit: char| ('1'..='9').contains(&digit)) => size.to_owned(),
+        Some(size) => format!("\u{2212}{size}"),
+        None => text,
+    }
 }
 
 fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
@@ -285,5 +295,6 @@ mod tests {
             assert_eq!(plain(value), shown);
         }
         assert_eq!(fixed(-2.38, 1), "\u{2212}2.4");
+        assert_eq!((fixed(-0.001, 2), fixed(-0.0, 0)), ("0.00".into(), "0".into()));
     }
 }

@@ -230,6 +230,14 @@ impl Path {
         }
         path
     }
+    /// The same as [`Self::through`] in fewer letters: what follows a move are lines.
+    pub fn polyline(points: &[(f64, f64)]) -> Self {
+        let mut path = Self::default();
+        if !points.is_empty() {
+            path.push('M', points);
+        }
+        path
+    }
     /// Straight lines through all points.
     pub fn through(points: &[(f64, f64)]) -> Self {
         let mut path = Self::default();

@@ -3,9 +3,10 @@
 use super::asked::{Asked, Drawn};
 use super::figures::{self, Unit};
 use super::headlines::coefficient;
+use super::inks::Inks;
 use super::page::signals::is_same;
 use super::page::{Sheet, Simulation, address, facts, figures_of, line_up};
-use super::plot::{Axis, Mark, Plot, Style};
+use super::plot::{Mark, Plot, Style};
 use super::record::{Content, Friction, Recorded};
 use super::scale::plain;
 use super::svg::escape;
@@ -17,6 +18,8 @@ use haptograph_surfaces::TextureModel;
 pub struct SweptRun<'a> {
     /// What was set for it.
     pub name: String,
+    /// The head of its column: the value alone where the runs differ in one parameter.
+    pub head: String,
     /// Its own page, from the folder of this one.
     pub page: Option<String>,
     /// Its signals, the same in every run.
@@ -34,6 +37,8 @@ pub struct SweepPage<'a> {
     pub title: String,
     /// What the graph is about, as its file tells it.
     pub about: String,
+    /// The parameter in which the runs differ, if it is one.
+    pub over: Option<String>,
     /// What of it comes from simulated devices.
     pub simulation: Simulation,
     /// What tells the friction, of the signals.
@@ -51,44 +56,86 @@ pub struct SweepPage<'a> {
 impl SweepPage<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let warnings: Vec<String> = self
-            .runs
-            .iter()
-            .flat_map(|run| run.warnings.iter().map(move |w| format!("{}: {w}", run.name)))
-            .collect();
-        let mut plots = self.maps();
-        for (i, asked) in self.asked.iter().enumerate() {
-            let runs: Vec<Drawn<'_>> = self
-                .runs
-                .iter()
-                .filter_map(|run| {
-                    let traces = run.drawn.get(i)?.traces;
-                    Some(Drawn {
-                        name: &run.name,
-                        traces,
-                    })
-                })
-                .collect();
-            plots.extend(asked.plots(&runs));
+        let (mut differing, same) = self.plots();
+        let (spectra, same_spectra): (Vec<_>, Vec<_>) =
+            self.spectra().into_iter().partition(|(_, same)| !same);
+        let mut same: Vec<Plot> = same.into_iter().chain(plots_of(same_spectra)).collect();
+        let mut spectra = plots_of(spectra);
+        for plots in [&mut differing, &mut same] {
+            line_up(plots, self.runs.iter().flat_map(|run| &run.signals));
         }
-        line_up(&mut plots, self.runs.iter().flat_map(|run| &run.signals));
+        [&mut spectra, &mut same]
+            .into_iter()
+            .for_each(|plots| figures::explain_once(plots));
         let sections = [
             (
                 "How the runs differ",
                 self.links() + &self.table() + &self.simulation.remark(),
             ),
-            ("Side by side", figures_of(&plots)),
-            ("Mean spectra", figures_of(&self.spectra())),
+            ("Side by side", figures_of(&differing)),
+            ("Mean spectra", figures_of(&spectra)),
+            ("", folded(&same)),
             ("The runs", facts(&self.facts)),
         ];
         Sheet {
             title: &self.title,
             about: &self.about,
             badge: self.simulation.badge(),
-            warnings: &warnings,
+            warnings: &self.warnings(),
             sections: &sections,
         }
         .to_html()
+    }
+
+    /// Every warning once, with the runs that it is about.
+    fn warnings(&self) -> Vec<String> {
+        let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
+        for run in &self.runs {
+            for warning in &run.warnings {
+                match found.iter_mut().find(|(known, _)| *known == warning.as_str()) {
+                    Some((_, runs)) => runs.push(&run.name),
+                    None => found.push((warning, vec![&run.name])),
+                }
+            }
+        }
+        let shown = |(warning, runs): (&str, Vec<&str>)| match runs.len() == self.runs.len() {
+            true if runs.len() > 1 => format!("in all runs: {warning}"),
+            _ => format!("{}: {warning}", runs.join("; ")),
+        };
+        found.into_iter().map(shown).collect()
+    }
+
+    /// The plots that the graph asks for and the maps: those that differ between runs, and the others.
+    fn plots(&self) -> (Vec<Plot>, Vec<Plot>) {
+        let (mut differing, mut same) = (Vec::new(), Vec::new());
+        let mut inks = Inks::default();
+        for (i, asked) in self.asked.iter().enumerate() {
+            let runs: Vec<Drawn<'_>> = self
+                .runs
+                .iter()
+                .filter_map(|run| {
+                    Some(Drawn {
+                        name: &run.name,
+                        traces: run.drawn.get(i)?.traces,
+                    })
+                })
+                .collect();
+            let into = if asked.is_same(&runs) {
+                &mut same
+            } else {
+                &mut differing
+            };
+            into.extend(asked.plots(&runs, &mut inks));
+        }
+        for signal in 0..self.signals() {
+            let strokes = self.across(signal);
+            let is_same = strokes.len() > 1 && all_alike(&strokes, have_same_stroke);
+            match is_same {
+                true => same.extend(self.map(&[("all runs", strokes[0].1)])),
+                false => differing.extend(self.map(&strokes)),
+            }
+        }
+        (differing, same)
     }
 
     /// A line with the pages of the runs.
@@ -134,46 +181,48 @@ impl SweepPage<'_> {
         self.runs.first().map_or(0, |run| run.signals.len())
     }
 
-    fn maps(&self) -> Vec<Plot> {
-        (0..self.signals())
-            .filter_map(|signal| {
-                let strokes = self.across(signal);
-                let name = &strokes.first()?.1.stream.name;
-                let texture = self.textures.iter().find(|(of, _)| of == name);
-                figures::strokes_on_map(&strokes, texture.map(|(_, texture)| *texture))
-            })
+    fn map(&self, strokes: &[(&str, &Recorded)]) -> Option<Plot> {
+        let name = &strokes.first()?.1.stream.name;
+        let texture = self.textures.iter().find(|(of, _)| of == name);
+        figures::strokes_on_map(strokes, texture.map(|(_, texture)| *texture))
+    }
+
+    /// The spectra of the runs in a frame for each signal, and whether they are the same in all.
+    fn spectra(&self) -> Vec<(Plot, bool)> {
+        self.distinct()
+            .filter_map(|signal| self.spectra_of(signal))
             .collect()
     }
 
-    fn spectra(&self) -> Vec<Plot> {
-        self.distinct()
-            .filter_map(|signal| {
-                let mut plots: Vec<Plot> = Vec::new();
-                for (number, (name, recorded)) in self.across(signal).into_iter().enumerate() {
-                    let mut plot = figures::mean_spectrum(recorded, Ink::of_run(number))?;
-                    for mark in &mut plot.marks {
-                        if let Mark::Line(style, _) = mark {
-                            *style = Style::named(style.ink, name);
-                        }
-                    }
-                    plots.push(plot);
+    fn spectra_of(&self, signal: usize) -> Option<(Plot, bool)> {
+        let across = self.across(signal);
+        let same = across.len() > 1 && all_alike(&across, is_same);
+        let mut plots: Vec<Plot> = Vec::new();
+        for (number, (name, recorded)) in across.into_iter().enumerate() {
+            let (name, ink) = match same {
+                true if number > 0 => break,
+                true => ("all runs", Ink::Grey),
+                false => (name, Ink::of_run(number)),
+            };
+            let mut plot = figures::mean_spectrum(recorded, ink)?;
+            for mark in &mut plot.marks {
+                if let Mark::Line(style, _) = mark {
+                    *style = Style::named(style.ink, name);
                 }
-                // The frame that holds the loudest holds all.
-                let top = |plot: &Plot| plot.y.range.map_or(0.0, |(_, high)| high);
-                let loudest = plots.iter().max_by(|a, b| top(a).total_cmp(&top(b)))?;
-                let mut plot = Plot {
-                    marks: Vec::new(),
-                    ..loudest.clone()
-                };
-                let (low, high) = loudest.y.range?;
-                plot.y = Axis { ..plot.y }.over(low, high);
-                plot.size.1 = 280.0;
-                plot.caption = "Over each whole run. The skin feels vibration best near 250 Hz, and hardly any above 1 kHz."
-                    .to_owned();
-                plot.marks = plots.into_iter().flat_map(|plot| plot.marks).collect();
-                Some(plot)
-            })
-            .collect()
+            }
+            plots.push(plot);
+        }
+        // The frame that holds the loudest holds all.
+        let top = |plot: &Plot| plot.y.range.map_or(0.0, |(_, high)| high);
+        let loudest = plots.iter().max_by(|a, b| top(a).total_cmp(&top(b)))?;
+        let mut plot = Plot {
+            marks: Vec::new(),
+            ..loudest.clone()
+        };
+        plot.size.1 = 280.0;
+        plot.caption = format!("Over each whole run. {}", figures::EXPLAINED[1]);
+        plot.marks = plots.into_iter().flat_map(|plot| plot.marks).collect();
+        Some((plot, same))
     }
 
     /// Root mean square of every scalar and vector in every run, the signals that differ most first; those that are the
@@ -181,7 +230,7 @@ impl SweepPage<'_> {
     fn table(&self) -> String {
         let heads = self.runs.iter().enumerate().map(|(number, run)| {
             let ink = Ink::of_run(number).class();
-            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.name))
+            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.head))
         });
         let rows = self.distinct().filter_map(|signal| self.row(signal));
         let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
@@ -202,10 +251,14 @@ impl SweepPage<'_> {
         };
         let table = match cells.as_str() {
             "" => "<p>No signal differs between the runs.</p>".to_owned(),
-            rows => format!(
-                "<div class=\"scroll\"><table><tr><th>Root mean square</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
-                heads.collect::<String>()
-            ),
+            rows => {
+                let over = self.over.as_ref();
+                let over = over.map_or_else(String::new, |name| format!(", {} =", escape(name)));
+                format!(
+                    "<div class=\"scroll\"><table><tr><th>Root mean square{over}</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
+                    heads.collect::<String>()
+                )
+            }
         };
         table + &same
     }
@@ -258,6 +311,34 @@ impl SweepPage<'_> {
     }
 }
 
+/// Are all of these like the first?
+fn all_alike(across: &[(&str, &Recorded)], are_alike: impl Fn(&Recorded, &Recorded) -> bool) -> bool {
+    match across {
+        [(_, first), rest @ ..] => rest.iter().all(|(_, other)| are_alike(first, other)),
+        [] => true,
+    }
+}
+
+fn have_same_stroke(a: &Recorded, b: &Recorded) -> bool {
+    matches!((&a.content, &b.content), (Content::Map(x), Content::Map(y)) if x == y)
+}
+
+fn plots_of(of: Vec<(Plot, bool)>) -> Vec<Plot> {
+    of.into_iter().map(|(plot, _)| plot).collect()
+}
+
+/// Figures that are there and out of the way.
+fn folded(same: &[Plot]) -> String {
+    match same {
+        [] => String::new(),
+        same => format!(
+            "<details><summary>The same in all runs ({})</summary>{}</details>",
+            same.len(),
+            figures_of(same)
+        ),
+    }
+}
+
 /// The largest of levels by the smallest.
 fn spread(levels: &[f64]) -> f64 {
     let most = levels.iter().copied().fold(0.0, f64::max);
@@ -265,7 +346,7 @@ fn spread(levels: &[f64]) -> f64 {
     if most > least { most / least } else { 1.0 }
 }
 
-/// Runs whose levels differ by less than this are the same to a hand: a ratio.
+/// Levels that differ by less than this ratio count as the same.
 const SAME: f64 = 1.0005;
 
 /// One signal in all runs.

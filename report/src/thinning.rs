@@ -17,6 +17,10 @@ pub struct Envelope {
     sum_of_sizes: f64,
     /// Samples that are not zero.
     present: u64,
+    /// The last finite sample.
+    last: Option<f64>,
+    /// Has no sample been below the one before it?
+    never_falls: bool,
 }
 
 /// Most stretches; at least half as many are left after joining.
@@ -37,6 +41,8 @@ impl Envelope {
             sum_of_squares: 0.0,
             sum_of_sizes: 0.0,
             present: 0,
+            last: None,
+            never_falls: true,
         }
     }
 
@@ -56,6 +62,8 @@ impl Envelope {
             self.sum_of_squares += sample * sample;
             self.sum_of_sizes += sample.abs();
             self.present += u64::from(sample != 0.0);
+            self.never_falls &= self.last.is_none_or(|last| last <= sample);
+            self.last = Some(sample);
         }
         if self.open_samples == self.stretch {
             self.complete.push(self.open);
@@ -124,29 +132,23 @@ impl Envelope {
         (high - low <= 1e-12 * high.abs().max(low.abs())).then_some(low)
     }
 
-    /// Is this the same curve as another, seen at another rate? Their extremes over equal parts of the time, and their
-    /// levels, differ by less than a plot would show.
-    pub fn resembles(&self, other: &Self) -> bool {
-        let (extremes, others) = (self.coarse(), other.coarse());
-        let duration_s = |of: &Self| of.samples as f64 / of.rate_hz;
-        let (duration_s, other_s) = (duration_s(self), duration_s(other));
-        if (duration_s - other_s).abs() > 0.01 * duration_s
-            || (self.rms() - other.rms()).abs() > 0.02 * self.rms()
-        {
-            return false;
-        }
-        let (mut apart, mut size) = (0.0, 0.0);
-        for ((low, high), (other_low, other_high)) in extremes.into_iter().zip(others) {
-            apart += (low - other_low).powi(2) + (high - other_high).powi(2);
-            size += low * low + high * high;
-        }
-        // Where a part has no sample in it, there is nothing to compare, and this is no number.
-        apart < 0.05 * 0.05 * size
+    /// First and last value of a signal that rises and never falls: a counter, an integral.
+    pub fn rises(&self) -> Option<(f64, f64)> {
+        let (low, _) = self.range()?;
+        let last = self.last.filter(|last| self.never_falls && *last > low)?;
+        Some((low, last))
+    }
+
+    /// Is every sample 0 or 1, and some of either?
+    pub fn is_switch(&self) -> bool {
+        // Of numbers from 0 to 1 only these two are their own squares.
+        self.range() == Some((0.0, 1.0))
+            && (self.sum - self.sum_of_squares).abs() <= 1e-9 * self.samples as f64
     }
 
     /// Extremes over equal parts of the whole.
-    fn coarse(&self) -> [(f64, f64); 60] {
-        let mut parts = [EMPTY; 60];
+    fn coarse(&self) -> [(f64, f64); PARTS] {
+        let mut parts = [EMPTY; PARTS];
         let per_second = parts.len() as f64 * self.rate_hz / self.samples.max(1) as f64;
         let last = parts.len() - 1;
         for (time_s, low, high) in self.points() {
@@ -183,6 +185,39 @@ impl Envelope {
             .copied()
             .chain((self.open_samples > 0).then_some(self.open))
     }
+}
+
+/// Parts of a whole over which two signals are compared.
+const PARTS: usize = 120;
+/// Signals are nearly the same from this correlation on, and with levels that are no farther apart, dB.
+const ALIKE: (f64, f64) = (0.999, 0.5);
+
+/// Are these the same signals but for sensor noise and their rates? Their extremes over equal parts of the time correlate
+/// by more than 0.999 over all components, and their levels, with and without the means, are within 0.5 dB.
+pub fn are_nearly_same(a: &[Envelope], b: &[Envelope]) -> bool {
+    let duration_s = |of: &[Envelope]| of.first().map_or(0.0, |lane| lane.samples as f64 / lane.rate_hz);
+    let (a_s, b_s) = (duration_s(a), duration_s(b));
+    if a.len() != b.len() || (a_s - b_s).abs() > 0.01 * a_s {
+        return false;
+    }
+    let (mut squares, mut product) = ([0.0; 2], 0.0);
+    for (one, other) in a.iter().zip(b) {
+        let about_mean = |of: &Envelope| {
+            let mean = of.mean();
+            of.coarse().map(|(low, high)| [low - mean, high - mean])
+        };
+        let pairs = about_mean(one).into_iter().flatten();
+        for (x, y) in pairs.zip(about_mean(other).into_iter().flatten()) {
+            squares = [squares[0] + x * x, squares[1] + y * y];
+            product += x * y;
+        }
+    }
+    let level = |of: &[Envelope]| of.iter().map(|lane| lane.rms().powi(2)).sum::<f64>();
+    let within = |x: f64, y: f64| (10.0 * (x / y).log10()).abs() <= ALIKE.1;
+    // Where a part has no sample in it there is nothing to compare: all comparisons with NaN are false.
+    product > ALIKE.0 * (squares[0] * squares[1]).sqrt()
+        && within(level(a), level(b))
+        && within(squares[0], squares[1])
 }
 
 /// Every n-th of a stream of points, n growing so that they stay few.
@@ -275,14 +310,53 @@ mod tests {
             envelope
         };
         let fine = curve(48_000, 400.0);
-        assert!(fine.resembles(&curve(10_000, 400.0)) && curve(10_000, 400.0).resembles(&fine));
+        let nearly =
+            |a: &Envelope, b: &Envelope| are_nearly_same(std::slice::from_ref(a), std::slice::from_ref(b));
+        assert!(nearly(&fine, &curve(10_000, 400.0)) && nearly(&curve(10_000, 400.0), &fine));
         let mut louder = Envelope::new(10_000.0);
         louder.extend((0..30_000).map(|i| 1.2 * (f64::from(i) * 6e-4).sin()));
-        assert!(!fine.resembles(&louder) && !fine.resembles(&Envelope::new(10.0)));
+        assert!(!nearly(&fine, &louder) && !nearly(&fine, &Envelope::new(10.0)));
         assert_eq!((fine.constant(), Envelope::new(1.0).constant()), (None, None));
         let mut flat = Envelope::new(1.0);
         flat.extend([2.0, 2.0]);
         assert_eq!(flat.constant(), Some(2.0));
+    }
+
+    #[test]
+    fn noise_of_a_sensor_makes_no_other_signal_and_a_gain_does() {
+        let hand = |noise: f64, gain: f64| {
+            let mut lanes = vec![Envelope::new(1000.0), Envelope::new(1000.0)];
+            for (lane, envelope) in lanes.iter_mut().enumerate() {
+                let speed = 2.0 + lane as f64;
+                // Any sequence without a relation to the hand.
+                let rattle = (0..10_000_i64).map(|i| noise * ((i * 7919 % 1009) as f64 / 504.0 - 1.0));
+                let moved = rattle
+                    .enumerate()
+                    .map(|(i, x)| gain * (speed * i as f64 * 1e-3).sin() + x);
+                envelope.extend(moved);
+            }
+            lanes
+        };
+        assert!(are_nearly_same(&hand(0.0, 1.0), &hand(0.01, 1.0)));
+        assert!(!are_nearly_same(&hand(0.0, 1.0), &hand(0.0, 1.1)));
+        assert!(!are_nearly_same(&hand(0.0, 1.0), &hand(0.3, 1.0)));
+        assert!(!are_nearly_same(&hand(0.0, 1.0)[..1], &hand(0.0, 1.0)[1..]));
+    }
+
+    #[test]
+    fn counters_and_switches_are_known() {
+        let of = |samples: &[f64]| {
+            let mut envelope = Envelope::new(10.0);
+            envelope.extend(samples.iter().copied());
+            envelope
+        };
+        assert_eq!(of(&[0.0, 1.0, f64::NAN, 1.0, 4.0]).rises(), Some((0.0, 4.0)));
+        assert_eq!(
+            (of(&[0.0, 2.0, 1.0]).rises(), of(&[3.0, 3.0]).rises()),
+            (None, None)
+        );
+        assert!(of(&[0.0, 1.0, 1.0]).is_switch());
+        assert!(!of(&[0.0, 0.5, 1.0]).is_switch() && !of(&[1.0, 1.0]).is_switch());
     }
 
     #[test]

@@ -111,7 +111,7 @@ pub fn run(arguments: &Arguments, _: &Registry) -> Result<(), Failure> {
 /// The page.
 fn show(arguments: &Arguments, found: &Identified, simulated: bool) -> String {
     let simulation = match simulated {
-        true => Simulation::Some("The recording is of a simulated actuator.".to_owned()),
+        true => Simulation::Whole("The recording is of a simulated actuator.".to_owned()),
         false => Simulation::None,
     };
     identification::page(&arguments.recording.display().to_string(), found, &simulation)

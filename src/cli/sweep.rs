@@ -290,8 +290,16 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     let textures = surfaces
         .iter()
         .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
+    let over = match (&*arguments.over, &*arguments.case) {
+        ([(name, _)], []) => Some(name.clone()),
+        _ => None,
+    };
     let runs = done.iter().enumerate().map(|(number, run)| SweptRun {
         name: run.label.clone(),
+        head: match over {
+            Some(_) => run.name.clone(),
+            None => run.label.clone(),
+        },
         page: Some(format!("{:02}/report.html", number + 1)),
         signals: run.shown.records.iter().map(Record::content).collect(),
         drawn: run
@@ -320,6 +328,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     SweepPage {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
+        over: over.clone(),
         simulation: first.summary.simulation(),
         friction: friction(&first.graph),
         facts,

@@ -97,7 +97,6 @@ fn page(source: &Source, graph: &Graph, outcome: &Outcome, run: &Facts, kept: &[
         sound: None,
         asked: Vec::new(),
         signals: kept.iter().map(|kept| kept.record.content()).collect(),
-        asked_signals: Vec::new(),
         textures: Vec::new(),
         drawing: drawing::svg(graph, ""),
     }

@@ -161,7 +161,22 @@ fn parts_that_were_not_learned_from_are_compared_with_floors_and_baselines() {
         }
     }
     let page = fs::read_to_string(folder.join("held-out/report.html")).unwrap();
-    assert!(page.contains("simulated") && page.contains("Log-spectral distance by material"));
+    for shown in [
+        "simulated",
+        "Log-spectral distance by material",
+        "Best plain baseline",
+        "over the best plain",
+        "misplaced %",
+        "recorded levels over 50 ms unexplained",
+        "friction, drags (%)",
+    ] {
+        assert!(page.contains(shown), "{shown} is missing");
+    }
+    let mut methods = splits
+        .iter()
+        .flat_map(|split| split["methods"].as_array().unwrap());
+    let one_loses = methods.any(|method| method["loses"] == true);
+    assert_eq!(one_loses, page.contains(" *</td>"), "marks of the terminal");
 }
 
 #[test]

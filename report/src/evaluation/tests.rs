@@ -34,7 +34,7 @@ fn the_page_shows_both_tables_the_map_and_every_surface() {
     for shown in [
         "A &lt;study&gt;",
         "virtual low",
-        "Baseline",
+        "Largest expected difference to the own material",
         "<th>mean</th>",
         "Textures placed by their spectral differences",
         "Tree of spectral differences",
@@ -45,4 +45,6 @@ fn the_page_shows_both_tables_the_map_and_every_surface() {
         assert!(page.contains(shown), "{shown} is missing");
     }
     assert!(!page.contains("NaN"));
+    let at = |pooling: &str| page.find(pooling).unwrap();
+    assert!(at("windows of all compared pairs") < at("windows of the compared pair"));
 }

@@ -47,7 +47,7 @@ fn a_page_has_a_figure_for_each_part_and_says_what_is_simulated() {
         "class=\"badge\">simulated",
         "made up &lt;for&gt; a test",
         "Models over speed and force",
-        "by their line spectral frequencies",
+        "line spectral frequencies",
         "Mean spectra",
         "mu = 0.4",
         "Where the conditions are on the map",
@@ -81,6 +81,41 @@ fn frequencies_keep_poles_inside_the_circle_where_coefficients_do_not() {
     assert!(
         coefficients > 1.0 && frequencies < 1.0,
         "{coefficients} {frequencies}"
+    );
+}
+
+#[test]
+fn where_both_ways_give_the_same_poles_a_sentence_says_so() {
+    let (surface, _) = learned("felt", 1.2);
+    let mut texture = surface.texture.unwrap();
+    let section = crate::loci::section(&texture);
+    assert!(section.contains("differ most") || section.contains("apart: both ways give the same filters"));
+    // One model everywhere leaves nothing between models.
+    let first = texture
+        .models()
+        .iter()
+        .find(|at| at.model.power() > 0.0)
+        .unwrap()
+        .model
+        .clone();
+    let models = texture.models().iter().map(|at| haptograph_surfaces::ModelAt {
+        model: if at.model.power() > 0.0 {
+            first.clone()
+        } else {
+            at.model.clone()
+        },
+        ..at.clone()
+    });
+    texture = haptograph_surfaces::TextureModel::new(
+        texture.rate_hz(),
+        models.collect(),
+        texture.triangles().to_vec(),
+    )
+    .unwrap();
+    let section = crate::loci::section(&texture);
+    assert!(
+        section.contains("less than 0.02 apart") && !section.contains("<svg"),
+        "{section}"
     );
 }
 

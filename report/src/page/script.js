@@ -18,6 +18,25 @@
     new ResizeObserver(fade).observe(box);
   }
 
+  // A wide drawing is as wide as the page on a phone; a tap opens it in its own size and closes it again.
+  for (const box of document.querySelectorAll("figure.wide")) {
+    const narrow = matchMedia("(max-width: 600px)");
+    const hint = document.createElement("p");
+    hint.className = "swipe";
+    const label = () => {
+      hint.hidden = !narrow.matches;
+      hint.textContent = box.classList.contains("open") ? "tap to fit" : "tap to enlarge";
+    };
+    box.after(hint);
+    box.addEventListener("click", () => {
+      if (!narrow.matches) return;
+      box.classList.toggle("open");
+      label();
+    });
+    narrow.addEventListener("change", label);
+    label();
+  }
+
   const SPAN = 1000; // the marks' own width
   const SVG = "http://www.w3.org/2000/svg";
   const numbers = (text) => (text.match(/-?\d+(\.\d+)?/g) || []).map(Number);
@@ -53,14 +72,16 @@
       const all = numbers(path.getAttribute("d"));
       const pairs = [];
       for (let i = 0; i + 1 < all.length; i += 2) pairs.push([all[i], all[i + 1]]);
-      const half = pairs.length >> 1;
-      const edges = path.classList.contains("band") ? [pairs.slice(0, half), pairs.slice(half).reverse()] : [pairs];
+      // A band's upper edge goes to the right, its lower one back.
+      const turn = pairs.findIndex((pair, i) => i > 0 && pair[0] <= pairs[i - 1][0]);
+      const edges = path.classList.contains("band") && turn > 0 ? [pairs.slice(0, turn), pairs.slice(turn).reverse()] : [pairs];
       plot.points.set(path, edges);
     }
     return plot.points.get(path);
   }
 
-  function nearest(pairs, x) {
+  // The value of a curve at x, between its points.
+  function at(pairs, x) {
     let low = 0;
     let high = pairs.length - 1;
     while (high - low > 1) {
@@ -68,13 +89,17 @@
       if (pairs[middle][0] > x) high = middle;
       else low = middle;
     }
-    return pairs[x - pairs[low][0] < pairs[high][0] - x ? low : high];
+    const [[x0, y0], [x1, y1]] = [pairs[low], pairs[high]];
+    if (x <= x0 || x1 <= x0) return y0;
+    return x >= x1 ? y1 : y0 + ((x - x0) / (x1 - x0)) * (y1 - y0);
   }
 
   function valueAt(plot, y) {
     const part = 1 - y / plot.height;
     const [low, high] = plot.y;
-    return plot.log ? low * (high / low) ** part : low + part * (high - low);
+    if (plot.log) return low * (high / low) ** part;
+    const value = low + part * (high - low);
+    return Math.abs(value) < (high - low) / 5000 ? 0 : value; // no finer than the curve is written
   }
 
   const shown = (value) => String(Number(value.toPrecision(3))).replace("-", "\u2212");
@@ -84,7 +109,7 @@
     plot.outputs.forEach((output, i) => {
       const path = plot.curves[i];
       const edges = path ? points(plot, path).filter((edge) => edge.length > 0) : [];
-      const values = edges.map((edge) => shown(valueAt(plot, nearest(edge, x)[1]))).reverse();
+      const values = edges.map((edge) => shown(valueAt(plot, at(edge, x)))).reverse();
       output.textContent = values[0] === values[1] ? (values[0] ?? "") : values.join(" to ");
     });
   }
@@ -160,7 +185,9 @@
   back.hidden = true;
   back.addEventListener("click", () => zoom(whole));
   const clock = document.createElement("output");
-  if (document.querySelector(".close-up")) tools.append(" Click for 50 ms up close.");
+  if (document.querySelector(".close-up")) {
+    tools.append(matchMedia("(pointer: fine)").matches ? " Click for 50 ms up close." : "Tap a plot for 50 ms up close.");
+  }
   tools.append(back, clock);
   tools.hidden = false;
 

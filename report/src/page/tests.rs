@@ -1,5 +1,6 @@
 use super::*;
-use crate::record::recorder;
+use crate::asked::{Form, tracer};
+use crate::record::{Watch, recorder};
 use crate::sound::clip;
 use haptograph_engine::frame::{Kind, Weights};
 use haptograph_engine::node::{FrameWriter, Stream};
@@ -185,24 +186,45 @@ fn what_is_constant_the_same_or_shown_already_is_named_and_not_drawn() {
     let wave = || (0..500).map(|i| (f64::from(i) * 0.1).sin()).collect::<Vec<_>>();
     let hum = |hz: u64| (0..4 * hz).map(move |i| (20.0 * i as f64 / hz as f64).sin());
     let steps = || (0..500).map(f64::from).collect::<Vec<_>>();
+    let drawn = |name: &str, values: Vec<f64>| {
+        let stream = scalar(name, vec![]).stream;
+        let (mut tracer, trace) = tracer(&stream, Form::OverTime);
+        tracer.write(0, &values).unwrap();
+        let (node, output) = (haptograph_engine::graph::NodeId::default(), 0);
+        (Watch { node, output, stream }, trace)
+    };
+    let (watch, trace) = drawn("asked", steps());
+    let asked = Asked {
+        title: "Steps".into(),
+        form: Form::OverTime,
+        names: vec!["asked".into()],
+        signals: vec![watch],
+    };
+    let noisy = steps()
+        .iter()
+        .enumerate()
+        .map(|(i, x)| x + (i % 3) as f64)
+        .collect();
     let page = Page {
         signals: vec![
             scalar("drawn", wave()),
             scalar("flat", vec![0.5; 500]),
             scalar("twin", wave()),
             scalar("asked", steps()),
+            scalar("alias", steps()),
+            scalar("sensed", noisy),
             record("slow twin", Kind::Scalar, Quantity::LENGTH, 1000, hum(1000)),
             record("fast twin", Kind::Scalar, Quantity::LENGTH, 10_000, hum(10_000)),
         ],
-        asked_signals: vec!["asked".into()],
+        asked: vec![(&asked, std::slice::from_ref(&trace))],
         ..Page::default()
     };
     let html = page.to_html();
-    assert_eq!(html.matches("<figure class=\"plot\"").count(), 2);
+    assert_eq!(html.matches("<figure class=\"plot\"").count(), 3);
     for said in [
-        "slow twin at 1000 Hz as fast twin at 10000 Hz",
+        "Nearly the same, but for noise and rate: sensed as asked, slow twin as fast twin",
         "flat (0.5 N)",
-        "twin as drawn",
+        "The same: twin as drawn, alias as asked",
         "Shown above over time: asked",
     ] {
         assert!(html.contains(said), "{said}");
@@ -220,7 +242,7 @@ fn temperatures_are_in_degrees_celsius_and_densities_in_plain_units() {
     );
     let plot = figures::over_time(&warm, crate::theme::Ink::Blue).remove(0);
     assert_eq!(plot.y.label, "Temperature (°C)");
-    assert!(plot.caption.contains("from 20 to 30 °C"), "{}", plot.caption);
+    assert_eq!(plot.caption, "Rises from 20 to 30 °C.");
     let hum = (0..20_000).map(|i| (f64::from(i) * 0.3).sin());
     let hum = record("out", Kind::Scalar, Quantity::CURRENT, 10_000, hum);
     let spectrum = figures::mean_spectrum(&hum, crate::theme::Ink::Blue).unwrap();

@@ -31,7 +31,11 @@ impl Plot {
 
     fn figure(&self, class: &str, what: &str) -> String {
         if self.marks.is_empty() && !self.caption.is_empty() {
-            return self.sentence();
+            return self.sentence(&self.caption);
+        }
+        let has_point = |mark: &Mark| mark.extent().any(|(x, y)| x.is_finite() && y.is_finite());
+        if !self.marks.is_empty() && !self.marks.iter().any(has_point) {
+            return self.sentence("no points.");
         }
         let height = self.size().1 - AROUND;
         let frame = Rect {
@@ -63,13 +67,9 @@ impl Plot {
         )
     }
 
-    /// A plot of nothing is what its caption says.
-    fn sentence(&self) -> String {
-        format!(
-            "<p><b>{}</b>: {}</p>\n",
-            escape(&self.title),
-            escape(&self.caption)
-        )
+    /// A plot of nothing is a sentence.
+    fn sentence(&self, text: &str) -> String {
+        format!("<p><b>{}</b>: {}</p>\n", escape(&self.title), escape(text))
     }
 
     /// Title, remark, names of the marks, and what the vertical axis shows.

@@ -3,7 +3,7 @@
 use super::super::raster::Grid;
 use super::super::scale::{Scale, Spread};
 use super::super::svg::{Anchor, Path, Rect, Svg, escape};
-use super::{Image, Mark, Weight};
+use super::{Image, Mark, Style, Weight};
 
 pub(super) fn draw_grid(
     svg: &mut Svg,
@@ -29,17 +29,7 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
             let points: Vec<_> = points.iter().map(|p| at(*p)).collect();
             svg.path(&style.curve_class(), &curve(&points));
         }
-        Mark::Band(style, points) => {
-            let upper = points.iter().map(|(a, _, high)| at((*a, *high)));
-            let lower = points.iter().rev().map(|(a, low, _)| at((*a, *low)));
-            let outline: Vec<_> = upper
-                .chain(lower)
-                .filter(|p| p.0.is_finite() && p.1.is_finite())
-                .collect();
-            let mut path = Path::through(&outline);
-            path.close();
-            svg.path(&format!("band s{0} f{0} hair", style.ink.class()), &path);
-        }
+        Mark::Band(style, points) => band(svg, style, points, &at),
         Mark::Dots(style, points) => {
             let size = match style.weight {
                 Weight::Hair => "small-dot veil",
@@ -50,7 +40,10 @@ pub(super) fn draw_mark(svg: &mut Svg, mark: &Mark, x: &Scale, y: &Scale) {
                 .iter()
                 .map(|p| at(*p))
                 .filter(|p| p.0.is_finite() && p.1.is_finite());
-            svg.path(&format!("{size} s{}", style.ink.class()), &Path::dots(finite));
+            let mut dots: Vec<(f64, f64)> = finite.map(tenths).collect();
+            dots.dedup();
+            let dots = Path::dots(dots.into_iter());
+            svg.path(&format!("{size} s{}", style.ink.class()), &dots);
         }
         Mark::Bars(style, points, width) => {
             for (a, b) in points {
@@ -110,28 +103,77 @@ pub(super) fn draw_words(svg: &mut Svg, mark: &Mark, at: &dyn Fn(f64, f64) -> (S
     }
 }
 
+/// The area between two edges; where these lie on each other all the way, the curve that it is.
+fn band(svg: &mut Svg, style: &Style, points: &[(f64, f64, f64)], at: &dyn Fn((f64, f64)) -> (f64, f64)) {
+    let edge = |of: &dyn Fn(&(f64, f64, f64)) -> f64| -> Vec<(f64, f64)> {
+        let edge = points.iter().map(|point| at((point.0, of(point))));
+        edge.filter(|p| p.0.is_finite() && p.1.is_finite()).collect()
+    };
+    let (upper, lower) = (edge(&|point| point.2), edge(&|point| point.1));
+    let apart = upper.iter().zip(&lower).map(|(a, b)| (a.1 - b.1).abs());
+    if upper.len() == lower.len() && apart.fold(0.0, f64::max) < THIN {
+        let middle = upper.iter().zip(&lower).map(|(a, b)| (a.0, 0.5 * (a.1 + b.1)));
+        let middle: Vec<_> = middle.collect();
+        return svg.path(&style.curve_class(), &Path::polyline(&straightened(&middle)));
+    }
+    let mut back = straightened(&lower);
+    back.reverse();
+    let outline: Vec<_> = straightened(&upper).into_iter().chain(back).collect();
+    let mut path = Path::polyline(&outline);
+    path.close();
+    svg.path(&format!("band s{0} f{0} hair", style.ink.class()), &path);
+}
+
+/// A band thinner than this is drawn as a curve, and points nearer than this to the line between others are left out: pixels.
+const THIN: f64 = 0.4;
+const STRAIGHT: f64 = 0.12;
+
 /// A curve that is interrupted where a point is not finite, without points that nobody would see.
 fn curve(points: &[(f64, f64)]) -> Path {
     let mut path = Path::default();
-    let mut previous: Option<(f64, f64)> = None;
-    for (i, point) in points.iter().enumerate() {
-        if !(point.0.is_finite() && point.1.is_finite()) {
-            previous = None;
-            continue;
+    for part in points.split(|point| !(point.0.is_finite() && point.1.is_finite())) {
+        if !part.is_empty() {
+            path.append(&Path::polyline(&straightened(part)));
         }
-        match previous {
-            None => path.move_to(*point),
-            Some(last) => {
-                let near = (point.0 - last.0).abs() < 0.25 && (point.1 - last.1).abs() < 0.25;
-                if near && i + 1 < points.len() {
-                    continue;
-                }
-                path.line_to(*point);
-            }
-        }
-        previous = Some(*point);
     }
     path
+}
+
+/// A curve without the points that lie on straight lines between others, to tenths of pixels. Of one that goes to the right
+/// the cone is kept through which all points left out can be seen from the last one kept; of another the points that are
+/// some way from the last.
+fn straightened(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    let (mut from, mut cone) = ((0.0, 0.0), (f64::NEG_INFINITY, f64::INFINITY));
+    let rises = points.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    for (i, &point) in points.iter().enumerate() {
+        let is_last = i + 1 == points.len();
+        let keep = match (i, rises) {
+            (0, _) => true,
+            (_, true) => {
+                let run = point.0 - from.0;
+                let slope = |y: f64| (y - from.1) / run;
+                cone = (
+                    cone.0.max(slope(point.1 - STRAIGHT)),
+                    cone.1.min(slope(point.1 + STRAIGHT)),
+                );
+                let next = points
+                    .get(i + 1)
+                    .map(|next| (next.1 - from.1) / (next.0 - from.0));
+                next.is_none_or(|next| next < cone.0 || next > cone.1)
+            }
+            (_, false) => (point.0 - from.0).abs() >= 0.25 || (point.1 - from.1).abs() >= 0.25,
+        };
+        if keep || is_last {
+            kept.push(tenths(point));
+            (from, cone) = (point, (f64::NEG_INFINITY, f64::INFINITY));
+        }
+    }
+    kept
+}
+
+fn tenths((x, y): (f64, f64)) -> (f64, f64) {
+    ((10.0 * x).round() / 10.0, (10.0 * y).round() / 10.0)
 }
 
 /// The colours of an image with their values, right of the frame.
@@ -170,4 +212,31 @@ pub(super) fn draw_colours(svg: &mut Svg, frame: Rect, image: &Image) {
         (frame.right() + 76.0, frame.y + frame.height / 2.0),
         &image.label,
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_out_of_a_curve_lies_on_it() {
+        let wave: Vec<(f64, f64)> = (0..4000)
+            .map(|i| (f64::from(i) * 0.25, 60.0 + 50.0 * (f64::from(i) * 0.01).sin()))
+            .collect();
+        let kept = straightened(&wave);
+        assert!(kept.len() < wave.len() / 10, "{}", kept.len());
+        assert_eq!((kept[0], kept[kept.len() - 1].0), ((0.0, 60.0), 999.8));
+        for (x, y) in wave {
+            let next = kept
+                .partition_point(|point| point.0 <= x)
+                .clamp(1, kept.len() - 1);
+            let ((x0, y0), (x1, y1)) = (kept[next - 1], kept[next]);
+            let on_line = y0 + (x - x0) / (x1 - x0) * (y1 - y0);
+            assert!((on_line - y).abs() < 3.0 * STRAIGHT, "{on_line} {y}");
+        }
+        let spike = [(0.0, 0.0), (1.0, 0.0), (2.0, 9.0), (3.0, 0.0), (4.0, 0.0)];
+        assert_eq!(straightened(&spike).len(), 5);
+        let circle = [(0.0, 0.0), (0.1, 0.1), (5.0, 5.0), (0.0, 9.0)];
+        assert_eq!(straightened(&circle), [(0.0, 0.0), (5.0, 5.0), (0.0, 9.0)]);
+    }
 }

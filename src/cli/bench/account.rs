@@ -5,6 +5,7 @@ use crate::engine::graph::{Graph, NodeId};
 use crate::engine::plan::Plan;
 use crate::engine::run::{Profile, StepCost};
 use crate::report::plot::{Axis, Mark, Plot, Style};
+use crate::report::scale::plain;
 use crate::report::theme::Ink;
 use crate::signal::files;
 use crate::signal::statistics::median;
@@ -305,14 +306,28 @@ impl Account {
             Mark::Areas(Style::named(ink, name), own.map(bar).collect())
         };
         let names = shown.iter().enumerate().map(|(number, row)| {
-            let label = format!("{}, {:.1} ns", row.label, row.median_ns);
+            let label = format!(
+                "{}, {} a tick of {}",
+                row.label,
+                duration(row.median_ns),
+                row.clock
+            );
             (place(number), label)
         });
+        let of_shown: f64 = shown.iter().map(|row| row.load).sum();
+        let steps = match self.rows.len() {
+            all if all == shown.len() => format!("all {all} steps"),
+            of => format!(
+                "{} of {of} steps, {:.0} % of the cost",
+                shown.len(),
+                100.0 * of_shown / all
+            ),
+        };
         let simulated = if self.simulated { "devices simulated, " } else { "" };
         Plot {
             title: format!("Cost of {name}, step by step"),
             note: format!(
-                "{simulated}{:.3} % of one core at its own rate",
+                "{steps}; {simulated}{:.3} % of one core at its own rate",
                 100.0 * self.load
             ),
             x: Axis::of("Share of the cost (%)")
@@ -390,6 +405,16 @@ fn critical_path(graph: &Graph, rows: &[(NodeId, Row)]) -> (Vec<String>, f64) {
     (path, sum)
 }
 
+/// A duration in its unit, with three digits: `1.7 µs`.
+fn duration(ns: f64) -> String {
+    let (value, unit) = match ns {
+        ..1e3 => (ns, "ns"),
+        ..1e6 => (ns * 1e-3, "µs"),
+        _ => (ns * 1e-6, "ms"),
+    };
+    format!("{} {unit}", plain(value))
+}
+
 fn bytes(count: u64) -> String {
     match count {
         0..=9_999 => format!("{count} B"),
@@ -404,4 +429,15 @@ fn peak_bytes() -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_three_digits_and_their_unit() {
+        let shown = [12.34, 1_712.0, 2_500_000.0].map(duration);
+        assert_eq!(shown, ["12.3 ns", "1.71 µs", "2.5 ms"]);
+    }
 }

@@ -3,10 +3,10 @@
 use crate::cli::Failure;
 use crate::cli::progress::Progress;
 use crate::cli::table::table;
-use crate::surfaces::evaluate::holdout::{
-    BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
-};
+use crate::report::holdout::tables::{self, Table};
+use crate::surfaces::evaluate::holdout::{ContactResult, Mean, MethodMean, SplitResult, hold_out_contact};
 use crate::surfaces::evaluate::{Holdout, HoldoutSettings, Take, hold_out};
+use crate::surfaces::learning::processing::ProcessingSettings;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -17,12 +17,22 @@ pub fn found(dir: &Path, takes: &[Take], settings: &HoldoutSettings) -> Result<H
         .map_err(|error| Failure::file("evaluate", dir, &error))
 }
 
-/// A table of methods and one of materials for each split.
+/// Holds out parts of all taps, circles and presses.
+pub fn contacts(takes: &[Take], processing: &ProcessingSettings) -> Vec<ContactResult> {
+    let _progress = Progress::unknown("holding out taps, friction and stiffness");
+    hold_out_contact(takes, processing)
+}
+
+/// A table of materials and one of methods for each split, with the measures to read first.
 pub fn describe(found: &Holdout) -> String {
+    let over = match found.materials.len() {
+        1 => "of 1 material".to_owned(),
+        several => format!("means over {several} materials ± standard error"),
+    };
     let head = format!(
-        "Errors on parts that were not learned from: mean over {} materials ± standard error, {} seeds of noise averaged as powers.\n\
-         LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB. * loses to a plain baseline.\n",
-        found.materials.len(),
+        "Errors on parts that were not learned from: {over}, {} seeds of noise averaged as powers.\n\
+         LSD: log-spectral distance over third octaves from 20 to 1000 Hz, dB. * loses to a plain baseline.\n\
+         --report draws more measures, --json has all.\n",
         found.seeds
     );
     found
@@ -31,145 +41,40 @@ pub fn describe(found: &Holdout) -> String {
         .fold(head, |text, split| text + &of_split(found, split))
 }
 
+/// The measures of methods to read first, by the heads of their columns.
+const FIRST: [&str; 7] = [
+    "",
+    "LSD",
+    "over the floor",
+    "over the best plain",
+    "100-500 Hz",
+    "felt",
+    "total",
+];
+
 fn of_split(found: &Holdout, split: &SplitResult) -> String {
-    let mut text = format!("\n{}\n\n{}", split.split.as_str(), methods_table(split));
-    text += &format!(
-        "\nTwo stationary takes as long as these parts are {:.2} dB apart, one and the mean over seeds {:.2} dB.\n",
-        split.estimator_db.0, split.estimator_db.1
-    );
-    if let Some(left) = split.unexplained_level_db {
-        text += &format!(
-            "Force and speed leave {:.2} dB of the recorded levels over 50 ms unexplained.\n",
-            left.mean
-        );
-    }
-    text + "\n" + &materials_table(found, split)
+    let methods = printed(&tables::methods(split).only(&FIRST));
+    let materials = tables::materials(found, split);
+    let materials = materials.map_or_else(String::new, |table| printed(&table) + "\n");
+    format!(
+        "\n{}\n\n{materials}{methods}\n{}\n",
+        split.split.as_str(),
+        tables::limits(split)
+    )
 }
 
-fn methods_table(split: &SplitResult) -> String {
-    let header = [
-        "",
-        "LSD",
-        "over the floor",
-        "over the best plain",
-        "100-500 Hz",
-        "felt",
-        "absolute",
-        "20-40 Hz",
-        "total",
-        "misplaced %",
-        "kurtosis",
-        "envelope (its seeds)",
-        "NSE",
-        "PE",
-    ];
-    let row = |method: &MethodMean| {
-        let envelope = match (method.envelope_db, method.envelope_floor_db) {
-            (Some(error), Some(floor)) => format!("{:.2} ({:.2})", error.mean, floor.mean),
-            _ => "–".to_owned(),
-        };
-        vec![
-            marked(method),
-            shown(Some(method.lsd_db), 2, false),
-            shown(Some(method.above_floor_db), 2, true),
-            shown(Some(method.above_baseline_db), 2, true),
-            shown(method.middle_lsd_db, 2, false),
-            format!("{:.2}", method.pacinian_lsd_db.mean),
-            format!("{:.2}", method.absolute_db.mean),
-            shown(method.low_db, 1, true),
-            format!("{:+.2}", method.total_db.mean),
-            format!("{:.1}", 100.0 * method.misplaced.mean),
-            format!("{:+.2}", method.kurtosis.mean),
-            envelope,
-            method
-                .nse
-                .map_or_else(|| "–".to_owned(), |nse| format!("{:.4}", nse.mean)),
-            method
-                .pe
-                .map_or_else(|| "–".to_owned(), |pe| format!("{:.3}", pe.mean)),
-        ]
-    };
-    table(&header, &split.methods.iter().map(row).collect::<Vec<_>>())
-}
-
-fn marked(method: &MethodMean) -> String {
-    let star = if method.loses { " *" } else { "" };
-    format!("{}{star}", method.method.title())
-}
-
-fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
-    let Some(Mean { mean, error }) = value else {
-        return "–".to_owned();
-    };
-    let mean = if signed {
-        format!("{mean:+.digits$}")
-    } else {
-        format!("{mean:.digits$}")
-    };
-    error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
-}
-
-/// Distances material by material.
-fn materials_table(found: &Holdout, split: &SplitResult) -> String {
-    let words = split.methods.iter().map(|method| method.method.as_str());
-    let header: Vec<&str> = std::iter::once("LSD, dB").chain(words).collect();
-    let complete = |method: &&MethodMean| method.lsd_by_material.len() == found.materials.len();
-    if !split.methods.iter().all(|method| complete(&method)) {
-        return String::new();
-    }
-    let best = |material: usize| {
-        let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
-        plain
-            .map(|m| m.lsd_by_material[material])
-            .fold(f64::INFINITY, f64::min)
-    };
-    let rows = found.materials.iter().enumerate().map(|(material, name)| {
-        let cells = split.methods.iter().map(|method| {
-            let lsd = method.lsd_by_material[material];
-            let plain = BASELINES.contains(&method.method);
-            let floor = method.method == Method::Floor;
-            let star = if !plain && !floor && lsd > best(material) {
-                "*"
-            } else {
-                ""
-            };
-            format!("{star}{lsd:.2}")
-        });
-        std::iter::once(name.clone()).chain(cells).collect()
-    });
-    table(&header, &rows.collect::<Vec<Vec<String>>>())
+fn printed(of: &Table) -> String {
+    let head: Vec<&str> = of.head.iter().map(String::as_str).collect();
+    table(&head, &of.rows)
 }
 
 /// A table of methods for each quantity of a contact.
 pub fn describe_contact(found: &[ContactResult]) -> String {
-    let of = |contact: Contact| -> Vec<&ContactResult> {
-        found.iter().filter(|result| result.contact == contact).collect()
-    };
-    let tables = Contact::ALL
-        .into_iter()
-        .map(of)
-        .filter(|results| !results.is_empty());
-    tables.map(|results| contact_table(&results)).collect()
-}
-
-/// The splits of one quantity, side by side.
-fn contact_table(results: &[&ContactResult]) -> String {
-    let contact = results[0].contact;
-    let splits = results
+    let tables = tables::contacts(found);
+    tables
         .iter()
-        .map(|result| format!("{} ({})", result.split, result.materials.len()));
-    let header: Vec<String> = std::iter::once(contact.title().to_owned())
-        .chain(splits)
-        .collect();
-    let rows = contact.methods().iter().enumerate().map(|(method, title)| {
-        let cells = results.iter().map(|result| {
-            let star = if method == 0 && result.loses { "*" } else { "" };
-            format!("{star}{}", shown(Some(result.means[method]), 1, false))
-        });
-        std::iter::once((*title).to_owned()).chain(cells).collect()
-    });
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    format!("\n{}", table(&header, &rows.collect::<Vec<Vec<String>>>()))
+        .map(|table| format!("\n{}", printed(table)))
+        .collect()
 }
 
 /// All measures of all splits, and the distance in each fold.

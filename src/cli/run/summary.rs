@@ -4,12 +4,11 @@ use super::endpoints::Endpoints;
 use super::{Arguments, Shown, has_end};
 use crate::engine::graph::Graph;
 use crate::engine::run::Outcome;
-use crate::report::asked::{Drawn, Form};
 use crate::report::drawing;
 use crate::report::facts::{self, Fact, Facts};
 use crate::report::headlines::Headline;
 use crate::report::page::{Page, Simulation};
-use crate::report::record::{Record, friction, watch};
+use crate::report::record::{Record, friction};
 use crate::report::sound::{Sound, audible};
 use crate::surfaces::{Surface, files};
 use serde_json::json;
@@ -137,11 +136,10 @@ impl Summary {
             friction: friction(graph),
             files: facts::files_beside(graph, &[("graph.svg", "the drawing of the graph")]),
             sound,
-            asked_signals: asked_signals(graph, shown),
             asked: shown
                 .asked
                 .iter()
-                .flat_map(|(asked, traces)| asked.plots(&[Drawn { name: "", traces }]))
+                .map(|(asked, traces)| (asked, traces.as_slice()))
                 .collect(),
             signals: shown.records.iter().map(Record::content).collect(),
             textures: textures.collect(),
@@ -149,19 +147,6 @@ impl Summary {
         }
         .to_html()
     }
-}
-
-/// The signals that the plots which are asked for show over time, by node and port.
-fn asked_signals(graph: &Graph, shown: &Shown) -> Vec<String> {
-    let over_time = shown
-        .asked
-        .iter()
-        .filter(|(asked, _)| asked.form == Form::OverTime);
-    over_time
-        .flat_map(|(asked, _)| &asked.signals)
-        .filter_map(|signal| watch(graph, signal.node, signal.output))
-        .map(|watch| watch.stream.name)
-        .collect()
 }
 
 /// The surfaces of nodes with a place on a map, by the name of that signal.

@@ -1,0 +1,189 @@
+//! The tables of held-out parts, of which the terminal and the page show the same cells.
+
+use haptograph_surfaces::evaluate::Holdout;
+use haptograph_surfaces::evaluate::holdout::{
+    BASELINES, Contact, ContactResult, Mean, Method, MethodMean, SplitResult,
+};
+
+/// A table of text: a head, and rows whose first cell is a name.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Table {
+    /// Heads of all columns; the first is that of the names.
+    pub head: Vec<String>,
+    /// Rows, each as long as the head.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// The columns with these heads.
+    #[must_use]
+    pub fn only(&self, heads: &[&str]) -> Self {
+        let columns = self.head.iter().enumerate();
+        let columns: Vec<usize> = columns
+            .filter(|(_, head)| heads.contains(&head.as_str()))
+            .map(|(column, _)| column)
+            .collect();
+        let chosen = |cells: &Vec<String>| -> Vec<String> {
+            columns
+                .iter()
+                .filter_map(|column| cells.get(*column).cloned())
+                .collect()
+        };
+        Self {
+            head: chosen(&self.head),
+            rows: self.rows.iter().map(chosen).collect(),
+        }
+    }
+}
+
+/// Every method with all measures; `*` marks one that loses to a plain baseline.
+pub fn methods(split: &SplitResult) -> Table {
+    let head = [
+        "",
+        "LSD",
+        "over the floor",
+        "over the best plain",
+        "100-500 Hz",
+        "felt",
+        "absolute",
+        "20-40 Hz",
+        "total",
+        "misplaced %",
+        "kurtosis",
+        "envelope (its seeds)",
+        "NSE",
+        "PE",
+    ];
+    Table {
+        head: head.map(str::to_owned).to_vec(),
+        rows: split.methods.iter().map(method_row).collect(),
+    }
+}
+
+fn method_row(method: &MethodMean) -> Vec<String> {
+    let envelope = match (method.envelope_db, method.envelope_floor_db) {
+        (Some(error), Some(floor)) => format!("{:.2} ({:.2})", error.mean, floor.mean),
+        _ => "–".to_owned(),
+    };
+    let alone = |value: Option<Mean>, digits: usize| {
+        value.map_or_else(|| "–".to_owned(), |value| format!("{:.digits$}", value.mean))
+    };
+    let star = if method.loses { " *" } else { "" };
+    vec![
+        format!("{}{star}", method.method.title()),
+        shown(Some(method.lsd_db), 2, false),
+        shown(Some(method.above_floor_db), 2, true),
+        shown(Some(method.above_baseline_db), 2, true),
+        shown(method.middle_lsd_db, 2, false),
+        format!("{:.2}", method.pacinian_lsd_db.mean),
+        format!("{:.2}", method.absolute_db.mean),
+        shown(method.low_db, 1, true),
+        format!("{:+.2}", method.total_db.mean),
+        format!("{:.1}", 100.0 * method.misplaced.mean),
+        format!("{:+.2}", method.kurtosis.mean),
+        envelope,
+        alone(method.nse, 4),
+        alone(method.pe, 3),
+    ]
+}
+
+/// A mean with its standard error.
+fn shown(value: Option<Mean>, digits: usize, signed: bool) -> String {
+    let Some(Mean { mean, error }) = value else {
+        return "–".to_owned();
+    };
+    let mean = if signed {
+        format!("{mean:+.digits$}")
+    } else {
+        format!("{mean:.digits$}")
+    };
+    error.map_or_else(|| mean.clone(), |error| format!("{mean} ±{error:.digits$}"))
+}
+
+/// Distances material by material; `*` marks a method that loses to a plain baseline on that material. `None` where a
+/// material has no result.
+pub fn materials(found: &Holdout, split: &SplitResult) -> Option<Table> {
+    let complete = |method: &MethodMean| method.lsd_by_material.len() == found.materials.len();
+    if !split.methods.iter().all(complete) {
+        return None;
+    }
+    let words = split
+        .methods
+        .iter()
+        .map(|method| method.method.as_str().to_owned());
+    let rows = found.materials.iter().enumerate().map(|(material, name)| {
+        let best = best_plain(split, material);
+        let cells = split.methods.iter().map(|method| {
+            let lsd = method.lsd_by_material[material];
+            let star = if is_learned(method.method) && lsd > best {
+                "*"
+            } else {
+                ""
+            };
+            format!("{star}{lsd:.2}")
+        });
+        std::iter::once(name.clone()).chain(cells).collect()
+    });
+    Some(Table {
+        head: std::iter::once("LSD, dB".to_owned()).chain(words).collect(),
+        rows: rows.collect(),
+    })
+}
+
+/// Neither the floor nor a plain baseline.
+fn is_learned(method: Method) -> bool {
+    method != Method::Floor && !BASELINES.contains(&method)
+}
+
+/// The least distance of a plain baseline on one material, dB.
+fn best_plain(split: &SplitResult, material: usize) -> f64 {
+    let plain = split.methods.iter().filter(|m| BASELINES.contains(&m.method));
+    plain
+        .filter_map(|m| m.lsd_by_material.get(material).copied())
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// A table for each quantity of a contact, its splits side by side; `*` marks what loses to a plain alternative.
+pub fn contacts(found: &[ContactResult]) -> Vec<Table> {
+    let of = |contact: Contact| -> Vec<&ContactResult> {
+        found.iter().filter(|result| result.contact == contact).collect()
+    };
+    let results = Contact::ALL.into_iter().map(of);
+    results
+        .filter_map(|results| contact(results.first()?.contact, &results))
+        .collect()
+}
+
+fn contact(contact: Contact, results: &[&ContactResult]) -> Option<Table> {
+    let splits = results
+        .iter()
+        .map(|result| format!("{} ({})", result.split, result.materials.len()));
+    let rows = contact.methods().iter().enumerate().map(|(method, title)| {
+        let cells = results.iter().map(|result| {
+            let star = if method == 0 && result.loses { "*" } else { "" };
+            format!("{star}{}", shown(result.means.get(method).copied(), 1, false))
+        });
+        std::iter::once((*title).to_owned()).chain(cells).collect()
+    });
+    (!results.is_empty()).then(|| Table {
+        head: std::iter::once(contact.title().to_owned())
+            .chain(splits)
+            .collect(),
+        rows: rows.collect(),
+    })
+}
+
+/// How far the parts themselves are apart: by chance, and by what force and speed leave unexplained.
+pub fn limits(split: &SplitResult) -> String {
+    let by_chance = format!(
+        "Two stationary takes as long as these parts are {:.2} dB apart, one and the mean over seeds {:.2} dB.",
+        split.estimator_db.0, split.estimator_db.1
+    );
+    match split.unexplained_level_db {
+        Some(left) => format!(
+            "{by_chance}\nForce and speed leave {:.2} dB of the recorded levels over 50 ms unexplained.",
+            left.mean
+        ),
+        None => by_chance,
+    }
+}
