@@ -1,7 +1,7 @@
 //! What each node of a live run costs, by timing a few of its blocks step by step.
 
 use super::Run;
-use super::profile::{Watch, look_ns};
+use super::profile::{StepObserver, clock_ns};
 use crate::graph::NodeId;
 use crate::plan::{Plan, StepTime};
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ const EVERY: u64 = 16;
 const STRIDE: u32 = 0x9E37_79B9;
 
 /// What looking at the clock itself takes, ns.
-static LOOK_NS: LazyLock<f64> = LazyLock::new(look_ns);
+static CLOCK_NS: LazyLock<f64> = LazyLock::new(clock_ns);
 
 /// Which blocks are timed.
 #[derive(Debug, Default)]
@@ -43,7 +43,7 @@ struct Stopwatch<'p> {
     times: &'p [StepTime],
 }
 
-impl Watch for Stopwatch<'_> {
+impl StepObserver for Stopwatch<'_> {
     const APART: bool = true;
 
     fn done(&mut self, number: usize, ticks: usize) {
@@ -74,7 +74,7 @@ pub(super) fn of_nodes(plan: &Plan) -> Vec<(NodeId, f64)> {
     for (step, time) in plan.steps.iter().zip(&*plan.times) {
         let (ns, looks) = time.get();
         if looks > 0 {
-            *nodes.entry(step.node).or_default() += (ns as f64 - looks as f64 * *LOOK_NS).max(0.0);
+            *nodes.entry(step.node).or_default() += (ns as f64 - looks as f64 * *CLOCK_NS).max(0.0);
         }
     }
     nodes.into_iter().collect()
