@@ -44,9 +44,9 @@ struct Stopwatch<'p> {
 }
 
 impl StepObserver for Stopwatch<'_> {
-    const APART: bool = true;
+    const STEPWISE: bool = true;
 
-    fn done(&mut self, number: usize, ticks: usize) {
+    fn step_done(&mut self, number: usize, ticks: usize) {
         let now = Instant::now();
         if let Some(time) = self.times.get(number).filter(|_| ticks > 0) {
             time.add(now.duration_since(self.latest).as_nanos() as u64);
