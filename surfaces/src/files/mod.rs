@@ -252,6 +252,9 @@ pub enum Problem {
         /// What the parser found and what it expected.
         message: String,
     },
+    /// A graph file in the place of a surface file.
+    #[error("this file is a graph; a surface begins with `Surface(`")]
+    Graph,
     /// Another version of the format.
     #[error(
         "the file is of format {found}, this haptograph reads format {}; use the haptograph that wrote it, or a newer one",
