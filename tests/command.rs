@@ -109,13 +109,15 @@ fn a_probe_writes_any_port_and_names_the_unit() {
         "speed.speed=speed.csv",
         "--probe",
         "texture/filter.acceleration=a.wav",
+        "--probe",
+        "texture=template.csv",
     ];
     texturepad(folder.path(), "run", &probes);
     let table = fs::read_to_string(folder.path().join("speed.csv")).unwrap();
     assert!(table.lines().next().unwrap().contains("m_s"), "{table}");
     // 125 Hz for 0.7 s.
     assert_eq!(table.lines().count(), 1 + 88);
-    assert!(folder.path().join("a.wav").exists());
+    assert!(folder.path().join("a.wav").exists() && folder.path().join("template.csv").exists());
     for note in ["speed.csv.ron", "a.wav.ron", "run/hand.csv.ron"] {
         let note = fs::read_to_string(folder.path().join(note)).unwrap();
         assert!(note.contains("    simulated: true,\n"), "{note}");

@@ -4,7 +4,7 @@ use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode, Slot};
 use super::memory::{self, Memory};
-use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
+use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
@@ -519,12 +519,14 @@ pub(super) fn assemble(
             nodes.add_edge(NodeIndex::new(wire.from), NodeIndex::new(to), edge);
         }
     }
+    let template_outputs = wires::template_outputs(&mut cx, &draft);
     Some(Graph {
         about: cx.document.about.clone(),
         seed,
         clocks: clocks.list,
         base: clocks.base?,
         nodes,
+        template_outputs,
         devices: graph_devices,
         sources: cx.sources,
         warnings: cx.diagnostics,

@@ -239,25 +239,14 @@ fn claim(graph: &Graph) -> Result<Playing, HostError> {
 }
 
 impl Graph {
-    /// The output of a node by its name, `"texture.output"`, or `"texture"` where it has one: the node, and the output's
-    /// place among its outputs.
+    /// The output that an input of the graph would name so: `"texture.acceleration"`, or `"texture"` where it has one. `texture`
+    /// may be a node or the use of a template. Returns the node, and the output's place among its outputs.
     ///
     /// # Errors
     /// [`HostError::Unknown`] says what there is.
     pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
-        let nodes = || self.nodes().ids().zip(self.nodes().iter());
-        let mut found = nodes().flat_map(|(index, node)| {
-            let outputs = node.outputs.iter().enumerate();
-            outputs.map(move |(output, port)| (index, output, node, port))
-        });
-        let matches = |path: &str, port: &str, outputs: usize| {
-            name.strip_prefix(path).is_some_and(|rest| {
-                (rest.is_empty() && outputs == 1) || rest.strip_prefix('.').is_some_and(|rest| rest == port)
-            })
-        };
-        let found = found.find(|(_, _, node, port)| matches(&node.path, port.name, node.outputs.len()));
-        found.map(|(index, output, ..)| (index, output)).ok_or_else(|| {
-            let ports = nodes().flat_map(|(_, node)| {
+        self.output_called(name).ok_or_else(|| {
+            let ports = self.nodes().iter().flat_map(|node| {
                 node.outputs
                     .iter()
                     .map(move |port| format!("{}.{}", node.path, port.name))
