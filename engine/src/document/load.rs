@@ -155,6 +155,7 @@ impl Loader {
             folder: &|span| folder(sources, span.source),
             files: &mut Vec::new(),
             setting: None,
+            first_given: u32::MAX,
         });
         self.document.findings = diagnostics;
         read
