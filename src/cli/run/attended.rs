@@ -2,6 +2,8 @@
 
 mod change;
 
+pub use change::shown;
+
 use super::super::terminal::is_coloured;
 use super::super::{GraphArguments, fault, remark};
 use super::Arguments;
