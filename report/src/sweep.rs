@@ -17,6 +17,8 @@ use haptograph_surfaces::TextureModel;
 pub struct SweptRun<'a> {
     /// What was set for it.
     pub name: String,
+    /// The head of its column: the value alone where the runs differ in one parameter.
+    pub head: String,
     /// Its own page, from the folder of this one.
     pub page: Option<String>,
     /// Its signals, the same in every run.
@@ -34,6 +36,8 @@ pub struct SweepPage<'a> {
     pub title: String,
     /// What the graph is about, as its file tells it.
     pub about: String,
+    /// The parameter in which the runs differ, if it is one.
+    pub over: Option<String>,
     /// What of it comes from simulated devices.
     pub simulation: Simulation,
     /// What tells the friction, of the signals.
@@ -51,11 +55,7 @@ pub struct SweepPage<'a> {
 impl SweepPage<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
-        let warnings: Vec<String> = self
-            .runs
-            .iter()
-            .flat_map(|run| run.warnings.iter().map(move |w| format!("{}: {w}", run.name)))
-            .collect();
+        let warnings = self.warnings();
         let mut plots = self.maps();
         for (i, asked) in self.asked.iter().enumerate() {
             let runs: Vec<Drawn<'_>> = self
@@ -89,6 +89,24 @@ impl SweepPage<'_> {
             sections: &sections,
         }
         .to_html()
+    }
+
+    /// Every warning once, with the runs that it is about.
+    fn warnings(&self) -> Vec<String> {
+        let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
+        for run in &self.runs {
+            for warning in &run.warnings {
+                match found.iter_mut().find(|(known, _)| *known == warning.as_str()) {
+                    Some((_, runs)) => runs.push(&run.name),
+                    None => found.push((warning.as_str(), vec![run.name.as_str()])),
+                }
+            }
+        }
+        let shown = |(warning, runs): (&str, Vec<&str>)| match runs.len() == self.runs.len() {
+            true if runs.len() > 1 => format!("in all runs: {warning}"),
+            _ => format!("{}: {warning}", runs.join("; ")),
+        };
+        found.into_iter().map(shown).collect()
     }
 
     /// A line with the pages of the runs.
@@ -181,7 +199,7 @@ impl SweepPage<'_> {
     fn table(&self) -> String {
         let heads = self.runs.iter().enumerate().map(|(number, run)| {
             let ink = Ink::of_run(number).class();
-            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.name))
+            format!("<th><i class=\"swatch b{ink}\"></i>{}</th>", escape(&run.head))
         });
         let rows = self.distinct().filter_map(|signal| self.row(signal));
         let (mut differing, same): (Vec<Row>, Vec<Row>) = rows.partition(|row| row.spread > SAME);
@@ -202,10 +220,14 @@ impl SweepPage<'_> {
         };
         let table = match cells.as_str() {
             "" => "<p>No signal differs between the runs.</p>".to_owned(),
-            rows => format!(
-                "<div class=\"scroll\"><table><tr><th>Root mean square</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
-                heads.collect::<String>()
-            ),
+            rows => {
+                let over = self.over.as_ref();
+                let over = over.map_or_else(String::new, |name| format!(", {} =", escape(name)));
+                format!(
+                    "<div class=\"scroll\"><table><tr><th>Root mean square{over}</th>{}<th>largest by smallest</th></tr>{rows}</table></div>",
+                    heads.collect::<String>()
+                )
+            }
         };
         table + &same
     }

@@ -178,9 +178,13 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             Ok((case, run, graph))
         })
         .collect::<Result<_, Failure>>()?;
-    for (_, _, graph) in &graphs {
-        if !graph.warnings().is_empty() {
-            remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
+    let mut warned: Vec<String> = Vec::new();
+    for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
+        let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
+        // What all runs are warned of is said once.
+        if !warned.contains(&text) {
+            remark(&text);
+            warned.push(text);
         }
     }
     let target = arguments.out.clone().unwrap_or_else(|| {
@@ -290,8 +294,16 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     let textures = surfaces
         .iter()
         .filter_map(|(name, surface)| Some((name.clone(), surface.texture.as_ref()?)));
+    let over = match (&*arguments.over, &*arguments.case) {
+        ([(name, _)], []) => Some(name.clone()),
+        _ => None,
+    };
     let runs = done.iter().enumerate().map(|(number, run)| SweptRun {
         name: run.label.clone(),
+        head: match over {
+            Some(_) => run.name.clone(),
+            None => run.label.clone(),
+        },
         page: Some(format!("{:02}/report.html", number + 1)),
         signals: run.shown.records.iter().map(Record::content).collect(),
         drawn: run
@@ -320,6 +332,7 @@ fn page(arguments: &Arguments, done: &[Done]) -> String {
     SweepPage {
         title: format!("{}, {} runs", arguments.graph.name(), done.len()),
         about: first.graph.about().to_owned(),
+        over: over.clone(),
         simulation: first.summary.simulation().clone(),
         friction: friction(&first.graph),
         facts,
