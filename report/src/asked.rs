@@ -11,6 +11,7 @@ use haptograph_engine::graph::Graph;
 use haptograph_engine::node::{FrameWriter, Stream};
 use haptograph_nodes::sinks::plots::GROUP;
 use haptograph_signal::quantity::Quantity;
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A plot that a graph asks for.
@@ -303,8 +304,9 @@ impl Asked {
                 let x_trace = runs.get(curve.run)?.traces.first()?;
                 let points = paired(&x_trace.points(), &curve.trace.points());
                 let shown = points.into_iter().map(|(x, y)| (x_unit.show(x), y_unit.show(y)));
-                Some(Mark::Dots(curve.style().weight(Weight::Hair), shown.collect()))
+                Some(dots(curve, shown.collect()))
             })
+            .flatten()
             .collect();
         vec![plot]
     }
@@ -546,6 +548,46 @@ impl Trace {
             _ => self.stream.quantity,
         }
     }
+}
+
+/// The dots of a curve: where few lie together each is large and opaque, where many do they are small and shine through.
+fn dots(curve: &Curve<'_>, points: Vec<(f64, f64)>) -> Vec<Mark> {
+    let (few, many) = by_density(points);
+    let small = curve.style().weight(Weight::Hair);
+    match (few.is_empty(), many.is_empty()) {
+        (_, true) => vec![Mark::Dots(curve.style(), few)],
+        (true, _) => vec![Mark::Dots(small, many)],
+        _ => vec![Mark::Dots(small, many), Mark::Dots(Style::of(curve.ink), few)],
+    }
+}
+
+/// Points of which few lie together, and the others, both in their order.
+fn by_density(points: Vec<(f64, f64)>) -> (Vec<(f64, f64)>, Vec<(f64, f64)>) {
+    /// Places across and up, each about as large as a dot; points in one that are few.
+    const PLACES: (f64, f64) = (150.0, 50.0);
+    const FEW: usize = 4;
+    let span = |of: fn(&(f64, f64)) -> f64| {
+        let finite = points.iter().map(of).filter(|x| x.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+            (low.min(x), high.max(x))
+        });
+        (low, (high - low).max(f64::MIN_POSITIVE))
+    };
+    let ((x_low, width), (y_low, height)) = (span(|p| p.0), span(|p| p.1));
+    let place = |p: &(f64, f64)| {
+        let part = |x: f64, low: f64, span: f64, places: f64| ((x - low) / span * places) as i64;
+        (
+            part(p.0, x_low, width, PLACES.0),
+            part(p.1, y_low, height, PLACES.1),
+        )
+    };
+    let mut counts: HashMap<(i64, i64), usize> = HashMap::new();
+    for point in &points {
+        *counts.entry(place(point)).or_default() += 1;
+    }
+    points
+        .into_iter()
+        .partition(|point| counts.get(&place(point)).is_none_or(|count| *count <= FEW))
 }
 
 /// A range that holds the values of all curves, with a little room.

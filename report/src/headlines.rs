@@ -208,7 +208,7 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
             "<div><span>{}</span><b>{}</b><span>{}</span></div>",
             escape(&headline.label),
             escape(&headline.value),
-            escape(&headline.of)
+            breakable(&escape(&headline.of))
         )
     };
     match headlines {
@@ -218,6 +218,19 @@ pub(super) fn cards(headlines: &[Headline]) -> String {
             some.iter().map(card).collect::<String>()
         ),
     }
+}
+
+/// Names of signals may break behind the slashes and dots in them: `texture/filter.acceleration`.
+fn breakable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        shown.push(letter);
+        if matches!(letter, '/' | '.') && letters.peek().is_some_and(|next| next.is_alphabetic()) {
+            shown.push_str("<wbr>");
+        }
+    }
+    shown
 }
 
 #[cfg(test)]
