@@ -124,8 +124,8 @@ fn listed(examples: &[&str]) -> String {
 /// What somebody does first.
 const FIRST_STEPS: &[&str] = &[
     "run graphs/texturepad.ron --open",
-    "new mine.ron",
-    "check mine.ron",
+    "new my-graph.ron",
+    "check my-graph.ron",
     "nodes --find filter",
 ];
 

@@ -151,7 +151,7 @@ fn a_setting_typed_while_it_runs_glides_and_a_stop_completes_the_files() {
     fs::write(folder.path().join("tone.ron"), TONE).unwrap();
     let mut run = Running::start(folder.path(), &["run", "tone.ron", "--live", "--out", "out"]);
     run.type_line("set loudness=0.5");
-    run.wait_for("a setting changed");
+    run.wait_for("set: loud.gain=0.5 (taken over in");
     // It takes 20 ms to get there.
     std::thread::sleep(Duration::from_millis(300));
     run.type_line("set loud.gain=0.75");

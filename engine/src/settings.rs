@@ -8,6 +8,7 @@ pub use spelling::closest;
 
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
+use haptograph_signal::units;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -85,6 +86,8 @@ pub struct Reading<'a> {
     pub files: &'a mut Vec<PathBuf>,
     /// The setting that is being read.
     pub setting: Option<&'static str>,
+    /// The first source that is no file: what was given on the command line.
+    pub first_given: u32,
 }
 
 impl Reading<'_> {
@@ -96,8 +99,22 @@ impl Reading<'_> {
             _ => value.describe().to_owned(),
         };
         let mut diagnostic = self.wrong(value, expected, &found);
-        diagnostic.help.extend(correction(value, expected));
+        let is_written = value.span.source.0 < self.first_given;
+        diagnostic.help.extend(correction(value, expected, is_written));
         self.diagnostics.push(diagnostic);
+    }
+
+    /// Reports that `value` is none of `choices`, which are written without quotes.
+    pub fn not_a_choice(&mut self, value: &Value, choices: &[&str]) {
+        let expected = format!("one of {}", choices.join(", "));
+        match &value.shape {
+            Shape::String(text) if choices.contains(&text.as_str()) => {
+                let diagnostic = self.wrong(value, &expected, value.describe());
+                self.diagnostics
+                    .push(diagnostic.help(format!("write `{text}` without quotes")));
+            }
+            _ => self.mismatch(value, &expected),
+        }
     }
 
     /// Reports that `value` has `found` values instead of the expected number.
@@ -123,10 +140,13 @@ impl Reading<'_> {
     }
 }
 
-/// Help for a value of the wrong type, if the correct form can be inferred.
-fn correction(value: &Value, expected: &str) -> Option<String> {
+/// Help for a value of the wrong type, if the correct form can be inferred; `is_written` if it stands in a file.
+fn correction(value: &Value, expected: &str, is_written: bool) -> Option<String> {
     let wants_number = expected.contains("number");
     match (&value.shape, value.bare_name()) {
+        (Shape::String(_), _) if expected.starts_with("a list") => {
+            Some("its values are written into the graph: `[...]`".to_owned())
+        }
         (Shape::String(text), _) if wants_number => {
             let text = text.trim();
             let with_point = text.replacen(',', ".", 1);
@@ -141,6 +161,7 @@ fn correction(value: &Value, expected: &str) -> Option<String> {
         (_, Some("pi" | "PI")) if wants_number => {
             Some(format!("write the number: `{}`", std::f64::consts::PI))
         }
+        (_, Some(_)) if wants_number && !is_written => Some("write a number".to_owned()),
         (_, Some(name)) if wants_number => Some(format!(
             "write a number; in a graph the value of a parameter is `Param(\"{name}\")`"
         )),
@@ -148,6 +169,9 @@ fn correction(value: &Value, expected: &str) -> Option<String> {
         _ => None,
     }
 }
+
+/// Fields of every kind of node; messages list them last.
+const OF_EVERY_NODE: [&str; 2] = ["clock", "only"];
 
 /// The fields of a structure while it is read.
 #[derive(Debug, Clone)]
@@ -226,6 +250,11 @@ impl Fields {
             .any(|(missing, special)| missing == name && special.is_none())
     }
 
+    /// Whether an error was reported for the value of any field.
+    pub(crate) fn has_reported(&self) -> bool {
+        self.missing.iter().any(|(_, special)| special.is_none())
+    }
+
     /// The fields that have not been taken.
     pub fn remaining(&self) -> &[(Name, Value)] {
         &self.entries
@@ -233,27 +262,55 @@ impl Fields {
 
     /// Reports missing fields and fields that were not taken.
     pub fn finish(mut self, reading: &mut Reading<'_>) {
-        for (name, _) in &self.entries {
+        for (name, value) in std::mem::take(&mut self.entries) {
             let message = format!("{} has no field `{}`", self.owner, name.text);
-            let mut diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
-            // A missing field is the most likely match.
-            let missed = closest(&name.text, self.missed.iter().map(|(name, _)| name.as_str()));
-            let near = missed.or_else(|| closest(&name.text, self.known.iter().map(String::as_str)));
-            diagnostic = match near {
-                Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
-                None if self.known.is_empty() => diagnostic.help("it takes no fields"),
-                None => diagnostic.help(format!("its fields are {}", self.known.join(", "))),
-            };
-            if let Some(misspelt) = missed.map(str::to_owned) {
-                self.missed.retain(|(name, _)| *name != misspelt);
-            }
-            reading.diagnostics.push(diagnostic);
+            let diagnostic = Diagnostic::error("E0204", name.span, message).label("unknown field");
+            let (meant, help) = self.meant(&name.text, &value);
+            self.missed.retain(|(missed, _)| Some(missed) != meant.as_ref());
+            reading.diagnostics.push(diagnostic.help(help));
         }
         let missed = self.missed.into_iter().map(|(_, diagnostic)| diagnostic);
         reading.diagnostics.extend(missed);
     }
 
-    /// Reads a field by its spec; used by [`settings!`](crate::settings!).
+    /// Which field was meant by a name that is none, and what to do.
+    fn meant(&self, name: &str, value: &Value) -> (Option<String>, String) {
+        if let Shape::Number(number, _) = value.shape
+            && let Some((known, factor)) = self
+                .known
+                .iter()
+                .find_map(|known| Some((known, units::between(name, known)?)))
+        {
+            let help = format!("did you mean `{known}: {}`?", spelling::rounded(number * factor));
+            return (Some(known.clone()), help);
+        }
+        // A field that is missing is the likeliest to be meant.
+        let missed = closest(name, self.missed.iter().map(|(name, _)| name.as_str()));
+        let near = missed.or_else(|| closest(name, self.known.iter().map(String::as_str)));
+        let help = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if self.known.is_empty() => "it takes no fields".to_owned(),
+            None => self.list(),
+        };
+        (missed.map(str::to_owned), help)
+    }
+
+    /// All fields that there are, those of its own first.
+    fn list(&self) -> String {
+        let is_general = |name: &&String| OF_EVERY_NODE.contains(&name.as_str());
+        let quoted = |names: Vec<&String>| {
+            let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+            names.join(", ")
+        };
+        let (general, own): (Vec<_>, Vec<_>) = self.known.iter().partition(is_general);
+        match (own.is_empty(), general.is_empty()) {
+            (false, false) => format!("its fields are {}, and {}", quoted(own), quoted(general)),
+            (true, _) => format!("its fields are {}", quoted(general)),
+            (_, true) => format!("its fields are {}", quoted(own)),
+        }
+    }
+
+    /// Reads one field by its spec; the workhorse of [`settings!`](crate::settings!).
     pub fn setting<T: Setting>(
         &mut self,
         name: &'static str,
@@ -484,7 +541,7 @@ macro_rules! choices {
                 let $crate::document::value::Shape::Tagged($crate::document::value::Tagged {
                     name: Some(name), ..
                 }) = &value.shape else {
-                    reading.mismatch(value, &Self::expected());
+                    reading.not_a_choice(value, &[$(stringify!($variant)),*]);
                     return None;
                 };
                 match name.text.as_str() {

@@ -8,6 +8,7 @@ use super::svg::escape;
 use super::theme::Ink;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use haptograph_signal::quantity::Quantity;
 
 /// How much of the sound is shown up close, s.
 const CLOSE_UP_S: f64 = 0.05;
@@ -28,7 +29,8 @@ fn about(sound: &Sound) -> String {
     let simulated = if stream.simulated { ", simulated" } else { "" };
     let extent = match sound.of_s - sound.duration_s() > 1e-3 {
         true => format!("The first {:.0} s of {:.1} s of", sound.duration_s(), sound.of_s),
-        false => "The vibration of".to_owned(),
+        false if stream.quantity == Quantity::ACCELERATION => "The vibration of".to_owned(),
+        false => format!("The {} of", stream.quantity.name().unwrap_or("signal")),
     };
     let resampled = match stream.rate.hz() == f64::from(RATE_HZ) {
         true => String::new(),

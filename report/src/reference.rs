@@ -2,6 +2,7 @@
 //! be out of date.
 
 use haptograph_engine::device::{Channel, DeviceEntry};
+use haptograph_engine::document::library::{LibraryTemplate, templates};
 use haptograph_engine::node::{Flow, KindRule, NodeEntry, Presence, QuantityRule};
 use haptograph_engine::registry::Registry;
 use haptograph_engine::settings::SettingSpec;
@@ -50,6 +51,9 @@ const BRIDGE_KINDS: [(&str, &str); 6] = [
     ),
 ];
 
+/// The group of the templates, which are used as kinds of nodes are, once their file is included.
+pub const TEMPLATES: &str = "templates";
+
 /// Names of the bridges.
 pub fn bridges() -> impl Iterator<Item = &'static str> {
     BRIDGE_KINDS.into_iter().map(|(name, _)| name)
@@ -62,12 +66,25 @@ impl Filter {
         if !self.words.is_empty() {
             add_words(&mut text, settings);
         }
-        let text = text.to_lowercase();
         self.group
             .as_deref()
             .is_none_or(|wanted| wanted.eq_ignore_ascii_case(group))
-            && self.words.iter().all(|word| text.contains(&word.to_lowercase()))
+            && self.words.iter().all(|word| has_word(&text, word))
     }
+}
+
+/// Does a word of the text begin so? A name in camel case is several words: `LowPass`.
+fn has_word(text: &str, beginning: &str) -> bool {
+    let text: Vec<char> = text.chars().collect();
+    let wanted: Vec<char> = beginning.to_lowercase().chars().collect();
+    let begins = |at: usize| match at.checked_sub(1).map(|before| text[before]) {
+        Some(before) => !before.is_alphanumeric() || before.is_lowercase() && text[at].is_uppercase(),
+        None => true,
+    };
+    (0..text.len()).filter(|at| begins(*at)).any(|at| {
+        let found = text[at..].iter().flat_map(|c| c.to_lowercase());
+        found.take(wanted.len()).eq(wanted.iter().copied())
+    })
 }
 
 /// Adds names and descriptions of settings to a text that is searched.
@@ -98,7 +115,12 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
     let bridges = BRIDGE_KINDS
         .into_iter()
         .map(|(name, doc)| (BRIDGES, name, doc, Vec::new()));
+    let templates = templates(registry.library());
+    let shelved = templates
+        .iter()
+        .map(|template| (TEMPLATES, &*template.name, &*template.about, Vec::new()));
     let found: Vec<_> = entries
+        .chain(shelved)
         .chain(devices)
         .chain(bridges)
         .filter(|(group, name, doc, settings)| filter.takes(name, group, doc, settings))
@@ -116,6 +138,7 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
         text += match group {
             DEVICES => "devices (under `endpoints`)",
             BRIDGES => "bridges (around a connection to another clock)",
+            TEMPLATES => "templates (of the library: `haptograph nodes NAME` says what to include)",
             group => group,
         };
         text.push('\n');
@@ -148,17 +171,54 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// The groups of nodes in the order of the reference, then the devices and the bridges.
+/// The groups of nodes in the order of the reference, then the templates, the devices and the bridges.
 pub fn all_groups(registry: &Registry) -> Vec<&'static str> {
     let nodes = groups(registry).into_iter();
-    nodes.chain([DEVICES, BRIDGES]).collect()
+    nodes.chain([TEMPLATES, DEVICES, BRIDGES]).collect()
 }
 
-/// All about the node, device or bridge of this name.
+/// All about the node, template, device or bridge of this name.
 pub fn kind(registry: &Registry, name: &str) -> Option<String> {
     let node = registry.node(name).map(|entry| node_text(&entry));
     node.or_else(|| registry.device(name).map(|entry| device_text(&entry)))
+        .or_else(|| template_text(registry, name))
         .or_else(|| bridge_text(name))
+}
+
+fn template_text(registry: &Registry, name: &str) -> Option<String> {
+    let templates = templates(registry.library());
+    let template = templates.iter().find(|template| template.name == name)?;
+    Some(format!("{name} ({TEMPLATES})\n\n{}", body_of_template(template)))
+}
+
+fn body_of_template(template: &LibraryTemplate) -> String {
+    let mut text = format!(
+        "{} A template of the library: it is there with `include: [\"{}\"]`.\n",
+        one_line(&template.about),
+        template.file
+    );
+    for (title, names) in [("Inputs", &template.inputs), ("Outputs", &template.outputs)] {
+        text += &format!("\n{title}:\n\n");
+        names.iter().for_each(|name| text += &format!("- `{name}`\n"));
+    }
+    text += "\nSettings:\n\n";
+    for (name, default) in &template.settings {
+        let default = default.as_ref();
+        let default = default.map_or_else(|| "required".to_owned(), |text| format!("default `{text}`"));
+        text += &format!("- `{name}` ({default})\n");
+    }
+    let given = template.settings.iter().filter(|(_, default)| default.is_none());
+    let given = given.map(|(name, _)| format!("{name}: ..."));
+    let connected = template
+        .inputs
+        .iter()
+        .map(|name| format!("{name}: \"node.output\""));
+    let fields: Vec<String> = given.chain(connected).collect();
+    text + &format!(
+        "\nExample:\n\n```text\n\"name\": {}({})\n```\n",
+        template.name,
+        fields.join(", ")
+    )
 }
 
 fn bridge_text(name: &str) -> Option<String> {
@@ -199,6 +259,10 @@ pub fn book(registry: &Registry) -> String {
         for entry in registry.nodes().iter().filter(|entry| entry.spec.group == group) {
             text += &format!("\n### {}\n\n{}", entry.spec.name, body_of_node(entry));
         }
+    }
+    text += &format!("\n## {TEMPLATES}\n");
+    for template in templates(registry.library()) {
+        text += &format!("\n### {}\n\n{}", template.name, body_of_template(&template));
     }
     text += "\n## devices\n";
     for entry in registry.devices() {
@@ -396,6 +460,7 @@ mod tests {
     fn bridges_and_choices_are_known_by_their_names() {
         let registry = haptograph_nodes::registry();
         assert!(kind(&registry, "Linear").is_some_and(|text| text.contains("docs/format.md")));
+        assert!(kind(&registry, "Texture").is_some_and(|text| text.contains("std/texture.ron") && text.contains("`surface` (required)")));
         assert!(choosing(&registry, "ZigZag").contains(&("SimulatedTablet", "stroke")));
         assert_eq!(choosing(&registry, "NoSuchChoice"), []);
     }
@@ -418,6 +483,20 @@ mod tests {
         assert!(found(None, &["cutoff_hz"]).contains("SpeedEstimator"));
         assert!(found(None, &["straight", "line"]).contains("Linear"));
         assert_eq!(found(None, &["no such thing at all"]), "");
+        // Where a word begins, and by words that people search for.
+        assert!(!found(None, &["lfo"]).contains("NormalForce") && found(None, &["lfo"]).contains("Sine"));
+        let by_word = [
+            ("oscillator", "Phase"),
+            ("maximum", "Expression"),
+            ("lookup", "Curve"),
+            ("cut-off", "Biquad"),
+            ("random", "Noise"),
+            ("pass", "LowPass"),
+            ("texture", "Texture "),
+        ];
+        for (word, kind) in by_word {
+            assert!(found(None, &[word]).contains(kind), "{word}");
+        }
         assert!(found(None, &[]).lines().all(|line| line.chars().count() <= 60));
     }
 }

@@ -56,6 +56,7 @@ pub struct SweepPage<'a> {
 impl SweepPage<'_> {
     /// The page as HTML.
     pub fn to_html(&self) -> String {
+        let warnings = self.warnings();
         let (mut differing, same) = self.plots();
         let (spectra, same_spectra): (Vec<_>, Vec<_>) =
             self.spectra().into_iter().partition(|(_, same)| !same);
@@ -81,7 +82,7 @@ impl SweepPage<'_> {
             title: &self.title,
             about: &self.about,
             badge: self.simulation.badge(),
-            warnings: &self.warnings(),
+            warnings: &warnings,
             sections: &sections,
         }
         .to_html()
@@ -94,7 +95,7 @@ impl SweepPage<'_> {
             for warning in &run.warnings {
                 match found.iter_mut().find(|(known, _)| *known == warning.as_str()) {
                     Some((_, runs)) => runs.push(&run.name),
-                    None => found.push((warning, vec![&run.name])),
+                    None => found.push((warning.as_str(), vec![run.name.as_str()])),
                 }
             }
         }

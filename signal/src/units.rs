@@ -6,6 +6,7 @@ use crate::quantity::Quantity;
 const ENDINGS: &[(&str, Quantity, f64)] = &[
     ("_m", Quantity::LENGTH, 1.0),
     ("_mm", Quantity::LENGTH, 1e-3),
+    ("_cm", Quantity::LENGTH, 1e-2),
     ("_um", Quantity::LENGTH, 1e-6),
     // Of two quantities with the same suffix the last is the default.
     ("_g", Quantity::ACCELERATION, 9.80665),
@@ -30,6 +31,7 @@ const ENDINGS: &[(&str, Quantity, f64)] = &[
     ("_mv", Quantity::VOLTAGE, 1e-3),
     ("_w", Quantity::POWER, 1.0),
     ("_hz", Quantity::FREQUENCY, 1.0),
+    ("_khz", Quantity::FREQUENCY, 1e3),
     ("_rad_s", Quantity::ANGULAR_SPEED, 1.0),
     ("_n_per_m", Quantity::STIFFNESS, 1.0),
     ("_n_per_mm", Quantity::STIFFNESS, 1e3),
@@ -85,6 +87,18 @@ pub fn si_per(unit: &str, quantity: Quantity) -> Option<f64> {
         .map(|(.., scale)| *scale)
 }
 
+/// Factor that converts a number under `name` to one under `other`, if the names differ in their units only.
+pub fn between(name: &str, other: &str) -> Option<f64> {
+    let lower = name.to_lowercase();
+    ENDINGS.iter().find_map(|(ending, quantity, scale)| {
+        let rest = other.strip_prefix(lower.strip_suffix(ending)?)?;
+        let (.., to) = ENDINGS
+            .iter()
+            .find(|(known, of, _)| *known == rest && of == quantity)?;
+        Some(scale / to)
+    })
+}
+
 /// The units of a quantity, as suffixes of names.
 pub fn of_quantity(quantity: Quantity) -> impl Iterator<Item = &'static str> {
     ENDINGS
@@ -114,6 +128,14 @@ mod tests {
         assert_eq!(si_per("N mm", Quantity::TORQUE), Some(1e-3));
         assert_eq!(si_per("furlong", Quantity::LENGTH), None);
         assert_eq!(of_quantity(Quantity::SPEED).collect::<Vec<_>>(), ["m_s", "mm_s"]);
+    }
+
+    #[test]
+    fn names_that_differ_in_their_units_are_converted() {
+        assert_eq!(between("high_kHz", "high_hz"), Some(1e3));
+        assert_eq!(between("speed_m_s", "speed_mm_s"), Some(1e3));
+        assert_eq!(between("low_khz", "high_hz"), None);
+        assert_eq!(between("width_mm", "width_ms"), None);
     }
 
     #[test]

@@ -84,11 +84,9 @@ pub fn refuse_missing(graph: &Graph, set: &str) -> Result<(), Failure> {
     )))
 }
 
-/// Why a sound cannot be played, and where it can be heard all the same.
+/// Why the sound of a run, which is complete, cannot be played, and where it can be heard all the same.
 pub fn cannot_play(error: &SoundcardError) -> Failure {
-    let elsewhere = match error {
-        SoundcardError::NotBuilt => "; without --play, the player on the run's page needs no such build",
-        _ => "",
-    };
-    Failure::Message(format!("--play: {error}{elsewhere}"))
+    Failure::Message(format!(
+        "--play: {error}; the run is complete, and the player on its page needs no soundcard here"
+    ))
 }

@@ -2,21 +2,22 @@
 
 use super::{Failure, say, say_json};
 use crate::engine::device::Channel;
+use crate::engine::document::library::templates;
 use crate::engine::node::Presence;
 use crate::engine::registry::Registry;
 use crate::engine::settings::{Part, SettingSpec, closest};
 use crate::report::reference::{self, Filter};
 use serde_json::{Value, json};
 
-/// List the kinds of nodes, devices and bridges, or tell all about one
+/// List the kinds of nodes, devices and bridges and the library's templates, or tell all about one
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A kind of node or device, or a bridge
+    /// A kind of node or device, a template, or a bridge
     name: Option<String>,
     /// List the kinds of this group only
     #[arg(long, conflicts_with_all = ["name", "markdown"])]
     group: Option<String>,
-    /// List the kinds with this word in their name, group, description or settings; can be repeated
+    /// List the kinds with a word that begins so in their name, group, description or settings; can be repeated
     #[arg(long, value_name = "WORD", conflicts_with_all = ["name", "markdown"])]
     find: Vec<String>,
     /// Print the whole reference as Markdown
@@ -133,7 +134,20 @@ fn kinds(registry: &Registry, takes: Takes<'_>) -> Value {
                 "settings": entry.settings().iter().map(setting).collect::<Vec<_>>(),
             })
         });
-    nodes.chain(devices).collect()
+    let templates = templates(registry.library()).into_iter();
+    let templates = templates
+        .filter(|template| takes(&template.name, reference::TEMPLATES, &template.about, &[]))
+        .map(|template| {
+            let named = |names: Vec<String>| names.into_iter().map(|name| json!({ "name": name })).collect::<Vec<_>>();
+            let settings = template.settings.into_iter();
+            let settings = settings.map(|(name, default)| json!({ "name": name, "default": default }));
+            json!({
+                "name": template.name, "group": reference::TEMPLATES, "doc": template.about, "include": template.file,
+                "inputs": named(template.inputs), "outputs": named(template.outputs),
+                "settings": settings.collect::<Vec<_>>(),
+            })
+        });
+    nodes.chain(templates).chain(devices).collect()
 }
 
 fn setting(spec: &SettingSpec) -> Value {
@@ -162,7 +176,12 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
              nodes {kind}` tells all about it"
         ));
     }
-    let near = closest(name, nodes.chain(devices).chain(reference::bridges()));
+    let templates = templates(registry.library());
+    let shelved = templates.iter().map(|template| template.name.as_str());
+    let near = closest(
+        name,
+        nodes.chain(shelved).chain(devices).chain(reference::bridges()),
+    );
     let help = near.map_or_else(
         || format!("`haptograph nodes --find {name}` searches what they do"),
         |near| format!("did you mean `{near}`?"),

@@ -77,7 +77,7 @@ pub struct Arguments {
     /// Threads to use; the samples do not depend on it
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: u16,
-    /// Also write the signal of an output, as .wav or .csv; can be repeated
+    /// Also write the signal of an output, as .wav or .csv, to a path from the folder you are in; can be repeated
     #[arg(long, value_name = "NODE.PORT=FILE", value_parser = outputs::probe_argument)]
     pub probe: Vec<outputs::ProbeArgument>,
     #[command(flatten)]
@@ -104,7 +104,6 @@ pub const DURATION_S: f64 = 10.0;
 
 pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
     arguments.graph.refuse_repeated()?;
-    arguments.present.check()?;
     if arguments.live {
         return live::run(arguments, registry);
     }
@@ -291,7 +290,7 @@ impl Kept {
             .for_each(|warning| remark(&format!("warning: {warning}\n")));
         say(&match arguments.json {
             true => summary.to_json(),
-            false => summary.sentence(&self.target, graph, sound.as_ref()),
+            false => summary.sentence(&self.target, graph, sound.as_ref()) + &outputs::beside(&self.probes),
         })?;
         arguments.present.open_page(&self.target.join(PAGE));
         match summary.was_stopped() && has_end(arguments) {

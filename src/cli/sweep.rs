@@ -178,9 +178,13 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
             Ok((case, run, graph))
         })
         .collect::<Result<_, Failure>>()?;
-    for (_, _, graph) in &graphs {
-        if !graph.warnings().is_empty() {
-            remark(&render(&warnings(graph), is_coloured(&std::io::stderr())));
+    let mut warned: Vec<String> = Vec::new();
+    for (_, _, graph) in graphs.iter().filter(|(.., graph)| !graph.warnings().is_empty()) {
+        let text = render(&warnings(graph), is_coloured(&std::io::stderr()));
+        // What all runs are warned of is said once.
+        if !warned.contains(&text) {
+            remark(&text);
+            warned.push(text);
         }
     }
     let target = arguments.out.clone().unwrap_or_else(|| {

@@ -187,15 +187,15 @@ fn the_chapter_on_learning_is_true() {
 fn the_chapter_on_recording_is_true() {
     let (chapter, printed, folder) = run_chapter("recording.md");
     for made in [
-        "mine/report.html",
-        "mine-held-out/report.html",
+        "my-tile/report.html",
+        "my-tile-held-out/report.html",
         "out/again/vibration.wav",
         "out/texturepad/report.html",
     ] {
         assert!(folder.path().join(made).is_file(), "{made} is missing");
     }
     let mut shown = 0;
-    for start in ["wrote mine.ron\norigin ", "log-spectral distance"] {
+    for start in ["wrote my-tile.ron\norigin ", "log-spectral distance"] {
         let begin = chapter.find(&format!("```text\n{start}")).unwrap() + "```text\n".len();
         let block = chapter[begin..].split("```").next().unwrap();
         for line in block.lines() {

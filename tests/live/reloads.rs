@@ -70,7 +70,7 @@ fn what_the_file_says_anew_counts_more_than_what_was_typed() {
     let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.type_line("set loudness=0.75");
-    run.wait_for("a setting changed");
+    run.wait_for("set: loud.gain=0.75 (taken over in");
     // It stays through other changes,
     fs::write(&path, format!("// Loud.\n{TONE}")).unwrap();
     run.wait_for("nothing changed");
@@ -78,7 +78,9 @@ fn what_the_file_says_anew_counts_more_than_what_was_typed() {
     run.type_line("set loud.gain=NaN");
     run.wait_for("choose a finite number");
     fs::write(&path, TONE.replace("0.25", "0.5")).unwrap();
-    run.wait_for_times("a setting changed", 2);
+    run.wait_for("saved: loud.gain=0.5 (taken over in");
+    run.type_line("history");
+    run.wait_for("s loud.gain=0.5 (saved)");
     std::thread::sleep(Duration::from_millis(300));
     run.stop();
     let heard = samples(&folder.path().join("out/loud.wav"));
@@ -98,10 +100,10 @@ fn a_file_that_is_saved_just_before_something_is_typed_is_taken_over_as_a_save()
     let arguments = ["run", "tone.ron", "--live", "--watch", "--out", "out"];
     let mut run = Running::start(folder.path(), &arguments);
     run.type_line("set loudness=0.75");
-    run.wait_for("a setting changed");
+    run.wait_for("set: loud.gain=0.75 (taken over in");
     fs::write(&path, graph.replace("0.25", "0.5")).unwrap();
     run.type_line("set more=2");
-    run.wait_for_times("setting", 3);
+    run.wait_for_times("taken over in", 3);
     std::thread::sleep(Duration::from_millis(500));
     let told = run.stop();
     let out = folder.path().join("out");

@@ -48,20 +48,7 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
     let mut loader = Loader {
         max_bytes: options.max_bytes,
         left_bytes: options.max_bytes.saturating_sub(text.len() as u64),
-        document: Document {
-            sources,
-            span: Span::default(),
-            about: String::new(),
-            seed: 0,
-            parameters: Vec::new(),
-            defaults: Vec::new(),
-            clocks: Vec::new(),
-            nodes: Vec::new(),
-            endpoints: Vec::new(),
-            templates: Vec::new(),
-            library: Vec::new(),
-            findings,
-        },
+        document: empty(sources, findings),
         open: vec![canonical(path)],
         loaded: HashSet::new(),
     };
@@ -72,6 +59,41 @@ pub(super) fn text(path: &Path, text: &str, options: &LoadOptions) -> Result<Doc
         });
     }
     Ok(loader.document)
+}
+
+/// A document with nothing in it yet.
+fn empty(sources: Sources, findings: Vec<Diagnostic>) -> Document {
+    Document {
+        sources,
+        span: Span::default(),
+        about: String::new(),
+        seed: 0,
+        parameters: Vec::new(),
+        defaults: Vec::new(),
+        clocks: Vec::new(),
+        nodes: Vec::new(),
+        endpoints: Vec::new(),
+        templates: Vec::new(),
+        library: Vec::new(),
+        findings,
+    }
+}
+
+/// The templates of one file of the library, without those that it includes.
+pub(super) fn parts_alone(name: &str, text: &str) -> Document {
+    let mut sources = Sources::default();
+    let id = sources.add_text(name, Arc::from(text));
+    let mut loader = Loader {
+        max_bytes: 0,
+        left_bytes: 0,
+        document: empty(sources, Vec::new()),
+        open: Vec::new(),
+        loaded: HashSet::new(),
+    };
+    if let Some(value) = ron_text::read(id, text, &mut loader.document.findings) {
+        loader.parts(value);
+    }
+    loader.document
 }
 
 /// Reads the parts of the library that a document includes, and those that they include.
@@ -133,6 +155,7 @@ impl Loader {
             folder: &|span| folder(sources, span.source),
             files: &mut Vec::new(),
             setting: None,
+            first_given: u32::MAX,
         });
         self.document.findings = diagnostics;
         read
@@ -401,13 +424,14 @@ impl Loader {
 
     fn template(&mut self, name: Name, value: &Value) -> Option<Template> {
         let mut fields = self.structure_named(value, "Template")?;
-        let _: Option<String> = self.field(&mut fields, "about");
+        let about = self.field(&mut fields, "about").unwrap_or_default();
         let inputs = match fields.take("inputs") {
             Some(value) => self.names(&value),
             None => Vec::new(),
         };
         let template = Template {
             name,
+            about,
             inputs,
             settings: self.entries(&mut fields, "settings", "setting"),
             nodes: self.entries(&mut fields, "nodes", "node"),

@@ -2,6 +2,7 @@
 
 mod builder;
 mod dependence;
+pub mod library;
 mod load;
 pub(crate) mod text;
 pub mod value;
@@ -40,6 +41,7 @@ pub struct Document {
 #[derive(Debug, Clone)]
 pub(crate) struct Template {
     pub name: Name,
+    pub about: String,
     pub inputs: Vec<Name>,
     pub settings: Vec<(Name, Value)>,
     pub nodes: Vec<(Name, Value)>,

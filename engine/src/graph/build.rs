@@ -4,14 +4,14 @@ use super::clocks::Clocks;
 use super::devices::{Devices, DraftDevice};
 use super::draft::{Context, Draft, DraftNode, Slot};
 use super::memory::{self, Memory};
-use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint};
+use super::{Bridge, Edge, Graph, GraphDevice, Input, Node, Output, Work, fingerprint, wires};
 use crate::device::Device;
 use crate::diagnostic::{Diagnostic, SourceId, Sources, Span};
 use crate::document::folder;
 use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
-use crate::settings::Fields;
+use crate::settings::{Fields, closest};
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -152,7 +152,8 @@ fn work(
     let mut fields = target.fields.clone();
     let places = Places::of(&fields).and_inputs(target);
     let before = cx.diagnostics.len();
-    let sound = !target.broken && !target.has_broken_input() && !misread(target);
+    let sound =
+        !target.broken && !target.has_broken_input() && !target.fields.has_reported() && !misread(target);
     let work = match target.entry.build {
         Build::Processor(_) | Build::Scripted(_) => {
             let build = target.entry.build;
@@ -409,24 +410,53 @@ fn parameter_in_text(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String
     ))
 }
 
-/// What to do about a path that was given by `--set`, or while the graph runs, and leads to no file.
+/// Help for a path that leads to no file: a file of a similar name, or the folder from which a path of `--set`, or of a
+/// running graph, is resolved.
 fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
     let span = diagnostic.primary.as_ref()?.span;
-    let from_files = cx.document.sources.iter().count();
+    let is_given = span.source.0 as usize >= cx.document.sources.iter().count();
     let written = cx.sources.get(span.source)?.text.get(span.start..span.end)?;
-    let path = Path::new(written.trim_matches('"'));
-    let is_given = span.source.0 as usize >= from_files && cx.files.iter().any(|file| file == path);
-    if !is_given || path.exists() {
+    let written = Path::new(written.trim_matches('"'));
+    let path = match is_given {
+        true => written.to_path_buf(),
+        false => folder(&cx.sources, span.source).join(written),
+    };
+    if !cx.files.contains(&path) || path.exists() {
         return None;
     }
-    let beside = folder(&cx.sources, SourceId::default()).join(path);
+    if let Some(near) = similar_file(&path) {
+        let near = written.with_file_name(near);
+        return Some(format!("did you mean `{}`?", near.display()));
+    }
+    let beside = folder(&cx.sources, SourceId::default()).join(written);
     let found = match beside.is_file() {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };
-    Some(format!(
-        "a path given by --set is looked for from the folder you are in{found}"
-    ))
+    let looked = || format!("a path given by --set is looked for from the folder you are in{found}");
+    is_given.then(looked)
+}
+
+/// The name of a file in the same folder, of the same kind, that was meant by a path.
+fn similar_file(path: &Path) -> Option<String> {
+    /// Files that are compared with it.
+    const MOST: usize = 1000;
+    let folder = match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new("."),
+        folder => folder,
+    };
+    let files = std::fs::read_dir(folder).ok()?.flatten().take(MOST);
+    let names = files.map(|file| PathBuf::from(file.file_name()));
+    let alike = names.filter(|name| name.extension() == path.extension());
+    let mut stems: Vec<String> = alike
+        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    stems.sort_unstable();
+    let stem = closest(path.file_stem()?.to_str()?, stems.iter().map(String::as_str))?;
+    Some(match path.extension().and_then(|extension| extension.to_str()) {
+        Some(extension) => format!("{stem}.{extension}"),
+        None => stem.to_owned(),
+    })
 }
 
 /// The place of some characters of a text that is written in plain quotes, without escapes.
@@ -530,12 +560,14 @@ pub(super) fn assemble(
             nodes.add_edge(NodeIndex::new(wire.from), NodeIndex::new(to), edge);
         }
     }
+    let template_outputs = wires::template_outputs(&mut cx, &draft);
     Some(Graph {
         about: cx.document.about.clone(),
         seed,
         clocks: clocks.list,
         base: clocks.base?,
         nodes,
+        template_outputs,
         devices: graph_devices,
         sources: cx.sources,
         warnings: cx.diagnostics,

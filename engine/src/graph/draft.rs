@@ -53,6 +53,7 @@ impl Context<'_> {
             },
             files,
             setting: None,
+            first_given: u32::try_from(from_files).unwrap_or(u32::MAX),
         })
     }
 }

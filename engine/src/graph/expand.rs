@@ -3,6 +3,7 @@
 use super::draft::{Context, Draft, DraftNode, Scope, Target};
 use super::values::{Parameters, Place, suggest};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
+use crate::document::library;
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::{NodeEntry, Presence};
 use crate::settings::{Fields, Setting};
@@ -114,11 +115,22 @@ impl Expansion<'_> {
                 .iter()
                 .map(|template| template.name.text.as_str());
             let diagnostic = Diagnostic::error("E0201", kind.span, message).label("unknown kind or template");
+            let of_library = library::templates(cx.registry.library());
+            if let Some(known) = of_library.iter().find(|known| known.name == kind.text) {
+                let file = known.file;
+                let help = format!(
+                    "`{}` is a template of the library: add `include: [\"{file}\"]`",
+                    kind.text
+                );
+                cx.report(diagnostic.help(help));
+                return None;
+            }
+            let shelved = of_library.iter().map(|known| known.name.as_str());
             let near = suggest(
                 cx,
                 diagnostic,
                 &kind.text,
-                kinds.chain(templates),
+                kinds.chain(templates).chain(shelved),
                 "there are",
                 "no kinds are registered",
             );
@@ -257,7 +269,7 @@ impl Expansion<'_> {
         for (setting, default) in &declared.settings {
             let given = fields.take(&setting.text);
             let reported = fields.is_reported(&setting.text);
-            let required = matches!(&default.shape, Shape::Tagged(Tagged { name: Some(name), body: Body::Bare }) if name.text == "Required");
+            let required = library::is_required(default);
             let value = match given {
                 None if required && !reported => {
                     let message = format!("`{}` needs `{}`", kind.text, setting.text);

@@ -23,7 +23,7 @@ mod wires;
 pub use check::{CheckOptions, Hosted, check};
 pub use devices::{DeclaredDevice, declared_devices};
 pub use latency::PathLatency;
-pub use nodes::{Connection, NodeId, Nodes};
+pub use nodes::{Connection, NodeId, Nodes, TemplateOutput};
 
 use crate::device::{Channel, Device, DeviceEntry};
 use crate::diagnostic::{Diagnostic, Sources, Span};
@@ -46,6 +46,7 @@ pub struct Graph {
     pub(crate) base: TimeBase,
     /// Nodes in file order, templates expanded.
     pub(crate) nodes: DiGraph<Node, Edge>,
+    pub(crate) template_outputs: Vec<TemplateOutput>,
     pub(crate) devices: Vec<GraphDevice>,
     pub(crate) sources: Sources,
     pub(crate) warnings: Vec<Diagnostic>,

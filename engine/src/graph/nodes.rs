@@ -32,10 +32,57 @@ pub struct Connection<'a> {
     pub edge: &'a Edge,
 }
 
+/// An output of a use of a template, and the output of a node that it stands for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TemplateOutput {
+    /// The use: `texture`.
+    pub path: String,
+    /// Name of the template's output.
+    pub port: String,
+    /// The node inside.
+    pub node: NodeId,
+    /// Index among its outputs.
+    pub output: usize,
+}
+
+impl TemplateOutput {
+    /// As an input names it: `texture.acceleration`.
+    pub fn name(&self) -> String {
+        format!("{}.{}", self.path, self.port)
+    }
+}
+
 impl Graph {
     /// Its nodes and connections.
     pub fn nodes(&self) -> Nodes<'_> {
         Nodes(&self.nodes)
+    }
+
+    /// The outputs of uses of templates.
+    pub fn template_outputs(&self) -> &[TemplateOutput] {
+        &self.template_outputs
+    }
+
+    /// The output that an input of the graph would name so: `node.port`, or the only one of `node`, where a node may be the
+    /// use of a template. `None` where there is none of that name, or there are several.
+    pub(crate) fn output_called(&self, written: &str) -> Option<(NodeId, usize)> {
+        let (path, port) = match written.split_once('.') {
+            Some((path, port)) => (path, Some(port)),
+            None => (written, None),
+        };
+        if let Some(id) = self.nodes().find(path) {
+            let outputs = &self.nodes()[id].outputs;
+            return match port {
+                Some(port) => Some((id, outputs.iter().position(|output| output.name == port)?)),
+                None => (outputs.len() == 1).then_some((id, 0)),
+            };
+        }
+        let of_use = self.template_outputs.iter().filter(|known| known.path == path);
+        let mut fitting = of_use.filter(|known| port.is_none_or(|port| known.port == port));
+        match (fitting.next(), fitting.next()) {
+            (Some(only), None) => Some((only.node, only.output)),
+            _ => None,
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use crate::frame::Kind;
 use crate::node::{InputSpec, KindRule, Presence, QuantityRule};
 use crate::settings::unknown_choice;
 use haptograph_signal::quantity::Quantity;
+use haptograph_signal::units::si_per;
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
@@ -85,12 +86,25 @@ fn quantity_by_name(cx: &mut Context<'_>, node: &mut DraftNode, setting: &'stati
     };
     let found = Quantity::by_name(&name);
     if found.is_none() {
+        let before = cx.diagnostics.len();
         cx.reading(|reading| {
             reading.setting = Some(setting);
             unknown_choice(&name, &names(), span, reading);
         });
+        if let (Some(meant), Some(finding)) = (quantity_by_unit(&name), cx.diagnostics.get_mut(before)) {
+            finding.help = vec![format!(
+                "did you mean `{meant}`? Quantities are written by their names"
+            )];
+        }
     }
     found
+}
+
+/// The name of the quantity whose unit was written in its place: `m/s2`, `m/s²`.
+fn quantity_by_unit(unit: &str) -> Option<&'static str> {
+    let mut named = Quantity::NAMED.iter();
+    let (_, name, _) = named.find(|(quantity, ..)| si_per(unit, *quantity).is_some())?;
+    Some(name)
 }
 
 /// Infers the types of outputs in the order of their dependencies.

@@ -87,7 +87,13 @@ impl Parameters {
             };
             // Blanks instead of the name keep the places of the value.
             let blanked = " ".repeat(name.len() + 1) + written;
-            let value = text::read(id, &blanked, &mut Vec::new());
+            let mut findings = Vec::new();
+            let value = text::read(id, &blanked, &mut findings);
+            if value.is_none() && matches!(parameter.value.shape, Shape::Number(..)) {
+                // No text stands for a number: why it is none is known.
+                cx.diagnostics.append(&mut findings);
+                continue;
+            }
             let wants_text = matches!(parameter.value.shape, Shape::String(_));
             parameter.value = match value {
                 Some(value) if !wants_text || matches!(value.shape, Shape::String(_)) => value,

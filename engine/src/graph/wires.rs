@@ -1,13 +1,14 @@
 //! Resolution of connections to outputs.
 
-use super::Bridge;
 use super::draft::{Context, Draft, Slot, Target, Wire};
 use super::expand::missing_input;
 use super::values::{in_order, suggest};
+use super::{Bridge, NodeId, TemplateOutput};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Name, Shape, Tagged, Value};
 use crate::node::Presence;
 use crate::settings::{Fields, Reading, Setting, closest};
+use petgraph::graph::NodeIndex;
 
 /// Largest delay in frames: 100 s at 10 kHz, 0.5 GB for the widest frames.
 const MOST_DELAY_FRAMES: f64 = 1e6;
@@ -97,6 +98,30 @@ pub(super) fn connect(cx: &mut Context<'_>, draft: &mut Draft) {
             }
         }
     }
+}
+
+/// What the outputs of the uses of templates stand for.
+pub(super) fn template_outputs(cx: &mut Context<'_>, draft: &Draft) -> Vec<TemplateOutput> {
+    let (document, before) = (cx.document, cx.diagnostics.len());
+    let mut found = Vec::new();
+    for (scope, place) in draft.scopes.iter().enumerate() {
+        let Some((template, _)) = place.template else {
+            continue;
+        };
+        for (name, value) in &document.templates[template].outputs {
+            // A bridge makes another signal of it.
+            let wire = resolve(cx, draft, scope, value, 0).filter(|wire| wire.bridge.is_none());
+            found.extend(wire.map(|wire| TemplateOutput {
+                path: place.prefix.trim_end_matches('/').to_owned(),
+                port: name.text.clone(),
+                node: NodeId(NodeIndex::new(wire.from)),
+                output: wire.output,
+            }));
+        }
+    }
+    // Outputs that lead nowhere and that nothing reads are no findings.
+    cx.diagnostics.truncate(before);
+    found
 }
 
 fn report_doubled(

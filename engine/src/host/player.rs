@@ -248,25 +248,14 @@ fn claim(graph: &Graph) -> Result<Playing, HostError> {
 }
 
 impl Graph {
-    /// Finds an output by name, `"texture.output"`, or `"texture"` if the node has one output. Returns the node and the
-    /// index of the output.
+    /// Finds an output by the name that an input of the graph would use: `"texture.acceleration"`, or `"texture"` if it
+    /// has one output. `texture` is a node or the use of a template. Returns the node and the index of the output.
     ///
     /// # Errors
     /// [`HostError::Unknown`] with the existing outputs.
     pub fn find_output(&self, name: &str) -> Result<(NodeId, usize), HostError> {
-        let nodes = || self.nodes().ids().zip(self.nodes().iter());
-        let mut found = nodes().flat_map(|(index, node)| {
-            let outputs = node.outputs.iter().enumerate();
-            outputs.map(move |(output, port)| (index, output, node, port))
-        });
-        let matches = |path: &str, port: &str, outputs: usize| {
-            name.strip_prefix(path).is_some_and(|rest| {
-                (rest.is_empty() && outputs == 1) || rest.strip_prefix('.').is_some_and(|rest| rest == port)
-            })
-        };
-        let found = found.find(|(_, _, node, port)| matches(&node.path, port.name, node.outputs.len()));
-        found.map(|(index, output, ..)| (index, output)).ok_or_else(|| {
-            let ports = nodes().flat_map(|(_, node)| {
+        self.output_called(name).ok_or_else(|| {
+            let ports = self.nodes().iter().flat_map(|node| {
                 node.outputs
                     .iter()
                     .map(move |port| format!("{}.{}", node.path, port.name))

@@ -167,7 +167,11 @@ impl<T: Setting> Setting for Vec<T> {
 
 impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
     fn expected() -> String {
-        format!("{N} values in round brackets, each {}", T::expected())
+        match N {
+            2 => format!("a pair [x, y], each {}", T::expected()),
+            3 => format!("three values [x, y, z], each {}", T::expected()),
+            _ => format!("a list of {N} values, each {}", T::expected()),
+        }
     }
     fn parts() -> Vec<Part> {
         T::parts()
@@ -199,6 +203,6 @@ impl<T: Setting + Copy + Default, const N: usize> Setting for [T; N] {
         Some(read)
     }
     fn show(&self) -> String {
-        format!("({})", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
+        format!("[{}]", self.iter().map(T::show).collect::<Vec<_>>().join(", "))
     }
 }

@@ -181,6 +181,7 @@ impl Example<'_> {
             folder: &|_| self.folder.to_path_buf(),
             files: &mut Vec::new(),
             setting: None,
+            first_given: u32::MAX,
         };
         let mut fields = Fields::new(self.kind.to_owned(), written.span, entries, &mut reading);
         let _ = (fields.take("clock"), fields.take("endpoint"));

@@ -207,7 +207,7 @@ impl NodeKind for ContactPlane {
         source: SOURCE,
         inputs: POSITION,
         outputs: &[CONTACT],
-        example: r#""touch": ContactPlane(position: "arm.position", origin_mm: (0.0, 0.0, 0.0))"#,
+        example: r#""touch": ContactPlane(position: "arm.position", origin_mm: [0.0, 0.0, 0.0])"#,
     };
 
     fn build(settings: ContactPlaneSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -292,7 +292,7 @@ impl NodeKind for ContactBox {
         source: "4.5.2",
         inputs: POSITION,
         outputs: &[CONTACT],
-        example: r#""touch": ContactBox(position: "arm.position", size_mm: (100.0, 100.0, 50.0))"#,
+        example: r#""touch": ContactBox(position: "arm.position", size_mm: [100.0, 100.0, 50.0])"#,
     };
 
     fn build(settings: ContactBoxSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {
@@ -363,7 +363,7 @@ impl NodeKind for ContactScene {
                 "Index of the touched shape, from 0.",
             ),
         ],
-        example: r#""touch": ContactScene(position: "arm.position", solids: [Room(size_mm: (160.0, 160.0, 120.0)), Sphere(diameter_mm: 50.0)])"#,
+        example: r#""touch": ContactScene(position: "arm.position", solids: [Room(size_mm: [160.0, 160.0, 120.0]), Sphere(diameter_mm: 50.0)])"#,
     };
 
     fn build(settings: ContactSceneSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {

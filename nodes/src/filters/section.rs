@@ -51,7 +51,7 @@ impl NodeKind for Biquad {
     const SPEC: NodeSpec = NodeSpec {
         name: "Biquad",
         group: "filters",
-        doc: "A second-order filter whose frequency and quality can be turned while it runs.",
+        doc: "A second-order filter whose frequency (cut-off) and quality can be turned while it runs, or swept by a signal.",
         source: "trapezoidal state-variable filter (Zavalishin, Simper); bilinear transform, prewarped",
         inputs: &[
             any_input("input", "The signal."),
@@ -287,7 +287,7 @@ impl NodeKind for SecondOrderSection {
         source: "",
         inputs: &[any_input("input", "The signal.")],
         outputs: &[output_like("output", "input", "The filtered signal.")],
-        example: r#""shape": SecondOrderSection(input: "noise.output", b: (0.2, 0.0, -0.2), a: (-1.2, 0.6))"#,
+        example: r#""shape": SecondOrderSection(input: "noise.output", b: [0.2, 0.0, -0.2], a: [-1.2, 0.6])"#,
     };
 
     fn build(

@@ -50,8 +50,8 @@ impl NodeKind for Curve {
     const SPEC: NodeSpec = NodeSpec {
         name: "Curve",
         group: "math",
-        doc: "A function of a scalar that is given by points: the characteristic of a sensor, the profile of a surface over \
-              position, a force over depth.",
+        doc: "A function of a scalar that is given by points, a lookup table: the characteristic of a sensor, the map from force \
+              to loudness, the profile of a surface over position, a force over depth.",
         source: "Fritsch and Butland, A method for constructing local monotone piecewise cubic interpolants, 1984 (`Smooth`)",
         inputs: &[InputSpec {
             kind: KindRule::Is(Kind::Scalar),

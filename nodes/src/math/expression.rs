@@ -34,7 +34,7 @@ impl NodeKind for Expression {
         doc: "Computes a formula of scalar signals, frame by frame, in SI units. It has `+ - * / % ^`, comparisons (`<`, `<=`, `>`, \
               `>=`, `==`, `!=`, which give 1 or 0), `&&`, `||`, the constants `pi` and `e`, the time `t` in s, and the functions sin, \
               cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, ln, log2, log10, sqrt, pow, hypot, abs, sign, floor, ceil, \
-              round, mod, min, max, clamp(x, low, high), mix(a, b, part), if(condition, then, otherwise), not. A result that is not \
+              round, mod, min (minimum), max (maximum), clamp(x, low, high), mix(a, b, part), if(condition, then, otherwise), not. A result that is not \
               finite, as of a division by zero, is zero. `2^3^2` is 2^9, `%` and `mod` are never negative: `-1 % 3` is 2, and so is `-1 % -3`. It runs on the clock \
               of its inputs: for a vibration from slower ones write `clock: \"audio\"` and `Linear(...)` around each of them.",
         source: "",

@@ -135,11 +135,12 @@ impl NumberInput {
 
 impl Device for NumberInput {
     fn advance(&mut self) {
-        if let Some(news) = self.reader.advance() {
+        let news = self.reader.advance();
+        if let Some(news) = &news {
             self.value = self.mapping.of(news.sensed[0]);
-            self.reader.take(&news);
+            self.reader.take(news);
         }
-        self.reader.measure_age();
+        self.reader.measure_age(news.is_some(), self.holds);
         self.link().input.set(self.reader.state());
     }
 

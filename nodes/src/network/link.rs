@@ -3,8 +3,8 @@
 use haptograph_engine::run::AgeMeter;
 use haptograph_engine::silence::{InputCell, InputState};
 use haptograph_signal::time::Rate;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering, fence};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The latest update of N numbers: one thread writes, others read. A read during a write returns none.
@@ -75,6 +75,8 @@ pub struct Counts {
     pub jumps: u64,
     /// Times that no zero of force and torque was taken, as something moved or pressed.
     pub refused_zeros: u64,
+    /// To OSC addresses that no device listens to.
+    pub unclaimed: u64,
 }
 
 /// Both ways of a device, and what was counted.
@@ -88,7 +90,9 @@ pub(super) struct Link {
     pub ages: Arc<AgeMeter>,
     /// Whether the device is heard, as its ticks see it.
     pub input: Arc<InputCell>,
-    counts: [AtomicU64; 9],
+    /// The OSC addresses of messages that no device listens to.
+    pub unclaimed: Unclaimed,
+    counts: [AtomicU64; 10],
 }
 
 /// Which of the counts.
@@ -103,6 +107,32 @@ pub(super) enum Count {
     Strangers,
     Jumps,
     RefusedZeros,
+    Unclaimed,
+}
+
+/// OSC addresses that no device listens to, and how many messages came to each. No real-time thread looks at them.
+#[derive(Debug, Default)]
+pub(super) struct Unclaimed(Mutex<Vec<(String, u64)>>);
+
+impl Unclaimed {
+    /// Addresses that are kept, the first that came, and their longest, bytes.
+    const MOST: usize = 16;
+    const LONGEST: usize = 100;
+
+    /// A message came to this address.
+    pub fn add(&self, address: &str) {
+        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, times)) = list.iter_mut().find(|(known, _)| known == address) {
+            *times += 1;
+        } else if list.len() < Self::MOST && address.len() <= Self::LONGEST {
+            list.push((address.to_owned(), 1));
+        }
+    }
+
+    /// All that are kept, as they are now.
+    pub fn list(&self) -> Vec<(String, u64)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 impl Link {
@@ -113,6 +143,7 @@ impl Link {
             zero: Latest::new(),
             ages: Arc::default(),
             input: Arc::default(),
+            unclaimed: Unclaimed::default(),
             counts: std::array::from_fn(|_| AtomicU64::new(0)),
         }
     }
@@ -146,6 +177,7 @@ impl Link {
             strangers,
             jumps,
             refused_zeros,
+            unclaimed,
         ] = std::array::from_fn(|i| self.counts[i].load(Ordering::Relaxed));
         Counts {
             accepted,
@@ -157,7 +189,14 @@ impl Link {
             strangers,
             jumps,
             refused_zeros,
+            unclaimed,
         }
+    }
+
+    /// A message came to an OSC address that no device listens to.
+    pub fn leave(&self, address: &str) {
+        self.count(Count::Unclaimed, 1);
+        self.unclaimed.add(address);
     }
 }
 
@@ -172,6 +211,8 @@ pub(super) struct Reader {
     seen: u64,
     /// Ticks since.
     age: u64,
+    /// The most ticks between two news that were no silence.
+    longest_gap: u64,
     /// When the driver of a live run woke.
     pub woke: Option<Instant>,
 }
@@ -194,6 +235,7 @@ impl Reader {
             timeout_ticks: (timeout.as_secs_f64() / period_s).ceil() as u64,
             seen: 0,
             age: 0,
+            longest_gap: 0,
             woke: None,
         }
     }
@@ -211,12 +253,17 @@ impl Reader {
 
     /// From now on these are the latest.
     pub fn take(&mut self, news: &News) {
+        if !self.is_silent() {
+            self.longest_gap = self.longest_gap.max(self.age);
+        }
         (self.seen, self.age) = (news.version, news.age);
     }
 
-    /// Measures how old the latest news are when they are read.
-    pub fn measure_age(&self) {
-        if let Some(woke) = self.woke.filter(|_| !self.is_silent()) {
+    /// Measures how old the latest news are when they are read. What lasts longer than any gap between news so far is the
+    /// beginning of a silence; where a sender only `speaks_of_changes`, so is all that follows the first read.
+    pub fn measure_age(&self, is_news: bool, speaks_of_changes: bool) {
+        let is_awaited = !speaks_of_changes && self.age <= self.longest_gap && !self.is_silent();
+        if let Some(woke) = self.woke.filter(|_| is_news || is_awaited) {
             self.link.ages.read(woke, 0.0);
         }
     }

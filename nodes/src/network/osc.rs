@@ -106,6 +106,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<OscPacket, Count> {
     }
 }
 
+/// Does something with every message of a packet; bundles are taken at once.
+pub(super) fn each_message(packet: &OscPacket, each: &mut impl FnMut(&OscMessage)) {
+    match packet {
+        OscPacket::Message(message) => each(message),
+        OscPacket::Bundle(bundle) => bundle.content.iter().for_each(|inner| each_message(inner, each)),
+    }
+}
+
 /// What is said where.
 #[derive(Debug, PartialEq)]
 pub(super) struct Addresses {

@@ -273,7 +273,7 @@ impl Device for Remote {
             self.latest = news.sensed;
             self.reader.take(&news);
         }
-        self.reader.measure_age();
+        self.reader.measure_age(is_news, false);
         let state = self.state();
         self.reader.link.input.set(state);
         if let Some(conditioner) = &mut self.conditioner {
@@ -443,11 +443,14 @@ mod tests {
         remote.advance();
         assert_eq!(remote.ages().unwrap().ages().total(), 0);
         news(&mut remote, 0.0);
+        news(&mut remote, 0.0);
         remote.poll(Instant::now() + Duration::from_millis(8));
         remote.advance();
+        // Longer than between the news: the beginning of a silence.
+        (0..5).for_each(|_| remote.advance());
         let ages = remote.ages().unwrap().ages();
         assert!(
-            ages.total() == 2 && (8_000_000..1_000_000_000).contains(&ages.max_ns()),
+            ages.total() == 3 && (8_000_000..1_000_000_000).contains(&ages.max_ns()),
             "{ages:?}"
         );
     }

@@ -4,10 +4,11 @@ use super::NetworkError;
 use super::evdev::{self, Input};
 use super::inputs::{Hub, NumberInput};
 use super::link::{Count, Counts, DRIVEN, Link, SENSED};
-use super::osc::{Addresses, Teller};
+use super::osc::{Addresses, Teller, decode, each_message};
 use super::protocol::{Command, PacketError, State};
 use super::remote::{Remote, Way};
 use haptograph_engine::graph::Graph;
+use rosc::OscMessage;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -244,6 +245,12 @@ impl Connections {
             .map(|known| (known.device.as_str(), known.link.counts()))
     }
 
+    /// The OSC addresses at a device's port to which messages came that no device listens to, and how many.
+    pub fn unclaimed(&self, device: &str) -> Vec<(String, u64)> {
+        let known = self.heard.iter().find(|known| known.device == device);
+        known.map_or_else(Vec::new, |known| known.link.unclaimed.list())
+    }
+
     /// Each device, and where it is listened to or read from.
     pub fn places(&self) -> impl Iterator<Item = (&str, &str)> {
         self.heard
@@ -462,7 +469,14 @@ impl<'a> Conversation<'a> {
             },
             Codec::Osc(addresses) => match addresses.understand(bytes, &mut self.sensed) {
                 Ok(true) => self.accept(from),
-                Ok(false) => {}
+                Ok(false) => {
+                    // It was understood as a packet a moment ago.
+                    if let Ok(packet) = decode(bytes) {
+                        each_message(&packet, &mut |message: &OscMessage| {
+                            self.plug.link.leave(&message.addr)
+                        });
+                    }
+                }
                 Err(what) => self.plug.link.count(what, 1),
             },
         }

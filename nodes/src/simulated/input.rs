@@ -27,7 +27,7 @@ impl DeviceKind for SimulatedInput {
         simulated: true,
         senses: VALUE,
         drives: &[],
-        example: r#""pitch": SimulatedInput(to: (80, 320), period_s: 4)"#,
+        example: r#""pitch": SimulatedInput(to: [80, 320], period_s: 4)"#,
     };
 
     fn build(settings: SimulatedInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {

@@ -24,7 +24,8 @@ impl NodeKind for Noise {
     const SPEC: NodeSpec = NodeSpec {
         name: "Noise",
         group: "sources",
-        doc: "White Gaussian noise. Each node has a stream of its own, from the graph's seed and the node's path.",
+        doc: "White Gaussian noise: random numbers, each independent of the others. Each node has a \
+              stream of its own, from the graph's seed and the node's path.",
         source: "",
         inputs: &[],
         outputs: &[made("The noise.")],

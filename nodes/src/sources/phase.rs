@@ -24,8 +24,8 @@ impl NodeKind for Phase {
     const SPEC: NodeSpec = NodeSpec {
         name: "Phase",
         group: "sources",
-        doc: "The phase of an oscillation whose frequency is a signal, in turns from 0 up to 1. A sine of it is an `Expression`: \
-              `sin(2*pi * a)`.",
+        doc: "The phase of an oscillator whose frequency is a signal, in turns from 0 up to 1: frequency modulation, or an LFO of \
+              any shape. A sine of it is an `Expression`: `sin(2*pi * a)`; a `Curve` over it is any other.",
         source: "",
         inputs: &[input(
             "frequency",

@@ -83,7 +83,7 @@ impl NodeKind for ConstantVector {
             quantity: QuantityRule::Setting("quantity"),
             doc: "The value.",
         }],
-        example: r#""weight": ConstantVector(clock: "servo", value: (0.0, 0.0, -0.5), quantity: "force")"#,
+        example: r#""weight": ConstantVector(clock: "servo", value: [0.0, 0.0, -0.5], quantity: "force")"#,
     };
 
     fn build(settings: ConstantVectorSettings, _: &BuildContext) -> Result<Box<dyn Processor>, BuildError> {

@@ -35,7 +35,8 @@ impl NodeKind for Sine {
     const SPEC: NodeSpec = NodeSpec {
         name: "Sine",
         group: "sources",
-        doc: "A sine. A new frequency goes on from the phase that was reached.",
+        doc: "A sine: an oscillator, or below some 20 Hz the slow modulation (LFO) of another signal. A new frequency goes on \
+              from the phase that was reached.",
         source: "",
         inputs: &[frequency_input(
             "frequency",

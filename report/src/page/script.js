@@ -6,7 +6,7 @@
   for (const box of document.querySelectorAll(".scroll, figure:not(.plot)")) {
     const hint = document.createElement("p");
     hint.className = "swipe";
-    hint.textContent = "swipe sideways";
+    hint.textContent = matchMedia("(pointer: fine)").matches ? "scroll sideways" : "swipe sideways";
     box.before(hint);
     const fade = () => {
       const rest = box.scrollWidth - box.clientWidth;

@@ -2,6 +2,8 @@
 
 mod change;
 
+pub use change::shown;
+
 use super::super::terminal::is_coloured;
 use super::super::{GraphArguments, fault, remark};
 use super::Arguments;
@@ -184,8 +186,9 @@ impl Attended {
                 }
             }
             let inputs = self.session.live_inputs();
+            // At the end these are summed up in a line for each input.
             for note in self.silence.poll(Instant::now(), &inputs, &self.network) {
-                notes.turn(note);
+                remark(&format!("note: {note}\n"));
             }
             for failed in self.session.failing_files() {
                 remark(&format!(

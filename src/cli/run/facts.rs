@@ -51,11 +51,15 @@ pub fn packets(network: &Connections) -> Option<(&'static str, &'static str, Val
             strangers,
             jumps,
             refused_zeros,
+            unclaimed,
         } = counts;
+        let received = network.unclaimed(device).into_iter();
+        let received: serde_json::Map<String, Value> =
+            received.map(|(address, times)| (address, json!(times))).collect();
         let counts = json!({
             "accepted": accepted, "missing": missing, "outdated": outdated, "malformed": malformed,
             "not_numbers": not_numbers, "too_large": too_large, "strangers": strangers, "jumps": jumps,
-            "refused_zeros": refused_zeros,
+            "refused_zeros": refused_zeros, "unclaimed": unclaimed, "unclaimed_addresses": received,
         });
         (device.to_owned(), counts)
     };

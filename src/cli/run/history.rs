@@ -1,6 +1,8 @@
 //! What was said and what was set while a graph ran live.
 
 use super::super::remark;
+use super::attended::shown;
+use crate::engine::run::Change;
 use serde_json::{Value, json};
 
 /// What was said of cards and devices, and how often.
@@ -53,10 +55,22 @@ impl History {
     pub const MOST: usize = 200;
 
     pub fn note(&mut self, at_s: f64, name: &str, value: &str, by: &str) {
-        if self.list.len() < Self::MOST {
-            self.list.push(format!("{at_s:.2} s {name}={value} ({by})"));
-        } else {
-            self.more += 1;
+        self.push(format!("{at_s:.2} s {name}={value} ({by})"));
+    }
+
+    /// A file was saved: what that changed.
+    pub fn saved(&mut self, at_s: f64, change: Change, set: &[(String, f64)]) {
+        let what = match change {
+            Change::Settings(_) => shown(set),
+            change => change.to_string(),
+        };
+        self.push(format!("{at_s:.2} s {what} (saved)"));
+    }
+
+    fn push(&mut self, line: String) {
+        match self.list.len() < Self::MOST {
+            true => self.list.push(line),
+            false => self.more += 1,
         }
     }
 

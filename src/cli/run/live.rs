@@ -108,11 +108,11 @@ fn run_with(
     drop(asking);
     let mut facts = driver.facts();
     notes.extend(driver.warnings());
-    notes.extend(
-        attended
-            .silence
-            .warnings(&attended.session.live_inputs(), &attended.network),
-    );
+    notes.extend(attended.silence.warnings(
+        Instant::now(),
+        &attended.session.live_inputs(),
+        &attended.network,
+    ));
     let heard: Vec<RingReport> = driver.rings().collect();
     let output_latency = driver.output_latency();
     let latencies_at = facts.len();

@@ -3,7 +3,7 @@
 use super::super::output::{self, Force};
 use super::super::{Failure, recording};
 use super::folder::RunFolder;
-use crate::engine::graph::Graph;
+use crate::engine::graph::{Graph, TemplateOutput};
 use crate::engine::node::{FileContext, FileKind, FileSink, FrameWriter, Stream};
 use crate::engine::run::{FileSinks, Probe};
 use crate::engine::settings::closest;
@@ -59,6 +59,15 @@ pub fn open_probes(
         });
     }
     Ok(arguments.iter().map(|argument| argument.file.clone()).collect())
+}
+
+/// Where the probes are, which is not in the folder of the run; nothing where there are none.
+pub fn beside(files: &[PathBuf]) -> String {
+    let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+    match names.is_empty() {
+        true => String::new(),
+        false => format!("probes in {}\n", names.join(", ")),
+    }
 }
 
 /// What a sample of 1.0 stands for in the WAV files of probes, for the user.
@@ -198,23 +207,38 @@ fn scaled_writer(path: &Path, stream: &Stream, full_scale: f64) -> Result<Box<dy
         .map_err(|error| Failure::file("write", path, &error))
 }
 
-/// The output called `node.port`, or the only one of `node`.
+/// The output that an input would name so.
 fn find(graph: &Graph, name: &str) -> Result<Watch, Failure> {
-    let mut all = outputs(graph);
-    let only = |watch: &Watch| {
-        let node = &graph.nodes()[watch.node];
-        node.path == name && node.outputs.len() == 1
-    };
-    all.find(|watch| watch.stream.name == name || only(watch))
-        .ok_or_else(|| {
-            let names: Vec<String> = outputs(graph).map(|watch| watch.stream.name).collect();
-            let near = closest(name, names.iter().map(String::as_str));
-            let help = match near {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => format!("its outputs are {}", names.join(", ")),
-            };
-            Failure::Message(format!("the graph has no output `{name}`; {help}"))
-        })
+    let found = graph.find_output(name).ok();
+    let found = found.and_then(|(node, output)| watch(graph, node, output));
+    found.ok_or_else(|| {
+        let help = meant(graph, name);
+        Failure::Message(format!("the graph has no output `{name}`; {help}"))
+    })
+}
+
+/// What to do about the name of an output that is none.
+fn meant(graph: &Graph, name: &str) -> String {
+    let mut names: Vec<String> = outputs(graph).map(|watch| watch.stream.name).collect();
+    names.extend(graph.template_outputs().iter().map(TemplateOutput::name));
+    names.sort_unstable();
+    let begin = format!("{name}.");
+    let own: Vec<&str> = names
+        .iter()
+        .filter(|known| known.starts_with(&begin))
+        .map(String::as_str)
+        .collect();
+    if !own.is_empty() {
+        return format!("name one of {}", own.join(", "));
+    }
+    // One inside a template whose use was left out of its name.
+    let inside = format!("/{name}");
+    let near = names.iter().find(|known| known.ends_with(&inside));
+    let near = near.map(String::as_str);
+    match near.or_else(|| closest(name, names.iter().map(String::as_str))) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("its outputs are {}", names.join(", ")),
+    }
 }
 
 #[cfg(test)]

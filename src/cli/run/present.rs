@@ -20,14 +20,6 @@ pub struct Present {
 }
 
 impl Present {
-    /// Refuses before the run what could not be played after it.
-    pub fn check(self) -> Result<(), Failure> {
-        match self.play {
-            true => ready_to_play().map_err(|error| cannot_play(&error)),
-            false => Ok(()),
-        }
-    }
-
     /// Opens the page. A machine without a desktop is no failure of the run.
     pub fn open_page(self, page: &Path) {
         if self.open
@@ -46,6 +38,7 @@ impl Present {
             remark("warning: nothing to play: no actuator or file of this graph gets a vibration\n");
             return Ok(());
         };
+        ready_to_play().map_err(|error| cannot_play(&error))?;
         remark(&format!(
             "playing {:.1} s of {}, its highest peak at {} dBFS; ctrl-C stops it\n",
             sound.duration_s(),

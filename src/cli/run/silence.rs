@@ -27,6 +27,11 @@ pub struct SilenceMonitor {
 struct Known {
     device: String,
     is_heard: bool,
+    /// Was it heard before? Then it is heard again.
+    was_heard: bool,
+    /// How often it fell silent, and for how long before it was heard again.
+    silences: u32,
+    silent: Duration,
     /// Since when it is, or is not.
     since: Instant,
     was_said: bool,
@@ -60,6 +65,9 @@ impl SilenceMonitor {
             self.known.push(Known {
                 device: input.device.clone(),
                 is_heard,
+                was_heard: is_heard,
+                silences: 0,
+                silent: Duration::ZERO,
                 since: now,
                 was_said: false,
             });
@@ -67,9 +75,14 @@ impl SilenceMonitor {
         });
         let known = &mut self.known[place];
         if is_heard != known.is_heard {
+            let is_again = std::mem::replace(&mut known.was_heard, true);
+            if is_heard && is_again {
+                known.silent += now.saturating_duration_since(known.since);
+            }
+            known.silences += u32::from(!is_heard);
             (known.is_heard, known.since) = (is_heard, now);
             let was_said = std::mem::take(&mut known.was_said);
-            return (is_heard && was_said).then(|| returned(input));
+            return (is_heard && was_said).then(|| returned(input, is_again));
         }
         let lasts = now.saturating_duration_since(known.since);
         if is_heard || known.was_said || !is_due(input, lasts) {
@@ -82,8 +95,9 @@ impl SilenceMonitor {
         }
         Some(match input.state {
             InputState::Never => format!(
-                "{} has sent nothing yet: {}",
+                "{} has sent nothing yet{}: {}",
                 name(input, network),
+                received(&input.device, network),
                 delivered(input)
             ),
             _ => {
@@ -115,18 +129,39 @@ impl SilenceMonitor {
         Some(now.saturating_duration_since(known.since))
     }
 
-    /// What is left to say at the end of a run: which inputs sent nothing at all.
-    pub fn warnings(&self, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
-        let never = inputs.iter().filter(|input| input.state == InputState::Never);
-        never
-            .map(|input| {
-                format!(
-                    "{} sent nothing in this run: {}",
+    /// What is left to say at the end of a run, one line for each input that sent nothing or fell silent.
+    pub fn warnings(&self, now: Instant, inputs: &[InputStatus], network: &Connections) -> Vec<String> {
+        let warning = |input: &InputStatus| {
+            if input.state == InputState::Never {
+                return Some(format!(
+                    "{} sent nothing in this run{}: {}",
                     name(input, network),
+                    received(&input.device, network),
                     delivered(input)
-                )
-            })
-            .collect()
+                ));
+            }
+            let known = self.known.iter().find(|known| known.device == input.device);
+            let known = known.filter(|known| known.silences > 0)?;
+            let (lasts, end) = match known.is_heard {
+                true => (Duration::ZERO, String::new()),
+                false => (
+                    now.saturating_duration_since(known.since),
+                    format!(", at the end too: {}", delivered(input)),
+                ),
+            };
+            // Each silence is noticed a timeout after it began.
+            let unnoticed_s = f64::from(known.silences) * input.timeout_s;
+            let silent_s = (known.silent + lasts).as_secs_f64() + unnoticed_s;
+            let times = match known.silences {
+                1 => "once".to_owned(),
+                more => format!("{more} times"),
+            };
+            Some(format!(
+                "`{}` was silent {times}, {silent_s:.1} s in all{end}",
+                input.device
+            ))
+        };
+        inputs.iter().filter_map(warning).collect()
     }
 
     /// The silences that were said, for `run.json`.
@@ -179,17 +214,33 @@ fn delivered(input: &InputStatus) -> String {
     }
 }
 
-fn returned(input: &InputStatus) -> String {
+/// What came to the port of an input that nobody listens to.
+pub fn received(device: &str, network: &Connections) -> String {
+    let each = network.unclaimed(device).into_iter();
+    let each: Vec<String> = each
+        .map(|(address, times)| {
+            let plural = if times == 1 { "" } else { "s" };
+            format!("{address} ({times} message{plural})")
+        })
+        .collect();
+    match each.is_empty() {
+        true => String::new(),
+        false => format!(", but received {}", each.join(", ")),
+    }
+}
+
+fn returned(input: &InputStatus, is_again: bool) -> String {
+    let again = if is_again { " again" } else { "" };
     let each = input.actuators.iter().map(|actuator| {
         let path = &actuator.path;
         match actuator.is_closed {
             true => format!("actuator `{path}` stays at zero as another input is silent"),
-            false => format!("actuator `{path}` follows it again"),
+            false => format!("actuator `{path}` follows it{again}"),
         }
     });
     let each = each.collect::<Vec<_>>().join(", ");
     let colon = if each.is_empty() { "" } else { ": " };
-    format!("`{}` is heard again{colon}{each}", input.device)
+    format!("`{}` is heard{again}{colon}{each}", input.device)
 }
 
 fn event(input: &InputStatus, at: Duration) -> Value {
@@ -258,6 +309,15 @@ mod tests {
         said(5000, input(Silent, 0.4, false));
         let held = said(5200, input(Silent, 0.4, false));
         assert!(held.contains("`out` goes on (delivered 0.400 A)"), "{held}");
+        let end = start + Duration::from_millis(6000);
+        let last = [input(Silent, 0.4, false)];
+        let [warning] = &monitor.warnings(end, &last, &Connections::default())[..] else {
+            panic!("one line a source");
+        };
+        assert!(
+            warning.contains("`stylus` was silent 3 times, 3.8 s in all, at the end too"),
+            "{warning}"
+        );
         let events = monitor.into_events();
         let zero: Vec<bool> = events
             .iter()
@@ -275,6 +335,14 @@ mod tests {
         let mut said = |s: u64| monitor.poll(start + Duration::from_secs(s), &never, &network);
         assert!(said(0).is_empty() && said(2).is_empty() && said(4).len() == 1 && said(9).is_empty());
         assert_eq!(monitor.status(), ", `stylus` is silent");
-        assert_eq!(monitor.warnings(&never, &network).len(), 1);
+        let end = start + Duration::from_secs(9);
+        assert_eq!(monitor.warnings(end, &never, &network).len(), 1);
+        let first = monitor.poll(end, &[input(InputState::Heard, 0.0, false)], &network);
+        assert!(
+            first[0].contains("`stylus` is heard: actuator `out` follows it"),
+            "{first:?}"
+        );
+        let heard = [input(InputState::Heard, 0.1, false)];
+        assert!(monitor.warnings(end, &heard, &network).is_empty());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::{remark, remarks, screen};
 use super::drivers::Drivers;
-use super::silence::SilenceMonitor;
+use super::silence::{SilenceMonitor, received};
 use crate::engine::node::FileProgress;
 use crate::engine::run::{ActuatorLevel, InputStatus, Meters, RingReport, Session};
 use crate::engine::silence::InputState;
@@ -179,7 +179,8 @@ impl Status {
                 let mut places = facts.network.places();
                 let place = places.find(|(device, _)| *device == input.device);
                 let place = place.map_or_else(String::new, |(_, place)| format!(" at {place}"));
-                format!("nothing heard yet{place}")
+                let received = received(&input.device, facts.network);
+                format!("nothing heard yet{place}{received}")
             }
             InputState::Silent => format!("silent for {:.1} s", silent_s + input.timeout_s),
             InputState::Jumped => format!("{rate}, jumped: held back"),

@@ -252,6 +252,9 @@ pub enum Problem {
         /// The parser's message.
         message: String,
     },
+    /// A graph file in the place of a surface file.
+    #[error("this file is a graph; a surface begins with `Surface(`")]
+    Graph,
     /// Another version of the format.
     #[error(
         "the file has format {found}, but this version of haptograph reads format {}; use the version that wrote it, or a newer one",

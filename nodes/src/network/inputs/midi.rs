@@ -100,7 +100,7 @@ impl DeviceKind for MidiInput {
         simulated: false,
         senses: VALUE,
         drives: &[],
-        example: r#""pitch": MidiInput(port: "nanoKONTROL", message: Control(number: 1), to: (80, 320))"#,
+        example: r#""pitch": MidiInput(port: "nanoKONTROL", message: Control(number: 1), to: [80, 320])"#,
     };
 
     fn build(settings: MidiInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {

@@ -3,13 +3,13 @@
 use super::hub::Routes;
 use super::{Mapping, NumberInput, Place, Selector, VALUE};
 use crate::network::link::Count;
-use crate::network::osc::decode;
+use crate::network::osc::{decode, each_message};
 use crate::network::remote::address;
 use crate::network::socket::WAIT;
 use haptograph_engine::device::{Device, DeviceKind, DeviceSpec};
 use haptograph_engine::node::{BuildContext, BuildError};
 use haptograph_engine::silence::OnSilence;
-use rosc::{OscMessage, OscPacket, OscType};
+use rosc::{OscMessage, OscType};
 use std::fmt;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -53,7 +53,7 @@ impl DeviceKind for OscInput {
         simulated: false,
         senses: VALUE,
         drives: &[],
-        example: r#""pitch": OscInput(listen: "127.0.0.1:9752", address: "/1/fader1", to: (80, 320), on_silence: Hold)"#,
+        example: r#""pitch": OscInput(listen: "127.0.0.1:9752", address: "/1/fader1", to: [80, 320], on_silence: Hold)"#,
     };
 
     fn build(settings: OscInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {
@@ -146,27 +146,24 @@ pub(super) fn listen(
 fn take(bytes: &[u8], routes: &Routes) {
     let routes = routes.list();
     match decode(bytes) {
-        Ok(packet) => take_packet(&packet, &mut |message: &OscMessage| {
+        Ok(packet) => each_message(&packet, &mut |message: &OscMessage| {
+            let mut is_claimed = false;
             for route in &*routes {
                 let Selector::Osc(selector) = &route.selector else {
                     continue;
                 };
+                is_claimed |= message.addr == selector.address;
                 match selector.number(message) {
                     Some(Ok(number)) => route.link.tell_number(number),
                     Some(Err(what)) => route.link.count(what, 1),
                     None => {}
                 }
             }
+            if !is_claimed {
+                routes.iter().for_each(|route| route.link.leave(&message.addr));
+            }
         }),
         Err(what) => routes.iter().for_each(|route| route.link.count(what, 1)),
-    }
-}
-
-/// Bundles are taken at once.
-fn take_packet(packet: &OscPacket, each: &mut impl FnMut(&OscMessage)) {
-    match packet {
-        OscPacket::Message(message) => each(message),
-        OscPacket::Bundle(bundle) => bundle.content.iter().for_each(|inner| take_packet(inner, each)),
     }
 }
 
@@ -176,6 +173,7 @@ mod tests {
     use crate::network::inputs::Route;
     use crate::network::link::Link;
     use proptest::prelude::*;
+    use rosc::OscPacket;
 
     fn packet(addr: &str, args: Vec<OscType>) -> Vec<u8> {
         let addr = addr.to_owned();
@@ -212,6 +210,7 @@ mod tests {
             &routes,
         );
         assert_eq!((latest(&link), link.counts().accepted), (7.0, 1));
+        assert_eq!(link.unclaimed.list(), [("/other".to_owned(), 1)]);
         take(&packet("/knob", vec![OscType::Nil, OscType::Bool(true)]), &routes);
         assert_eq!(latest(&link), 1.0);
     }
@@ -227,6 +226,19 @@ mod tests {
         take(b"/knob", &routes);
         let counts = link.counts();
         assert_eq!((counts.accepted, counts.not_numbers, counts.malformed), (0, 1, 2));
+    }
+
+    #[test]
+    fn addresses_that_nobody_listens_to_are_kept_within_bounds() {
+        let (routes, link) = second();
+        for times in 0..3 {
+            for address in 0..=times * 20 {
+                take(&packet(&format!("/{address}"), vec![OscType::Int(1)]), &routes);
+            }
+        }
+        let kept = link.unclaimed.list();
+        assert_eq!((kept.len(), &kept[0]), (16, &("/0".to_owned(), 3)));
+        assert_eq!(link.counts().unclaimed, 1 + 21 + 41);
     }
 
     proptest! {

@@ -67,7 +67,7 @@ impl DeviceKind for SerialInput {
         simulated: false,
         senses: VALUE,
         drives: &[],
-        example: r#""squeeze": SerialInput(port: "/dev/ttyACM0", column: 2, from: (0, 1023), to: (0, 10))"#,
+        example: r#""squeeze": SerialInput(port: "/dev/ttyACM0", column: 2, from: [0, 1023], to: [0, 10])"#,
     };
 
     fn build(settings: SerialInputSettings, cx: &BuildContext) -> Result<Box<dyn Device>, BuildError> {

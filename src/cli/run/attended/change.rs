@@ -9,6 +9,7 @@ use super::{Attended, CHANGES, Says, Wish, show};
 use crate::engine::graph::Graph;
 use crate::engine::run::{Change, Changed};
 use serde_json::json;
+use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -21,6 +22,14 @@ struct Taken {
     watch: Watch,
     /// Are its texts others than those of the graph before?
     is_saved: bool,
+    /// The live settings that have other values now.
+    set: Vec<(String, f64)>,
+}
+
+/// What a graph that takes over changes.
+struct Difference {
+    changed: Changed,
+    set: Vec<(String, f64)>,
 }
 
 impl Attended {
@@ -35,7 +44,7 @@ impl Attended {
     ) {
         self.known = loaded.known;
         let taken = match loaded.result {
-            Ok(ready) => self.put(driver, ready, loading, says),
+            Ok(ready) => self.put(driver, ready, loading, (says, &wish)),
             Err(wrong) => {
                 show(&wrong, says);
                 says.refusal("the graph stays as it was\n");
@@ -56,28 +65,30 @@ impl Attended {
                 self.typed.push((name.clone(), default));
                 // A file that was saved just before is still seen by the watch, for what else follows from that; it may
                 // find that this graph runs already.
+                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
+                    self.keep(&taken);
+                }
                 if let Some(watch) = &mut self.watch {
                     watch.also(taken.watch);
-                }
-                if taken.is_saved || !matches!(taken.change, Change::Settings(_)) {
-                    self.keep(&taken.graph, taken.change);
                 }
                 self.note(true, name, &value, by);
             }
             Wish::Saved => {
+                if taken.change != Change::Settings(0) {
+                    self.keep(&taken);
+                    let at_s = self.start.elapsed().as_secs_f64();
+                    self.history.saved(at_s, taken.change, &taken.set);
+                }
                 // A changed graph may read other files.
                 if let Some(watch) = &mut self.watch {
                     watch.turn_to(taken.watch);
-                }
-                if taken.change != Change::Settings(0) {
-                    self.keep(&taken.graph, taken.change);
                 }
             }
         }
     }
 
     /// Keeps the files of a graph that was saved, so that the run can be understood.
-    fn keep(&mut self, graph: &Graph, change: Change) {
+    fn keep(&mut self, taken: &Taken) {
         // A fader may change the graph a hundred times a second.
         if self.saved.len() >= History::MOST {
             return;
@@ -85,7 +96,8 @@ impl Attended {
         let place = Path::new(CHANGES).join((self.saved.len() + 1).to_string());
         let folder = self.folder.join(&place);
         let written = fs::create_dir_all(&folder).and_then(|()| {
-            for (number, source) in graph.sources().iter().filter(|source| source.is_file).enumerate() {
+            let sources = taken.graph.sources().iter();
+            for (number, source) in sources.filter(|source| source.is_file).enumerate() {
                 let name = source.path.file_name().unwrap_or_default().to_string_lossy();
                 let file = match folder.join(&*name) {
                     file if file.exists() => folder.join(format!("{number}-{name}")),
@@ -102,12 +114,24 @@ impl Attended {
             ));
         }
         let at_s = (self.start.elapsed().as_secs_f64() * 100.0).round() / 100.0;
-        self.saved
-            .push(json!({ "at_s": at_s, "what": change.to_string(), "graph": place.to_string_lossy() }));
+        let set: Vec<String> = taken
+            .set
+            .iter()
+            .map(|(name, value)| format!("{name}={value}"))
+            .collect();
+        self.saved.push(json!({
+            "at_s": at_s, "what": taken.change.to_string(), "set": set, "graph": place.to_string_lossy(),
+        }));
     }
 
     /// Puts a graph in place of the one that runs; one that cannot be changes nothing.
-    fn put(&mut self, driver: &Drivers, ready: Ready, loading: &Loading, says: Says) -> Option<Taken> {
+    fn put(
+        &mut self,
+        driver: &Drivers,
+        ready: Ready,
+        loading: &Loading,
+        (says, wish): (Says, &Wish),
+    ) -> Option<Taken> {
         let graph = ready.graph;
         if says == Says::Everything {
             show(&warnings(&graph), says);
@@ -123,8 +147,8 @@ impl Attended {
             false => Ok(()),
         };
         let changed = lack.and(guarded).and_then(|()| self.change(&graph));
-        let changed = match changed {
-            Ok(changed) => changed,
+        let Difference { changed, set } = match changed {
+            Ok(difference) => difference,
             Err(why) => {
                 says.refusal(&format!("the graph stays as it was: {why}\n"));
                 return None;
@@ -132,7 +156,12 @@ impl Attended {
         };
         // The file may have been edited meanwhile, so another graph is always told of.
         if says == Says::Everything || !matches!(changed.change, Change::Settings(_)) {
-            remark(&told(&changed, loading.took()));
+            let by = if matches!(wish, Wish::Saved) {
+                "saved"
+            } else {
+                "set"
+            };
+            remark(&told(&changed, &set, by, loading.took()));
         }
         for change in ready.guards.changes(&self.guards) {
             remark(&format!("{change}\n"));
@@ -143,20 +172,30 @@ impl Attended {
             is_saved: before != self.texts,
             graph,
             change: changed.change,
+            set,
             watch: ready.watch,
         })
     }
 
     /// Connects what a graph is connected to, and hands it to the drivers.
-    fn change(&mut self, graph: &Graph) -> Result<Changed, String> {
+    fn change(&mut self, graph: &Graph) -> Result<Difference, String> {
         let connected = self.network.connect(graph).map_err(|error| error.to_string())?;
+        let before: HashMap<String, f64> = self
+            .session
+            .settings()
+            .map(|live| (live.name(), live.value))
+            .collect();
         match self.session.change(graph, &self.folder) {
             Ok(changed) => {
+                let now = graph.live_settings().into_iter();
+                let now = now.map(|live| (live.name(), live.value));
+                let set = now.filter(|(name, value)| before.get(name).is_some_and(|then| then != value));
+                let set = set.collect();
                 self.network.follow(graph);
                 self.endpoints.add(graph);
                 self.changes += 1;
                 self.swaps += u32::from(!matches!(changed.change, Change::Settings(_)));
-                Ok(changed)
+                Ok(Difference { changed, set })
             }
             Err(error) => {
                 self.network.let_go(connected);
@@ -166,8 +205,12 @@ impl Attended {
     }
 }
 
-fn told(changed: &Changed, took: Duration) -> String {
-    let mut text = changed.change.to_string();
+/// What is said of a change; `by` is how it was asked for.
+fn told(changed: &Changed, set: &[(String, f64)], by: &str, took: Duration) -> String {
+    let mut text = match (changed.change, set) {
+        (Change::Settings(_), [_, ..]) => format!("{by}: {}", shown(set)),
+        (change, _) => change.to_string(),
+    };
     for (paths, what) in [
         (&changed.begun, "begins"),
         (&changed.ended, "is complete"),
@@ -178,5 +221,21 @@ fn told(changed: &Changed, took: Duration) -> String {
             text += &format!("; {name} {what}");
         }
     }
-    text + &format!(" ({:.0} ms)\n", took.as_secs_f64() * 1e3)
+    let does = match changed.change {
+        Change::Settings(0) => "",
+        _ => "taken over in ",
+    };
+    text + &format!(" ({does}{:.0} ms)\n", took.as_secs_f64() * 1e3)
+}
+
+/// Settings as they are set, the first few.
+pub fn shown(set: &[(String, f64)]) -> String {
+    const SHOWN: usize = 4;
+    let first = set.iter().take(SHOWN);
+    let first: Vec<String> = first.map(|(name, value)| format!("{name}={value}")).collect();
+    let more = match set.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    first.join(", ") + &more
 }

@@ -46,8 +46,11 @@ fn parse(text: &str) -> Result<SurfaceDocument, ReadError> {
             line: error.span.start.line,
             column: error.span.start.col,
         }),
-        problem: Problem::Syntax {
-            message: error.code.to_string(),
+        problem: match error.code {
+            ron::Error::ExpectedDifferentStructName { found, .. } if found == "Graph" => Problem::Graph,
+            code => Problem::Syntax {
+                message: code.to_string(),
+            },
         },
     })
 }
