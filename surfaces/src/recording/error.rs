@@ -1,7 +1,6 @@
 //! Why bytes give no recording.
 
 use super::RecordingError;
-use super::csv::example_unit;
 use super::rows::listed;
 
 /// Why bytes give no recording.
@@ -22,10 +21,12 @@ pub enum ReadError {
         column: usize,
         message: String,
     },
-    #[error("missing: {}. Columns here: {}. {}", missing.join(", "), listed(columns), advice(missing))]
+    #[error("missing: {}. Columns here: {}. {}", missing.join(", "), listed(columns), advice(missing, hints))]
     Missing {
         missing: Vec<String>,
         columns: Vec<String>,
+        /// A flag for each quantity.
+        hints: Vec<String>,
     },
     #[error(
         "no table beside it: put {} into {table}, or say what did not change by --constant, as --constant speed_mm_s=50",
@@ -47,18 +48,14 @@ pub enum ReadError {
 }
 
 /// How columns that are missing are named.
-fn advice(missing: &[String]) -> String {
-    let Some(first) = missing.iter().find(|name| *name != "time") else {
-        return "Give the rate (--sample-rate HZ), say which column is the time (--column time=\"…\" --unit time=ms), or put a number fs \
-                into a MATLAB file"
-            .to_owned();
-    };
-    let rate = match missing.len() > 1 && missing.iter().any(|name| name == "time") {
-        true => "; rows that follow evenly need no time but --sample-rate HZ",
-        false => "",
-    };
-    let unit = example_unit(first);
-    format!("Say which is which: --column {first}=\"…\" --unit {first}={unit}{rate}")
+fn advice(missing: &[String], hints: &[String]) -> String {
+    match missing {
+        [time] if time == "time" => format!(
+            "Say which column is the time, {}, or put a number fs into a MATLAB file",
+            hints.join(" ")
+        ),
+        _ => format!("Say which is which: {}", hints.join(" ")),
+    }
 }
 
 impl ReadError {
