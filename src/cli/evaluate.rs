@@ -1,23 +1,25 @@
 //! `haptograph evaluate`: do virtual surfaces match the real ones? (thesis 2.5)
 
 mod holdout;
+mod takes;
+
+pub(super) use takes::read_takes;
 
 use super::import::Import;
-use super::output::{Force, LEDGER, Output};
+use super::output::{Force, Output};
 use super::progress::Progress;
 use super::table::{facts, significant, table};
-use super::{Failure, learn as learning, recording, remark, say, say_json};
+use super::{Failure, learn as learning, remark, say, say_json};
 use crate::engine::registry::Registry;
 use crate::surfaces::Origin;
 use crate::surfaces::evaluate::{
-    DifferenceTable, Evaluation, HoldoutSettings, RecordingName, StudyError, StudySettings, Take, evaluate,
+    DifferenceTable, Evaluation, HoldoutSettings, StudyError, StudySettings, Take, evaluate,
 };
 use crate::surfaces::learning::{LearnSettings, learn};
 use crate::surfaces::metrics::Pooling;
-use crate::surfaces::recording::{AnyRecording, Gesture, ImportSettings};
+use crate::surfaces::recording::{AnyRecording, Gesture};
 use clap::ValueEnum;
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// What is evaluated, and how
@@ -206,43 +208,6 @@ pub(super) fn seeded(pooling: Pooling, seed: u64) -> StudySettings {
     settings.map.walk.seed = seed;
     settings.map.seed = seed;
     settings
-}
-
-/// All takes in a folder; of the toolkit's triples the first file stands for all three.
-pub(super) fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
-    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
-    let mut files: BTreeMap<RecordingName, PathBuf> = BTreeMap::new();
-    let mut paths: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|path| path.is_file() && !path.ends_with(LEDGER))
-        .collect();
-    paths.sort();
-    for path in paths {
-        let file = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        let file = ["Accel_", "Position_", "Force_"]
-            .iter()
-            .find_map(|part| file.strip_prefix(part))
-            .unwrap_or(&file);
-        match RecordingName::parse(file) {
-            Some(name) => {
-                files.entry(name).or_insert(path);
-            }
-            None => remark(&format!(
-                "warning: skipped {}: it is not named <material>.<person>.<take>.<extension>\n",
-                path.display()
-            )),
-        }
-    }
-    let read = |(name, path): (RecordingName, PathBuf)| {
-        let recording = recording::load_with(&path, import)?.recording;
-        Ok(Take { name, recording })
-    };
-    files.into_iter().map(read).collect()
 }
 
 pub(super) fn describe(found: &Evaluation) -> String {

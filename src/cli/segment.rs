@@ -15,6 +15,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// Find where a signal changes its character, by minimum description length
+///
+/// The numbers of one column are taken as they stand, a sample a row: units and times do not count, nothing is repaired or filtered, and
+/// every cell has to hold a number. So the samples that are printed are rows of the table. `learn --method thesis` repairs and processes
+/// a logger's table before it segments it.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A table with a header: CSV, a spreadsheet, or a MATLAB file up to -v7

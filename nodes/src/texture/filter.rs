@@ -118,10 +118,9 @@ impl NodeKind for ArmaFilter {
              Hz and interpolated, and has nothing above {} Hz",
             models_hz / 2.0
         );
-        vec![
-            BuildError::at("surface", message)
-                .help("learn the surface at the clock's rate to have the rest of its spectrum"),
-        ]
+        vec![BuildError::at("surface", message).help(
+            "nothing to do if the recording ended there; else learn the surface again at the clock's rate",
+        )]
     }
 }
 

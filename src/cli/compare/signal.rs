@@ -111,7 +111,7 @@ pub fn common_rate_hz(signals: [&Signal; 2], asked_hz: Option<f64>) -> Result<f6
             };
             let path = unknown.path.display();
             Err(Failure::Message(format!(
-                "{path} does not say its rate; give it by --rate or --sample-rate, or a column time_s in the file"
+                "{path} does not say its rate; say which column is the time (--column time=… --unit time=ms), or give the rate by --sample-rate (of both files by --rate)"
             )))
         }
     }

@@ -73,6 +73,10 @@ pub enum FrictionError {
         "the friction coefficient would be {mu:.3}; it must be at least 0: check the signs of the forces and the calibration"
     )]
     Negative { mu: f64 },
+    #[error(
+        "the tangential force is {force_n} N at every moment: it was not measured; leave its column out, or record it"
+    )]
+    Constant { force_n: f64 },
     #[error(transparent)]
     Surface(#[from] SurfaceError),
 }
@@ -198,6 +202,10 @@ pub fn learn_friction(
     };
     if points.len() < 10 {
         return Err(too_few);
+    }
+    let force_n = points[0].1;
+    if points.iter().all(|point| point.1 == force_n) {
+        return Err(FrictionError::Constant { force_n });
     }
     let report = fit_friction(points, settings.fit.unwrap_or(default_fit)).ok_or(too_few)?;
     let mu = report.line.slope;

@@ -508,6 +508,27 @@ mod tests {
     }
 
     #[test]
+    fn a_force_that_was_not_measured_is_no_friction() {
+        let processed =
+            crate::learning::processing::processed(&recordings()[0], &Default::default()).unwrap();
+        let signals = crate::recording::Signals {
+            force_tangential_n: Some(vec![0.0; processed.samples()]),
+            ..processed.signals().clone()
+        };
+        let drag = crate::recording::ProcessedRecording::new(signals, Gesture::Drag, provenance()).unwrap();
+        let all = [AnyRecording::Processed(drag)];
+        let (surface, report) = learn("Test", &all, &LearnSettings::default(), &|_| ()).unwrap();
+        assert!(surface.friction.is_none());
+        assert!(matches!(
+            report.missing[..],
+            [MissingPart {
+                reason: LearnError::Friction(FrictionError::Constant { force_n: 0.0 }),
+                ..
+            }]
+        ));
+    }
+
+    #[test]
     fn a_texture_is_kept_where_other_parts_cannot_be_learned() {
         let drag = recordings()[0].clone();
         // A tool pulled along by its circle, taps that never leave the surface, a press without a path.

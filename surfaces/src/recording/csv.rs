@@ -11,6 +11,9 @@
 //! sample. Lines `# gesture: tap`, `# origin: simulated`, `# source: ...` above the header hold the metadata. Other columns
 //! are not used and are reported as a finding. A preamble above the header and a row of units below it are allowed.
 
+mod alias;
+mod clock;
+mod hints;
 mod join;
 mod table;
 mod units;
@@ -22,7 +25,7 @@ pub(super) use table::{
 #[cfg(all(feature = "spreadsheets", not(target_family = "wasm")))]
 pub(super) use table::{is_wanted, number_of};
 pub use units::QUANTITIES;
-pub(super) use units::{Scale, example_unit, is_unit, parse_name, parse_unit};
+pub(super) use units::{Scale, is_unit, parse_name, parse_unit};
 pub use write::{RawTable, write_csv};
 
 use super::import::{Finding, ImportSettings, plausibility};
@@ -120,12 +123,12 @@ pub(super) fn recording(
         findings.push((0, Finding::UnknownUnit));
         provenance = provenance.with_setting(VIBRATION_UNIT, "not known; not m/s2");
     }
-    let is_raw = tables
-        .iter()
-        .any(|table| table.has("force_x") || table.has("position_x"));
+    join::share_clock(tables);
+    let is_raw = is_raw(tables, import);
+    join::set_constants(tables, &import.constants, is_raw);
     let recording = match is_raw {
         true => raw(tables, gesture, provenance).map(AnyRecording::Raw)?,
-        false => join::processed(tables, gesture, provenance).map(AnyRecording::Processed)?,
+        false => join::processed(tables, import, gesture, provenance).map(AnyRecording::Processed)?,
     };
     for table in tables.iter_mut() {
         findings.extend(
@@ -151,6 +154,12 @@ pub(super) fn recording(
         }
     }
     Ok((recording, findings))
+}
+
+/// Whether tables hold what sensors gave: forces by axis, or positions without the force and the acceleration that processed ones have.
+fn is_raw(tables: &[Table], import: &ImportSettings) -> bool {
+    let has = |name: &str| import.constants.contains_key(name) || tables.iter().any(|table| table.has(name));
+    has("force_x") || has("position_x") && !has("force_normal") && !has("accel")
 }
 
 /// The first table with such a note, and the note.

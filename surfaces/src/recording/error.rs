@@ -1,7 +1,6 @@
 //! Errors of reading a recording.
 
 use super::RecordingError;
-use super::csv::example_unit;
 use super::rows::listed;
 
 /// An error in the content of a recording's file.
@@ -22,10 +21,12 @@ pub enum ReadError {
         column: usize,
         message: String,
     },
-    #[error("missing columns: {}. The file has: {}. {}", missing.join(", "), listed(columns), advice(missing))]
+    #[error("missing columns: {}. The file has: {}. {}", missing.join(", "), listed(columns), advice(missing, hints))]
     Missing {
         missing: Vec<String>,
         columns: Vec<String>,
+        /// A flag for each quantity.
+        hints: Vec<String>,
     },
     #[error(
         "no table beside the WAV file: put {} into {table}, or give constant quantities with --constant, such as --constant speed_mm_s=50",
@@ -46,19 +47,15 @@ pub enum ReadError {
     Recording(#[from] RecordingError),
 }
 
-/// Advice on how to supply missing columns.
-fn advice(missing: &[String]) -> String {
-    let Some(first) = missing.iter().find(|name| *name != "time") else {
-        return "Give the rate (--sample-rate HZ), say which column is the time (--column time=\"…\" --unit time=ms), or put a number fs \
-                into a MATLAB file"
-            .to_owned();
-    };
-    let rate = match missing.len() > 1 && missing.iter().any(|name| name == "time") {
-        true => "; if rows are evenly spaced, --sample-rate HZ replaces the time column",
-        false => "",
-    };
-    let unit = example_unit(first);
-    format!("Name the columns: --column {first}=\"…\" --unit {first}={unit}{rate}")
+/// Advice on how to name missing columns.
+fn advice(missing: &[String], hints: &[String]) -> String {
+    match missing {
+        [time] if time == "time" => format!(
+            "Name the column of the time, {}, or put a number fs into a MATLAB file",
+            hints.join(" ")
+        ),
+        _ => format!("Name the columns: {}", hints.join(" ")),
+    }
 }
 
 impl ReadError {

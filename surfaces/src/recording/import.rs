@@ -1,9 +1,11 @@
 //! Settings for reading tables of any logger, and findings about what was repaired.
 
 mod even;
+mod offset;
 mod repair;
 
 pub(super) use even::{Timing, resampled, timing};
+pub(super) use offset::without_offset;
 pub(super) use repair::{clipped, interpolate_missing, remove_outliers};
 
 use super::rows::listed;
@@ -132,11 +134,30 @@ pub enum Finding {
     },
     /// The unit of the vibration is not known.
     UnknownUnit,
+    /// A vibration with a mean, which no processed one has: its high-pass was made up for.
+    HighPassed {
+        column: String,
+        mean: f64,
+        cutoff_hz: f64,
+        /// Whether the mean is in m/s².
+        has_unit: bool,
+    },
+    /// A column that is called otherwise, and leaves no doubt what it is.
+    TakenAs { column: String, quantity: String },
+    /// The speed is the derivative of these.
+    SpeedOfPosition { columns: Vec<String>, cutoff_hz: f64 },
+    /// Times beside a rate that was given.
+    TimesNotUsed { column: String },
 }
 
 /// Formats a number for a message: seven digits, no trailing zeros.
 pub(super) fn shown(value: f64) -> f64 {
     format!("{value:.6e}").parse().unwrap_or(value)
+}
+
+/// A number for a message: three digits.
+fn digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 impl fmt::Display for Finding {
@@ -153,11 +174,18 @@ impl fmt::Display for Finding {
                 missing_rows,
             } => {
                 let share = 100.0 * rms_s / interval_s;
-                write!(f, "time stamps jitter by {:.3} ms ({share:.0} % of the interval)", rms_s * 1000.0)?;
-                if *missing_rows > 0 {
-                    write!(f, ", {missing_rows} rows are missing")?;
-                }
-                write!(f, "; resampled to {} Hz", shown(*rate_hz))
+                let jitter = format!("time stamps jitter by {:.3} ms ({share:.0} % of the interval)", rms_s * 1000.0);
+                let missing = match missing_rows {
+                    1 => "1 row is missing".to_owned(),
+                    _ => format!("{missing_rows} rows are missing"),
+                };
+                let what = match (share >= 0.5, *missing_rows > 0) {
+                    (true, true) => format!("{jitter}, {missing}"),
+                    (true, false) => jitter,
+                    (false, true) => missing,
+                    (false, false) => "time stamps are not even".to_owned(),
+                };
+                write!(f, "{what}; resampled to {} Hz", shown(*rate_hz))
             }
             Self::CoarseTimes { resolution_s, rate_hz } => write!(
                 f,
@@ -216,6 +244,24 @@ impl fmt::Display for Finding {
             } => {
                 let largest = shown(*largest);
                 write!(f, "the largest {quantity} in column {column:?} is {largest} {unit}, {advice}")
+            }
+            Self::HighPassed {
+                column,
+                mean,
+                cutoff_hz,
+                has_unit,
+            } => {
+                let unit = if *has_unit { " m/s² (gravity?)" } else { "" };
+                write!(f, "{column}: the mean is {}{unit}: high-passed at {cutoff_hz} Hz", digits(*mean))
+            }
+            Self::TakenAs { column, quantity } => write!(f, "column {column:?} is taken as {quantity}"),
+            Self::SpeedOfPosition { columns, cutoff_hz } => write!(
+                f,
+                "the speed is the derivative of {}, low-passed at {cutoff_hz} Hz",
+                listed(columns)
+            ),
+            Self::TimesNotUsed { column } => {
+                write!(f, "column {column:?} is not used, as --sample-rate says the rate: gaps cannot be seen")
             }
             Self::UnknownUnit => f.write_str(
                 "the unit of the vibration is unknown: the learned texture is not in m/s², and its level is that of the sensor's numbers",

@@ -4,21 +4,24 @@ use super::*;
 use std::io::Write;
 use std::path::PathBuf;
 
-struct Folder(tempfile::TempDir);
+pub(super) struct Folder(tempfile::TempDir);
 
 impl Folder {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self(tempfile::tempdir().expect("a folder"))
     }
 
-    fn with(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    pub(super) fn with(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
         std::fs::write(&path, bytes).expect("a file");
         path
     }
 }
 
-fn read(paths: &[PathBuf], import: &ImportSettings) -> Result<(ProcessedRecording, Vec<Finding>), LoadError> {
+pub(super) fn read(
+    paths: &[PathBuf],
+    import: &ImportSettings,
+) -> Result<(ProcessedRecording, Vec<Finding>), LoadError> {
     load_with(paths, import).map(|(recording, findings)| match recording {
         AnyRecording::Processed(processed) => (
             processed,
@@ -28,7 +31,7 @@ fn read(paths: &[PathBuf], import: &ImportSettings) -> Result<(ProcessedRecordin
     })
 }
 
-fn line_of(error: LoadError) -> (u64, usize) {
+pub(super) fn line_of(error: LoadError) -> (u64, usize) {
     match error {
         LoadError::Read {
             source: ReadError::CsvCell { line, column, .. },
@@ -43,7 +46,7 @@ fn line_of(error: LoadError) -> (u64, usize) {
 }
 
 /// Rows of a drag at 1 kHz, as (time s, vibration m/s², force N, speed mm/s).
-fn rows(count: usize) -> impl Iterator<Item = (f64, f64, f64, f64)> {
+pub(super) fn rows(count: usize) -> impl Iterator<Item = (f64, f64, f64, f64)> {
     (0..count).map(|i| {
         (
             i as f64 / 1000.0,
@@ -212,7 +215,13 @@ fn gaps_are_refused_where_they_are_and_jitter_is_not() {
     let (recording, findings) = read(&[path], &import).expect("a recording");
     assert_eq!(
         (recording.rate_hz(), recording.samples(), findings),
-        (2000.0, 1000, vec![])
+        (
+            2000.0,
+            1000,
+            vec![Finding::TimesNotUsed {
+                column: "time_s".to_owned()
+            }]
+        )
     );
 }
 
@@ -491,7 +500,7 @@ fn other_spreadsheets_are_refused_with_what_to_do() {
     }
 }
 
-fn import(columns: &[(&str, &str)], units: &[(&str, &str)]) -> ImportSettings {
+pub(super) fn import(columns: &[(&str, &str)], units: &[(&str, &str)]) -> ImportSettings {
     let import = columns
         .iter()
         .fold(ImportSettings::default(), |import, (quantity, column)| {
@@ -534,7 +543,11 @@ fn a_preamble_and_a_row_of_units_are_no_data() {
     // Without a mapping the header is told by its shape, and all that is missing at once.
     let path = folder.with("unsaid.csv", &table);
     let Err(LoadError::Read {
-        source: ReadError::Missing { missing, columns },
+        source: ReadError::Missing {
+            missing,
+            columns,
+            hints,
+        },
         ..
     }) = read(&[path], &ImportSettings::default())
     else {
@@ -542,6 +555,19 @@ fn a_preamble_and_a_row_of_units_are_no_data() {
     };
     assert_eq!(missing, ["accel", "force_normal", "speed", "time"]);
     assert_eq!(columns, ["t", "Beschl\u{e4}", "Kraft", "v"]);
+    // Each with its column, and without a unit, as the row below the header says it.
+    let filled = [
+        "accel=\"Beschl\u{e4}\"",
+        "force_normal=\"Kraft\"",
+        "speed=\"v\"",
+        "time=\"t\"",
+    ];
+    for (hint, filled) in hints.iter().zip(filled) {
+        assert!(
+            hint.starts_with(&format!("--column {filled}")) && !hint.contains("--unit"),
+            "{hint}"
+        );
+    }
     let twice = folder.with("twice.csv", "x\ntime_s,accel_g\n1,2\ntime_s,accel_g\n1,2\n");
     assert_eq!(
         line_of(read(&[twice], &ImportSettings::default()).expect_err("two headers")),

@@ -463,6 +463,8 @@ pub enum RecordingError {
 }
 
 #[cfg(test)]
+mod habits;
+#[cfg(test)]
 mod loggers;
 #[cfg(test)]
 pub(crate) mod synthetic;

@@ -49,7 +49,13 @@ pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
             let combined = processing::combined(&axes, rate_hz, &Default::default());
             combined.map_err(|error| ReadError::Io(error.to_string()))?
         }
-        Err(values) => values.into_iter().next().unwrap_or_default(),
+        Err(values) => {
+            let mut values = values.into_iter().next().unwrap_or_default();
+            if let (Some("m/s2"), Some(rate_hz)) = (unit, rate_hz) {
+                table.take_offset(&name, true, &mut values, rate_hz)?;
+            }
+            values
+        }
     };
     Ok(Column {
         name,

@@ -171,6 +171,16 @@ pub fn combined(
     })
 }
 
+/// A vibration without gravity and the hand's own motion.
+pub fn high_passed(
+    signal: &[f64],
+    rate_hz: f64,
+    settings: &ProcessingSettings,
+) -> Result<Vec<f64>, DesignError> {
+    let highpass = butterworth_highpass(HIGHPASS_ORDER, settings.highpass_hz, rate_hz)?;
+    Ok(filtfilt(&highpass, signal))
+}
+
 /// Acceleration, m/s², sample by sample of the accelerometer.
 pub fn acceleration_axes(recording: &Recording) -> Vec<[f64; 3]> {
     let volts = recording.acceleration_v().samples.iter();
@@ -327,24 +337,44 @@ fn velocities(
     settings: &ProcessingSettings,
 ) -> Result<Series<Vector>, ProcessingError> {
     let motion = recording.motion();
-    let cutoff_hz = settings.velocity_lowpass_hz.min(0.45 * motion.rate_hz);
-    let lowpass = butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, motion.rate_hz)?;
-    let last = tips.len() - 1;
+    Ok(Series {
+        rate_hz: motion.rate_hz,
+        start_s: motion.start_s,
+        samples: derivative(tips, motion.rate_hz, settings)?,
+    })
+}
+
+/// The speed of a tip by its positions, m/s.
+pub fn speeds(
+    tips: &[[f64; 3]],
+    rate_hz: f64,
+    settings: &ProcessingSettings,
+) -> Result<Vec<f64>, DesignError> {
+    let velocities = derivative(tips, rate_hz, settings)?;
+    Ok(velocities.into_iter().map(norm).collect())
+}
+
+/// Velocities, low-passed, m/s.
+fn derivative(
+    tips: &[Vector],
+    rate_hz: f64,
+    settings: &ProcessingSettings,
+) -> Result<Vec<Vector>, DesignError> {
+    let cutoff_hz = settings.velocity_lowpass_hz.min(0.45 * rate_hz);
+    let lowpass = butterworth_lowpass(LOWPASS_ORDER, cutoff_hz, rate_hz)?;
+    let Some(last) = tips.len().checked_sub(1).filter(|last| *last > 0) else {
+        return Ok(vec![[0.0; 3]; tips.len()]);
+    };
     let smooth: [Vec<f64>; 3] = std::array::from_fn(|axis| {
         let derivative: Vec<f64> = (0..=last)
             .map(|i| {
                 let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
-                (tips[after][axis] - tips[before][axis]) * motion.rate_hz / (after - before) as f64
+                (tips[after][axis] - tips[before][axis]) * rate_hz / (after - before) as f64
             })
             .collect();
         filtfilt(&lowpass, &derivative)
     });
-    let samples = (0..=last)
+    Ok((0..=last)
         .map(|i| std::array::from_fn(|axis| smooth[axis][i]))
-        .collect();
-    Ok(Series {
-        rate_hz: motion.rate_hz,
-        start_s: motion.start_s,
-        samples,
-    })
+        .collect())
 }

@@ -1,23 +1,56 @@
 //! Builds processed recordings from one table, or from several that share a clock: one has the vibration, others slower signals.
 
-use super::super::{ProcessedRecording, ReadError, Series, Signals};
+use super::super::{ImportSettings, ProcessedRecording, ReadError, Series, Signals};
 use super::table::{Even, Fault, Table};
 use super::{AXES, Gesture, refuse_missing};
 use crate::Provenance;
-use crate::learning::processing;
+use crate::learning::processing::{self, ProcessingSettings};
 use crate::recording::import::{Finding, shown};
+use std::collections::BTreeMap;
 
 /// The quantities besides the vibration.
 const SLOW: [&str; 3] = ["force_normal", "speed", "force_tangential"];
 
+/// Counts the times of all tables from the first of their origins.
+pub(super) fn share_clock(tables: &mut [Table]) {
+    let origins = tables.iter().filter_map(Table::origin_s);
+    let first = origins.fold(f64::INFINITY, f64::min);
+    tables.iter_mut().for_each(|table| table.count_from(first));
+}
+
+/// Adds quantities that did not change, to one table each, whatever the order of the files: raw ones to that of their sensor, all others to
+/// that of the vibration.
+pub(super) fn set_constants(tables: &mut [Table], constants: &BTreeMap<String, f64>, is_raw: bool) {
+    let first_word = |name: &str| name.split('_').next().unwrap_or_default().to_owned();
+    for (name, value) in constants {
+        let sensor: &[&str] = match &*first_word(name) {
+            _ if !is_raw => &["accel", "accel_x"],
+            "position" | "orientation" => &["position_x", "orientation_w"],
+            "force" | "torque" => &["force_x"],
+            _ => &["accel_x"],
+        };
+        tables.iter_mut().for_each(|table| table.remove(name));
+        let own = |table: &Table| sensor.iter().any(|column| table.has(column));
+        let place = tables.iter().position(own).unwrap_or(0);
+        if let Some(table) = tables.get_mut(place) {
+            table.set_constant(name, *value);
+        }
+    }
+}
+
 pub(super) fn processed(
     tables: &mut [Table],
+    import: &ImportSettings,
     gesture: Gesture,
     provenance: Provenance,
 ) -> Result<ProcessedRecording, Fault> {
     let has_axes = |table: &Table| AXES.iter().all(|axis| table.has(&format!("accel_{axis}")));
     let has_axes_somewhere = tables.iter().any(has_axes);
-    let mut wanted: Vec<String> = ["force_normal", "speed"].map(str::to_owned).to_vec();
+    let positions = place_of_positions(tables);
+    let mut wanted = vec!["force_normal".to_owned()];
+    if positions.is_none() {
+        wanted.push("speed".to_owned());
+    }
     match has_axes_somewhere && !tables.iter().any(|table| table.has("accel")) {
         true => wanted.extend(AXES.map(|axis| format!("accel_{axis}"))),
         false => wanted.insert(0, "accel".to_owned()),
@@ -25,6 +58,9 @@ pub(super) fn processed(
     refuse_missing(tables, wanted)?;
     let has_vibration = |table: &Table| table.has("accel") || has_axes(table);
     let first = tables.iter().position(has_vibration).unwrap_or(0);
+    let speed = positions
+        .map(|place| speed_of_position(&mut tables[place]))
+        .transpose()?;
     tables.swap(0, first);
     let names_of_files: Vec<String> = tables.iter().map(|table| table.label.clone()).collect();
     let Some((vibration, others)) = tables.split_first_mut() else {
@@ -43,6 +79,7 @@ pub(super) fn processed(
     let mut files = vec![];
     for name in SLOW {
         match elsewhere(name) {
+            _ if name == "speed" && speed.is_some() => {}
             Some(table) if !vibration.has(name) => there.push((name, table)),
             _ if name == "force_tangential" && !vibration.has(name) => {}
             _ => here.push(name),
@@ -63,6 +100,10 @@ pub(super) fn processed(
             },
         ));
     }
+    if let Some((file, series)) = &speed {
+        files.push(file);
+        slow.push(("speed", series.clone()));
+    }
     let cuts = cuts(&taken, &slow, &names_of_files[0], &files);
     vibration.findings.extend(cuts);
     cut_to_common_time(&mut taken, &slow).map_err(|message| vibration.fault(header_line, message))?;
@@ -79,8 +120,15 @@ pub(super) fn processed(
     for (name, values) in here.into_iter().zip(columns) {
         put(&mut signals, name, values);
     }
-    let acceleration = acceleration.map_or_else(|| combined(&signals), Ok);
-    signals.acceleration_m_s2 = acceleration.map_err(|message| vibration.fault(header_line, message))?;
+    signals.acceleration_m_s2 = match acceleration {
+        Some(mut values) => {
+            let has_unit = import.units.get("accel").is_none_or(|unit| unit != "1");
+            let taken = vibration.take_offset("accel", has_unit, &mut values, signals.rate_hz);
+            taken.map_err(|error| vibration.at_fault(error))?;
+            values
+        }
+        None => combined(&signals).map_err(|message| vibration.fault(header_line, message))?,
+    };
     for (name, series) in slow {
         let time = |i: usize| taken.start_s + i as f64 / taken.rate_hz;
         let values = (0..signals.acceleration_m_s2.len())
@@ -89,6 +137,52 @@ pub(super) fn processed(
         put(&mut signals, name, values);
     }
     Ok(ProcessedRecording::new(signals, gesture, provenance)?)
+}
+
+/// The table that the speed is derived of, where there is none but a position.
+fn place_of_positions(tables: &mut [Table]) -> Option<usize> {
+    let has_speed = tables.iter().any(|table| table.has("speed"));
+    let place = tables
+        .iter()
+        .position(|table| !table.columns_of(&POSITIONS).is_empty())?;
+    if !has_speed {
+        return Some(place);
+    }
+    for table in tables.iter_mut() {
+        let columns = table.columns_of(&POSITIONS);
+        let columns: Vec<String> = columns.iter().map(|(_, header)| header.clone()).collect();
+        if !columns.is_empty() {
+            table.findings.push(Finding::NotUsed { columns });
+        }
+    }
+    None
+}
+
+const POSITIONS: [&str; 3] = ["position_x", "position_y", "position_z"];
+
+/// The speed by the positions of a table, as it is made of raw recordings, and the name of its file.
+fn speed_of_position(table: &mut Table) -> Result<(String, Series<f64>), Fault> {
+    let columns = table.columns_of(&POSITIONS);
+    let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+    let even = table.take(&names)?;
+    let samples = even.columns.first().map_or(0, Vec::len);
+    let tip = |i: usize| -> [f64; 3] {
+        std::array::from_fn(|axis| even.columns.get(axis).map_or(0.0, |column| column[i]))
+    };
+    let tips: Vec<[f64; 3]> = (0..samples).map(tip).collect();
+    let settings = ProcessingSettings::default();
+    let speeds = processing::speeds(&tips, even.rate_hz, &settings);
+    let samples = speeds.map_err(|error| table.fault(table.header_line, error))?;
+    table.findings.push(Finding::SpeedOfPosition {
+        columns: columns.into_iter().map(|(_, header)| header).collect(),
+        cutoff_hz: settings.velocity_lowpass_hz.min(0.45 * even.rate_hz),
+    });
+    let series = Series {
+        rate_hz: even.rate_hz,
+        start_s: even.start_s,
+        samples,
+    };
+    Ok((table.label.clone(), series))
 }
 
 fn put(signals: &mut Signals, name: &str, values: Vec<f64>) {

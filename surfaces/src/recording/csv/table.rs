@@ -2,10 +2,13 @@
 
 use super::super::import::{
     BadCell, Finding, ImportSettings, Timing, clipped, interpolate_missing, remove_outliers, resampled,
-    timing,
+    timing, without_offset,
 };
 use super::super::rows::{Head, Row, Rows, listed};
 use super::super::{ReadError, RecordingError, Series};
+use super::alias::{is_like_ours, taken_as};
+use super::clock::Clock;
+use super::hints::hints;
 use super::units::{QUANTITIES, Scale, is_of, parse_unit, plain_name, unit_in_file, unit_of_column};
 use crate::files::decimal::parse_thousandth;
 use haptograph_signal::quantity::Quantity;
@@ -47,12 +50,20 @@ pub(in crate::recording) struct Table {
     pub(in crate::recording) findings: Vec<Finding>,
     /// All columns of the file.
     pub(super) names: Vec<String>,
+    /// Of the row below the header; may be empty.
+    pub(super) units: Vec<String>,
     /// Whether the file has lines (or rows of a sheet) that a message can name.
     has_lines: bool,
     columns: Vec<Column>,
     lines: Lines,
     strict: bool,
     given_rate_hz: Option<f64>,
+    clock: Clock,
+    time_scale: Scale,
+    /// What to say of the times where they turn out to be numbers.
+    time_without_unit: Option<String>,
+    /// From the origin that all files of a take share to this one's, s.
+    since_s: f64,
 }
 
 struct Column {
@@ -159,21 +170,23 @@ impl Table {
             table.lines.push(line);
             for (&(index, scale), column) in chosen.iter().zip(&mut table.columns) {
                 let cell = row.cell(index);
-                column.values.push(match cell {
-                    b"" => f64::NAN,
-                    cell => number(cell, scale).unwrap_or_else(|| {
-                        column.unreadable += 1;
-                        column.first_unreadable.get_or_insert_with(|| BadCell {
-                            line,
-                            column: index + 1,
-                            text: Some(String::from_utf8_lossy(cell).chars().take(20).collect()),
-                        });
-                        f64::INFINITY
-                    }),
-                });
+                let value = match (cell, &*column.name) {
+                    (b"", _) => Some(f64::NAN),
+                    (cell, TIME) => table.clock.seconds(cell, scale),
+                    (cell, _) => number(cell, scale),
+                };
+                column.values.push(value.unwrap_or_else(|| {
+                    column.unreadable += 1;
+                    column.first_unreadable.get_or_insert_with(|| BadCell {
+                        line,
+                        column: index + 1,
+                        text: Some(String::from_utf8_lossy(cell).chars().take(20).collect()),
+                    });
+                    f64::INFINITY
+                }));
             }
         }
-        table.checked(import, wanted)
+        table.checked(import)
     }
 
     /// No rows yet.
@@ -189,13 +202,18 @@ impl Table {
             has_lines: head.line > 0,
             notes: head.notes,
             names: head.names,
+            units: head.units,
             findings: vec![],
             columns: vec![],
             lines: Lines::default(),
             strict: import.strict,
             given_rate_hz: import.rate_hz,
+            clock: Clock::default(),
+            time_scale: Scale::One,
+            time_without_unit: None,
+            since_s: 0.0,
         };
-        let chosen = table.choose(&head.units, import, wanted)?;
+        let chosen = table.choose(import, wanted)?;
         Ok((chosen, table))
     }
 
@@ -242,11 +260,21 @@ impl Table {
                 *value = scale.si(*value);
             }
         }
-        table.checked(import, wanted)
+        table.checked(import)
     }
 
     /// Returns the table, unless too many cells are unreadable.
-    fn checked(mut self, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Self, ReadError> {
+    fn checked(mut self, import: &ImportSettings) -> Result<Self, ReadError> {
+        if let Some(message) = self
+            .time_without_unit
+            .take()
+            .filter(|_| !self.clock.is_calendar())
+        {
+            let number = { self.columns.iter() }
+                .find(|column| column.name == TIME)
+                .map_or(1, |column| column.number);
+            return Err(self.cell_error(self.header_line, number, message));
+        }
         let rows = self.lines.rows();
         let allowed =
             ((rows as f64 * MOST_UNREADABLE) as usize).max(usize::from(rows > 1 && rows <= FEW_ROWS));
@@ -267,20 +295,57 @@ impl Table {
             };
             return Err(self.cell_error(cell.line, column.number, message));
         }
-        if matches!(wanted, ColumnSelection::Recording) {
-            self.fill_constants(&import.constants);
-        }
         Ok(self)
     }
 
-    fn fill_constants(&mut self, constants: &BTreeMap<String, f64>) {
-        for (name, &value) in constants {
-            self.columns.retain(|column| column.name != *name);
-            self.columns.push(Column {
-                values: vec![value; self.lines.rows()],
-                ..Column::new(name.clone(), name, 0)
-            });
+    /// Adds a quantity that does not change, in the place of a column of that name.
+    pub(super) fn set_constant(&mut self, name: &str, value: f64) {
+        self.remove(name);
+        self.columns.push(Column {
+            values: vec![value; self.lines.rows()],
+            // In no column of the file.
+            number: 0,
+            ..Column::new(name.to_owned(), name, 0)
+        });
+    }
+
+    pub(super) fn remove(&mut self, name: &str) {
+        self.columns.retain(|column| column.name != name);
+    }
+
+    /// Takes a vibration on one axis as unprocessed where it has a mean that no processed one has.
+    pub(in crate::recording) fn take_offset(
+        &mut self,
+        column: &str,
+        has_unit: bool,
+        values: &mut Vec<f64>,
+        rate_hz: f64,
+    ) -> Result<(), ReadError> {
+        let Some((mean, cutoff_hz)) = without_offset(values, rate_hz) else {
+            return Ok(());
+        };
+        let found = Finding::HighPassed {
+            column: column.to_owned(),
+            mean,
+            cutoff_hz,
+            has_unit,
+        };
+        if self.strict {
+            let message = format!("{found} where --strict is left out");
+            return Err(self.error(self.header_line, message));
         }
+        self.findings.push(found);
+        Ok(())
+    }
+
+    /// Where the times count from, s; `None` where there are none.
+    pub(super) fn origin_s(&self) -> Option<f64> {
+        self.has(TIME).then(|| self.clock.origin_s(self.time_scale))
+    }
+
+    /// Counts the times from an origin of several tables.
+    pub(super) fn count_from(&mut self, origin_s: f64) {
+        self.since_s = self.origin_s().map_or(0.0, |own| own - origin_s);
     }
 
     fn error(&self, line: u64, message: impl ToString) -> ReadError {
@@ -308,7 +373,7 @@ impl Table {
         self.at_fault(self.error(line, message))
     }
 
-    fn at_fault(&self, error: ReadError) -> Fault {
+    pub(super) fn at_fault(&self, error: ReadError) -> Fault {
         Fault {
             file: self.file,
             error,
@@ -323,6 +388,12 @@ impl Table {
     pub(super) fn header_of(&self, name: &str) -> Option<&str> {
         let found = self.columns.iter().find(|column| column.name == name);
         found.map(|column| &*column.header)
+    }
+
+    /// Those of these columns that there are, with what they are called in the file.
+    pub(super) fn columns_of(&self, names: &[&'static str]) -> Vec<(&'static str, String)> {
+        let header = |name: &&'static str| Some((*name, self.header_of(name)?.to_owned()));
+        names.iter().filter_map(header).collect()
     }
 
     fn needed(&self, name: &str) -> Result<usize, ReadError> {
@@ -366,8 +437,9 @@ impl Table {
         let longest = if self.strict { 0 } else { LONGEST_REPAIR };
         interpolate_missing(&mut times, longest)
             .map_err(|at| self.error(line(at.start), "time is missing"))?;
-        let found =
+        let mut found =
             timing(&times, self.strict).map_err(|(index, message)| self.error(line(index), message))?;
+        found.start_s += self.since_s;
         Ok((found, times))
     }
 
@@ -392,7 +464,9 @@ impl Table {
                 false => values,
             });
         }
-        self.findings.extend(timing.finding);
+        // Of several columns that are taken one after another.
+        let found = timing.finding.filter(|finding| !self.findings.contains(finding));
+        self.findings.extend(found);
         Ok(Even {
             rate_hz: timing.rate_hz,
             start_s: timing.start_s,
@@ -563,6 +637,8 @@ impl Column {
     }
 }
 
+/// Seconds of each row.
+const TIME: &str = "time";
 /// Internal name of a signal's column.
 const SIGNAL: &str = "signal";
 
@@ -579,36 +655,34 @@ pub(in crate::recording) fn is_wanted(
     let is = |requested: &str| requested.trim().eq_ignore_ascii_case(name);
     match wanted {
         ColumnSelection::Unscaled(requested) => is(requested),
-        ColumnSelection::Signal(Some(requested)) => {
-            is(requested) || plain(name, import).is_some_and(|plain| plain == "time")
-        }
-        ColumnSelection::Recording | ColumnSelection::Signal(None) => plain(name, import).is_some(),
+        ColumnSelection::Signal(Some(requested)) => is(requested) || plain(name, import).is_some_and(|plain| plain == "time"),
+        ColumnSelection::Recording | ColumnSelection::Signal(None) => plain(name, import).is_some() || is_like_ours(name),
         ColumnSelection::Sweep => plain(name, import).is_some() || is_of(name, "", Quantity::CURRENT),
     }
 }
 
 impl Table {
     /// Selects the columns to read, and records the others as a finding.
-    fn choose(
-        &mut self,
-        units: &[String],
-        import: &ImportSettings,
-        wanted: ColumnSelection<'_>,
-    ) -> Result<Vec<Chosen>, ReadError> {
+    fn choose(&mut self, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Vec<Chosen>, ReadError> {
         let names = std::mem::take(&mut self.names);
+        let units = std::mem::take(&mut self.units);
         let chosen = match wanted {
             ColumnSelection::Unscaled(name) => self.find(&names, name).map(|index| {
                 self.columns
                     .push(Column::new(SIGNAL.to_owned(), &names[index], index));
                 vec![(index, Scale::One)]
             }),
-            _ => self.chosen(&names, units, import, wanted),
+            _ => self.chosen(&names, &units, import, wanted),
         };
-        self.names = names;
+        (self.names, self.units) = (names, units);
         let chosen = chosen?;
         if matches!(wanted, ColumnSelection::Recording) {
             let is_unused = |&(index, name): &(usize, &String)| {
-                !name.is_empty() && !chosen.iter().any(|(chosen, _)| *chosen == index)
+                let is_said =
+                    |finding: &Finding| matches!(finding, Finding::TimesNotUsed { column } if column == name);
+                !name.is_empty()
+                    && !chosen.iter().any(|(chosen, _)| *chosen == index)
+                    && !self.findings.iter().any(is_said)
             };
             let unused = self.names.iter().enumerate().filter(is_unused);
             let columns: Vec<String> = unused.map(|(_, name)| name.clone()).collect();
@@ -628,8 +702,19 @@ impl Table {
     ) -> Result<Vec<Chosen>, ReadError> {
         let below = |index: usize| units.get(index).map_or("", String::as_str);
         let mut plain: Vec<Option<String>> = names.iter().map(|name| self::plain(name, import)).collect();
+        if matches!(wanted, ColumnSelection::Recording | ColumnSelection::Signal(None)) {
+            let has_rate = import.rate_hz.is_some() || self.notes.contains_key("rate_hz");
+            let taken = taken_as(names, units, &mut plain, import, has_rate).into_iter();
+            let is_read = |finding: &Finding| match finding {
+                Finding::TakenAs { quantity, .. } => is_vibration(quantity) || quantity == TIME,
+                _ => true,
+            };
+            let is_all = matches!(wanted, ColumnSelection::Recording);
+            self.findings
+                .extend(taken.filter(|finding| is_all || is_read(finding)));
+        }
         match wanted {
-            ColumnSelection::Recording | ColumnSelection::Unscaled(_) => {}
+            ColumnSelection::Unscaled(_) | ColumnSelection::Recording => {}
             ColumnSelection::Sweep => self.choose_sweep(names, units, &mut plain)?,
             ColumnSelection::Signal(requested) => {
                 let is = |plain: &Option<String>, wanted: &str| plain.as_deref() == Some(wanted);
@@ -675,6 +760,11 @@ impl Table {
         let mut chosen = vec![];
         for (index, (name, plain)) in names.iter().zip(plain).enumerate() {
             let Some(plain) = plain else { continue };
+            if plain == TIME && import.rate_hz.is_some() {
+                let column = name.clone();
+                self.findings.push(Finding::TimesNotUsed { column });
+                continue;
+            }
             let wrong = |message| self.cell_error(self.header_line, index + 1, message);
             if self.has(&plain) {
                 return Err(wrong(format!("this is a second column of {plain}")));
@@ -692,6 +782,20 @@ impl Table {
                         Err(message) => return Err(wrong(message)),
                     };
                     column.unit = unit;
+                    scale
+                }
+                // Times of a calendar have no unit: what they are is seen at the first row.
+                TIME => {
+                    let scale = scale(name, below(index), &plain, import);
+                    let (scale, contradicted) = scale.unwrap_or_else(|message| {
+                        self.time_without_unit = Some(message);
+                        (Scale::One, None)
+                    });
+                    self.findings.extend(contradicted.map(|given| Finding::OtherUnit {
+                        column: name.clone(),
+                        given,
+                    }));
+                    self.time_scale = scale;
                     scale
                 }
                 _ => {
@@ -868,6 +972,7 @@ fn scale(
 pub(in crate::recording) fn missing_columns(tables: &[&Table], missing: Vec<String>) -> ReadError {
     let names = tables.iter().flat_map(|table| &table.names).cloned();
     ReadError::Missing {
+        hints: hints(tables, &missing),
         missing,
         columns: names.filter(|name| !name.is_empty()).collect(),
     }
@@ -891,6 +996,18 @@ pub(in crate::recording) fn check_mapping(
             Err(first.error(first.header_line, message))
         }
         _ => Ok(()),
+    }
+}
+
+impl Table {
+    /// The columns that nothing is read from, each with its cell in a row of units.
+    pub(super) fn unread(&self) -> impl Iterator<Item = (&str, &str)> {
+        let is_read = |index: usize| self.columns.iter().any(|column| column.number == index + 1);
+        let unread = self.names.iter().enumerate();
+        let below = |index: usize| self.units.get(index).map_or("", String::as_str);
+        unread
+            .filter(move |(index, name)| !name.is_empty() && !is_read(*index))
+            .map(move |(index, name)| (name.as_str(), below(index)))
     }
 }
 

@@ -191,6 +191,11 @@ fn not_ours(plain: &str) -> String {
     format!("unknown quantity {plain}; a recording has no such quantity")
 }
 
+/// What a quantity of ours is.
+pub(in crate::recording) fn dimension(plain: &str) -> Option<Quantity> {
+    parts(plain).map(|(quantity, ..)| quantity)
+}
+
 /// Whether a text, in brackets or not, is a unit of anything.
 pub(in crate::recording) fn is_unit(text: &str) -> bool {
     unit_of_anything(text).is_some()

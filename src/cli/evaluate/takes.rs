@@ -1,0 +1,153 @@
+//! The takes in a folder.
+
+use crate::cli::output::LEDGER;
+use crate::cli::{Failure, recording, remark};
+use crate::surfaces::evaluate::{RecordingName, Take};
+use crate::surfaces::recording::{ImportSettings, LoadError, ReadError};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+type Files = BTreeMap<RecordingName, PathBuf>;
+
+/// All takes in a folder, by name. Files of one take are one recording: of the toolkit's triples the first stands for all, a WAV file for
+/// the table beside it; and a table that lacks quantities is joined with those of its name and more, as `oak.anna.1.csv` with
+/// `oak.anna.1.motion.csv`.
+pub fn read_takes(dir: &Path, import: &ImportSettings) -> Result<Vec<Take>, Failure> {
+    let files = files(dir)?;
+    let (mut takes, mut joined) = (vec![], BTreeSet::new());
+    for (name, path) in &files {
+        if joined.contains(name) {
+            continue;
+        }
+        let (loaded, parts) = load(name, path, &files, import)?;
+        for warning in &loaded.warnings {
+            remark(&format!("warning: {warning}\n"));
+        }
+        joined.extend(parts);
+        takes.push(Take {
+            name: name.clone(),
+            recording: loaded.recording,
+        });
+    }
+    Ok(takes)
+}
+
+/// The recording of a take, and the names of the files that it was joined with.
+fn load(
+    name: &RecordingName,
+    path: &Path,
+    files: &Files,
+    import: &ImportSettings,
+) -> Result<(recording::Loaded, Vec<RecordingName>), Failure> {
+    let error = match recording::try_load(path, import) {
+        Ok(loaded) => return Ok((loaded, vec![])),
+        Err(error) => error,
+    };
+    let is_missing = |error: &LoadError| {
+        let LoadError::Read { source, .. } = error else {
+            return false;
+        };
+        matches!(source, ReadError::Missing { .. })
+    };
+    if !is_missing(&error) {
+        return Err(recording::failure(&error));
+    }
+    let parts: Vec<(&RecordingName, &PathBuf)> =
+        files.iter().filter(|(other, _)| is_part(other, name)).collect();
+    if parts.is_empty() {
+        let said = recording::failure(&error).to_string();
+        let other = part_of(path);
+        return Err(Failure::Message(format!(
+            "{}\na take of two tables stands in a folder as {} and {other}",
+            said.trim_start_matches("error: ").trim_end(),
+            path.file_name().unwrap_or_default().display(),
+        )));
+    }
+    let mut all = path.as_os_str().to_owned();
+    for (_, part) in &parts {
+        all.push("+");
+        all.push(part);
+    }
+    let loaded = recording::try_load(Path::new(&all), import).map_err(|error| recording::failure(&error))?;
+    Ok((loaded, parts.into_iter().map(|(name, _)| name.clone()).collect()))
+}
+
+/// What the second table of a take would be called.
+fn part_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().display();
+    format!("{stem}.motion.csv")
+}
+
+/// Whether a file is another part of a take: `oak.anna.1.motion` of `oak.anna.1`.
+fn is_part(other: &RecordingName, take: &RecordingName) -> bool {
+    let rest = other.take.strip_prefix(&take.take);
+    other.material == take.material
+        && other.person == take.person
+        && rest.is_some_and(|rest| rest.starts_with(['.', '-', '_']))
+}
+
+/// The files that stand for the recordings of a folder; those of RON are notes beside them.
+fn files(dir: &Path) -> Result<Files, Failure> {
+    let entries = std::fs::read_dir(dir).map_err(|error| Failure::file("read", dir, &error))?;
+    let mut paths: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && !path.ends_with(LEDGER) && !is_of(path, "ron"))
+        .collect();
+    // A WAV file takes in the table beside it.
+    paths.sort_by_key(|path| (!is_of(path, "wav"), path.clone()));
+    let mut files = Files::new();
+    for path in paths {
+        let file = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let parts = ["Accel_", "Position_", "Force_"];
+        let file = parts
+            .iter()
+            .find_map(|part| file.strip_prefix(part))
+            .unwrap_or(&file);
+        match RecordingName::parse(file) {
+            Some(name) => {
+                files.entry(name).or_insert(path);
+            }
+            None => remark(&format!(
+                "warning: skipped {}: it is not named <material>.<person>.<take>.<extension>\n",
+                path.display()
+            )),
+        }
+    }
+    Ok(files)
+}
+
+fn is_of(path: &Path, extension: &str) -> bool {
+    let own = path.extension();
+    own.is_some_and(|own| own.eq_ignore_ascii_case(extension))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_take_begin_with_its_name() {
+        let name = |file: &str| RecordingName::parse(file).unwrap();
+        let take = name("oak.anna.1.csv");
+        for part in [
+            "oak.anna.1.motion.csv",
+            "oak.anna.1-motion.tsv",
+            "oak.anna.1_b.csv",
+        ] {
+            assert!(is_part(&name(part), &take), "{part}");
+        }
+        for other in [
+            "oak.anna.1.csv",
+            "oak.anna.10.csv",
+            "oak.ben.1.motion.csv",
+            "elm.anna.1.motion.csv",
+        ] {
+            assert!(!is_part(&name(other), &take), "{other}");
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! What to type where columns are missing.
+
+use super::table::Table;
+use super::units::{dimension, example_unit, is_of, unit_in_file};
+use haptograph_signal::quantity::Quantity;
+
+/// More are not read by anybody.
+const MOST: usize = 6;
+
+/// What columns of a quantity are called by those who did not name them for us.
+const BEGINNINGS: [(&str, &[&str]); 5] = [
+    ("time", &["t", "zeit", "stamp", "uhr"]),
+    ("accel", &["a", "besch", "vib"]),
+    (
+        "force",
+        &["f", "kraft", "normalkraft", "load", "druck", "pressure"],
+    ),
+    ("speed", &["v", "geschw", "speed"]),
+    ("position", &["x", "y", "z", "pos", "weg"]),
+];
+
+/// A flag for each quantity that is missing, filled with the column that is most likely it.
+pub(super) fn hints(tables: &[&Table], missing: &[String]) -> Vec<String> {
+    let mut unread: Vec<(&str, &str)> = tables.iter().flat_map(|table| table.unread()).collect();
+    let mut said = vec![];
+    for quantity in missing.iter().take(MOST) {
+        let column = likely(quantity, &unread).map(|index| unread.remove(index));
+        said.push(hint(quantity, column));
+    }
+    said
+}
+
+fn hint(quantity: &str, column: Option<(&str, &str)>) -> String {
+    let (name, below) = column.unwrap_or(("…", ""));
+    let unit = match column.is_some() && unit_in_file(name, below, quantity, true).is_ok() {
+        true => String::new(),
+        false => format!(" --unit {quantity}={}", example_unit(quantity)),
+    };
+    let flag = format!("--column {quantity}=\"{name}\"{unit}");
+    match quantity {
+        "time" => format!("{flag} (or --sample-rate HZ, where rows follow evenly)"),
+        "speed" => format!(
+            "{flag} (or a position to differentiate: --column position_x=…, or --constant speed_mm_s=50)"
+        ),
+        _ => flag,
+    }
+}
+
+/// The column whose unit is one of the quantity, or whose name begins as such columns do; best both.
+fn likely(quantity: &str, unread: &[(&str, &str)]) -> Option<usize> {
+    let first = quantity.split('_').next().unwrap_or(quantity);
+    let begins = |name: &str| {
+        let beginnings = BEGINNINGS.iter().find(|(known, _)| *known == first);
+        let lower = name.to_lowercase();
+        beginnings.is_some_and(|(_, all)| all.iter().any(|beginning| lower.starts_with(beginning)))
+    };
+    let of = dimension(quantity).filter(|of| *of != Quantity::NUMBER);
+    let score = |(name, below): &(&str, &str)| {
+        2 * u8::from(of.is_some_and(|of| is_of(name, below, of))) + u8::from(begins(name))
+    };
+    let best = unread.iter().map(score).max().filter(|score| *score > 0)?;
+    unread.iter().position(|column| score(column) == best)
+}
