@@ -3,9 +3,11 @@
 
 #[cfg(target_family = "wasm")]
 mod memory;
+mod roots;
 
 #[cfg(target_family = "wasm")]
 pub use memory::{File, put};
+pub use roots::{Roots, noting_files, refused};
 #[cfg(not(target_family = "wasm"))]
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, Read};
@@ -29,6 +31,9 @@ pub enum Refusal {
     /// Anything but a serial port or another terminal.
     #[error("it is not a serial port")]
     NotTerminal,
+    /// Not in the folders that may be read, whether it is there or not.
+    #[error("it is outside the folders that may be read here")]
+    Outside,
     /// Longer than it may be, whatever the file system says of its length.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
@@ -48,6 +53,7 @@ impl From<Refusal> for io::Error {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
             Refusal::NotRegular { .. } | Refusal::NotTerminal => io::ErrorKind::InvalidInput,
+            Refusal::Outside => io::ErrorKind::PermissionDenied,
             Refusal::TooLong { .. } => io::ErrorKind::FileTooLarge,
         };
         Self::new(kind, refusal)
@@ -85,15 +91,19 @@ impl Read for Bounded {
 
 /// Opens a regular file, of which at most so many bytes can be read.
 ///
-/// Never waits: what is opened is looked at afterwards, so that nothing can be put in its place in between.
+/// Never waits: what is opened is looked at afterwards, so that nothing can be put in its place in between. A thread
+/// that is confined to [`Roots`] opens nothing else.
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal`].
 pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
+    let path = roots::admitted(path)?;
+    let path = &*path;
     #[cfg(not(target_family = "wasm"))]
     let file = open_regular(path, File::options().read(true))?;
     #[cfg(target_family = "wasm")]
     let file = File::open(path)?;
+    roots::note(path);
     if length(&file)? > max_bytes {
         return Err(Refusal::TooLong { max_bytes }.into());
     }
@@ -114,30 +124,39 @@ fn length(file: &File) -> io::Result<u64> {
     file.length()
 }
 
-/// Is there a regular file?
+/// Is there a regular file that may be read?
 pub fn is_file(path: &Path) -> bool {
+    let Ok(path) = roots::admitted(path) else {
+        return false;
+    };
     #[cfg(not(target_family = "wasm"))]
     return path.is_file();
     #[cfg(target_family = "wasm")]
-    return memory::is_file(path);
+    return memory::is_file(&path);
 }
 
-/// Is there a folder?
+/// Is there a folder that may be read?
 pub fn is_folder(path: &Path) -> bool {
+    let Ok(path) = roots::admitted(path) else {
+        return false;
+    };
     #[cfg(not(target_family = "wasm"))]
     return path.is_dir();
     #[cfg(target_family = "wasm")]
-    return memory::is_folder(path);
+    return memory::is_folder(&path);
 }
 
-/// The regular files of a folder, in no order; none where there is no such folder.
+/// The regular files of a folder that may be read, in no order; none where there is no such folder.
 pub fn list(folder: &Path) -> Vec<PathBuf> {
+    if !is_folder(folder) {
+        return Vec::new();
+    }
     #[cfg(not(target_family = "wasm"))]
     {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         entries
             .map(|entry| entry.path())
-            .filter(|path| path.is_file())
+            .filter(|path| is_file(path))
             .collect()
     }
     #[cfg(target_family = "wasm")]

@@ -12,6 +12,7 @@ use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
 use crate::settings::Fields;
+use haptograph_signal::files;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -409,7 +410,7 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
         return None;
     }
     let beside = folder(&cx.sources, SourceId::default()).join(path);
-    let found = match beside.is_file() {
+    let found = match files::is_file(&beside) {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };

@@ -176,7 +176,7 @@ fn all(cx: &Context<'_>, values: &[Value], state: &mut Fingerprint) {
 /// If there is such a file: what is in it, as what a node reads from a file is part of what the node is. Where it lies
 /// is not, nor when it was written.
 fn file(path: &Path, state: &mut Fingerprint) {
-    if path.is_file() {
+    if files::is_file(path) {
         // One that cannot be read is refused by the node that needs it.
         state.bytes(&files::read(path, files::MAX_RECORDING_BYTES).unwrap_or_default());
     }
