@@ -2,9 +2,11 @@
 
 #[cfg(target_family = "wasm")]
 mod memory;
+mod roots;
 
 #[cfg(target_family = "wasm")]
 pub use memory::{File, put};
+pub use roots::{Roots, noting_files, refused};
 #[cfg(not(target_family = "wasm"))]
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, Read};
@@ -28,6 +30,9 @@ pub enum Refusal {
     /// Not a serial port or other terminal.
     #[error("it is not a serial port")]
     NotTerminal,
+    /// Not in the folders that may be read, whether it exists or not.
+    #[error("it is outside the folders that may be read here")]
+    Outside,
     /// Longer than the bound, by the bytes read.
     #[error("it is longer than {max_bytes} bytes")]
     TooLong {
@@ -47,6 +52,7 @@ impl From<Refusal> for io::Error {
     fn from(refusal: Refusal) -> Self {
         let kind = match refusal {
             Refusal::NotRegular { .. } | Refusal::NotTerminal => io::ErrorKind::InvalidInput,
+            Refusal::Outside => io::ErrorKind::PermissionDenied,
             Refusal::TooLong { .. } => io::ErrorKind::FileTooLarge,
         };
         Self::new(kind, refusal)
@@ -84,15 +90,19 @@ impl Read for Bounded {
 
 /// Opens a regular file for reading at most so many bytes.
 ///
-/// Never blocks. The type is checked after opening, so that the file cannot be replaced in between.
+/// Never blocks. The type is checked after opening, so that the file cannot be replaced in between. A thread that is
+/// confined to [`Roots`] opens nothing else.
 ///
 /// # Errors
 /// Those of the file system, and [`Refusal`].
 pub fn open(path: &Path, max_bytes: u64) -> io::Result<Bounded> {
+    let path = roots::admitted(path)?;
+    let path = &*path;
     #[cfg(not(target_family = "wasm"))]
     let file = open_regular(path, File::options().read(true))?;
     #[cfg(target_family = "wasm")]
     let file = File::open(path)?;
+    roots::note(path);
     if length(&file)? > max_bytes {
         return Err(Refusal::TooLong { max_bytes }.into());
     }
@@ -113,30 +123,39 @@ fn length(file: &File) -> io::Result<u64> {
     file.length()
 }
 
-/// Whether the path is a regular file.
+/// Whether the path is a regular file that may be read.
 pub fn is_file(path: &Path) -> bool {
+    let Ok(path) = roots::admitted(path) else {
+        return false;
+    };
     #[cfg(not(target_family = "wasm"))]
     return path.is_file();
     #[cfg(target_family = "wasm")]
-    return memory::is_file(path);
+    return memory::is_file(&path);
 }
 
-/// Whether the path is a folder.
+/// Whether the path is a folder that may be read.
 pub fn is_folder(path: &Path) -> bool {
+    let Ok(path) = roots::admitted(path) else {
+        return false;
+    };
     #[cfg(not(target_family = "wasm"))]
     return path.is_dir();
     #[cfg(target_family = "wasm")]
-    return memory::is_folder(path);
+    return memory::is_folder(&path);
 }
 
-/// The regular files of a folder, unordered; none if it does not exist.
+/// The regular files of a folder that may be read, unordered; none if it does not exist.
 pub fn list(folder: &Path) -> Vec<PathBuf> {
+    if !is_folder(folder) {
+        return Vec::new();
+    }
     #[cfg(not(target_family = "wasm"))]
     {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         entries
             .map(|entry| entry.path())
-            .filter(|path| path.is_file())
+            .filter(|path| is_file(path))
             .collect()
     }
     #[cfg(target_family = "wasm")]

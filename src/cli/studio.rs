@@ -3,7 +3,9 @@
 use super::run::stop_on_interrupt;
 use super::{Failure, refuse_repeated, say};
 use crate::engine::registry::Registry;
-use haptograph_studio::{Export, Options, Studio, StudioError, export};
+use haptograph_studio::{Export, Options, Studio, StudioError, export, lan_address};
+use qrcode::render::unicode::Dense1x2;
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -23,11 +25,18 @@ pub struct Arguments {
     /// The port of this machine that the page is served at; a free one where it is 0
     #[arg(long, default_value_t = 0)]
     port: u16,
+    /// A folder of surfaces besides the graph's own, which the page may name files of; can be repeated
+    #[arg(long, value_name = "DIR")]
+    surfaces: Vec<PathBuf>,
+    /// Let other machines of the network open the page too, whoever has its address: their pads only. Without an ADDRESS
+    /// it is the one from which this machine calls others
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true)]
+    lan: Option<Option<IpAddr>>,
     /// Do not open the page, only say its address
     #[arg(long)]
     no_open: bool,
     /// Write the page as a static site with the engine in it, which any web server can serve
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["port", "no_open", "surfaces", "lan"])]
     export: Option<PathBuf>,
 }
 
@@ -45,6 +54,8 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         set: arguments.set.clone(),
         port: arguments.port,
         out: PathBuf::from("out"),
+        surfaces: arguments.surfaces.clone(),
+        lan: arguments.lan.map(lan).transpose()?,
     };
     let studio = Studio::open(&options, registry).map_err(failure)?;
     let stop = stop_on_interrupt()?;
@@ -52,6 +63,9 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         "the studio is open at\n\n    {}\n\nnothing real moves (simulated devices); ctrl-C closes it\n",
         studio.url()
     ))?;
+    if let Some(url) = studio.lan_url() {
+        say(&invitation(&url)?)?;
+    }
     if !arguments.no_open {
         open_page(&studio.url());
     }
@@ -59,6 +73,31 @@ pub fn run(arguments: &Arguments, registry: &Registry) -> Result<(), Failure> {
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
+}
+
+/// The address that was given, or else that of this machine.
+fn lan(given: Option<IpAddr>) -> Result<IpAddr, Failure> {
+    given.or_else(lan_address).ok_or_else(|| {
+        let why = "this machine has no network that could be found; say at which of its addresses others find it: --lan=ADDRESS";
+        Failure::Message(why.to_owned())
+    })
+}
+
+/// What other machines open, and what follows from it.
+fn invitation(url: &str) -> Result<String, Failure> {
+    let code = qrcode::QrCode::new(url).map_err(|error| Failure::Message(error.to_string()))?;
+    // Dark on light, as cameras want it, also on a dark terminal.
+    let code = code
+        .render::<Dense1x2>()
+        .dark_color(Dense1x2::Light)
+        .light_color(Dense1x2::Dark)
+        .build();
+    Ok(format!(
+        "warning: --lan lets other machines in. Whoever has this address, or listens to the network, as nothing is encrypted, \
+         can move the pad, turn settings and parameters, see the graph and its signals, and read the files of its folders that \
+         a parameter can name; not edit, save, record or learn. There is no sound and less even speed on those pages, as browsers \
+         give both to encrypted pages and to this machine only\n\n    {url}\n\n{code}\n"
+    ))
 }
 
 fn failure(error: StudioError) -> Failure {
@@ -97,4 +136,24 @@ fn open_page(url: &str) {
         .stdout(quiet())
         .stderr(quiet())
         .spawn();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_code_on_the_terminal_is_square_and_light_around() {
+        let text = invitation("http://127.0.0.2:9/?token=0123456789abcdef0123456789abcdef").unwrap();
+        assert!(text.starts_with("warning: ") && text.contains("http://127.0.0.2:9/?token="));
+        let is_code = |line: &&str| line.contains(['█', '▀', '▄']);
+        let rows: Vec<&str> = text.lines().filter(is_code).collect();
+        let width = rows[0].chars().count();
+        assert!(rows.iter().all(|row| row.chars().count() == width), "{text}");
+        // Two modules a character; a whole row of light above.
+        assert!(
+            rows.len() == width.div_ceil(2) && rows[0].chars().all(|c| c == '█'),
+            "{text}"
+        );
+    }
 }

@@ -119,7 +119,7 @@ async function save(studio, state) {
 function show(studio, state) {
     const text = textOf(state);
     const applied = text === state.engine;
-    const can = studio.connection.open && (studio.status?.owner ?? true);
+    const can = studio.connection.open && studio.hello?.can.edit !== false && (studio.status?.owner ?? true);
     find("editor-apply").disabled = applied || !can;
     find("editor-save").disabled = !studio.hello?.can.save || (applied && state.saved) || !can;
     find("editor-revert").disabled = applied;

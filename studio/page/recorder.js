@@ -25,8 +25,9 @@ export function mountRecorder(studio) {
     studio.on("status", ({ recording_s, replay: part }) => {
         record.setAttribute("aria-pressed", String(recording_s !== null));
         setText(record, recording_s === null ? "Record" : `End ${recording_s.toFixed(1)} s`);
-        record.disabled = part !== null;
-        replay.disabled = recording_s !== null || part !== null;
+        const cannot = studio.hello?.can.record === false;
+        record.disabled = cannot || part !== null;
+        replay.disabled = cannot || recording_s !== null || part !== null;
         setText(replay, part === null ? "Replay" : `${Math.round(100 * part)} %`);
     });
 }

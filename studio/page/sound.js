@@ -29,7 +29,9 @@ export class Sound {
         if (!this.#studio.graph) return null;
         if (!this.#studio.graph.sound) return "This graph drives nothing that could be heard";
         if (!("audioWorklet" in AudioContext.prototype))
-            return "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
+            return this.#studio.hello?.from === "network"
+                ? "The pad of another machine, by plain HTTP: browsers allow no sound here and report a pointer only once a frame. Hear, edit, save, record and learn on that machine"
+                : "No sound in this browser at this address: over plain HTTP from another machine sound is not allowed. Open the page on the machine itself";
         return this.error;
     }
 

@@ -126,7 +126,13 @@ async function learn(studio, file) {
         text.textContent = message;
         box.append(make("button", { class: "quiet", text: "Close", onclick: () => box.remove() }));
     };
-    if (!studio.hello?.can.surfaces) return end("bad", "This engine does not learn surfaces.");
+    if (!studio.hello?.can.surfaces)
+        return end(
+            "bad",
+            studio.hello?.from === "network"
+                ? "A page that comes over the network learns no surfaces. Drop the recording on the page of the machine itself."
+                : "This engine does not learn surfaces.",
+        );
     if (file.size > MOST_BYTES)
         return end(
             "bad",

@@ -3,6 +3,7 @@
 use super::channels::{NoPad, PadSpec};
 use super::levels;
 use super::pads::FULL_N;
+use super::pages::Reach;
 use super::scope::{self, Port};
 use super::stage::{Host, Stage};
 use super::wire::VERSION;
@@ -28,7 +29,7 @@ static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
 const LOCATOR: &str = "TriangleLocator";
 
 /// The first message.
-pub fn hello(registry: &Registry, host: &Host) -> Value {
+pub fn hello(registry: &Registry, host: &Host, reach: Reach) -> Value {
     let nodes = registry.nodes().iter().map(|entry| {
         let input = |port: &haptograph_engine::node::InputSpec| json!({ "name": port.name, "doc": port.doc });
         let output =
@@ -46,9 +47,14 @@ pub fn hello(registry: &Registry, host: &Host) -> Value {
         let spec = entry.spec;
         json!({ "name": spec.name, "group": "devices", "doc": spec.doc, "inputs": [], "outputs": [], "settings": settings })
     });
+    let is_here = reach == Reach::Machine;
     json!({
         "type": "hello", "version": VERSION, "haptograph": env!("CARGO_PKG_VERSION"), "host": host.name,
-        "can": { "save": host.can_save, "record": true, "surfaces": host.can_learn, "parameters": true },
+        "from": if is_here { "machine" } else { "network" },
+        "can": {
+            "edit": is_here, "save": host.can_save && is_here, "record": is_here,
+            "surfaces": host.can_learn && is_here, "parameters": true,
+        },
         "kinds": nodes.chain(devices).collect::<Vec<_>>(),
     })
 }
@@ -86,8 +92,12 @@ fn unit_of(name: &str) -> &'static str {
     found.map_or("", |(_, unit)| unit)
 }
 
-/// The graph that runs.
+/// The graph that runs, as far as its page may see.
 pub fn graph(stage: &Stage) -> Value {
+    stage.source.confined(|| shown(stage))
+}
+
+fn shown(stage: &Stage) -> Value {
     let graph = &stage.loaded.graph;
     let name = stage.source.name();
     let actuators = stage.actuators.iter().map(|actuator| {
@@ -219,11 +229,13 @@ fn maps(graph: &Graph) -> Vec<Value> {
     locators.filter_map(map).collect()
 }
 
-/// The surfaces in the folder of the graph's own, by their paths from the graph.
+/// The surfaces in the folder of the graph's own, by their paths from the graph, and those of other folders.
 fn surfaces(stage: &Stage) -> Vec<Value> {
     let folder = stage.source.folder();
-    let paths = surface_files(folder);
-    paths.iter().filter_map(|path| surface(path, folder)).collect()
+    let others = stage.source.surfaces.iter().flat_map(|folder| ron_files(folder));
+    let paths = surface_files(folder).into_iter().chain(others);
+    let shown = paths.filter_map(|path| surface(&path, folder));
+    shown.take(MOST_SURFACES).collect()
 }
 
 /// A surface as it is shown; drawn once, which takes a while.
@@ -253,7 +265,11 @@ pub fn from_graph(path: &Path, graph: &Path) -> String {
 
 /// The files beside a graph that can be surfaces.
 pub fn surface_files(graph: &Path) -> Vec<PathBuf> {
-    let mut paths = list(&surface_folder(graph));
+    ron_files(&surface_folder(graph))
+}
+
+fn ron_files(folder: &Path) -> Vec<PathBuf> {
+    let mut paths = list(folder);
     paths.retain(|path| path.extension().is_some_and(|ending| ending == "ron"));
     paths.sort();
     paths.truncate(MOST_SURFACES);

@@ -95,6 +95,10 @@ impl SafetyEnvelope {
     /// # Errors
     /// The text is no graph at all.
     pub fn of(source: &Source, text: &str) -> Result<Self, Diagnostics> {
+        source.confined(|| Self::of_confined(source, text))
+    }
+
+    fn of_confined(source: &Source, text: &str) -> Result<Self, Diagnostics> {
         let document = Document::parse(&source.path, text)?;
         let sets = document.endpoints().map(|name| {
             let mut options = source.options(&document);
@@ -243,11 +247,8 @@ mod tests {
 
     /// What an edit of the TexturePad goes beyond.
     fn beyond(edit: impl Fn(&str) -> String, set: &[(&str, &str)]) -> Vec<String> {
-        let mut source = Source {
-            path: Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron"),
-            registry: haptograph_nodes::registry(),
-            set: Vec::new(),
-        };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs/texturepad.ron");
+        let mut source = Source::new(path, &haptograph_nodes::registry(), Vec::new());
         let text = source.read().expect("it ships");
         // The limit comes from a parameter.
         let text = text

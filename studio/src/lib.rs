@@ -31,4 +31,4 @@ mod talk;
 mod wire;
 
 #[cfg(not(target_family = "wasm"))]
-pub use native::{Export, Exported, Options, Studio, StudioError, export};
+pub use native::{Export, Exported, Options, Studio, StudioError, export, lan_address};

@@ -5,8 +5,9 @@ use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::document::{Document, LoadOptions};
 use haptograph_engine::graph::{CheckOptions, Graph, Hosted, check};
 use haptograph_engine::registry::Registry;
-use haptograph_signal::files;
+use haptograph_signal::files::{self, Roots};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What graphs are made of besides their text.
 #[derive(Debug, Clone)]
@@ -15,6 +16,10 @@ pub struct Source {
     pub registry: Registry,
     /// Parameters in place of the defaults.
     pub set: Vec<(String, String)>,
+    /// Folders of surfaces besides the graph's own.
+    pub surfaces: Vec<PathBuf>,
+    /// What a text may name; everything where nobody else writes it.
+    pub roots: Option<Arc<Roots>>,
 }
 
 /// A graph that is sound.
@@ -38,6 +43,25 @@ impl Loaded {
 }
 
 impl Source {
+    /// Of a graph's file, with these parameters in place of the defaults.
+    pub fn new(path: PathBuf, registry: &Registry, set: Vec<(String, String)>) -> Self {
+        Self {
+            path,
+            registry: registry.clone(),
+            set,
+            surfaces: Vec::new(),
+            roots: None,
+        }
+    }
+
+    /// Does some work that reads nothing but what a text may name.
+    pub fn confined<T>(&self, work: impl FnOnce() -> T) -> T {
+        match &self.roots {
+            Some(roots) => roots.confine(work),
+            None => work(),
+        }
+    }
+
     /// The text of the graph's file.
     pub fn read(&self) -> std::io::Result<String> {
         files::read_text(&self.path, LoadOptions::default().max_bytes)
@@ -58,6 +82,10 @@ impl Source {
 
     /// The graph that a text is, as if it stood in the file. Parameters that it does not have are left out.
     pub fn load(&self, text: &str) -> Result<Loaded, Diagnostics> {
+        self.confined(|| self.load_confined(text))
+    }
+
+    fn load_confined(&self, text: &str) -> Result<Loaded, Diagnostics> {
         let document = Document::parse(&self.path, text)?;
         let mut options = self.options(&document);
         options.hosted = Hosted::All;

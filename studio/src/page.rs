@@ -2,7 +2,7 @@
 
 use super::drive::DrivenBy;
 use super::load::Source;
-use super::pages::{Line, LineError};
+use super::pages::{Line, LineError, Reach};
 use super::publish::Publisher;
 use super::stage::{Host, Stage, StageError};
 use super::talk::{self, Next, Work};
@@ -38,11 +38,7 @@ pub struct Opened {
 
 impl Opened {
     fn source(self, registry: &Registry) -> Source {
-        Source {
-            path: self.graph,
-            registry: registry.clone(),
-            set: self.set,
-        }
+        Source::new(self.graph, registry, self.set)
     }
 }
 
@@ -78,7 +74,7 @@ impl Engine {
             error => error.to_string(),
         })?;
         let (line, out) = channel();
-        let (page, first) = talk::greet(&mut stage, Box::new(line.clone()));
+        let (page, first) = talk::greet(&mut stage, Box::new(line.clone()), Reach::Machine);
         let mut engine = Self {
             stage,
             page,

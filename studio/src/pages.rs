@@ -22,9 +22,19 @@ pub enum LineError {
     Gone,
 }
 
+/// Where a page is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach {
+    /// On the machine of the engine.
+    Machine,
+    /// Elsewhere, over a network on which others can listen.
+    Network,
+}
+
 /// A page that is connected.
 pub struct Page {
     pub id: u64,
+    pub reach: Reach,
     pub line: Box<dyn Line>,
     pub wanted: Vec<Wanted>,
     pub hears: bool,
@@ -37,11 +47,12 @@ pub struct Page {
 
 impl Stage {
     /// A page that came; the first is the owner.
-    pub fn join(&mut self, line: Box<dyn Line>) -> u64 {
+    pub fn join(&mut self, line: Box<dyn Line>, reach: Reach) -> u64 {
         let id = self.next_page;
         self.next_page += 1;
         self.pages.push(Page {
             id,
+            reach,
             line,
             wanted: Vec::new(),
             hears: false,

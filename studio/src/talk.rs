@@ -2,7 +2,7 @@
 
 use super::describe;
 use super::load::{Loaded, Source};
-use super::pages::Line;
+use super::pages::{Line, Reach};
 use super::publish::text;
 use super::stage::{Stage, StageError};
 use super::wire::{self, Message, Pointer, Said, WireError};
@@ -53,10 +53,10 @@ pub enum Heard {
 }
 
 /// A page comes: its number, and what it is told first.
-pub fn greet(stage: &mut Stage, line: Box<dyn Line>) -> (u64, [Message; 2]) {
-    let hello = describe::hello(&stage.source.registry, &stage.host);
+pub fn greet(stage: &mut Stage, line: Box<dyn Line>, reach: Reach) -> (u64, [Message; 2]) {
+    let hello = describe::hello(&stage.source.registry, &stage.host, reach);
     let graph = describe::graph(stage);
-    (stage.join(line), [text(&hello), text(&graph)])
+    (stage.join(line, reach), [text(&hello), text(&graph)])
 }
 
 /// Does what a message asks for, as far as that is quick.
@@ -90,6 +90,10 @@ fn refused(error: &dyn std::fmt::Display) -> Next {
 }
 
 fn act(stage: &mut Stage, page: u64, said: Said) -> Next {
+    let of_page = stage.pages.iter().find(|known| known.id == page);
+    if said.is_for_machine() && of_page.is_none_or(|page| page.reach != Reach::Machine) {
+        return refused_because(&said, NOT_HERE);
+    }
     match said {
         Said::Scope { ports } => stage.scope(page, ports),
         Said::Sound { on } => stage.page_of(page, |page| page.hears = on),
@@ -99,7 +103,7 @@ fn act(stage: &mut Stage, page: u64, said: Said) -> Next {
         Said::Own => stage.owner = Some(page),
         Said::Check { request, text } => return done_later(request, Work::Check(text)),
         said if stage.owner == Some(page) => return act_as_owner(stage, page, said),
-        said => return refused_to_guest(&said),
+        said => return refused_because(&said, NOT_OWNER),
     }
     Next::Nothing
 }
@@ -110,10 +114,14 @@ fn done_later(request: u64, work: Work) -> Next {
 
 const NOT_OWNER: &str = "another page owns the pads and the graph; take over first";
 
-fn refused_to_guest(said: &Said) -> Next {
+/// What others could send who listen to the network: the pad and the settings, and nothing that lasts.
+const NOT_HERE: &str = "a page that comes over the network moves the pad and the settings only; edit, save, record and \
+                        learn on a page of the machine that runs the studio";
+
+fn refused_because(said: &Said, why: &str) -> Next {
     match said.request() {
-        Some(request) => Next::Say(reply(request, Err(StageError::Other(NOT_OWNER.to_owned())))),
-        None => refused(&NOT_OWNER),
+        Some(request) => Next::Say(reply(request, Err(StageError::Other(why.to_owned())))),
+        None => refused(&why),
     }
 }
 

@@ -88,6 +88,18 @@ pub enum Said {
 }
 
 impl Said {
+    /// Is it about files, or about another graph? Pages elsewhere do not ask for that.
+    pub fn is_for_machine(&self) -> bool {
+        matches!(
+            self,
+            Self::Apply { .. }
+                | Self::Save { .. }
+                | Self::Learn { .. }
+                | Self::Record { .. }
+                | Self::Replay { .. }
+        )
+    }
+
     /// The number of a message that is answered by a reply.
     pub fn request(&self) -> Option<u64> {
         match self {

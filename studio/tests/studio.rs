@@ -27,6 +27,8 @@ fn open_with(graph: &Path, out: &Path) -> Studio {
         set: Vec::new(),
         port: 0,
         out: out.to_owned(),
+        surfaces: Vec::new(),
+        lan: None,
     };
     Studio::open(&options, &haptograph_nodes::registry()).expect("a studio")
 }

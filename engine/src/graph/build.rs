@@ -12,6 +12,7 @@ use crate::document::value::Shape;
 use crate::frame::Kind;
 use crate::node::{Build, BuildContext, BuildError, FileContext, Flow, KindRule, QuantityRule, Stream};
 use crate::settings::{Fields, closest};
+use haptograph_signal::files;
 use haptograph_signal::noise::stream_seed;
 use haptograph_signal::quantity::Quantity;
 use petgraph::graph::{DiGraph, NodeIndex};
@@ -429,7 +430,7 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
         return Some(format!("did you mean `{}`?", near.display()));
     }
     let beside = folder(&cx.sources, SourceId::default()).join(written);
-    let found = match beside.is_file() {
+    let found = match files::is_file(&beside) {
         true => format!("; there is {}", beside.display()),
         false => String::new(),
     };

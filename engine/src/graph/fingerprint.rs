@@ -174,7 +174,7 @@ fn all(cx: &Context<'_>, values: &[Value], state: &mut Fingerprint) {
 
 /// Adds the contents of a file, if it exists, without its path and times.
 fn file(path: &Path, state: &mut Fingerprint) {
-    if path.is_file() {
+    if files::is_file(path) {
         // The node that needs the file reports read errors.
         state.bytes(&files::read(path, files::MAX_RECORDING_BYTES).unwrap_or_default());
     }

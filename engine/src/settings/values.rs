@@ -1,8 +1,9 @@
 //! The types that settings can have.
 
 use super::{Part, Reading, Setting};
-use crate::diagnostic::Diagnostic;
+use crate::diagnostic::{Diagnostic, Span};
 use crate::document::value::{Body, Shape, Tagged, Value};
+use haptograph_signal::files::{self, Roots};
 use std::path::PathBuf;
 
 impl Setting for f64 {
@@ -99,6 +100,10 @@ impl Setting for PathBuf {
                 return None;
             }
             let path = reading.resolve(value.span, text);
+            if let Some(roots) = files::refused(&path) {
+                reading.diagnostics.push(outside(value.span, text, &roots));
+                return None;
+            }
             reading.files.push(path.clone());
             return Some(path);
         }
@@ -108,6 +113,22 @@ impl Setting for PathBuf {
     fn show(&self) -> String {
         format!("{:?}", self.display().to_string())
     }
+}
+
+/// A file that whoever wrote the graph may not have read, whether it is there or not.
+fn outside(span: Span, written: &str, roots: &Roots) -> Diagnostic {
+    let folders: Vec<String> = roots
+        .folders()
+        .iter()
+        .map(|folder| folder.display().to_string())
+        .collect();
+    let message = format!("`{written}` is outside the folders that may be read here");
+    Diagnostic::error("E0112", span, message)
+        .label("not read")
+        .help(format!(
+            "name a file in {}, or move it there",
+            folders.join(" or ")
+        ))
 }
 
 impl<T: Setting> Setting for Option<T> {

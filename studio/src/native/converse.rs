@@ -2,7 +2,7 @@
 
 use super::{learn, lock, save::save};
 use crate::describe;
-use crate::pages::{Line, LineError};
+use crate::pages::{Line, LineError, Reach};
 use crate::publish::text;
 use crate::run_page::REPORT;
 use crate::stage::{Stage, StageError};
@@ -67,9 +67,9 @@ struct Desk {
 }
 
 /// Talks to a page until one of both is gone. What takes long is done elsewhere, so that a STOP is heard meanwhile.
-pub async fn run(mut socket: WebSocket, stage: Arc<Mutex<Stage>>, turns: Turns) {
+pub async fn run(mut socket: WebSocket, reach: Reach, stage: Arc<Mutex<Stage>>, turns: Turns) {
     let (line, mut out) = channel(MOST_WAITING);
-    let (page, first) = talk::greet(&mut lock(&stage), Box::new(line));
+    let (page, first) = talk::greet(&mut lock(&stage), Box::new(line), reach);
     let (replies, mut answers) = channel(MOST_REQUESTS);
     let (queue, requests) = channel(MOST_REQUESTS);
     let desk = Desk {

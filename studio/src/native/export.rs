@@ -185,11 +185,7 @@ fn foreign(folder: &Path) -> Option<OsString> {
 
 /// Opens a graph as the page will, and finds what it needs.
 fn take(path: &Path, set: &[(String, String)], registry: &Registry) -> Result<Taken, StudioError> {
-    let source = Source {
-        path: plain(path)?,
-        registry: registry.clone(),
-        set: set.to_vec(),
-    };
+    let source = Source::new(plain(path)?, registry, set.to_vec());
     let stage = Stage::open(source, page::HOST).map_err(|error| match error {
         StageError::Graph(wrong) => StudioError::Graph(wrong),
         error => other(format!("{}: {error}", path.display())),

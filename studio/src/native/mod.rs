@@ -4,11 +4,13 @@ mod assets;
 mod converse;
 mod export;
 mod learn;
+mod listen;
 mod pump;
 mod save;
 mod server;
 
 pub use export::{Export, Exported, export};
+pub use listen::lan_address;
 pub use server::{Options, Studio, StudioError};
 
 use crate::stage::Stage;

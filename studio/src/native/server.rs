@@ -2,10 +2,11 @@
 
 use super::assets::PAGE;
 use super::converse::{self, Turns};
-use super::{lock, pump};
+use super::{listen, lock, pump};
 use crate::drive::DrivenBy;
 use crate::envelope::Confirmed;
 use crate::load::Source;
+use crate::pages::Reach;
 use crate::run_page::REPORT;
 use crate::stage::{Host, Stage, StageError};
 use crate::wire::{MOST_LEARNED_BYTES, SUBPROTOCOL};
@@ -18,12 +19,14 @@ use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use haptograph_engine::diagnostic::Diagnostics;
 use haptograph_engine::registry::Registry;
-use haptograph_signal::files;
+use haptograph_signal::files::{self, Roots};
 use std::collections::HashMap;
 use std::fmt::Write as _;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::io;
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
 /// The longest report that is served, bytes.
@@ -45,16 +48,12 @@ const POLICY: &str = "default-src 'self'; img-src 'self' data: blob:; style-src 
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
                              media-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox allow-scripts";
 
-/// The policy of a server at this port. Browsers that do not count WebSockets as `'self'` are told their addresses.
-fn policy(port: u16) -> HeaderValue {
-    let own = own_hosts(port).map(|host| format!("ws://{host}")).join(" ");
+/// The policy of a server of these names. Browsers that do not count WebSockets as `'self'` are told their addresses.
+fn policy(hosts: &[String]) -> HeaderValue {
+    let own: Vec<String> = hosts.iter().map(|host| format!("ws://{host}")).collect();
+    let own = own.join(" ");
     let policy = format!("{POLICY}; connect-src 'self' {own}");
     HeaderValue::from_str(&policy).unwrap_or(HeaderValue::from_static(POLICY))
-}
-
-/// The names under which a page of this machine reaches the server.
-fn own_hosts(port: u16) -> [String; 2] {
-    ["127.0.0.1", "localhost"].map(|host| format!("{host}:{port}"))
 }
 
 /// What is served.
@@ -68,6 +67,10 @@ pub struct Options {
     pub port: u16,
     /// Where the folders of recorded runs are made.
     pub out: PathBuf,
+    /// Folders of surfaces besides the graph's own. Its page can name files there.
+    pub surfaces: Vec<PathBuf>,
+    /// The address of this machine at which pages of other machines find the studio too; none: it is for this one alone.
+    pub lan: Option<IpAddr>,
 }
 
 /// Why there is no studio.
@@ -98,9 +101,10 @@ fn other(error: impl std::fmt::Display) -> StudioError {
 pub struct Studio {
     stage: Arc<Mutex<Stage>>,
     address: SocketAddr,
+    lan: Option<SocketAddr>,
     token: String,
     end: Option<oneshot::Sender<()>>,
-    thread: Option<std::thread::JoinHandle<()>>,
+    thread: Option<JoinHandle<()>>,
 }
 
 /// What every request sees.
@@ -109,71 +113,45 @@ struct Shared {
     stage: Arc<Mutex<Stage>>,
     turns: Turns,
     token: Arc<str>,
-    port: u16,
+    /// The names under which pages reach this server.
+    hosts: Arc<[String]>,
+    reach: Reach,
 }
 
 impl Studio {
-    /// Runs a graph and serves its page on the loopback address.
+    /// Runs a graph and serves its page on the loopback address, and where it is asked for on one of a network.
     ///
     /// # Errors
     /// [`StudioError`]: the graph is wrong or has several drivers, or the port is taken.
     pub fn open(options: &Options, registry: &Registry) -> Result<Self, StudioError> {
-        let source = Source {
-            path: options.graph.clone(),
-            registry: registry.clone(),
-            set: options.set.clone(),
-        };
-        let mut stage = Stage::open(source, HOST)?;
-        let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
-        stage.confirmed = Some(Arc::new(confirmed));
-        stage.out = Some(options.out.clone());
+        let stage = set_up(options, registry)?;
         let token = token().map_err(other)?;
-        let listener = std::net::TcpListener::bind((Ipv4Addr::LOCALHOST, options.port));
-        let listener = listener.map_err(|error| {
-            other(format!(
-                "cannot listen at 127.0.0.1:{}: {error}; give another --port",
-                options.port
-            ))
-        })?;
-        listener.set_nonblocking(true).map_err(other)?;
-        let address = listener.local_addr().map_err(other)?;
+        let doors = listen::doors(options.port, options.lan).map_err(other)?;
+        let address = doors.here.address;
+        let lan = doors.lan.as_ref().map(|door| door.address);
         let stage = Arc::new(Mutex::new(stage));
         let watched = Arc::downgrade(&stage);
         std::thread::Builder::new()
             .name("studio pump".to_owned())
             .spawn(move || pump::run(&watched))
             .map_err(other)?;
-        let shared = Shared {
-            stage: Arc::clone(&stage),
-            turns: Turns::default(),
-            token: token.as_str().into(),
-            port: address.port(),
-        };
+        let (turns, known): (_, Arc<str>) = (Turns::default(), token.as_str().into());
+        let served = doors.all().map(|door| {
+            let shared = Shared {
+                stage: Arc::clone(&stage),
+                turns: turns.clone(),
+                token: Arc::clone(&known),
+                hosts: door.hosts.into(),
+                reach: door.reach,
+            };
+            (door.listener, shared)
+        });
         let (end, ended) = oneshot::channel();
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(other)?;
-        let thread = std::thread::Builder::new()
-            .name("studio server".to_owned())
-            .spawn(move || {
-                runtime.block_on(async move {
-                    let Ok(listener) = tokio::net::TcpListener::from_std(listener) else {
-                        return;
-                    };
-                    let served = axum::serve(listener, router(shared));
-                    tokio::select! {
-                        _ = served => {}
-                        _ = ended => {}
-                    }
-                });
-                // Connections that are open hold up no end.
-                runtime.shutdown_background();
-            });
-        let thread = Some(thread.map_err(other)?);
+        let thread = Some(serve(served.collect(), ended).map_err(other)?);
         Ok(Self {
             stage,
             address,
+            lan,
             token,
             end: Some(end),
             thread,
@@ -185,7 +163,13 @@ impl Studio {
         format!("http://{}/?token={}", self.address, self.token)
     }
 
-    /// Where it listens.
+    /// The same for other machines, where it listens for them.
+    pub fn lan_url(&self) -> Option<String> {
+        let lan = self.lan?;
+        Some(format!("http://{lan}/?token={}", self.token))
+    }
+
+    /// Where it listens for pages of this machine.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -217,6 +201,49 @@ impl Drop for Studio {
     }
 }
 
+/// A graph that runs, and what its pages may not go beyond: the limits and devices of its file, and the files that can be
+/// named.
+fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> {
+    let opened = || {
+        let source = Source::new(options.graph.clone(), registry, options.set.clone());
+        let stage = Stage::open(source, HOST)?;
+        let confirmed = Confirmed::of(&stage.source, &stage.loaded.text).map_err(StudioError::Graph)?;
+        Ok::<_, StudioError>((stage, confirmed))
+    };
+    // Whoever opens the studio answers for what the file names.
+    let (opened, named) = files::noting_files(opened);
+    let (mut stage, confirmed) = opened?;
+    let folders = std::iter::once(stage.source.folder()).chain(options.surfaces.iter().map(PathBuf::as_path));
+    let roots = Roots::of(folders)
+        .map_err(|(folder, error)| other(format!("cannot read the folder {}: {error}", folder.display())))?;
+    // The graph's own folder comes first.
+    stage.source.surfaces = roots.folders().iter().skip(1).cloned().collect();
+    stage.source.roots = Some(Arc::new(roots.and_files(named)));
+    stage.confirmed = Some(Arc::new(confirmed));
+    stage.out = Some(options.out.clone());
+    Ok(stage)
+}
+
+/// Serves at each of these, until whoever holds the other end ends it, also by going.
+fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io::Result<JoinHandle<()>> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let thread = std::thread::Builder::new().name("studio server".to_owned());
+    thread.spawn(move || {
+        runtime.block_on(async move {
+            for (listener, shared) in served {
+                if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
+                    tokio::spawn(axum::serve(listener, router(shared)).into_future());
+                }
+            }
+            let _ = ended.await;
+        });
+        // Connections that are open hold up no end.
+        runtime.shutdown_background();
+    })
+}
+
 /// 128 bits that nobody can guess, in hexadecimal digits.
 fn token() -> Result<String, getrandom::Error> {
     let mut bytes = [0_u8; 16];
@@ -238,8 +265,7 @@ fn router(shared: Shared) -> Router {
 }
 
 /// Does a request come from a page of this server, under its own name? One from elsewhere must not move anything.
-fn is_own(headers: &HeaderMap, port: u16) -> bool {
-    let own = own_hosts(port);
+fn is_own(headers: &HeaderMap, own: &[String]) -> bool {
     let said = |name| {
         headers
             .get(name)
@@ -250,14 +276,14 @@ fn is_own(headers: &HeaderMap, port: u16) -> bool {
 }
 
 async fn guard(State(shared): State<Shared>, request: Request, next: Next) -> Response {
-    let mut response = match is_own(request.headers(), shared.port) {
+    let mut response = match is_own(request.headers(), &shared.hosts) {
         true => next.run(request).await,
         false => (StatusCode::FORBIDDEN, "this studio serves its own page only").into_response(),
     };
     let headers = response.headers_mut();
     headers
         .entry(header::CONTENT_SECURITY_POLICY)
-        .or_insert_with(|| policy(shared.port));
+        .or_insert_with(|| policy(&shared.hosts));
     for (name, value) in [
         ("x-content-type-options", "nosniff"),
         ("referrer-policy", "no-referrer"),
@@ -342,5 +368,5 @@ async fn live(
         .protocols([SUBPROTOCOL])
         .max_message_size(MOST_LEARNED_BYTES)
         .max_frame_size(MOST_LEARNED_BYTES);
-    upgrade.on_upgrade(move |socket| converse::run(socket, shared.stage, shared.turns))
+    upgrade.on_upgrade(move |socket| converse::run(socket, shared.reach, shared.stage, shared.turns))
 }

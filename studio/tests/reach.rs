@@ -1,0 +1,310 @@
+//! How far pages of the studio reach: which files they can name, and what those can do that come over a network.
+#![cfg(target_os = "linux")]
+
+mod common;
+
+use common::{PATIENCE, Page};
+use haptograph_studio::{Options, Studio};
+use serde_json::{Value, json};
+use std::io::{Read, Write};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpStream};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use tungstenite::Message;
+
+const LAN: IpAddr = IpAddr::V4(Ipv4Addr::new(127, 0, 0, 2));
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../graphs").join(name)
+}
+
+/// A folder `graph` with a copy of the TexturePad, and beside it a folder `other` with a surface.
+fn place() -> tempfile::TempDir {
+    let place = tempfile::tempdir().expect("a folder");
+    for (from, to) in [
+        ("texturepad.ron", "graph/texturepad.ron"),
+        ("surfaces/t2-canvas.ron", "graph/surfaces/t2-canvas.ron"),
+        ("surfaces/t3-tile.ron", "other/t3-tile.ron"),
+    ] {
+        let to = place.path().join(to);
+        std::fs::create_dir_all(to.parent().expect("a folder")).expect("made");
+        std::fs::copy(shipped(from), to).expect("copied");
+    }
+    place
+}
+
+fn options(place: &Path) -> Options {
+    Options {
+        graph: place.join("graph/texturepad.ron"),
+        set: Vec::new(),
+        port: 0,
+        out: place.join("out"),
+        surfaces: Vec::new(),
+        lan: None,
+    }
+}
+
+fn open(options: &Options) -> Studio {
+    Studio::open(options, &haptograph_nodes::registry()).expect("a studio")
+}
+
+fn surface(page: &mut Page, path: impl AsRef<Path>) -> Value {
+    let value = format!("{:?}", path.as_ref().to_string_lossy());
+    page.request(json!({ "type": "parameter", "name": "surface", "value": value }))
+}
+
+fn text_of(page: &Page) -> String {
+    page.graph["text"].as_str().expect("a text").to_owned()
+}
+
+fn codes(reply: &Value) -> Vec<&str> {
+    let found = reply["diagnostics"].as_array().expect("a list");
+    found.iter().filter_map(|one| one["code"].as_str()).collect()
+}
+
+#[test]
+fn a_page_names_no_file_outside_its_folders_whether_it_is_there_or_not() {
+    let place = place();
+    let at = |name: &str| place.path().join(name);
+    symlink(at("other/t3-tile.ron"), at("graph/surfaces/link.ron")).expect("a link");
+    symlink(at("other"), at("graph/surfaces/folder")).expect("a link");
+    symlink("/", at("graph/root")).expect("a link");
+    let studio = open(&options(place.path()));
+    let mut page = Page::at(&studio, studio.address());
+    let listed = page.graph["surfaces"].to_string();
+    assert!(
+        listed.contains("canvas") && !listed.contains("link.ron"),
+        "{listed}"
+    );
+    let text = text_of(&page);
+    for path in [
+        &*at("other/t3-tile.ron").to_string_lossy(),
+        "../other/t3-tile.ron",
+        "surfaces/../../other/t3-tile.ron",
+        "surfaces/link.ron",
+        "surfaces/folder/t3-tile.ron",
+        "root/etc/passwd",
+        "../other/none.ron",
+        "/etc/passwd",
+        "/etc/none",
+        "/proc/self/environ",
+        "/proc/self/root/etc/passwd",
+        "/dev/zero",
+        "/dev/stdin",
+    ] {
+        let reply = surface(&mut page, path);
+        assert_eq!(
+            (&reply["ok"], codes(&reply)),
+            (&json!(false), vec!["E0112"]),
+            "{path}: {reply}"
+        );
+        assert!(!reply.to_string().contains("root:"), "{reply}");
+        // Paths in a text are relative to its file.
+        let included = text.replace("\"std/texture.ron\"", &format!("\"std/texture.ron\", {path:?}"));
+        let named = text.replace("\"surfaces/t2-canvas.ron\"", &format!("{path:?}"));
+        assert!(included != text && named != text);
+        for edited in [included, named] {
+            for way in ["check", "apply", "save"] {
+                let reply = page.request(json!({ "type": way, "text": edited }));
+                assert!(
+                    reply["ok"] == false && codes(&reply).contains(&"E0112"),
+                    "{way} {path}: {reply}"
+                );
+            }
+        }
+    }
+    assert_eq!(
+        std::fs::read_to_string(at("graph/texturepad.ron")).expect("it is there"),
+        text
+    );
+    page.wait(|said| said["type"] == "status" && said["state"] == "running");
+    assert_eq!(
+        surface(&mut page, "surfaces/../surfaces/t2-canvas.ron")["ok"],
+        true
+    );
+}
+
+#[test]
+fn pipes_and_folders_within_are_refused_without_waiting() {
+    let place = place();
+    let pipe = place.path().join("graph/surfaces/pipe.ron");
+    let made = std::process::Command::new("mkfifo")
+        .arg(&pipe)
+        .status()
+        .expect("mkfifo");
+    assert!(made.success());
+    let studio = open(&options(place.path()));
+    let mut page = Page::at(&studio, studio.address());
+    let text = text_of(&page);
+    for path in ["surfaces/pipe.ron", "surfaces"] {
+        let named = text.replace("surfaces/t2-canvas.ron", path);
+        let reply = page.request(json!({ "type": "apply", "text": named }));
+        assert!(
+            reply["ok"] == false && codes(&reply) != ["E0112"],
+            "{path}: {reply}"
+        );
+    }
+}
+
+#[test]
+fn folders_of_surfaces_and_what_the_file_names_itself_can_be_read() {
+    let place = place();
+    let other = place.path().join("other/t3-tile.ron");
+    // By --set, and so by whoever opens the studio.
+    let set = vec![("surface".to_owned(), format!("{:?}", other.to_string_lossy()))];
+    let studio = open(&Options {
+        set,
+        ..options(place.path())
+    });
+    let mut page = Page::at(&studio, studio.address());
+    assert_eq!(surface(&mut page, "surfaces/t2-canvas.ron")["ok"], true);
+    assert_eq!(surface(&mut page, &other)["ok"], true, "the same file again");
+    std::fs::copy(&other, place.path().join("other/another.ron")).expect("copied");
+    assert_eq!(
+        codes(&surface(&mut page, place.path().join("other/another.ron"))),
+        ["E0112"]
+    );
+    drop((page, studio));
+    let surfaces = vec![place.path().join("other")];
+    let studio = open(&Options {
+        surfaces,
+        ..options(place.path())
+    });
+    let mut page = Page::at(&studio, studio.address());
+    let listed = page.graph["surfaces"].as_array().expect("a list").clone();
+    assert_eq!(listed.len(), 3);
+    for surface in listed {
+        let value = surface["path"].clone();
+        let reply = page.request(json!({ "type": "parameter", "name": "surface", "value": value }));
+        assert_eq!(reply["ok"], true, "{reply}");
+    }
+    let surfaces = vec![place.path().join("none")];
+    let none = Options {
+        surfaces,
+        ..options(place.path())
+    };
+    assert!(Studio::open(&none, &haptograph_nodes::registry()).is_err());
+}
+
+/// The status of a plain request with these headers.
+fn status(address: SocketAddr, path: &str, headers: &str) -> String {
+    let mut stream = TcpStream::connect(address).expect("it listens");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    write!(
+        stream,
+        "GET {path} HTTP/1.1\r\n{headers}\r\nConnection: close\r\n\r\n"
+    )
+    .expect("sent");
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    let answer = String::from_utf8_lossy(&answer);
+    answer.split(' ').nth(1).unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_page_of_the_network_is_let_in_by_that_address_alone() {
+    let place = place();
+    let studio = open(&Options {
+        lan: Some(LAN),
+        ..options(place.path())
+    });
+    let (here, token) = (studio.address(), studio.token());
+    let lan = SocketAddr::new(LAN, here.port());
+    assert_eq!(studio.lan_url(), Some(format!("http://{lan}/?token={token}")));
+    let page = format!("/?token={token}");
+    let page = page.as_str();
+    for (address, path, headers, expected) in [
+        (lan, page, format!("Host: {lan}"), "200"),
+        (here, page, format!("Host: {here}"), "200"),
+        (lan, "/", format!("Host: {lan}"), "403"),
+        (lan, page, format!("Host: {here}"), "403"),
+        (lan, page, format!("Host: localhost:{}", here.port()), "403"),
+        (lan, page, format!("Host: evil.example:{}", here.port()), "403"),
+        (here, page, format!("Host: {lan}"), "403"),
+        (
+            lan,
+            &page,
+            format!("Host: {lan}\r\nOrigin: http://evil.example"),
+            "403",
+        ),
+        (lan, page, format!("Host: {lan}\r\nOrigin: http://{here}"), "403"),
+        (
+            here,
+            &page,
+            format!("Host: {here}\r\nOrigin: http://{lan}"),
+            "403",
+        ),
+    ] {
+        assert_eq!(
+            status(address, path, &headers),
+            expected,
+            "{address} {path} {headers}"
+        );
+    }
+    let nowhere = SocketAddr::new(Ipv4Addr::new(127, 0, 0, 3).into(), here.port());
+    assert!(TcpStream::connect(nowhere).is_err(), "no other address");
+    drop(studio);
+    let studio = open(&options(place.path()));
+    assert_eq!(studio.lan_url(), None);
+    assert!(TcpStream::connect(SocketAddr::new(LAN, studio.address().port())).is_err());
+}
+
+#[test]
+fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
+    let place = place();
+    let studio = open(&Options {
+        lan: Some(LAN),
+        ..options(place.path())
+    });
+    let mut page = Page::at(&studio, SocketAddr::new(LAN, studio.address().port()));
+    assert_eq!(page.hello["from"], "network");
+    for what in ["edit", "save", "record", "surfaces"] {
+        assert_eq!(page.hello["can"][what], false, "{what}");
+    }
+    let text = text_of(&page);
+    let edited = text.replace("nodes: {", "nodes: { ");
+    let learn = json!({ "type": "learn", "name": "x.csv", "csv": "" });
+    let recording = json!({
+        "format": 1, "haptograph": "", "graph": "", "text": "", "set": [], "rate_hz": 48000.0, "frames": 9, "moves": [], "turns": [],
+    });
+    for message in [
+        json!({ "type": "apply", "text": edited }),
+        json!({ "type": "save", "text": edited }),
+        json!({ "type": "replay", "recording": recording }),
+        learn,
+    ] {
+        let reply = page.request(message);
+        let why = reply["error"].as_str().unwrap_or_default();
+        assert!(
+            reply["ok"] == false && why.contains("over the network"),
+            "{reply}"
+        );
+    }
+    page.say(&json!({ "type": "record", "on": true }));
+    page.wait(|said| said["type"] == "refused");
+    assert_eq!(
+        std::fs::read_to_string(place.path().join("graph/texturepad.ron")).expect("there"),
+        text
+    );
+    assert!(!place.path().join("out").exists());
+    // The pad, the settings and STOP are its own.
+    let pointer = [
+        [1_u8, 0, 1, 0, 0, 0, 0, 0].as_slice(),
+        &[0; 8],
+        &[0; 8],
+        &1_f32.to_le_bytes(),
+        &[0; 8],
+    ]
+    .concat();
+    page.socket.send(Message::binary(pointer)).expect("heard");
+    page.wait(|said| said["type"] == "status" && said["pointer"]["count"] == 1);
+    let gain = page.request(json!({ "type": "parameter", "name": "gain", "value": "0.1" }));
+    assert_eq!(gain["ok"], true, "{gain}");
+    let mut here = Page::at(&studio, studio.address());
+    assert_eq!(
+        (&here.hello["from"], &here.hello["can"]["edit"]),
+        (&json!("machine"), &json!(true))
+    );
+    page.say(&json!({ "type": "stop" }));
+    here.wait(|said| said["type"] == "status" && said["state"] == "stopped");
+}
