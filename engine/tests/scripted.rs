@@ -111,7 +111,7 @@ fn its_settings_are_checked_as_those_of_all_nodes() {
         (r#", step: "a""#, "E0301"),
         (", stepp: 1", "E0204"),
     ] {
-        let wrong = graph(fields).err().expect(fields);
+        let wrong = graph(fields).expect_err(fields);
         assert_eq!(wrong.list[0].code, code, "{fields}");
     }
 }

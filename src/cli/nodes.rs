@@ -177,11 +177,9 @@ fn unknown(registry: &Registry, name: &str) -> Failure {
         ));
     }
     let templates = templates(registry.library());
-    let shelved = templates.iter().map(|template| template.name.as_str());
-    let near = closest(
-        name,
-        nodes.chain(shelved).chain(devices).chain(reference::bridges()),
-    );
+    let mut known: Vec<&str> = nodes.chain(devices).chain(reference::bridges()).collect();
+    known.extend(templates.iter().map(|template| template.name.as_str()));
+    let near = closest(name, known);
     let help = near.map_or_else(
         || format!("`haptograph nodes --find {name}` searches what they do"),
         |near| format!("did you mean `{near}`?"),

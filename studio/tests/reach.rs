@@ -223,14 +223,14 @@ fn a_page_of_the_network_is_let_in_by_that_address_alone() {
         (here, page, format!("Host: {lan}"), "403"),
         (
             lan,
-            &page,
+            page,
             format!("Host: {lan}\r\nOrigin: http://evil.example"),
             "403",
         ),
         (lan, page, format!("Host: {lan}\r\nOrigin: http://{here}"), "403"),
         (
             here,
-            &page,
+            page,
             format!("Host: {here}\r\nOrigin: http://{lan}"),
             "403",
         ),

@@ -440,14 +440,12 @@ fn not_there(cx: &Context<'_>, diagnostic: &Diagnostic) -> Option<String> {
 
 /// The name of a file in the same folder, of the same kind, that was meant by a path.
 fn similar_file(path: &Path) -> Option<String> {
-    /// Files that are compared with it.
-    const MOST: usize = 1000;
     let folder = match path.parent()? {
         here if here.as_os_str().is_empty() => Path::new("."),
         folder => folder,
     };
-    let files = std::fs::read_dir(folder).ok()?.flatten().take(MOST);
-    let names = files.map(|file| PathBuf::from(file.file_name()));
+    let files = files::list(folder);
+    let names = files.iter().filter_map(|file| file.file_name().map(PathBuf::from));
     let alike = names.filter(|name| name.extension() == path.extension());
     let mut stems: Vec<String> = alike
         .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))

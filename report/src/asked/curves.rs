@@ -185,8 +185,11 @@ pub(super) fn dots(curve: &Curve<'_>, points: Vec<(f64, f64)>) -> Vec<Mark> {
     }
 }
 
+/// x and y.
+type Point = (f64, f64);
+
 /// Points of which few lie together, and the others, both in their order.
-fn by_density(points: Vec<(f64, f64)>) -> (Vec<(f64, f64)>, Vec<(f64, f64)>) {
+fn by_density(points: Vec<Point>) -> (Vec<Point>, Vec<Point>) {
     /// Places across and up, each about as large as a dot; points in one that are few.
     const PLACES: (f64, f64) = (150.0, 50.0);
     const FEW: usize = 4;

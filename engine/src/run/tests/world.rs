@@ -467,6 +467,7 @@ impl World {
             devices: devices.into_iter().collect(),
             sources: Sources::default(),
             warnings: Vec::new(),
+            template_outputs: Vec::new(),
         }
     }
 }
