@@ -4,6 +4,7 @@
 
 mod compare;
 mod learn;
+mod loggers;
 mod mistakes;
 mod scale;
 mod surfaces;

@@ -1,0 +1,117 @@
+//! Studies of files that other people's loggers wrote.
+
+use super::{fail, haptograph, json, noise};
+use std::fs;
+use std::path::Path;
+
+const RATE_HZ: usize = 2000;
+
+/// Vibration, m/s², force, N, and speed, mm/s, of a drag: noise above 20 Hz that grows with speed and force.
+fn drag(seconds: usize, seed: u64) -> Vec<(f64, f64, f64)> {
+    let noise = noise(seconds * RATE_HZ + 2, seed);
+    let row = |i: usize| {
+        let time = i as f64 / RATE_HZ as f64;
+        let (force, speed) = (1.2 + 0.7 * (time * 2.0).sin(), 110.0 + 70.0 * (time * 3.1).sin());
+        // The second difference is small at low frequencies.
+        let bright = noise[i] - 1.6 * noise[i + 1] + 0.64 * noise[i + 2];
+        (bright * force.sqrt() * speed / 100.0, force, speed)
+    };
+    (0..seconds * RATE_HZ).map(row).collect()
+}
+
+fn table(folder: &Path, name: &str, rows: &[(f64, f64, f64)], offset: f64) {
+    let lines: String = { rows.iter() }
+        .map(|(a, f, v)| format!("{},{f},{v}\n", a + offset))
+        .collect();
+    let head = format!("# rate_hz: {RATE_HZ}\naccel_m_s2,force_normal_n,speed_mm_s\n");
+    fs::write(folder.join(name), head + &lines).unwrap();
+}
+
+/// The held-out distance, dB, of the first method of each split.
+fn held_out(folder: &Path, study: &str) -> Vec<f64> {
+    let found = json(folder, &["evaluate", study, "--holdout", "--json"]);
+    let splits = found["splits"].as_array().unwrap();
+    let distance = |split: &serde_json::Value| split["methods"][0]["lsd_db"]["mean"].as_f64().unwrap();
+    splits.iter().map(distance).collect()
+}
+
+#[test]
+fn gravity_changes_no_held_out_figure() {
+    let folder = tempfile::tempdir().unwrap();
+    for (study, offset) in [("clean", 0.0), ("heavy", 9.81)] {
+        fs::create_dir(folder.path().join(study)).unwrap();
+        table(
+            folder.path(),
+            &format!("{study}/oak.me.1.csv"),
+            &drag(6, 1),
+            offset,
+        );
+    }
+    let heavy = haptograph(
+        folder.path(),
+        &["learn", "heavy/oak.me.1.csv", "-o", "heavy.ron"],
+        "",
+    );
+    let said = String::from_utf8_lossy(&heavy.stderr);
+    assert!(
+        said.contains("9.81 m/s²") && said.contains("high-passed at 20 Hz"),
+        "{said}"
+    );
+    let (clean, heavy) = (held_out(folder.path(), "clean"), held_out(folder.path(), "heavy"));
+    assert!(!clean.is_empty() && clean.len() == heavy.len());
+    for (clean, heavy) in clean.iter().zip(&heavy) {
+        assert!((clean - heavy).abs() < 0.2, "{clean} dB, {heavy} dB with gravity");
+    }
+}
+
+#[test]
+fn files_of_one_take_are_one_recording_of_a_study() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = drag(6, 2);
+    for study in ["whole", "wav", "two", "half"] {
+        fs::create_dir(folder.path().join(study)).unwrap();
+    }
+    table(folder.path(), "whole/brick.me.1.csv", &rows, 0.0);
+    let column = |name: &str, head: &str, line: &dyn Fn(&(f64, f64, f64)) -> String| {
+        let lines: String = rows.iter().map(line).collect();
+        fs::write(
+            folder.path().join(name),
+            format!("# rate_hz: {RATE_HZ}\n{head}\n{lines}"),
+        )
+        .unwrap();
+    };
+    let motion = |row: &(f64, f64, f64)| format!("{},{}\n", row.1, row.2);
+    let accel = |row: &(f64, f64, f64)| format!("{}\n", row.0);
+    column("wav/brick.me.1.csv", "force_normal_n,speed_mm_s", &motion);
+    column("two/brick.me.1.motion.csv", "force_normal_n,speed_mm_s", &motion);
+    column("two/brick.me.1.csv", "accel_m_s2", &accel);
+    column("half/brick.me.1.csv", "accel_m_s2", &accel);
+    let spec = hound::WavSpec {
+        channels: 1,
+        sample_rate: RATE_HZ as u32,
+        bits_per_sample: 32,
+        sample_format: hound::SampleFormat::Float,
+    };
+    let mut wav = hound::WavWriter::create(folder.path().join("wav/brick.me.1.wav"), spec).unwrap();
+    rows.iter()
+        .for_each(|row| wav.write_sample((row.0 / 50.0) as f32).unwrap());
+    wav.finalize().unwrap();
+    fs::write(
+        folder.path().join("wav/brick.me.1.wav.ron"),
+        "Recording(full_scale: 50.0)",
+    )
+    .unwrap();
+    let whole = held_out(folder.path(), "whole");
+    for study in ["two", "wav"] {
+        let joined = held_out(folder.path(), study);
+        assert_eq!(joined.len(), whole.len(), "{study}");
+        for (joined, whole) in joined.iter().zip(&whole) {
+            assert!(
+                (joined - whole).abs() < 1e-3,
+                "{study}: {joined} dB of {whole} dB"
+            );
+        }
+    }
+    let error = fail(folder.path(), &["evaluate", "half", "--holdout"]);
+    assert!(error.contains("brick.me.1.motion.csv"), "{error}");
+}
