@@ -38,7 +38,11 @@ impl Pad {
             let input = graph.any_input(&format!("{}.{name}", spec.endpoint))?;
             Ok((input, *gives))
         };
-        let channels = spec.channels.iter().map(channel).collect::<Result<Vec<_>, HostError>>()?;
+        let channels = spec
+            .channels
+            .iter()
+            .map(channel)
+            .collect::<Result<Vec<_>, HostError>>()?;
         let period_s = channels.first().map_or(0.0, |(input, _)| input.rate().period_s());
         Ok(Self {
             channels,

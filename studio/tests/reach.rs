@@ -228,12 +228,7 @@ fn a_page_of_the_network_is_let_in_by_that_address_alone() {
             "403",
         ),
         (lan, page, format!("Host: {lan}\r\nOrigin: http://{here}"), "403"),
-        (
-            here,
-            page,
-            format!("Host: {here}\r\nOrigin: http://{lan}"),
-            "403",
-        ),
+        (here, page, format!("Host: {here}\r\nOrigin: http://{lan}"), "403"),
     ] {
         assert_eq!(
             status(address, path, &headers),

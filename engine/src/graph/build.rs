@@ -445,7 +445,9 @@ fn similar_file(path: &Path) -> Option<String> {
         folder => folder,
     };
     let files = files::list(folder);
-    let names = files.iter().filter_map(|file| file.file_name().map(PathBuf::from));
+    let names = files
+        .iter()
+        .filter_map(|file| file.file_name().map(PathBuf::from));
     let alike = names.filter(|name| name.extension() == path.extension());
     let mut stems: Vec<String> = alike
         .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))

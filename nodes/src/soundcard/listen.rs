@@ -70,7 +70,13 @@ impl CaptureCallback {
     }
 
     /// Takes a buffer of any length, frames of `channels` samples, the last of which was captured `age` ago.
-    pub fn capture<T: Copy>(&mut self, data: &[T], channels: usize, age: Duration, convert: impl Fn(T) -> f64) {
+    pub fn capture<T: Copy>(
+        &mut self,
+        data: &[T],
+        channels: usize,
+        age: Duration,
+        convert: impl Fn(T) -> f64,
+    ) {
         let began = Instant::now();
         let mut clipped = 0;
         for tap in self.taps.get().into_iter().flatten() {

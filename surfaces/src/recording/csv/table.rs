@@ -655,15 +655,23 @@ pub(in crate::recording) fn is_wanted(
     let is = |requested: &str| requested.trim().eq_ignore_ascii_case(name);
     match wanted {
         ColumnSelection::Unscaled(requested) => is(requested),
-        ColumnSelection::Signal(Some(requested)) => is(requested) || plain(name, import).is_some_and(|plain| plain == "time"),
-        ColumnSelection::Recording | ColumnSelection::Signal(None) => plain(name, import).is_some() || is_like_ours(name),
+        ColumnSelection::Signal(Some(requested)) => {
+            is(requested) || plain(name, import).is_some_and(|plain| plain == "time")
+        }
+        ColumnSelection::Recording | ColumnSelection::Signal(None) => {
+            plain(name, import).is_some() || is_like_ours(name)
+        }
         ColumnSelection::Sweep => plain(name, import).is_some() || is_of(name, "", Quantity::CURRENT),
     }
 }
 
 impl Table {
     /// Selects the columns to read, and records the others as a finding.
-    fn choose(&mut self, import: &ImportSettings, wanted: ColumnSelection<'_>) -> Result<Vec<Chosen>, ReadError> {
+    fn choose(
+        &mut self,
+        import: &ImportSettings,
+        wanted: ColumnSelection<'_>,
+    ) -> Result<Vec<Chosen>, ReadError> {
         let names = std::mem::take(&mut self.names);
         let units = std::mem::take(&mut self.units);
         let chosen = match wanted {
