@@ -138,7 +138,7 @@ pub fn list(registry: &Registry, filter: &Filter, width: usize) -> String {
         text += match group {
             DEVICES => "devices (under `endpoints`)",
             BRIDGES => "bridges (around a connection to another clock)",
-            TEMPLATES => "templates (of the library: `haptograph nodes NAME` says what to include)",
+            TEMPLATES => "templates (of the library, by `include`)",
             group => group,
         };
         text.push('\n');

@@ -146,7 +146,9 @@ function cover(studio) {
         : engine?.waits
           ? ["The engine runs in this page. Browsers let it begin only when you say so.", "Start", () => engine.start()]
           : studio.status?.state === "stopped"
-            ? ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
+            ? studio.hello?.can.edit === false
+                ? ["Stopped. Every drive is at zero. It is resumed on a page of the studio's own machine."]
+                : ["Stopped. Every drive is at zero.", "Resume", () => studio.resume()]
             : studio.status && !studio.status.owner
               ? ["Another page owns the pad.", "Take over", () => studio.own()]
               : studio.graph?.pads.length === 0

@@ -90,7 +90,7 @@ function tooltip(studio, view, at) {
 
 // Asks the engine what is wrong with the text; an answer to an older text is passed over.
 async function check(studio, state) {
-    if (!studio.connection.open) return;
+    if (!studio.connection.open || studio.hello?.can.edit === false) return;
     const asked = ++state.asked;
     const reply = await studio.connection.request({ type: "check", text: textOf(state) });
     if (asked === state.asked) showProblems(studio, state, reply.diagnostics ?? []);

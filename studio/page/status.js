@@ -83,7 +83,9 @@ function connectionSays(studio) {
 function stateSays(studio) {
     const { state } = studio.status;
     if (state === "stopped")
-        return { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
+        return studio.hello?.can.edit === false
+            ? { level: "bad", text: "Stopped: every drive is at zero. It is resumed on a page of the studio's own machine" }
+            : { level: "bad", text: "Stopped: every drive is at zero", label: "Resume", action: () => studio.resume() };
     if (state === "failed")
         return {
             level: "bad",

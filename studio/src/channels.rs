@@ -3,8 +3,9 @@
 use super::wire::Pointer;
 use haptograph_engine::frame::Kind;
 use haptograph_engine::graph::Graph;
+use haptograph_nodes::simulated::ground::Ground;
 use haptograph_nodes::simulated::touchable::Touchable;
-use haptograph_signal::vector::{Vec3, add_scaled, cross, scale};
+use haptograph_signal::vector::{Vec3, add_scaled, cross, direction, scale, tangents};
 use std::collections::BTreeMap;
 
 /// Size of a pad, mm: that of a small pen tablet. One that is laid on a thing is as high as that reaches across, and as
@@ -152,7 +153,7 @@ impl Touch {
         let (tip_m, normal) = match on {
             None => ([x, y, 0.0], [0.0, 0.0, 1.0]),
             Some(on) => {
-                let point = on.ground.at([x, y]);
+                let point = on.ground.at(right_is_x(&on.ground, [x, y]));
                 (add_scaled(point.position_m, point.normal, above_m), point.normal)
             }
         };
@@ -184,6 +185,19 @@ impl Touch {
                 put(frame, &[x, y, z, a, b, c])
             }
         }
+    }
+}
+
+/// The coordinates of a stroke for those of a pad, whose right is the world's x where the surface's directions are free.
+fn right_is_x(ground: &Ground, [x, y]: [f64; 2]) -> [f64; 2] {
+    let (Ground::Plane { normal, .. } | Ground::Sphere { up: normal, .. }) = ground else {
+        return [x, y];
+    };
+    let [[u, ..], [v, ..]] = tangents(direction(*normal).unwrap_or([0.0, 0.0, 1.0]));
+    match u.hypot(v) {
+        // The surface looks along x: any way is right.
+        none if none < 1e-9 => [x, y],
+        long => [(x * u - y * v) / long, (x * v + y * u) / long],
     }
 }
 

@@ -15,15 +15,15 @@ use haptograph_report::{drawing, swatch};
 use haptograph_signal::files::{is_file, is_folder, list};
 use haptograph_surfaces::files;
 use serde_json::{Value, json};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::SystemTime;
 
 /// Surfaces that are shown at most.
 const MOST_SURFACES: usize = 100;
-/// Surfaces that were drawn, and when their files were written, where files have that.
-type Swatches = HashMap<PathBuf, (Option<SystemTime>, Value)>;
+/// What is shown of each file, nothing of one that is no surface, and when the file was written, if known.
+type Swatches = HashMap<PathBuf, (Option<SystemTime>, Option<Value>)>;
 static SWATCHES: LazyLock<Mutex<Swatches>> = LazyLock::new(Mutex::default);
 /// The kind of node that looks up a texture's models.
 const LOCATOR: &str = "TriangleLocator";
@@ -234,6 +234,8 @@ fn surfaces(stage: &Stage) -> Vec<Value> {
     let folder = stage.source.folder();
     let others = stage.source.surfaces.iter().flat_map(|folder| ron_files(folder));
     let paths = surface_files(folder).into_iter().chain(others);
+    let mut seen = HashSet::new();
+    let paths = paths.filter(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
     let shown = paths.filter_map(|path| surface(&path, folder));
     shown.take(MOST_SURFACES).collect()
 }
@@ -243,19 +245,22 @@ pub fn surface(path: &Path, graph: &Path) -> Option<Value> {
     let known = || SWATCHES.lock().unwrap_or_else(PoisonError::into_inner);
     let written = path.metadata().and_then(|found| found.modified()).ok();
     if let Some((_, shown)) = known().get(path).filter(|(then, _)| *then == written) {
-        return Some(shown.clone());
+        return shown.clone();
     }
-    let surface = files::load(path).ok()?;
-    let shown = json!({
-        "path": from_graph(path, graph), "name": surface.name,
-        "swatch": swatch(surface.texture.as_ref()?).ok()?,
-    });
+    let drawn = || {
+        let surface = files::load(path).ok()?;
+        Some(json!({
+            "path": from_graph(path, graph), "name": surface.name,
+            "swatch": swatch(surface.texture.as_ref()?).ok()?,
+        }))
+    };
+    let shown = drawn();
     let mut known = known();
     if known.len() >= MOST_SURFACES {
         known.clear();
     }
     known.insert(path.to_owned(), (written, shown.clone()));
-    Some(shown)
+    shown
 }
 
 /// A path from the graph's folder, as a parameter wants it.

@@ -106,7 +106,7 @@ impl Pad {
         if force_n == 0.0 {
             return LIFTED_M;
         }
-        let down_m = DOWN_M_S * passed_s.min(MOST_APART_S);
+        let down_m = DOWN_M_S * passed_s.clamp(0.0, MOST_APART_S);
         (-force_n / on.gives_n_per_m).max(before_m - down_m)
     }
 }

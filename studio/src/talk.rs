@@ -115,8 +115,8 @@ fn done_later(request: u64, work: Work) -> Next {
 const NOT_OWNER: &str = "another page owns the pads and the graph; take over first";
 
 /// What others could send who listen to the network: the pad and the settings, and nothing that lasts.
-const NOT_HERE: &str = "a page that comes over the network moves the pad and the settings only; edit, save, record and \
-                        learn on a page of the machine that runs the studio";
+const NOT_HERE: &str = "a page that comes over the network moves the pad and the settings only; edit, save, record, \
+                        learn and resume on a page of the machine that runs the studio";
 
 fn refused_because(said: &Said, why: &str) -> Next {
     match said.request() {

@@ -8,7 +8,7 @@ pub const VERSION: u32 = 1;
 /// The subprotocol of the WebSocket.
 pub const SUBPROTOCOL: &str = "haptograph.studio.1";
 /// The longest message that is taken, bytes; a recording to learn from or to do again may be longer.
-const MOST_BYTES: usize = 1 << 20;
+pub const MOST_BYTES: usize = 1 << 20;
 pub const MOST_LEARNED_BYTES: usize = 80 << 20;
 /// How such messages begin.
 const LONG: [&str; 2] = [r#"{"type":"learn""#, r#"{"type":"replay""#];
@@ -88,15 +88,17 @@ pub enum Said {
 }
 
 impl Said {
-    /// Is it about files, or about another graph? Pages elsewhere do not ask for that.
+    /// Is it about files, about another graph, or an end of a STOP? Pages elsewhere do not ask for that.
     pub fn is_for_machine(&self) -> bool {
         matches!(
             self,
             Self::Apply { .. }
+                | Self::Check { .. }
                 | Self::Save { .. }
                 | Self::Learn { .. }
                 | Self::Record { .. }
                 | Self::Replay { .. }
+                | Self::Resume
         )
     }
 

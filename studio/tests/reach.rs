@@ -263,6 +263,7 @@ fn a_page_of_the_network_has_the_pad_and_the_settings_and_nothing_that_lasts() {
         "format": 1, "haptograph": "", "graph": "", "text": "", "set": [], "rate_hz": 48000.0, "frames": 9, "moves": [], "turns": [],
     });
     for message in [
+        json!({ "type": "check", "request": 1, "text": edited }),
         json!({ "type": "apply", "text": edited }),
         json!({ "type": "save", "text": edited }),
         json!({ "type": "replay", "recording": recording }),

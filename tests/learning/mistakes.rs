@@ -296,7 +296,7 @@ fn every_command_reads_the_tables_that_learn_reads() {
     assert!(told_by(&with(&["evaluate", "study"])).contains("--holdout"));
     let unsaid = fail(folder.path(), &["learn", one, "-o", "x.ron"]);
     assert!(
-        unsaid.contains("missing columns: accel, force_normal, speed, time. The file has: t, acc, Fz, v.")
+        unsaid.contains("missing columns: force_normal, speed, time. The file has: t, acc, Fz, v.")
             && !unsaid.contains("not used"),
         "{unsaid}"
     );

@@ -66,15 +66,20 @@
     return text.split(" ").map(Number);
   }
 
-  // A curve's points in the marks' coordinates; of a band the upper edge and the lower.
+  // A curve's points in the marks' coordinates, a list for each part between gaps; of a band the upper edge and the lower.
   function points(plot, path) {
     if (!plot.points.has(path)) {
-      const all = numbers(path.getAttribute("d"));
-      const pairs = [];
-      for (let i = 0; i + 1 < all.length; i += 2) pairs.push([all[i], all[i + 1]]);
+      const pairsOf = (text) => {
+        const all = numbers(text);
+        const found = [];
+        for (let i = 0; i + 1 < all.length; i += 2) found.push([all[i], all[i + 1]]);
+        return found;
+      };
+      const drawn = path.getAttribute("d");
+      const pairs = pairsOf(drawn);
       // A band's upper edge goes to the right, its lower one back.
       const turn = pairs.findIndex((pair, i) => i > 0 && pair[0] <= pairs[i - 1][0]);
-      const edges = path.classList.contains("band") && turn > 0 ? [pairs.slice(0, turn), pairs.slice(turn).reverse()] : [pairs];
+      const edges = path.classList.contains("band") && turn > 0 ? [pairs.slice(0, turn), pairs.slice(turn).reverse()] : drawn.split("M").map(pairsOf);
       plot.points.set(path, edges);
     }
     return plot.points.get(path);
@@ -108,9 +113,10 @@
     const x = (SPAN * (time - plot.time[0])) / (plot.time[1] - plot.time[0]);
     plot.outputs.forEach((output, i) => {
       const path = plot.curves[i];
-      const edges = path ? points(plot, path).filter((edge) => edge.length > 0) : [];
+      const isThere = (edge) => edge.length > 0 && edge[0][0] <= x && x <= edge[edge.length - 1][0];
+      const edges = path ? points(plot, path).filter(isThere) : [];
       const values = edges.map((edge) => shown(valueAt(plot, at(edge, x)))).reverse();
-      output.textContent = values[0] === values[1] ? (values[0] ?? "") : values.join(" to ");
+      output.textContent = values.length < 2 || values[0] === values[1] ? (values[0] ?? "") : values.join(" to ");
     });
   }
 

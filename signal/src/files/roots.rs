@@ -135,6 +135,14 @@ fn resolved(path: &Path) -> Option<PathBuf> {
         .find_map(|folder| Some((folder, folder.canonicalize().ok()?)));
     let (folder, real) = found?;
     let rest = path.strip_prefix(folder).ok()?;
+    // What is missing may be a link that leads nowhere yet.
+    if rest
+        .components()
+        .next()
+        .is_some_and(|first| real.join(first).is_symlink())
+    {
+        return None;
+    }
     let is_name = |part: Component<'_>| matches!(part, Component::Normal(_));
     // No such folder, so nothing that `..` could lead out of: what comes of it later is not known.
     rest.components()
@@ -166,6 +174,7 @@ mod tests {
         symlink("../secret", at("in/out")).unwrap();
         symlink("..", at("in/up")).unwrap();
         symlink("/etc", at("in/etc")).unwrap();
+        symlink("../nowhere", at("in/dangling")).unwrap();
         let roots = Roots::of([at("in")]).unwrap();
         (place, Arc::new(roots))
     }
@@ -197,6 +206,7 @@ mod tests {
                 "in/etc/passwd",
                 "in-too/c",
                 "in/none/../../secret",
+                "in/dangling",
                 "nothing/here",
                 "in/below/../../../../../../../../etc/passwd",
             ] {

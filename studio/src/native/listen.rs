@@ -88,6 +88,11 @@ fn bind(address: IpAddr, port: u16, reach: Reach) -> Result<Door, ListenError> {
     if reach == Reach::Machine {
         hosts.push(format!("localhost:{}", address.port()));
     }
+    if address.port() == 80 {
+        // Browsers leave this port out.
+        let bare = hosts.iter().filter_map(|host| host.strip_suffix(":80"));
+        hosts.extend(bare.map(str::to_owned).collect::<Vec<_>>());
+    }
     Ok(Door {
         listener,
         address,

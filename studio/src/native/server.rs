@@ -9,7 +9,7 @@ use crate::load::Source;
 use crate::pages::Reach;
 use crate::run_page::REPORT;
 use crate::stage::{Host, Stage, StageError};
-use crate::wire::{MOST_LEARNED_BYTES, SUBPROTOCOL};
+use crate::wire::{MOST_BYTES, MOST_LEARNED_BYTES, SUBPROTOCOL};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Query, Request, State};
@@ -221,6 +221,8 @@ fn set_up(options: &Options, registry: &Registry) -> Result<Stage, StudioError> 
     stage.source.roots = Some(Arc::new(roots.and_files(named)));
     stage.confirmed = Some(Arc::new(confirmed));
     stage.out = Some(options.out.clone());
+    // Draws the surfaces, which takes a while, before anybody waits.
+    let _ = crate::describe::graph(&stage);
     Ok(stage)
 }
 
@@ -229,13 +231,17 @@ fn serve(served: Vec<(TcpListener, Shared)>, ended: oneshot::Receiver<()>) -> io
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
+    let inside = runtime.enter();
+    let served = served
+        .into_iter()
+        .map(|(listener, shared)| Ok((tokio::net::TcpListener::from_std(listener)?, shared)))
+        .collect::<io::Result<Vec<_>>>()?;
+    drop(inside);
     let thread = std::thread::Builder::new().name("studio server".to_owned());
     thread.spawn(move || {
         runtime.block_on(async move {
             for (listener, shared) in served {
-                if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
-                    tokio::spawn(axum::serve(listener, router(shared)).into_future());
-                }
+                tokio::spawn(axum::serve(listener, router(shared)).into_future());
             }
             let _ = ended.await;
         });
@@ -361,12 +367,17 @@ async fn live(
     if !is_let_in(&shared, &query) || !has_origin {
         return StatusCode::FORBIDDEN.into_response();
     }
-    if lock(&shared.stage).pages.len() >= MOST_PAGES {
+    // Pages of the network leave room for those of this machine, and bring no recordings.
+    let (most_pages, most_bytes) = match shared.reach {
+        Reach::Machine => (MOST_PAGES, MOST_LEARNED_BYTES),
+        Reach::Network => (MOST_PAGES / 2, MOST_BYTES),
+    };
+    if lock(&shared.stage).pages.len() >= most_pages {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages").into_response();
     }
     let upgrade = upgrade
         .protocols([SUBPROTOCOL])
-        .max_message_size(MOST_LEARNED_BYTES)
-        .max_frame_size(MOST_LEARNED_BYTES);
+        .max_message_size(most_bytes)
+        .max_frame_size(most_bytes);
     upgrade.on_upgrade(move |socket| converse::run(socket, shared.reach, shared.stage, shared.turns))
 }

@@ -5,7 +5,8 @@ use super::hash;
 use super::problem::PlanProblem;
 use crate::evaluate::{RandomWalk, Trajectory};
 use crate::learning::processing;
-use crate::recording::{self, Series};
+
+use crate::recording::{self, ImportSettings, Series};
 use haptograph_signal::noise::stream_seed;
 use std::path::Path;
 
@@ -98,7 +99,12 @@ impl Source {
     }
 
     fn recorded(file: &str, path: &Path) -> Result<Self, PlanProblem> {
-        let recording = processing::processed(&recording::load(path)?, &Default::default())?;
+        let import = ImportSettings {
+            keeps_offset: true,
+            ..ImportSettings::strict()
+        };
+        let (recording, _) = recording::load_with(&[path.to_owned()], &import)?;
+        let recording = processing::processed(&recording, &Default::default())?;
         let signals = recording.signals();
         let both = signals.speed_m_s.iter().zip(&signals.force_normal_n);
         let series = Series::new(

@@ -28,6 +28,8 @@ pub struct ImportSettings {
     pub full_scale_m_s2: Option<f64>,
     /// Refuses a file instead of repairing it.
     pub strict: bool,
+    /// Leaves a mean of the acceleration as it is, for those who do not use the vibration.
+    pub keeps_offset: bool,
 }
 
 impl ImportSettings {

@@ -51,8 +51,9 @@ pub(super) fn signal(table: &mut Table) -> Result<Column, ReadError> {
         }
         Err(values) => {
             let mut values = values.into_iter().next().unwrap_or_default();
-            if let (Some("m/s2"), Some(rate_hz)) = (unit, rate_hz) {
-                table.take_offset(&name, true, &mut values, rate_hz)?;
+            let is_vibration = unit == Some("m/s2") || !table.knows_unit();
+            if let (true, Some(rate_hz)) = (is_vibration, rate_hz) {
+                table.take_offset(&name, unit.is_some(), &mut values, rate_hz)?;
             }
             values
         }

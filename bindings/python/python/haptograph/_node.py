@@ -115,6 +115,8 @@ class Node:
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TAKEN = {"clock", "endpoint", "only", "self", "time", "times"}
+# What a node has already: a setting of that name would take its place.
+_OWN = {"rate", "seed", "path", "tick", "process", "start", "inputs", "outputs", "settings"}
 _TYPES: dict[type, Any] = {float: 0.0, int: 0, bool: False, str: ""}
 
 
@@ -141,6 +143,9 @@ def _described(node: type[Node]) -> _native.NodeClass:
         raise Error(f"`{name}`: give it a method `tick`, for one frame, or `process`, for many, and not both")
     inputs, outputs = _ports(name, "inputs", node.inputs), _ports(name, "outputs", node.outputs)
     settings = [_setting(name, *one) for one in _items(name, "settings", node.settings)]
+    taken = next((one[0] for one in settings if one[0] in _OWN), None)
+    if taken:
+        raise Error(f"`{name}.settings` has the name {taken!r}: a node has that already; give another one")
     fields = [one[0] for one in inputs + settings]
     twice = sorted({field for field in fields if fields.count(field) > 1})
     if twice:

@@ -43,6 +43,7 @@ pub(super) fn taken_as(
     plain: &mut [Option<String>],
     import: &ImportSettings,
     has_rate: bool,
+    is_signal: bool,
 ) -> Vec<Finding> {
     let ours = plain.to_vec();
     let has = |wanted: &str| {
@@ -54,13 +55,22 @@ pub(super) fn taken_as(
         _ if quantity.starts_with("position") => !has("speed"),
         _ => true,
     };
+    // Times alone are those of nothing that is learned from, such as notes.
+    let is_quantity = |name: &String| {
+        let known = plain_name(&name.to_lowercase()).map(|(plain, _)| plain);
+        let known = known.filter(|plain| QUANTITIES.contains(&&**plain));
+        known
+            .or_else(|| like_ours(name))
+            .is_some_and(|plain| plain != "time")
+    };
+    let has_quantity = is_signal || !import.columns.is_empty() || names.iter().any(is_quantity);
     let below = |index: usize| units.get(index).map_or("", String::as_str);
     let candidate = |index: usize| -> Option<String> {
         let name = &names[index];
         let is_mapped = import.columns.values().any(|column| column == name);
         let quantity = like_ours(name).filter(|_| !is_mapped && ours[index].is_none())?;
         let is_free = !has(&quantity) && !import.columns.contains_key(&quantity) && is_needed(&quantity);
-        let has_unit = quantity == "time"
+        let has_unit = (quantity == "time" && has_quantity)
             || import.units.contains_key(&quantity)
             || unit_in_file(name, below(index), &quantity, false).is_ok();
         (is_free && has_unit).then_some(quantity)

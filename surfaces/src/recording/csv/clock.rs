@@ -81,7 +81,7 @@ fn since(cell: &[u8], first: i64) -> Option<f64> {
 }
 
 /// Seconds of the calendar, whole and part, of an ISO 8601 date with a time of day: `2026-11-12 14:03:22.123`, with `T` or a space, with or
-/// without seconds, decimals and a zone.
+/// without seconds, decimals and a zone; without one it counts as UTC.
 fn wall_clock(text: &str) -> Option<(i64, f64)> {
     let (date, time) = text.trim().split_at_checked(10)?;
     let time = time.strip_prefix(['T', 't', ' '])?.trim_start();
@@ -101,7 +101,8 @@ fn wall_clock(text: &str) -> Option<(i64, f64)> {
         Some(second) => seconds(second)?,
         None => (0, 0.0),
     };
-    let is_whole = date.next().is_none() && parts.next().is_none();
+    let is_time = hour < 24 || (minute, second, fraction) == (0, 0, 0.0);
+    let is_whole = date.next().is_none() && parts.next().is_none() && is_time;
     let whole = days(year, month, day) * 86_400 + hour * 3600 + minute * 60 + second - zone_s;
     is_whole.then_some((whole, fraction))
 }
@@ -140,14 +141,17 @@ fn digits(text: &str, count: usize, allowed: std::ops::RangeInclusive<i64>) -> O
     allowed.contains(&value).then_some(value)
 }
 
-/// Days of the calendar, from some day on: years begin in March, so that a leap day is the last of one.
+/// Days from 1 March of the year 0 to 1970.
+const TO_1970: i64 = 719_468;
+
+/// Days of the calendar since 1970. Years begin in March, so that a leap day is the last of one.
 fn days(year: i64, month: i64, day: i64) -> i64 {
     let (year, month) = match month {
         1 | 2 => (year - 1, month + 9),
         _ => (year, month - 3),
     };
     let leap = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    365 * year + leap + (153 * month + 2) / 5 + day - 1
+    365 * year + leap + (153 * month + 2) / 5 + day - 1 - TO_1970
 }
 
 #[cfg(test)]

@@ -57,6 +57,14 @@ pub(super) fn processed(
     }
     refuse_missing(tables, wanted)?;
     let has_vibration = |table: &Table| table.has("accel") || has_axes(table);
+    let mut vibrating = tables.iter().filter(|table| has_vibration(table));
+    if let (Some(one), Some(other)) = (vibrating.next(), vibrating.next()) {
+        let message = format!(
+            "{} and {} both have an acceleration; leave one out, or put the axes into one file",
+            one.label, other.label
+        );
+        return Err(other.fault(other.header_line, message));
+    }
     let first = tables.iter().position(has_vibration).unwrap_or(0);
     let speed = positions
         .map(|place| speed_of_position(&mut tables[place]))
@@ -123,8 +131,10 @@ pub(super) fn processed(
     signals.acceleration_m_s2 = match acceleration {
         Some(mut values) => {
             let has_unit = import.units.get("accel").is_none_or(|unit| unit != "1");
-            let taken = vibration.take_offset("accel", has_unit, &mut values, signals.rate_hz);
-            taken.map_err(|error| vibration.at_fault(error))?;
+            if !import.keeps_offset {
+                let taken = vibration.take_offset("accel", has_unit, &mut values, signals.rate_hz);
+                taken.map_err(|error| vibration.at_fault(error))?;
+            }
             values
         }
         None => combined(&signals).map_err(|message| vibration.fault(header_line, message))?,

@@ -57,6 +57,8 @@ pub(in crate::recording) struct Table {
     columns: Vec<Column>,
     lines: Lines,
     strict: bool,
+    /// Whether the unit of the acceleration is known.
+    knows_unit: bool,
     given_rate_hz: Option<f64>,
     clock: Clock,
     time_scale: Scale,
@@ -207,6 +209,7 @@ impl Table {
             columns: vec![],
             lines: Lines::default(),
             strict: import.strict,
+            knows_unit: import.units.get("accel").is_none_or(|unit| unit != "1"),
             given_rate_hz: import.rate_hz,
             clock: Clock::default(),
             time_scale: Scale::One,
@@ -313,6 +316,11 @@ impl Table {
         self.columns.retain(|column| column.name != name);
     }
 
+    /// Whether the unit of the acceleration is known: not where `--unit accel=1` says that it is not.
+    pub(in crate::recording) fn knows_unit(&self) -> bool {
+        self.knows_unit
+    }
+
     /// Takes a vibration on one axis as unprocessed where it has a mean that no processed one has.
     pub(in crate::recording) fn take_offset(
         &mut self,
@@ -331,16 +339,17 @@ impl Table {
             has_unit,
         };
         if self.strict {
-            let message = format!("{found} where --strict is left out");
+            let message = format!("{found}, unless nothing may be repaired, as here (--strict)");
             return Err(self.error(self.header_line, message));
         }
         self.findings.push(found);
         Ok(())
     }
 
-    /// Where the times count from, s; `None` where there are none.
+    /// Where the times count from, s; `None` where there are none, or nothing that they are the times of.
     pub(super) fn origin_s(&self) -> Option<f64> {
-        self.has(TIME).then(|| self.clock.origin_s(self.time_scale))
+        let counts = self.has(TIME) && self.columns.len() > 1 && self.lines.rows() > 0;
+        counts.then(|| self.clock.origin_s(self.time_scale))
     }
 
     /// Counts the times from an origin of several tables.
@@ -536,6 +545,7 @@ impl Table {
             return;
         }
         if self.given_rate_hz.is_none()
+            && !self.clock.is_calendar()
             && let Some(time) = self.header_of("time")
             && !(RATES_HZ[0]..=RATES_HZ[1]).contains(&timing.rate_hz)
         {
@@ -712,7 +722,8 @@ impl Table {
         let mut plain: Vec<Option<String>> = names.iter().map(|name| self::plain(name, import)).collect();
         if matches!(wanted, ColumnSelection::Recording | ColumnSelection::Signal(None)) {
             let has_rate = import.rate_hz.is_some() || self.notes.contains_key("rate_hz");
-            let taken = taken_as(names, units, &mut plain, import, has_rate).into_iter();
+            let is_signal = !matches!(wanted, ColumnSelection::Recording);
+            let taken = taken_as(names, units, &mut plain, import, has_rate, is_signal).into_iter();
             let is_read = |finding: &Finding| match finding {
                 Finding::TakenAs { quantity, .. } => is_vibration(quantity) || quantity == TIME,
                 _ => true,
@@ -910,7 +921,7 @@ impl Table {
         let name = headers.join(", ");
         let unit = match &chosen[..] {
             [column] if column.name == SIGNAL => column.unit,
-            _ => Some("m/s2"),
+            _ => self.knows_unit.then_some("m/s2"),
         };
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let has_rate = !self.lacks_rate();
