@@ -251,7 +251,7 @@ fn names_that_leave_no_doubt_are_taken_and_others_are_not() {
     let (signal, findings) = load_signal(&path, None, &ImportSettings::default()).expect("a signal");
     assert_eq!(
         (signal.values[0], signal.rate_hz, findings.len()),
-        (9.80665, Some(1.0), 3),
+        (9.80665, Some(1.0), 2),
         "{findings:?}"
     );
     // Without a unit, or where two could be it, nothing is taken; the hint asks for a unit only where there is none.
