@@ -30,6 +30,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// Allocations and deallocations of this thread during `work`, which RealtimeSanitizer watches where it is there.
 pub fn allocations(work: impl FnOnce()) -> usize {
+    sanitizer::load();
     let before = ALLOCATIONS.get();
     sanitizer::watched(work);
     ALLOCATIONS.get() - before
@@ -75,6 +76,11 @@ mod sanitizer {
     #[cfg(not(target_os = "linux"))]
     fn symbol(_: &CStr) -> Option<Call> {
         None
+    }
+
+    /// Looks for it, which allocates the first time.
+    pub fn load() {
+        LazyLock::force(&LOADED);
     }
 
     pub fn watched(work: impl FnOnce()) {
