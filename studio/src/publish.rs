@@ -64,6 +64,7 @@ impl Publisher {
     pub fn publish(&mut self, stage: &mut Stage, passed: Duration) {
         stage.look();
         send_samples(stage);
+        stage.end_what_is_over();
         self.passed += passed;
         self.looks += 1;
         if self.looks == STATUS {
@@ -86,7 +87,8 @@ pub fn text(value: &Value) -> Message {
     Message::Text(value.to_string())
 }
 
-fn send_samples(stage: &mut Stage) {
+/// Sends what the last look saw.
+pub fn send_samples(stage: &mut Stage) {
     let Stage {
         pages, scopes, sound, ..
     } = stage;

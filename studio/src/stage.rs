@@ -8,6 +8,7 @@ use super::levels::Costs;
 use super::load::{Loaded, Source};
 use super::pads::Pad;
 use super::pages::Page;
+use super::publish::send_samples;
 use super::record::{Recording, Replay, meant, moved};
 use super::run_page::{self, Kept};
 use super::scope::{self, Port, Scope};
@@ -241,9 +242,9 @@ impl Stage {
             return;
         };
         let ended = drive.join().map(|player| player.finish(session));
-        if !self.kept.is_empty() {
-            self.look_at_scopes(now_s);
-        }
+        // The last frames: what begins next has scopes of its own.
+        self.look_at_scopes(now_s);
+        send_samples(self);
         let kept = std::mem::take(&mut self.kept);
         if let (Some(folder), Some(ended), true) = (&self.folder, &ended, self.recorder.is_some()) {
             let (graph, outcome) = (&self.loaded.graph, &ended.outcome);
@@ -282,12 +283,10 @@ impl Stage {
             session.poll();
         }
         self.look_at_scopes(now_s);
-        for actuator in &mut self.actuators {
-            let port = format!("{}.delivered", actuator.name);
-            if let Some(scope) = self.scopes.iter().find(|scope| scope.port.name == port) {
-                actuator.delivered.take(scope, actuator.window_s);
-            }
-        }
+    }
+
+    /// Ends what is over, once the pages have been sent what was seen of it.
+    pub fn end_what_is_over(&mut self) {
         if self.state == State::Running && self.drive.as_ref().is_some_and(|drive| drive.pace.is_over()) {
             self.end();
         }
@@ -302,6 +301,12 @@ impl Stage {
         }
         for kept in &mut self.kept {
             kept.take(&self.scopes);
+        }
+        for actuator in &mut self.actuators {
+            let port = format!("{}.delivered", actuator.name);
+            if let Some(scope) = self.scopes.iter().find(|scope| scope.port.name == port) {
+                actuator.delivered.take(scope, actuator.window_s);
+            }
         }
     }
 

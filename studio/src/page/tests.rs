@@ -204,3 +204,59 @@ fn where_a_limit_held_back_and_where_infinity_came_from_is_told() {
     assert!(levels["not_finite"]["huge.output"].as_u64() > Some(0), "{levels}");
     assert!(levels["not_finite"]["big.output"].is_null(), "{levels}");
 }
+
+#[test]
+fn a_late_look_still_sends_the_last_samples_of_a_run() {
+    let mut engine = engine_of("texturepad.ron");
+    let hear = |engine: &mut Engine, said: serde_json::Value| engine.hear(&Message::Text(said.to_string()));
+    hear(
+        &mut engine,
+        serde_json::json!({ "type": "scope", "ports": [{ "name": "out.delivered", "raw": true }] }),
+    );
+    hear(&mut engine, serde_json::json!({ "type": "record", "on": true }));
+    run(&mut engine, 0.2);
+    while engine.next_message().is_some() {}
+    stroke(&mut engine, 30.0, 0.5);
+    hear(&mut engine, serde_json::json!({ "type": "record", "on": false }));
+    run(&mut engine, 0.2);
+    let kept = said(&mut engine, "recording")["recording"].clone();
+    let frames = kept["frames"].as_u64().expect("it was recorded") as usize;
+    let mut replay = |frames_between_looks: usize| {
+        hear(
+            &mut engine,
+            serde_json::json!({ "type": "replay", "request": 3, "recording": kept }),
+        );
+        let (mut samples, mut graphs) = (Vec::new(), 0);
+        // Until the graph of the run after it is told.
+        while graphs < 2 {
+            engine.process(frames_between_looks);
+            engine.publish(Duration::from_millis(10), Duration::from_millis(1));
+            while let Some(message) = engine.next_message() {
+                match message {
+                    Message::Text(text) => graphs += usize::from(text.contains(r#""type":"graph""#)),
+                    Message::Binary(bytes) if graphs == 1 && bytes[0] == 2 => {
+                        samples.extend(bytes[24..].chunks_exact(4).map(<[u8]>::to_vec));
+                    }
+                    Message::Binary(_) => {}
+                }
+            }
+        }
+        samples
+    };
+    let (often, late) = (replay(480), replay(20_000));
+    assert!(
+        often[frames - 4800..frames]
+            .iter()
+            .any(|value| *value != often[0])
+    );
+    assert!(
+        frames > 24_000 && late.len() >= frames,
+        "{frames}, {}",
+        late.len()
+    );
+    assert_eq!(
+        (0..frames).find(|at| often[*at] != late[*at]),
+        None,
+        "of {frames} frames"
+    );
+}
