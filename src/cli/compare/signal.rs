@@ -8,7 +8,7 @@ use crate::signal::resample::{Quality, resample_whole};
 use crate::signal::time::Rate;
 use crate::surfaces::Origin;
 use crate::surfaces::learning::processing::{combined, processed};
-use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal};
+use crate::surfaces::recording::{ImportSettings, LoadError, ReadError, load_signal, remove_offset};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ impl Signal {
     pub fn read(path: &Path, column: Option<&str>, import: &ImportSettings) -> Result<Self, Failure> {
         let is_wav = is_wav(path)?;
         let (samples, rate_hz, unit, simulated) = match is_wav {
-            true => wav(path, column, import.full_scale_m_s2)?,
+            true => wav(path, column, import)?,
             false => other(path, column, import)?,
         };
         Ok(Self {
@@ -160,7 +160,7 @@ fn recording(path: &Path, loaded: Loaded) -> Result<Read, Failure> {
 }
 
 /// The only channel, that of the given number, or three axes combined.
-fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Result<Read, Failure> {
+fn wav(path: &Path, channel: Option<&str>, import: &ImportSettings) -> Result<Read, Failure> {
     let failed = |error: &dyn std::fmt::Display| Failure::file("read", path, error);
     // Files of more than 4 GiB are RF64; what is read of them is bounded by the samples.
     let opened = files::open(path, u64::MAX).map_err(|error| failed(&error))?;
@@ -174,8 +174,8 @@ fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Resu
     }
     let (channels, rate_hz) = (usize::from(layout.channels), f64::from(layout.rate_hz));
     let note = recordings::note(path)?;
-    let full_scale = full_scale_m_s2.or(note.full_scale).unwrap_or(1.0);
-    let unit = match full_scale_m_s2 {
+    let full_scale = import.full_scale_m_s2.or(note.full_scale).unwrap_or(1.0);
+    let unit = match import.full_scale_m_s2 {
         Some(_) => Some("m/s2".to_owned()),
         None => note.unit,
     };
@@ -184,7 +184,7 @@ fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Resu
         samples.iter_mut().for_each(|sample| *sample *= full_scale);
         Ok(samples)
     };
-    let chosen = match (channel, channels) {
+    let mut chosen = match (channel, channels) {
         (Some(number), _) => match number.parse::<usize>() {
             Ok(number) if number < channels => one(number)?,
             _ => {
@@ -207,6 +207,18 @@ fn wav(path: &Path, channel: Option<&str>, full_scale_m_s2: Option<f64>) -> Resu
             )));
         }
     };
+    if unit.as_deref().is_none_or(|unit| unit == "m/s2")
+        && let Some(found) = remove_offset("the vibration", unit.is_some(), &mut chosen, rate_hz)
+    {
+        match import.strict {
+            true => {
+                return Err(failed(&format!(
+                    "{found}, unless nothing may be repaired, as here (--strict)"
+                )));
+            }
+            false => remark(&format!("warning: {}: {found}\n", path.display())),
+        }
+    }
     Ok((chosen, Some(rate_hz), unit, note.simulated))
 }
 

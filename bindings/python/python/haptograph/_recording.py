@@ -83,7 +83,8 @@ class Recording:
     Parameters
     ----------
     acceleration : array_like
-        Along one axis, m/s2.
+        Along one axis, m/s2. Where its mean is not that of a vibration above 20 Hz, as with gravity, it is high-passed
+        at 20 Hz, and `findings` says so.
     force : array_like
         How hard the tool presses, N; as long.
     speed : array_like
@@ -175,7 +176,7 @@ class Recording:
 
     @property
     def findings(self) -> list[str]:
-        """What was found in its file, and repaired."""
+        """What was found in its file or arrays, and repaired."""
         return self._inner.findings
 
     @property

@@ -315,6 +315,8 @@ class Comparison:
         The third octaves, from and to, Hz.
     signed : ndarray
         The error of each.
+    findings : list of str
+        What was repaired before: a vibration with gravity is high-passed at 20 Hz.
     """
 
     lsd: float | None
@@ -329,6 +331,7 @@ class Comparison:
     windows: int
     bands: list[tuple[float, float]]
     signed: np.ndarray
+    findings: list[str]
 
 
 def _vibration(name: str, given: Any) -> tuple[np.ndarray, float | None]:

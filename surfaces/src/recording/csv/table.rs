@@ -1,8 +1,8 @@
 //! Tables of rows and columns. Each cell keeps its location in the file for error messages.
 
 use super::super::import::{
-    BadCell, Finding, ImportSettings, Timing, clipped, interpolate_missing, remove_outliers, resampled,
-    timing, without_offset,
+    BadCell, Finding, ImportSettings, Timing, clipped, interpolate_missing, remove_offset, remove_outliers,
+    resampled, timing,
 };
 use super::super::rows::{Head, Row, Rows, listed};
 use super::super::{ReadError, RecordingError, Series};
@@ -329,14 +329,8 @@ impl Table {
         values: &mut Vec<f64>,
         rate_hz: f64,
     ) -> Result<(), ReadError> {
-        let Some((mean, cutoff_hz)) = without_offset(values, rate_hz) else {
+        let Some(found) = remove_offset(column, has_unit, values, rate_hz) else {
             return Ok(());
-        };
-        let found = Finding::HighPassed {
-            column: column.to_owned(),
-            mean,
-            cutoff_hz,
-            has_unit,
         };
         if self.strict {
             let message = format!("{found}, unless nothing may be repaired, as here (--strict)");
