@@ -94,7 +94,7 @@ fn own_materials_are_nearest_over_ten_seeds() {
         let thesis = thesis.materials_table.pooled(Pooling::All);
         let (margin, ..) = thesis.smallest_margin().unwrap();
         let own = own_least(&thesis);
-        println!("seed {seed}: the thesis's method by All {own} of 6 least, smallest margin {margin:.2}");
+        println!("seed {seed}: the thesis's method by All {own} of 6 least, smallest margin {margin:.3}");
         let found = study(&takes, TextureMethod::default(), seed);
         print!("seed {seed}: powers {}", powers.join(" "));
         for (count, pooling) in least.iter_mut().zip([Pooling::Pair, Pooling::All]) {
